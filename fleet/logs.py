@@ -1,4 +1,4 @@
-"""What stands in the log, in the administrator's words."""
+"""Log sentences in the administrator's words."""
 
 from __future__ import annotations
 

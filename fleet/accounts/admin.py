@@ -76,7 +76,7 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         super().save_model(request, obj, form, change)
 
     def user_change_password(self, request: HttpRequest, id: str, form_url: str = "") -> HttpResponse:
-        """Somebody's password. Who changes their own here stays signed in here, and nowhere else."""
+        """Change a person's password. A person who changes their own stays signed in here and nowhere else."""
         with transaction.atomic():
             before = self.get_object(request, unquote(id))
             response = super().user_change_password(request, id, form_url)
@@ -92,7 +92,7 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
 
 @admin.register(SignIn)
 class SignInAdmin(ListedLookups, ReadOnly):
-    """Who is signed in, and from where: to read. Closing an account ends its sign-ins."""
+    """Present sign-ins and their origin, read only. Closing an account ends its sign-ins."""
 
     list_display = ["user", "address", "device", "started_at", "seen_at"]
     fields = ["user", "address", "user_agent", "started_at", "seen_at"]
@@ -101,5 +101,5 @@ class SignInAdmin(ListedLookups, ReadOnly):
 
     @admin.display(description=_("browser"))
     def device(self, sign_in: SignIn) -> str:
-        """What it says it is, in plain words."""
+        """The browser's own description, in plain words."""
         return sign_in.device

@@ -1,4 +1,4 @@
-"""What happens to an account, put on record: by the admin, by its owner's pages, from the command line."""
+"""Record changes of accounts: by the admin, by the owner's pages, from the command line."""
 
 from __future__ import annotations
 

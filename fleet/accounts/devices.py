@@ -1,4 +1,4 @@
-"""What a browser says it is, in plain words. For people to recognise their own; nothing is decided by it."""
+"""Describe a browser in plain words, so that people recognise their own. Nothing is decided by it."""
 
 from __future__ import annotations
 

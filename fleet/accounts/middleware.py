@@ -1,4 +1,4 @@
-"""What every request passes: the door for signed-in people, and the note of when they were last seen."""
+"""Middleware of every request: require a sign-in, and note when a person was last seen."""
 
 from __future__ import annotations
 

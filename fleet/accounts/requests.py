@@ -1,4 +1,4 @@
-"""Who asks, and what for."""
+"""The person and the kind of answer of a request."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fleet.accounts.models import User
 
 
 def person_of(request: HttpRequest) -> User:
-    """Who is signed in; every page but those that say otherwise lets in nobody else."""
+    """The signed-in person. Every page requires one unless it says otherwise."""
     if not isinstance(request.user, User):
         raise PermissionDenied("Sign in first.")
     return request.user

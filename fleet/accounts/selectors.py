@@ -13,7 +13,7 @@ from fleet.accounts.models import SignIn, User
 
 
 def signed_in(people: Collection[tuple[UUID, str]]) -> dict[tuple[UUID, str], User]:
-    """Who is behind those of these sign-ins, (user, session key), that still hold. One query for all."""
+    """People of those sign-ins (user, session key) that are still valid. One query for all."""
     asked = set(people)
     sign_ins = SignIn.objects.filter(
         session_id__in={key for _user, key in asked}, session__expire_date__gt=timezone.now()

@@ -1,4 +1,4 @@
-"""What happens to sign-ins."""
+"""Begin and end sign-ins."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who did what with which robot, and what came of it: one append-only log, chained by digests.
+"""The audit log: who did what with which robot, and the outcome. Append-only, chained by digests.
 
 `record()` is the only way in. A robot is known here by its UUID, and nothing is imported from the apps above.
 """

@@ -105,7 +105,7 @@ class ListAdmin(ReadOnly):
         return TemplateResponse(request, "admin/audit/list.html", context)
 
     def form_for(self, request: HttpRequest) -> FilterForm:
-        """What it can be filtered by."""
+        """Filters of the list."""
         raise NotImplementedError
 
     def found(self, request: HttpRequest, form: FilterForm) -> dict[str, Any]:
@@ -149,7 +149,7 @@ class RecordsAdmin(ListAdmin):
         return [*super().get_urls(), path("<int:object_id>/change/", view, name=f"{self._name}_change")]
 
     def form_for(self, request: HttpRequest) -> FilterForm:
-        """What is of use for its kinds."""
+        """Filters that fit the list's kinds."""
         return FilterForm(
             request.GET, kinds=self._kinds(), without=self.without, outcomes_are=self.outcomes_are
         )
@@ -213,7 +213,7 @@ class RecordsAdmin(ListAdmin):
 
 @admin.register(SpeechRecord)
 class SpeechAdmin(RecordsAdmin):
-    """What robots were made to say."""
+    """Texts that robots spoke."""
 
     listing = Listing.SPEECH
     without = ["kind"]
@@ -229,7 +229,7 @@ class MotionAdmin(RecordsAdmin):
 
 @admin.register(RefusalRecord)
 class RefusalAdmin(RecordsAdmin):
-    """What was refused, and what the gate held back."""
+    """Refusals and gate interventions."""
 
     listing = Listing.REFUSALS
     without = ["q"]
@@ -266,7 +266,7 @@ def _line(row: Row) -> Line:
 
 
 def _related(record: Record) -> list[tuple[str, Record, str]]:
-    """What it is the outcome of, and its own outcomes and parts, oldest first: word, record, address."""
+    """The record's request, outcomes and parts, oldest first: word, record, address."""
     beside = Record.objects.filter(Q(pk=record.of_id) | Q(of=record)).order_by("pk")
     return [(wording.label(other.kind), other, _url(other)) for other in beside]
 

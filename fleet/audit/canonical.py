@@ -108,7 +108,7 @@ def canonical(value: Any) -> bytes:
 
 
 def first_digest(chain: UUID) -> str:
-    """What the first record of a chain follows on, in hex."""
+    """Digest before the first record of a chain, in hex."""
     return hashlib.sha256(b"fleet audit" + chain.bytes).hexdigest()
 
 
@@ -118,7 +118,7 @@ def next_digest(previous: str, record: Chained) -> str:
 
 
 def content_digest(salt: str, text: str, data: dict[str, Any]) -> str:
-    """What stands in the chain for what may expire. The salt (hex) keeps short texts from being guessed by it."""
+    """Digest that the chain keeps for content that may expire. The salt (hex) prevents guessing of short texts."""
     return hashlib.sha256(bytes.fromhex(salt) + canonical([text, data])).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""Who acts where nobody is signed in: the account of this computer that runs the process."""
+"""The actor where nobody is signed in: the computer account that runs the process."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fleet.audit import SystemAccount
 
 
 def here() -> SystemAccount:
-    """Who runs this process."""
+    """The account that runs this process."""
     try:
         return SystemAccount(pwd.getpwuid(os.getuid()).pw_name)
     except KeyError:  # a container's number without a name

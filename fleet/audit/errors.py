@@ -1,4 +1,4 @@
-"""What can go wrong with the database, and so with the audit log."""
+"""Errors of the database, and so of the audit log."""
 
 from __future__ import annotations
 

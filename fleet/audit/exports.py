@@ -29,7 +29,7 @@ Facts = dict[str, Any]
 CHUNK = 500  # rows in memory
 # Excel takes a file without it for one in an old code page, and Arabic becomes rubbish; others skip it.
 BOM = "\ufeff"
-# What spreadsheets may take for a formula at the beginning of a cell, the full-width forms too (OWASP, CSV injection).
+# Characters that spreadsheets take for a formula at the beginning of a cell, also full-width (OWASP, CSV injection).
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 
 COLUMNS = [
@@ -40,7 +40,7 @@ COLUMNS = [
 
 
 class Format(TextChoices):
-    """What an export may be; the value is the ending of the file's name."""
+    """Formats of an export; the value is the file's extension."""
 
     CSV = "csv", "CSV"
     JSON_LINES = "jsonl", "JSON Lines"
@@ -254,7 +254,7 @@ _MEDIA_TYPES = {
     Format.CSV: "text/csv; charset=utf-8",
     Format.JSON_LINES: "application/jsonl; charset=utf-8",
 }
-# What comes first, and how rows are told.
+# Header, and the format of rows.
 _TOLD: dict[Format, tuple[str, Callable[[list[Row]], str]]] = {
     Format.CSV: (BOM + _csv_lines([COLUMNS]), _csv),
     Format.JSON_LINES: ("", _json_lines),

@@ -1,4 +1,4 @@
-"""What the lists of the log can be filtered by."""
+"""Filters of the log's lists."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class FilterForm(forms.Form):
         return asked
 
     def wanted(self) -> Wanted:
-        """What is asked for; the form is valid."""
+        """The filters of a valid form."""
         asked = self.cleaned_data
         return Wanted(
             words=words_of(asked.get("q", "")),

@@ -16,7 +16,7 @@ from django.db.backends.utils import CursorWrapper
 
 AT_ONCE = 5_000  # texts indexed anew
 
-# What the index has of one group of characters, whatever their order: how many places, and which texts and places.
+# Index content of one group of characters in any order: number of places, and which texts and places.
 _PLACES = (
     "SELECT term, count(*), sum((doc % 1000003 + 7) * (offset % 10007 + 13) % 1000000007 * 31 + doc)"
     " FROM temp.{0} GROUP BY term"
@@ -36,7 +36,7 @@ _POSTGRESQL = {
 
 
 def disagreements() -> Iterator[str]:
-    """What is wrong with the indexes of texts, in words."""
+    """Faults of the text indexes, in words."""
     definitions, look = {"sqlite": (_SQLITE, _on_sqlite), "postgresql": (_POSTGRESQL, _on_postgresql)}[
         connection.vendor
     ]
@@ -107,7 +107,7 @@ def _on_sqlite(cursor: CursorWrapper) -> Iterator[str]:
 
 
 def _as_said(cursor: CursorWrapper) -> dict[str, tuple[int, int]]:
-    """What the index must have, from the texts themselves."""
+    """Expected index content, from the texts themselves."""
     said: dict[str, tuple[int, int]] = {}
     last = -1
     while True:

@@ -1,4 +1,4 @@
-"""What is put on record: every kind, with its words, how long its details are kept, and the list it is shown in."""
+"""All kinds of records, each with its words, retention and list."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Listing(Enum):
 
 
 class Kind(Struct, frozen=True):
-    """What all records of a kind have in common."""
+    """Common properties of all records of a kind."""
 
     label: str | Promise
     kept: Kept = Kept.OTHER

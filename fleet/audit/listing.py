@@ -45,7 +45,7 @@ _END_OF = {
 
 
 class Wanted(Struct, frozen=True):
-    """What a list is to show. Days are UTC, and both included; blank and None: any."""
+    """Filters of a list. Days are UTC, both included; blank and None mean any."""
 
     words: tuple[str, ...] = ()
     since: datetime.date | None = None
@@ -66,7 +66,7 @@ class Row(Struct, frozen=True):
 
     @property
     def outcome(self) -> str:
-        """What came of it; blank: nothing is known, or there was nothing to wait for."""
+        """The outcome; blank: unknown, or none was expected."""
         return self.end.outcome if self.end and self.end.outcome else self.record.outcome
 
 
@@ -163,7 +163,7 @@ class Selection:
         ]
 
     def _outcome_wanted(self) -> list[Q]:
-        """That a row has the outcome that is wanted: by a record of what came of it, or by its own."""
+        """Condition for the wanted outcome: in an outcome record, or in the record itself."""
         outcome = self._wanted.outcome
         if not outcome:
             return [Q()]
@@ -332,7 +332,7 @@ def _numbers_of(since: datetime.date, until: datetime.date) -> tuple[int, int]:
 
 
 def rows_of(numbers: list[int]) -> list[Row]:
-    """What is shown of the records with these numbers: their requests, if they are outcomes, and how these ended."""
+    """Rows for the records with these numbers: requests (also of outcomes) and their ends."""
     told = {number: (of, kind) for number, of, kind in _told(numbers)}
     row_numbers = {number: _row_of(number, *told[number]) for number in numbers if number in told}
     records = _whole(Q(pk__in={*row_numbers, *row_numbers.values()}))

@@ -29,7 +29,7 @@ class Actor(models.Model):
 
 
 class Chain(models.Model):
-    """A robot that has records, or, by the nil UUID, what has no robot. Who appends to the chain locks its row."""
+    """A robot with records; the nil UUID stands for no robot. Appending to a chain locks its row."""
 
     id = models.UUIDField(primary_key=True)
     name = models.CharField(max_length=200, blank=True)  # the robot's, as last heard
@@ -170,7 +170,7 @@ class Record(models.Model):
 
     @property
     def content_kept(self) -> Content | None:
-        """What may expire of this record, if it has not."""
+        """Content of this record that may expire, if it is still there."""
         try:
             return self.content
         except Content.DoesNotExist:
@@ -178,7 +178,7 @@ class Record(models.Model):
 
 
 class Content(models.Model):
-    """What of a record may expire or be erased: what was said, names, addresses. Put in and taken out, never changed.
+    """Content that may expire or be erased: texts, names, addresses. Inserted and deleted, never changed.
 
     The record keeps a digest of it, so that its chain verifies with and without.
     """
@@ -216,7 +216,7 @@ class ContentSearch(models.Model):
 
 
 class SpeechRecord(Record):
-    """What robots were made to say."""
+    """Texts that robots spoke."""
 
     class Meta:
         proxy = True
@@ -234,7 +234,7 @@ class MotionRecord(Record):
 
 
 class RefusalRecord(Record):
-    """What was refused, and what the gate held back."""
+    """Refusals and gate interventions."""
 
     class Meta:
         proxy = True

@@ -12,7 +12,7 @@ from django.urls import reverse
 
 
 class RecordedAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
-    """What is done here stands in the audit log, by those who do it.
+    """Changes in this admin are recorded in the audit log, with their actor.
 
     The admin's own log would keep people's names for ever: nothing of it expires, or goes when somebody is erased.
     """

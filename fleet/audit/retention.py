@@ -1,4 +1,4 @@
-"""What is kept for how long: contents by their class, whole records by checkpoints. All of it is on record.
+"""Retention: contents by class, whole records by checkpoints. Each step is recorded.
 
 In steps, each a small transaction: whoever drives meanwhile has records to write. The functions here are iterators
 that do one step each time they are asked for the next.
@@ -179,7 +179,7 @@ def _merge(pages: int) -> bool:
 
 
 def empty_wal() -> Iterator[None]:
-    """SQLite's write-ahead log keeps what was taken out, until it is emptied. That waits for nobody, and nobody for it.
+    """SQLite's write-ahead log keeps deleted content until it is emptied. Empty it without waiting for anybody.
 
     Where others read or write all the time it is tried again the next day.
     """

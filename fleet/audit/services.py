@@ -105,7 +105,7 @@ def wait_for_writers() -> None:
 
 
 def _take_over(new: Record, earlier: Record | None, request_id: uuid.UUID | None) -> None:
-    """What an outcome has in common with its request, unless it was told."""
+    """Fields that an outcome copies from its request unless they are given."""
     if earlier is not None:
         new.of = earlier
         new.robot_id = new.robot_id or earlier.robot_id

@@ -1,4 +1,4 @@
-"""What makes the audit log append-only in the database itself.
+"""Triggers that make the audit log append-only in the database itself.
 
 Against mistakes and against an application that was broken into; somebody who may drop triggers can still change the
 past, which the chain then shows. docs/deployment.md says what to grant the application's role on PostgreSQL.
@@ -163,7 +163,7 @@ class _Trigger(NamedTuple):
 
 
 def amiss(connection: BaseDatabaseWrapper) -> dict[str, str]:
-    """What is wrong with the database's triggers, by their names; those as they were made are left out.
+    """Faults of the database's triggers, by name; triggers without a fault are left out.
 
     Of whatever table: one that the console did not make might copy elsewhere what is to expire, or change the log when
     something is written to another table. So might a rule of PostgreSQL's.
@@ -184,7 +184,7 @@ def amiss(connection: BaseDatabaseWrapper) -> dict[str, str]:
 
 
 def _wrong(definition: str, there: list[_Trigger]) -> str:
-    """What is wrong with those that have the name of the one that was made so; blank: nothing."""
+    """Faults of the triggers with this name; blank: none."""
     if not there:
         return "is missing"
     switches = [trigger.is_on for trigger in there if trigger.definition == definition]

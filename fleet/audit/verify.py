@@ -25,7 +25,7 @@ from fleet.audit.retention import CLOCKS_DIFFER, RECORDS_KEPT_AT_LEAST
 
 AT_ONCE = 5000  # records in memory
 NOT_AS_WRITTEN = "is not what was written: it was changed or put in."
-# What comes of cells in which no console ever wrote what stands there. SQLite keeps anything in any column.
+# Errors from cells with content that no console writes. SQLite keeps anything in any column.
 UNREADABLE = (ValueError, TypeError, AttributeError, OverflowError, OperationalError)
 COLUMNS = [
     *(
@@ -71,7 +71,7 @@ class Head(Struct, frozen=True):
 
 
 class Verified(Struct):
-    """What came of looking through some chains."""
+    """Result of verifying some chains."""
 
     findings: list[Finding] = msgspec.field(default_factory=list)
     heads: list[Head] = msgspec.field(default_factory=list)
@@ -87,7 +87,7 @@ class Unreadable(Struct, frozen=True):
 
 
 class Removal(Struct, frozen=True):
-    """What a checkpoint says of records that were before it."""
+    """A checkpoint's statement about the records before it."""
 
     through: int  # the place of the last that went
     digest: Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]  # of that one
@@ -96,20 +96,20 @@ class Removal(Struct, frozen=True):
 
 
 class Expired(Struct, frozen=True):
-    """What the log says of one kind's contents that expired."""
+    """The log's statement about expired contents of one kind."""
 
     before: date  # all of them were of earlier days
 
 
 class Expiry(Struct, frozen=True):
-    """What the log says of contents that expired."""
+    """The log's statement about expired contents."""
 
     kinds: dict[str, Expired]
     misdated: list[int] = []  # also these, of days to come: the clock had been ahead
 
 
 class Erasure(Struct, frozen=True):
-    """What the log says of a person who was erased."""
+    """The log's statement about an erased person."""
 
     records: list[int]  # whose contents went
 
@@ -157,7 +157,7 @@ def verify_all() -> Verified:
 
 
 def compare(heads: Iterable[Head]) -> Iterator[Finding]:
-    """What is no longer as it was when these heads were kept."""
+    """Differences from the time when these heads were kept."""
     for head in heads:
         name = head.name or _name(Chain(id=head.chain))
         records = _records(head.chain)
@@ -175,7 +175,7 @@ def compare(heads: Iterable[Head]) -> Iterator[Finding]:
 
 
 def _how_removed(head: Head, removal: Removal | None) -> str:
-    """What is wrong with that the record of the head is not there any more; blank: nothing."""
+    """Fault if the record of the head is missing; blank: none."""
     was_of = f"it was of {_time(head.at)}"
     if removal is None:
         return f"was removed, and no checkpoint that counts says so: {was_of}."
@@ -253,7 +253,7 @@ class _Walk:
         return "" if content == row.content_digest else "has another content than was written."
 
     def _what_is_claimed(self, row: Any) -> str:
-        """What is wrong with what a record says was taken out or removed by the rules."""
+        """Fault of a record's statement about removed content; blank: none."""
         if row.kind == "audit.expire" and _expiry(row) is None:
             return "tells of contents that expired before their time, or not in words that count."
         if row.kind == "audit.checkpoint" and not self._counts(row):
@@ -281,13 +281,13 @@ class _Walk:
 
 
 def _removal_before(seq: int, records: QuerySet[Record]) -> Removal | None:
-    """What says that the records before this place were removed; None: nothing that counts."""
+    """Evidence that the records before this place were removed; None: no valid evidence."""
     told = [removal for removal in _removals(records).values() if removal.through == seq - 1]
     return told[-1] if told else None
 
 
 def _removals(records: QuerySet[Record]) -> dict[int, Removal]:
-    """What the checkpoints of a chain say, by their numbers; only those that the console can have made.
+    """Valid checkpoints of a chain, by number.
 
     Each goes on where the one before ended, and lets go what is older than the settings can say.
     """
@@ -307,7 +307,7 @@ def _removals(records: QuerySet[Record]) -> dict[int, Removal]:
 
 
 def _expiry(row: Any) -> Expiry | None:
-    """What a record says of contents that expired, if it can be so: none goes on the day on which it was recorded."""
+    """A record's plausible statement about expired contents: none expires on its first day."""
     expiry = _told(row, Expiry)
     lawful = expiry is not None and all(expired.before < row.day for expired in expiry.kinds.values())
     return expiry if lawful else None
@@ -328,7 +328,7 @@ def _taken() -> Taken:
 
 
 def _told(row: Any, kind: type[T]) -> T | None:
-    """What a record says, if it says it at all, and is not of days to come, when much could have expired."""
+    """A record's statement, if present and not about future days, in which much could expire."""
     if isinstance(row, Unreadable) or not isinstance(row.day, date):
         return None
     return None if _is_to_come(row.day) else _computed(msgspec.convert, row.parameters, kind)
@@ -372,7 +372,7 @@ def _place(seq: Any) -> int | None:
 
 
 def _computed(compute: Callable[..., T], *given: Any) -> T | None:
-    """What comes out; None if something was given that no console writes."""
+    """The digest; None for input that no console writes."""
     try:
         return compute(*given)
     except UNREADABLE:

@@ -26,7 +26,7 @@ _UNITS = {
     "_s": "s",
 }
 _IDENTIFIER = re.compile(r"[0-9a-f]{8}-?([0-9a-f]{4}-?){3}[0-9a-f]{12}|[0-9a-f]{32,}")  # nothing for a line
-# What a record is about, by the first of these that it has.
+# The subject of a record is the first of these fields that it has.
 _SUBJECTS = (
     "text",
     "words",
@@ -49,7 +49,7 @@ def label(kind: str) -> str:
 
 
 def who(record: Record) -> str:
-    """Who did it; who really did, where that is somebody else."""
+    """The actor, and the real actor where that is another person."""
     acted = record.actor_name or _("the console")
     if record.real_actor is None or record.real_actor_id == record.actor_id:
         return acted
@@ -62,7 +62,7 @@ def outcome(code: str) -> str:
 
 
 def subject(record: Record) -> str:
-    """What it is about: the sentence, the motion, the topic; blank if there is nothing to name."""
+    """The subject: sentence, motion or topic; blank if there is none."""
     details = record.details
     return next((str(details[name]) for name in _SUBJECTS if isinstance(details.get(name), str)), "")
 

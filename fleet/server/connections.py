@@ -1,4 +1,4 @@
-"""Who is connected: how many connections, requests and WebSockets there are, in all and from each address.
+"""Count connections, requests and WebSockets, in all and from each address.
 
 A new connection takes the place of the oldest that only waits, so that strangers who keep many open lock nobody out.
 """

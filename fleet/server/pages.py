@@ -176,7 +176,7 @@ def _length(request: Any, response: Any) -> bytes | None:
 
 
 def _failed(request: Any, failure: Any) -> None:
-    """It died meanwhile, or does not come up. Whoever left is not answered."""
+    """The pages process died or does not start. A client that left gets no answer."""
     if failure.check(defer.CancelledError) or request.channel is None or request.finished:
         return
     if failure.check(ValueError):  # method or address are none

@@ -1,4 +1,4 @@
-"""What strangers send, heard piece by piece: one in each turn of the loop, so that a stick waits for one at most."""
+"""Handle bytes of strangers piece by piece, one in each turn of the loop: a stick waits for one piece at most."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ _ORDER_KINDS = frozenset(
 
 
 class _Hello(Struct, tag_field="t", tag="bridge_hello"):
-    """What a hello says in every protocol. A stop needs no more of it."""
+    """The part of a hello that all protocols share. A stop needs no more."""
 
     robot: UUID
     slug: str
@@ -105,7 +105,7 @@ class Listener(Protocol):
         """The bridge refused a message."""
 
     def on_offers(self, offers: wire.Offers) -> None:
-        """What the robot offers besides driving: on connecting, and when it changed."""
+        """The robot's capabilities: on connecting and on change."""
 
     def on_seen(self, topic: str, shown: str) -> None:
         """A message of a topic that is looked at, encoded."""
@@ -178,7 +178,7 @@ class BridgeLink:
             self._lingering = self._linger()
 
     def watch(self, viewer: Listener, names: Collection[str]) -> None:
-        """Who looks through `viewer`, of whom there is one; the bridge draws pictures only while somebody looks."""
+        """Set the names of people who view through `viewer`; the bridge draws pictures only for viewers."""
         self._viewer = viewer
         if self._names != set(names):
             self._names = frozenset(names)
@@ -338,7 +338,7 @@ class BridgeLink:
 
     @property
     def _is_behind(self) -> bool:
-        """What was sent last is not out yet: the bridge, or the network, does not take it."""
+        """Whether the last message is still unsent: bridge or network does not take it."""
         return self._socket is not None and self._socket.transport.get_write_buffer_size() > 0
 
     def _require_room(self, replies: PendingReplies[_Answer], most: int) -> None:

@@ -71,7 +71,7 @@ def _tls(address: LinkAddress) -> ssl.SSLContext:
 
 
 def why_down(error: Exception) -> Refusal:
-    """What to tell people when there is no connection."""
+    """The sentence for people when there is no connection."""
     if isinstance(error, FileNotFoundError | ConnectionRefusedError | ConnectionClosed):
         return DOWN
     if isinstance(error, gaierror):

@@ -1,4 +1,4 @@
-"""What was asked over a link and is not answered yet."""
+"""Requests over a link that have no answer yet."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ A = TypeVar("A")
 
 
 class PendingReplies(Generic[A]):
-    """Who waits for an answer of one kind, by what the answer is known by; of equal ones the first waits longest."""
+    """Waiting requests of one kind by the answer's key; of equal keys the oldest is answered first."""
 
     def __init__(self) -> None:
         self._waiting: dict[Hashable, deque[asyncio.Future[A]]] = defaultdict(deque)

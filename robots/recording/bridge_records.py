@@ -49,7 +49,7 @@ from robots.registry.models import BridgePulse
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# What tells the outcome of each kind of record, and what it is if the bridge was killed in between.
+# For each kind of record the kind of its outcome, and the outcome if the bridge was killed before it.
 ENDS = {
     "gate.begin": ("gate.end", "bridge_killed"),
     "drive.start": ("drive.end", "bridge_killed"),
@@ -102,7 +102,7 @@ def _log_of(name: object) -> _File | None:
 
 
 def _file_of(name: str) -> _File | None:
-    """What has this name; None: nothing has it."""
+    """The entry with this name; None: there is none."""
     try:
         status = os.stat(name)
     except OSError:

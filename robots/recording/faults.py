@@ -1,4 +1,4 @@
-"""Faults of robots on record: when one began, and when it was over. What goes on is not told again.
+"""Record faults of robots: their begin and their end, each once.
 
 A fault belongs to a part: the bridge, as its supervisor sees it, or the robot, as its bridge does. While a part is at
 fault, what else ails it belongs to the same fault.
@@ -51,7 +51,7 @@ def bridge_is(robot_id: UUID, state: State, detail: str) -> None:
 
 @transaction.atomic
 def part_is(robot_id: UUID, part: str, now: Condition) -> None:
-    """Put on record that a part is at fault, or is not any more, if that is news. Whoever tells it first is heard."""
+    """Record the begin or end of a part's fault, if it is news. The first report counts."""
     name = Robot.objects.filter(pk=robot_id).values_list("name", flat=True).first()
     if name is None:
         return

@@ -48,7 +48,7 @@ ENDED = {BridgeStatus.State.DISABLED, BridgeStatus.State.STOPPED}  # true withou
 
 
 class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
-    """Who may do what with this robot."""
+    """Roles of people on this robot."""
 
     model = RobotRole
     formset = SpokenFormSet

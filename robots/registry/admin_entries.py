@@ -27,7 +27,7 @@ from robots.registry.selectors import first_language
 
 
 def save_entries(formset: Any, actor: User) -> None:
-    """What was entered, changed and ticked for deletion on the page of a profile or robot."""
+    """Save the entries that were added, changed or deleted on the page of a profile or robot."""
     for entry in formset.save(commit=False):
         services.entry_save(entry=entry, actor=actor)
     for entry in formset.deleted_objects:
@@ -94,7 +94,7 @@ class AllowanceAdmin(EntryAdmin):
 
     @admin.display(description=_("counts for nothing, for"), empty_value="")
     def why_nothing(self, entry: Allowance) -> str:
-        """What a later edit, or a newer console, has against it."""
+        """The reason why a later edit or a newer console denies this entry."""
         return entry.why_nothing
 
 

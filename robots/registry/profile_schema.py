@@ -78,7 +78,7 @@ class Overrides(Struct, frozen=True):
 
 
 class StickChain(Struct, frozen=True):
-    """What stick positions pass on their way to the gate, in order."""
+    """Filters of stick positions before the gate, in order."""
 
     stick: tuple[StickStep, ...]
 
@@ -90,7 +90,7 @@ for _kind in (Footprint, Overrides, StickChain, Topics, Parameters):
 
 
 class Problems(ValueError):
-    """What is wrong with a structured part; one line for each place."""
+    """Faults of a structured value; one line for each place."""
 
     def __init__(self, lines: list[str]) -> None:
         super().__init__("; ".join(lines))

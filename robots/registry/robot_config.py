@@ -1,4 +1,4 @@
-"""What holds for one robot: its profile's description, with the robot's own entries laid over it. `of` says it all.
+"""Effective configuration of one robot: its profile with the robot's own entries on top; see `of`.
 
 Everything here raises `described.Problems` where the JSON of profile or robot is wrong; what was saved
 through the admin or `robots.registry.services` never is.
@@ -67,7 +67,7 @@ def profile_parameters(profile: RobotProfile) -> Parameters:
 
 
 def profile_stick(profile: RobotProfile) -> tuple[StickStep, ...]:
-    """What is done to stick positions, for this kind of robot."""
+    """Input filters of this kind of robot."""
     return _stick(profile.stick)
 
 
@@ -89,7 +89,7 @@ def _topics(profile: RobotProfile, drive_topic: str, rest: object) -> Topics:
 
 
 class Effective(Struct, frozen=True):
-    """What holds for one robot."""
+    """Effective configuration of one robot."""
 
     topics: Topics
     gate: GateProfile
@@ -98,7 +98,7 @@ class Effective(Struct, frozen=True):
 
 
 def of(robot: Robot) -> Effective:
-    """What holds for this robot; of limits and parameters the more careful of the profile's and its own."""
+    """Effective configuration; of limits and parameters the more careful of profile and robot."""
     profile, own = robot.profile, overrides(robot)
     expected = profile_topics(profile)
     interface = _own_topics(robot, own, expected)
@@ -110,7 +110,7 @@ def of(robot: Robot) -> Effective:
         scan_poses={scan.topic: scan.pose for scan in interface.scans},
         sonar_poses={sonar.frame_id: sonar.pose for sonar in interface.sonars},
         sonar_fov={sonar.frame_id: sonar.fov for sonar in interface.sonars},
-        # What the profile expects to be watched stays a limit where one robot lost its camera.
+        # A robot without the camera of its profile keeps the profile's limits.
         has_depth=interface.depth is not None or expected.depth is not None,
         blind_mps=_lower(profile, own, "blind_mps"),
         parameters=_careful(_own_parameters(robot, own), profile_parameters(profile)),
@@ -210,7 +210,7 @@ def _depth_view(source: DepthSource | None) -> DepthView | None:
 
 
 def stick(robot: Robot) -> tuple[StickStep, ...]:
-    """What is done to stick positions: the robot's own steps in place of its profile's."""
+    """Input filters: the robot's own, or its profile's."""
     return profile_stick(robot.profile) if robot.stick is None else _stick(robot.stick)
 
 

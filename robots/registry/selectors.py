@@ -31,7 +31,7 @@ DISC_CORNERS = 32  # of the polygon that a disc is drawn as
 
 
 def role_on(user: User, robot: Robot) -> Role | None:
-    """What `user` may do with `robot`; None: not even look."""
+    """The role of `user` on `robot`; None: not visible."""
     return roles_of(user, [robot]).get(robot.id)
 
 
@@ -74,13 +74,13 @@ def robot_seen_by(user: User, slug: str) -> Robot:
 
 
 def phrases_of(robot: Robot) -> list[Phrase]:
-    """What the robot can be made to say at a press: its kind's phrases, then its own."""
+    """Phrases of the robot: its profile's, then its own."""
     kinds = Phrase.objects.filter(profile=robot.profile_id)
     return [*kinds, *Phrase.objects.filter(robot=robot)]
 
 
 def first_language(owner: Robot | RobotProfile) -> str:
-    """That of phrases which name none: the first that it speaks."""
+    """The language of phrases that name none: the robot's first."""
     try:
         topics = (
             robot_config.topics(owner) if isinstance(owner, Robot) else robot_config.profile_topics(owner)
@@ -96,7 +96,7 @@ def allowed_on(robot: Robot) -> tuple[Allowed, ...]:
 
 
 def _admitted(robot: Robot, topics: Topics) -> tuple[Allowed, ...]:
-    """What no list admits is left out: an edit of the profile may have made it so."""
+    """Entries that the denylist forbids are left out: an edit of the profile may have caused it."""
     kinds = Q(profile=robot.profile_id)
     entries = Allowance.objects.filter(kinds | Q(robot=robot))
     by_name = {
@@ -109,7 +109,7 @@ def _admitted(robot: Robot, topics: Topics) -> tuple[Allowed, ...]:
 
 
 def last_editor(entry: Robot | RobotProfile) -> str:
-    """Who changed the entry last."""
+    """The person who changed the entry last."""
     changes = (
         Record.objects.filter(kind="robot.change", robot_id=entry.id)
         if isinstance(entry, Robot)

@@ -238,7 +238,7 @@ class _Of(TypedDict, total=False):
 
 
 def _of(owner: RobotProfile | Robot, parameters: dict[str, Any]) -> _Of:
-    """What a record says of an entry and of whose it is."""
+    """The record's data about an entry and its owner."""
     if isinstance(owner, Robot):
         return {**_named(owner), "parameters": parameters}
     return {"parameters": {**parameters, "profile": owner.slug}}

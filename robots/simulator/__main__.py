@@ -31,7 +31,7 @@ def world(name: str) -> World:
 
 
 def arguments() -> argparse.Namespace:
-    """What was asked on the command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(prog="python -m robots.simulator", description=__doc__)
     parser.add_argument(
         "--world", type=world, default="office", help="name of a world, or path of a .yaml file"

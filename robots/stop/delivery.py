@@ -102,7 +102,7 @@ async def ask_watchdog(address: LinkAddress, stop: LinkStop) -> Stopped | Refusa
 
 
 def answer_of(raw: str | bytes) -> Stopped | Refusal | None:
-    """What answers a stop; None of anything else, whichever dialect it is in."""
+    """The answer to a stop; None for any other message."""
     with contextlib.suppress(msgspec.DecodeError, UnicodeError):
         report = wire.link_report(raw)
         if isinstance(report, Stopped):

@@ -41,16 +41,16 @@ class Waiting(Struct, frozen=True):
     port: int | None = None
 
     def message(self) -> LinkStop:
-        """What is sent."""
+        """The message to send."""
         return LinkStop(self.by, self.reason, robot=self.robot, press=self.press, waited=True)
 
     def told(self) -> PendingStop:
-        """What people are told of it."""
+        """The sentence for people."""
         return PendingStop(self.by, self.reason, self.at)
 
 
 def name_of(robot: UUID) -> str:
-    """What files of this robot in the run directory are called, without suffix."""
+    """Name of this robot's files in the run directory, without suffix."""
     return robot.hex[:12]
 
 
@@ -155,7 +155,7 @@ class PendingStops:
 
 
 def _read(path: Path) -> Waiting | None:
-    """What waits there. A file that makes no sense is a stop all the same: its name says of which robot."""
+    """All pending stops. A damaged file counts as a stop, too: its name says of which robot."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=Waiting)
     except FileNotFoundError:

@@ -97,7 +97,7 @@ class RestartBudget:
 
 @dataclass(frozen=True)
 class Program:
-    """What to run. Two programs with one digest are the same."""
+    """A program to run. Programs with the same digest are the same."""
 
     arguments: list[str]
     environment: Mapping[str, str]

@@ -220,7 +220,7 @@ class UseOffer(Struct, frozen=True):
 
 
 class Offers(Struct, frozen=True, tag_field="t", tag="offers"):
-    """What the robot offers besides driving: on connecting, and when it changed."""
+    """The robot's capabilities: on connecting and on change."""
 
     motions: list[MotionOffer] = []
     motions_text: str = ""  # why there is none

@@ -35,7 +35,7 @@ def main() -> int:
 
 
 def arguments() -> argparse.Namespace:
-    """What was asked on the command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(
         prog="script/demo", description="The console with three simulated TIAGos. Ctrl-C ends everything."
     )

@@ -178,7 +178,7 @@ async def drive_to(driver: Driver, x: float, y: float, share: float) -> None:
 
 
 def look_back(page: Page, stack: Stack) -> None:
-    """What is on record of that tour, somewhere in the middle of it."""
+    """A record in the middle of the tour."""
     page.set_viewport_size({"width": 1440, "height": 1000})
     page.goto(f"{stack.url}/your-data/")
     page.get_by_role("link", name="TIAGo Two").first.click()

@@ -1,4 +1,4 @@
-"""What a start leaves on disk, and whether it still fits what it was made from."""
+"""Files that a start leaves on disk, and whether they still fit their sources."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Stamp:
 
 
 def migration_sources() -> list[Path]:
-    """What the database's tables are made from."""
+    """Sources of the database's tables."""
     apps = [REPOSITORY / name for name in ("fleet", "robots", "teleop")]
     ours = [file for app in apps for file in app.rglob("migrations/*.py")]
     profiles = list((REPOSITORY / "robots/registry/profiles").glob("*.yaml"))
@@ -53,6 +53,6 @@ def migration_sources() -> list[Path]:
 
 
 def static_sources() -> list[Path]:
-    """What collectstatic gathers."""
+    """Sources of collectstatic."""
     files = [file for file in (REPOSITORY / "static").rglob("*") if file.is_file()]
     return [*files, REPOSITORY / "package-lock.json", REPOSITORY / "fleet/settings.py"]

@@ -30,7 +30,7 @@ ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TIED_TO_US = ("/usr/bin/setpriv", "--pdeathsig", "TERM", "/bin/sh", "-c", 'test $PPID = "$0" && exec "$@"')
 
 
-# What Python was doing when a signal such as SIGSEGV ended it, to the log. Whoever a child starts inherits it.
+# Write Python's stack to the log when a signal such as SIGSEGV ends it. Children inherit the setting.
 LAST_WORDS = {"PYTHONFAULTHANDLER": "1"}
 
 

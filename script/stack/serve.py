@@ -39,7 +39,7 @@ def main() -> int:
 
 
 def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
-    """What was asked on the command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(prog="script/serve", description="The console for real robots.")
     parser.add_argument(
         "--bind", default="127.0.0.1", help="address to serve on (default: this machine only)"
@@ -72,7 +72,7 @@ def is_loopback(address: str) -> bool:
 
 
 def serve(asked: argparse.Namespace) -> int:
-    """Run until a signal comes or something dies. What is wrong with the settings ends it before anything starts."""
+    """Run until a signal comes or a process dies. Wrong settings end it before anything starts."""
     require_one_mind_about_tls(asked, Environment(os.environ))
     require_certificate(asked)
     require_free_port(asked)

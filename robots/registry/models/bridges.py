@@ -1,4 +1,4 @@
-"""What the console's own processes note of a robot: how its bridge fares, and the maps it had."""
+"""Notes of the console's processes about a robot: status of its bridge, and its maps."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class BridgeStatus(models.Model):
 
 
 class RobotMap(models.Model):
-    """What a robot's map was from one time to another, as a picture. One that stays the same is one row."""
+    """A robot's map in a period, as a picture. An unchanged map is one row."""
 
     robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="maps")
     digest = models.CharField(max_length=64)  # of what it shows and where
@@ -57,7 +57,7 @@ class RobotMap(models.Model):
 
 
 class BridgePulse(models.Model):
-    """What a robot's bridge writes to see whether it could write a record."""
+    """A bridge writes this row to test whether it can write a record."""
 
     robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="pulse")
     at = models.DateTimeField(null=True)  # of the newest one

@@ -1,4 +1,4 @@
-"""What profiles and robots have any number of: phrases, and entries of their allow-lists."""
+"""Entries of profiles and robots: phrases and allow-lists."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robots.registry.models.registry import Robot, RobotProfile, Role, topic_nam
 
 
 class OfProfileOrRobot(models.Model):
-    """What a whole kind of robot has, or one robot in addition."""
+    """An entry of a profile, or of one robot in addition."""
 
     profile = models.ForeignKey(
         RobotProfile,

@@ -76,7 +76,7 @@ def default_stick() -> list[dict[str, float | str]]:
 
 
 class RobotProfile(models.Model):
-    """What a kind of robot has in common."""
+    """The common data of a kind of robot."""
 
     slug = models.SlugField(_("slug"), unique=True)
     name = models.CharField(_("name"), max_length=80)
@@ -344,7 +344,7 @@ class Robot(models.Model):
 
     @cached_property
     def problems(self) -> str:
-        """What keeps the entry, as it was loaded, from being driven; "" if nothing does.
+        """The reason why this entry, as loaded, cannot be driven; "" if there is none.
 
         A saved entry is right, but an edit of its profile may make it wrong later.
         """

@@ -31,7 +31,7 @@ class Command(BaseCommand):
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """What to look through, and where the heads go or come from."""
+        """Chains to verify, and the file of heads to write or read."""
         parser.add_argument(
             "--robot",
             metavar="NAME",

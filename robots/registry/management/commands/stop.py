@@ -145,7 +145,7 @@ def _who() -> str:
 
 
 def _clean(text: str) -> str:
-    """What can be sent of a text from a terminal, which may be in any encoding."""
+    """The part of a terminal's text that can be sent; a terminal may use any encoding."""
     return text.encode(errors="replace").decode()[:200]
 
 
