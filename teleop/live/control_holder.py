@@ -61,9 +61,7 @@ class ControlHolder:
         self._status: ControlStatus | None = None
         self._rights: Rights | None = None
         self._left = False  # a status that arrives after `leave` must not start a renewal
-        self._given_up: UUID | None = (
-            None  # this session is never renewed again, even if an older status names it
-        )
+        self._given_up: UUID | None = None  # never renew this session again, even if an older status names it
         self._store_end: Callable[[], None] | None = None  # stores the end of the session that was given up
         self._storing = asyncio.Lock()
         self._reported_key: tuple[object, ...] | None = None
