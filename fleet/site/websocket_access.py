@@ -12,7 +12,7 @@ from channels.auth import AuthMiddlewareStack
 from django.conf import settings
 from django.http.request import split_domain_port, validate_host
 
-from teleop.live.socket import CloseCode
+from teleop.live.message_socket import CloseCode
 
 logger = logging.getLogger(__name__)
 

@@ -110,7 +110,7 @@ def open_requests(requests: Sequence[OpenRequest], now: datetime) -> list[OpenRe
 
 
 NO_LEASE = Refusal("no_lease", "You do not have control: take it first.", "lease")
-_ALREADY_YOURS = Refusal("already_yours", "You have control yourself.", "lease")
+_ALREADY_YOURS = Refusal("already_yours", "You already have control.", "lease")
 
 # --- checks -----------------------------------------------------------------------------------
 
@@ -209,7 +209,7 @@ def check_fence(fence: int, held: int | None) -> Refusal | None:
         return NO_LEASE
     if fence != held:
         figures = {"fence": fence, "yours": held}
-        return Refusal("old_fence", "This command belongs to control that is over.", "lease", figures)
+        return Refusal("old_fence", "This command belongs to an earlier control session.", "lease", figures)
     return None
 
 

@@ -25,7 +25,7 @@ from teleop.background.jobs import run_in_background
 from teleop.control.policy import out_of_service
 from teleop.control.selectors import SIGNED_OUT, SignIn
 from teleop.control.services import database_refusal
-from teleop.live.socket import BUSY, CloseCode, MessageSocket
+from teleop.live.message_socket import BUSY, CloseCode, MessageSocket
 from teleop.recording.refusals import RefusedRequest
 from teleop.stop.emergency_stop import StopButton, clear
 

@@ -29,9 +29,9 @@ from teleop.control.services import ControlRefused
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live import robot_hub
 from teleop.live.control_holder import ControlHolder
+from teleop.live.message_socket import BUSY, CloseCode
 from teleop.live.picture_feed import PictureViewer
 from teleop.live.robot_socket import RobotSocket
-from teleop.live.socket import BUSY, CloseCode
 from teleop.live.tasks import TaskSender
 from teleop.stop import emergency_stop
 

@@ -14,7 +14,7 @@ from teleop.background.jobs import run_in_background
 from teleop.control.selectors import SignIn, rights_of, robot_entry
 from teleop.control.status import ControlStatus, Rights, RobotEntry
 from teleop.live import notices, robot_hub
-from teleop.live.socket import CloseCode, MessageSocket
+from teleop.live.message_socket import CloseCode, MessageSocket
 from teleop.recording.refusals import RefusedRequest
 
 

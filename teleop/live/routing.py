@@ -7,8 +7,8 @@ from typing import Any
 from django.urls import path, re_path
 
 from teleop.live.fleet_consumer import FleetConsumer
+from teleop.live.message_socket import no_such_address
 from teleop.live.robot_consumer import RobotConsumer
-from teleop.live.socket import no_such_address
 from teleop.live.topics_consumer import TopicsConsumer
 
 # Any: `path` is typed for HTTP views.

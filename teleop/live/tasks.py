@@ -23,8 +23,8 @@ from teleop.control.allow_list import check_role, required_role
 from teleop.control.rules import check_fence
 from teleop.control.selectors import lease_of
 from teleop.control.status import Rights
+from teleop.live.message_socket import BUSY
 from teleop.live.robot_hub import RobotHub
-from teleop.live.socket import BUSY
 
 log = logging.getLogger(__name__)
 

@@ -10,9 +10,9 @@ from robots.bridge.server.flood_limits import Budget
 from robots.wire import NotDone, Refusal, Refused, TopicQuery, kind_of, topics_message
 from teleop.background.jobs import run_in_background
 from teleop.live import robot_hub
+from teleop.live.message_socket import BUSY
 from teleop.live.robot_socket import RobotSocket
 from teleop.live.service_calls import ServiceCall, execute
-from teleop.live.socket import BUSY
 from teleop.live.topic_feed import SampleWithheld, TopicViewer
 from teleop.recording.camera_audit import CameraAudit
 

@@ -9,7 +9,7 @@ from django.urls import path
 
 from fleet.site.asgi import application
 from fleet.site.websocket_access import guarded
-from teleop.live.socket import CloseCode
+from teleop.live.message_socket import CloseCode
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

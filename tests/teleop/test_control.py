@@ -23,7 +23,7 @@ from teleop.control import rules, services
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import Tab
 from teleop.live import control_holder, robot_hub
-from teleop.live.socket import CloseCode
+from teleop.live.message_socket import CloseCode
 from teleop.models import ControlSession, EndReason, Lease
 from tests.teleop.support import eventually
 

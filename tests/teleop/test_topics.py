@@ -13,7 +13,7 @@ from robots.bridge.config import Allowed
 from robots.registry.models import Robot, RobotRole
 from teleop.background.database import in_database
 from teleop.control import selectors
-from teleop.live.socket import CloseCode
+from teleop.live.message_socket import CloseCode
 from teleop.live.topic_feed import MAX_SUBSCRIPTIONS
 from teleop.live.topics_consumer import MAX_PENDING, QUERIES_BURST
 from tests.teleop.support import Page, eventually

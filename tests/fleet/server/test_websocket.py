@@ -5,7 +5,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from fleet.server import limits
-from teleop.live.socket import CloseCode
+from teleop.live.message_socket import CloseCode
 
 
 def test_a_stranger_is_told_to_sign_in(web):
