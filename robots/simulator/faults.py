@@ -1,4 +1,4 @@
-"""What can be made to go wrong with a simulated robot, for tests and benchmarks."""
+"""Faults of a simulated robot, for tests and benchmarks."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ class Event(IntEnum):
 
 
 class Mark(NamedTuple):
-    """What feedback tells: the word just begun, or the end."""
+    """Feedback: the word that begins, or the end."""
 
     event: Event
     said: str
@@ -41,7 +41,7 @@ class Utterance:
         self._finished = False
 
     def marks(self, now: float) -> list[Mark]:
-        """What has happened since the last call."""
+        """Events since the last call."""
         new = []
         while self._told < len(self._words) and self._starts[self._told] <= now:
             self._told += 1

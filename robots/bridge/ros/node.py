@@ -270,7 +270,7 @@ class RosBase:
         rospy.init_node(
             BRIDGE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True
         )
-        # What the network held up comes all at once: what is left out of it is a hole, and memory ends there.
+        # Delayed messages arrive all at once: a dropped one is a gap in odometry, and a gap ends the gate's memory.
         self._subscribe(topics.odometry, self._on_odometry, ODOMETRY_WAITS)
         pause(topics.odometry.name, lambda: 0.0 if self._core.hurries or self._moves else RESTS_S)
         for scan in topics.scans:
@@ -491,7 +491,7 @@ class RosBase:
             )
 
     def motions_read(self, action: str, motions: list[MotionOffer], text: str) -> None:
-        """What an action offers now."""
+        """Present motions of an action."""
         self._post(lambda: self._core.tasks.capabilities.read(action, motions, text))
 
     def motions_joined(self) -> None:

@@ -35,7 +35,7 @@ class OnDemandSource(Protocol):
         """Subscribe. Asks the master."""
 
     def forget(self) -> None:
-        """What was told until now does not hold any more."""
+        """Forget all earlier data: it is no longer valid."""
 
 
 class OnDemandTopics:

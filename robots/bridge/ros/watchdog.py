@@ -124,7 +124,7 @@ class WatchdogNode:
         log.info("joined the robot's master as %s", self._config.node)
 
     def _stay(self, watch: DeathWatch) -> None:
-        """Until the master is gone. Whoever takes this node's name, or strikes it off the books, loses."""
+        """Run until the master is gone. Register again if another node takes or removes this node's name."""
         while not self._ending.is_set():
             if self._master.node_uri(self._config.node) != rospy.get_node_uri():
                 log.warning("the robot's master does not know this watchdog any more: registering again")

@@ -27,11 +27,11 @@ _SHORTEST = 1e-6
 
 
 class GazeError(ValueError):
-    """That cannot be looked at."""
+    """The head cannot point at that target."""
 
 
 class Eye(NamedTuple):
-    """What is to point at the target: an origin and a unit axis, both in the head's frame."""
+    """The axis that should point at the target: origin and unit vector in the head's frame."""
 
     origin: Matrix
     axis: Matrix

@@ -1,4 +1,4 @@
-"""What a joint trajectory controller accepts, without ROS. Metres, radians, seconds."""
+"""Checks of a joint trajectory controller, without ROS. Metres, radians, seconds."""
 
 from __future__ import annotations
 

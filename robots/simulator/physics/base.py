@@ -24,7 +24,7 @@ STILL = Twist()
 
 @dataclass(frozen=True)
 class BaseLimits:
-    """What the controller lets through: m/s, rad/s, m/s^2, rad/s^2."""
+    """Limits of the controller: m/s, rad/s, m/s^2, rad/s^2."""
 
     forward_mps: float = 1.0
     reverse_mps: float = 0.2

@@ -20,7 +20,7 @@ from robots.simulator.physics.scene import ROBOT_GROUP, scene_xml
 from robots.simulator.sensors.body import Body
 from robots.simulator.worlds import World
 
-# What the motors can do to the whole robot; an obstacle that stands pushes back harder.
+# Force of the motors on the whole robot; a fixed obstacle pushes back harder.
 _PUSH_N = 250.0
 _TWIST_NM = 80.0
 _SEEN_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
@@ -161,7 +161,7 @@ class Physics:
         )
 
     def contacts(self) -> list[Contact]:
-        """What the robot touches now, the hardest first."""
+        """Present contacts of the robot, the hardest first."""
         found = []
         force = np.zeros(6)
         for index in range(self.data.ncon):

@@ -1,4 +1,4 @@
-"""What the simulated robot's action servers share."""
+"""Base of the simulated robot's action servers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Goals:
         self._server.start()
 
     def arrived(self) -> Iterator[tuple[bool, Any]]:
-        """What came since the last call, in order: (True, a goal to take up) or (False, one to cancel)."""
+        """Messages since the last call, in order: (True, a new goal) or (False, a goal to cancel)."""
         while not self._arrived.empty():
             is_goal, handle = self._arrived.get()
             if is_goal and handle.get_goal_status().status == GoalStatus.RECALLING:

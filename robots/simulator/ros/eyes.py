@@ -28,7 +28,7 @@ _JPEG_QUALITY = 80
 
 
 class Moment(NamedTuple):
-    """What the thread needs to see the world as it was."""
+    """A snapshot of the world for the drawing thread."""
 
     stamp: rospy.Time
     snapshot: Snapshot

@@ -1,4 +1,4 @@
-"""What the robot's navigation tells: its map, and where it believes to be on it."""
+"""The robot's navigation: its map, and its believed pose on it."""
 
 from __future__ import annotations
 

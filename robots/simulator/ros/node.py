@@ -97,7 +97,7 @@ class SimulatorNode:
         self._tick += 1
 
     def set_parameters(self) -> None:
-        """What the robot keeps on its master's parameter server."""
+        """Parameters of the robot on its master."""
         rospy.set_param("/robot_description", urdf(self._robot.body, self._name))
         for name, motion in self._robot.player.motions.items():
             rospy.set_param(f"/play_motion/motions/{name}", motion.parameters())

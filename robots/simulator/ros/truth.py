@@ -67,7 +67,7 @@ class GroundTruth:
             self._clearance.publish(Float32(self._robot.physics.clearance_m()))
 
     def publish_contacts(self, stamp: rospy.Time) -> None:
-        """What the robot touches, in every tick that it does, and once when it no longer does.
+        """Publish the robot's contacts in every tick with one, and once after the last.
 
         JSON: stamp_s; speed_mps with which the robot came into this tick; contacts: part, with, force_n.
         """

@@ -1,4 +1,4 @@
-"""What the simulated robots are made of: hull, sensors, topics. Data; base frame, metres, radians.
+"""Data of the simulated robots: hull, sensors, topics. Base frame, metres, radians.
 
 The figures of TIAGo and PMB-2 are PAL's; the generic robots are those of the profiles of the same name.
 """

@@ -40,7 +40,7 @@ class Camera:
         self._view = mujoco.MjvCamera()
 
     def image(self, pose: CameraPose) -> NDArray[np.uint8]:
-        """What is seen from `pose` (base frame) of the onlooker's robot: (480, 640, 3), red green blue."""
+        """The camera image from `pose` (base frame): (480, 640, 3), red green blue."""
         looker = self._onlooker
         everything = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
@@ -80,7 +80,7 @@ def _context() -> Any:
     try:
         from mujoco.egl import GLContext
         from OpenGL.error import Error as GraphicsError  # type: ignore[import-untyped]
-    # What PyOpenGL raises depends on which library it misses.
+    # PyOpenGL's exception depends on the missing library.
     except (ImportError, AttributeError, OSError) as error:
         raise NoCameraError(str(error)) from error
     try:

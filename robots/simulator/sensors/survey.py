@@ -28,7 +28,7 @@ class Survey(NamedTuple):
 
 
 def surveyed(physics: Physics, size: tuple[float, float, float, float], height_m: float) -> Survey:
-    """What a laser at this height would have seen of `size` (west, south, east, north) from all that it can get to."""
+    """Map of `size` (west, south, east, north) as a laser at this height sees it from all reachable places."""
     west, south, east, north = size
     columns = west + RESOLUTION_M * (np.arange(math.ceil((east - west) / RESOLUTION_M)) + 0.5)
     rows = south + RESOLUTION_M * (np.arange(math.ceil((north - south) / RESOLUTION_M)) + 0.5)

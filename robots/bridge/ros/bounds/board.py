@@ -1,4 +1,4 @@
-"""What is not taken from a robot's network now, and why, for the page; and who is not heard for a while."""
+"""Dropped data of a robot's network with the reasons, for the page; and senders that are cut off for a while."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ class Board:
             log.warning("%s", words)
 
     def texts(self, now_s: float | None = None) -> list[str]:
-        """What is shown now, the newest first."""
+        """Present entries, newest first."""
         with self._lock:
             alive = self._alive(time.monotonic() if now_s is None else now_s)
             return [words for words, _ in reversed(alive.values())]
 
     def text(self, subject: str) -> str:
-        """What is shown of one subject, empty if nothing."""
+        """The entry of one subject; empty if there is none."""
         with self._lock:
             return self._alive(time.monotonic()).get(subject, ("", 0.0))[0]
 

@@ -1,4 +1,4 @@
-"""What rospy reads of publishers: connections, sizes, messages a second and time of its threads, each bounded.
+"""Bounds on rospy's reading of publishers: connections, sizes, messages a second, thread time.
 
 A publisher that sends more than its topic's `Kind` allows is cut off before a message of it is made, told on the
 `BOARD`, and tried again after `DROPPED_S`. What it would have told is missing, and the gate's rules for silence hold.
@@ -117,7 +117,7 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
             self._cut_off(why)
 
     def _work_s(self) -> float:
-        """What this thread has worked since the last time."""
+        """Processor time of this thread since the last call."""
         before_s, self._worked_s = self._worked_s, time.thread_time()
         return 0.0 if before_s is None else self._worked_s - before_s
 

@@ -1,4 +1,4 @@
-"""What rospy writes into the log when strangers make it: few lines, and short ones."""
+"""Limit rospy's log lines about strangers: few and short."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ Call = Callable[[], None]
 
 
 class Speaker(Protocol):
-    """Who sent a message."""
+    """The sender of a message."""
 
     topic: str
 
@@ -69,7 +69,7 @@ class Mailboxes:
             self._later(lambda: self._take_with(source))
 
     def take_waiting(self) -> None:
-        """On the loop: all that nobody woke it for. What comes meanwhile waits for the next time."""
+        """On the event loop: take all waiting messages. Messages that arrive in the meantime wait for the next call."""
         for _ in range(len(self._waiting)):
             with self._lock:
                 source = next(iter(self._waiting))

@@ -1,4 +1,4 @@
-"""What rospy takes from those who connect to this node: its XML-RPC server, and the server of its topics.
+"""Bounds on rospy's servers: XML-RPC, and the server of its topics.
 
 Each connection costs a thread at most, for a bounded time; of too many the oldest is closed. Neither reads more than a
 call, or a connection's header, may have.
@@ -76,7 +76,7 @@ class CallerLimits:
 
 
 def _hang_up(connection: socket.socket) -> None:
-    """Whoever reads from it, on another thread, reads its end."""
+    """The reader on another thread gets the end of the stream."""
     try:
         connection.shutdown(socket.SHUT_RDWR)
     except OSError as error:

@@ -14,7 +14,7 @@ BRIEF = 4 * KB  # header, names and a few numbers
 
 
 class Kind(NamedTuple):
-    """What one publisher of a topic may send."""
+    """Limits of one publisher of a topic."""
 
     most_bytes: int = 64 * KB  # of a message
     most_hz: float = 1000.0
@@ -43,12 +43,12 @@ _expected: dict[str, str] = {}  # by topic: its type, where it is listened to wi
 
 
 def expect(topic: str, type_name: str) -> None:
-    """What comes on a topic that is listened to as bytes."""
+    """Limits of a topic that is read as bytes."""
     _expected[topic] = type_name
 
 
 def kind_of(topic: str, type_name: str) -> Kind:
-    """What a publisher of this topic may send, listened to as this type."""
+    """Limits of a publisher of this topic, read as this type."""
     return KINDS.get(_expected.get(topic, type_name), Kind())
 
 

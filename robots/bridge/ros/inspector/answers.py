@@ -1,4 +1,4 @@
-"""What the inspector does with each line of its bridge's: an answer, a look, a message to the robot, or a halt."""
+"""Handle each line of the bridge: a query, a subscription, a message to the robot, or a halt."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class Inspector:
         )
 
     def _halt(self, number: int) -> None:
-        """What was to be published until now is not sent any more, wherever it waits."""
+        """Drop all messages that still wait to be published."""
         ended, self._permit = self._permit, PublishPermit()
         ended.end()
         self._report(Done(number))
@@ -192,7 +192,7 @@ class Inspector:
                 return wire.Called(name, called, seq, shortened)
 
     def _require(self, what: str, name: str, type_name: str = "") -> None:
-        """What the allow-list has not, nobody does. Who asks, the web process has checked, and the bridge."""
+        """Refuse names that are not on the allow-list. Web process and bridge have checked the person."""
         wanted = (what, name, type_name)
         if not any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._allowed):
             as_type = f" as {type_name}" if type_name else ""
@@ -213,7 +213,7 @@ class Inspector:
         return self._definitions.of_type(type_name)
 
     def _told(self, topic: str) -> Header:
-        """What the first publisher that can be reached says of itself; nothing if there is none."""
+        """Connection header of the first publisher that can be reached; empty if there is none."""
         nodes = self._master.system_state().publishers.get(topic, [])
         addresses = {node: self._master.node_uri(node) for node in nodes if not node.startswith(INSPECTOR)}
         told, unheard = first_told(Conversation.read_header, topic, addresses, INSPECTOR)

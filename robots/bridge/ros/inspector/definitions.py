@@ -151,7 +151,7 @@ class Definitions:
         self._lock = threading.Lock()
 
     def of_connection(self, header: dict[str, str]) -> Definition:
-        """What the publisher behind a connection header sends. Raises Declined."""
+        """Definition of the publisher with this connection header. Raises Declined."""
         told = (header.get("type", ""), header.get("md5sum", ""), header.get("message_definition", ""))
         key = hashlib.sha256("\0".join(told).encode()).hexdigest()
         with self._lock:
@@ -212,7 +212,7 @@ class Definitions:
     # --- on disk --------------------------------------------------------------------------------------
 
     def _kept(self, type_name: str, md5: str = "*") -> Iterator[Definition]:
-        """The newest first. What somebody changed there has another sum, and is not it."""
+        """Search the newest first. An edited file has another sum and is skipped."""
         pattern = f"{type_name.replace('/', '--')}--{md5}.msg"
         if not _TYPE.fullmatch(type_name):
             return

@@ -1,4 +1,4 @@
-"""What is there: the robot's topics, actions, services and parameters, as its master has them."""
+"""The robot's topics, actions, services and parameters, as its master has them."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class _Publisher:
             publisher.unregister()
 
     def _await_listeners(self, publisher: rospy.Publisher) -> None:
-        """What is sent before they are connected, they never hear."""
+        """Subscribers miss messages that are sent before they are connected."""
         deadline_s = time.monotonic() + LISTENERS_S
         try:
             known = len(self._master.system_state().subscribers.get(self._topic, []))
@@ -154,7 +154,7 @@ class Publishers:
 
 
 def _message_class(definition: Definition) -> type[rospy.AnyMsg]:
-    """What rospy wants of a type: its names; the bytes are ours."""
+    """The names that rospy needs of a type; the bytes are packed here."""
     names = {
         "_type": definition.type,
         "_md5sum": definition.md5,

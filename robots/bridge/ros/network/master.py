@@ -127,7 +127,7 @@ class _Socket(socket.socket):
 
 @dataclass(frozen=True)
 class SystemState:
-    """Who publishes and who subscribes: topic -> node names; topic -> type; and service -> node names."""
+    """Publishers and subscribers: topic -> node names; topic -> type; service -> node names."""
 
     publishers: dict[str, list[str]]
     subscribers: dict[str, list[str]]
@@ -164,7 +164,7 @@ class Master:
         return self._told(list[str], kind, topic, type_name, node_uri)
 
     def parameter(self, name: str) -> Any:
-        """What the parameter server has there, None if nothing."""
+        """The parameter's value; None if there is none."""
         try:
             return self.call("getParam", name, longest=texts.DESCRIPTION)
         except NotThere:

@@ -36,7 +36,7 @@ class NodeLost(Exception):
 
 
 class Node(Protocol):
-    """Who is told, on the watcher's thread."""
+    """Callbacks of the monitor, called on its thread."""
 
     def begin(self) -> None:
         """The master is there and knows no other bridge: join it, by rospy. Called once."""
@@ -45,7 +45,7 @@ class Node(Protocol):
         """A master that was restarted has been told all that rospy told its predecessor."""
 
     def surveyed(self, system: SystemState) -> None:
-        """Who publishes and who listens now."""
+        """Present publishers and subscribers."""
 
     def tell(self, status: RosStatus) -> None:
         """Why the robot is not joined."""
@@ -104,7 +104,7 @@ class MasterMonitor:
             self._stay(watch)
 
     def _begin(self) -> None:
-        """What broke half-way cannot be done again: rospy begins once, and its topics are there already."""
+        """A failed join cannot be repeated: rospy starts once, and its topics exist already."""
         try:
             self._node.begin()
         except Exception as error:

@@ -173,7 +173,7 @@ def _route(master_uri: str) -> str | None:
 
 
 def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: float) -> TopicFound:
-    """What the topic's publishers offer; the first that can be reached counts."""
+    """The topic's type and sum by the first publisher that can be reached."""
     publishers = state.publishers.get(asked.topic, [])
     found = TopicFound(asked.what, publishers, state.types.get(asked.topic), our_md5=_our_md5(asked.type))
 

@@ -58,7 +58,7 @@ class Conversation:
         return length
 
     def read_header(self, largest: int = LARGEST_HEADER) -> Header:
-        """What the other side says of itself, in so many bytes."""
+        """The other side's header, with at most this many bytes."""
         length = self.read_length()
         if length > largest:
             raise ValueError("does not speak TCPROS")
@@ -107,7 +107,7 @@ def first_told(
     caller: str,
     timeout_s: float = CONNECT_S,
 ) -> tuple[_Told | None, dict[str, str]]:
-    """What `hear` makes of the first publisher that can be heard; and why others could not be, by node."""
+    """Result of `hear` for the first publisher that can be reached, and errors of the others by node."""
     unheard: dict[str, str] = {}
     for node, uri in publishers.items():
         try:

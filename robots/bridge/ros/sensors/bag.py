@@ -46,7 +46,7 @@ def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[Told]:
 
 
 def _tellers(gate: Gate, topics: Topics) -> dict[str, Callable[[Any, float], None]]:
-    """What to do with a message of each topic."""
+    """Handler of each topic's messages."""
     reach_m = {sonar.frame_id: sonar.max_range_m for sonar in topics.sonars}
 
     def odometry(message: Any, at_s: float) -> None:

@@ -32,7 +32,7 @@ EARLY_SHARE = 0.8  # of the time between two pictures: one that comes a little e
 
 
 class DepthListener(Protocol):
-    """Who gets the pictures. Called on threads of rospy's."""
+    """Receiver of pictures. Called on rospy's threads."""
 
     def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
         """A picture."""

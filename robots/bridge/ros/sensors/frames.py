@@ -108,7 +108,7 @@ class Frames:
         return self._moving[child]
 
     def forget(self) -> None:
-        """What was told until now is not where things are."""
+        """Forget all earlier transforms."""
         with self._news:
             self._fixed.clear()
             self._moving.clear()
@@ -159,7 +159,7 @@ class Frames:
         return way
 
     def _want(self, frame: str) -> None:
-        """Keep it, also while too many are told. Who asks for ever others makes room for those asked for next."""
+        """Keep this frame even when the table is full. The oldest requested frames make room for new requests."""
         if frame not in self._wanted:
             if len(self._wanted) >= MOST_WANTED:
                 self._wanted.clear()

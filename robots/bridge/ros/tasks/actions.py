@@ -24,13 +24,13 @@ OUTCOMES = {  # others: "failed"
 
 
 class GoalListener(Protocol):
-    """Who hears what the action tells. Called on threads of rospy's."""
+    """Receiver of the action's feedback. Called on rospy's threads."""
 
     def running(self, action: str, goals: dict[str, int]) -> None:
         """The goals under way, whoever sent them, and their status."""
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
-        """What the action tells meanwhile."""
+        """Feedback of the action."""
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """A goal has ended: one of `OUTCOMES`, or "failed"."""

@@ -34,7 +34,7 @@ ERRORS = {  # PlayMotionResult's codes in words
 
 
 class MotionListener(Protocol):
-    """Who hears of the motions. Called on threads of rospy's."""
+    """Receiver of motion results. Called on rospy's threads."""
 
     def motions_running(self, action: str, goal_ids: Collection[str]) -> None:
         """The goals under way, whoever sent them."""
@@ -43,7 +43,7 @@ class MotionListener(Protocol):
         """A goal has ended."""
 
     def motions_read(self, action: str, motions: list[MotionOffer], text: str) -> None:
-        """What an action offers now; why nothing."""
+        """Present motions of an action, or the reason why there are none."""
 
     def motions_joined(self) -> None:
         """Somebody began to perform motions: maybe others than those before."""
@@ -112,7 +112,7 @@ class MotionTopics:
         return [action.cancel_all for action in self._actions.values()]
 
     def _parameters(self, action: str, motion: str = "") -> Any:
-        """What the robot knows of an action's motions, or of one of them."""
+        """Parameters of an action's motions, or of one motion."""
         return self._master.parameter(f"{action}/motions/{motion}".rstrip("/"))
 
     def _listed(self, service: str) -> dict[str, float] | None:

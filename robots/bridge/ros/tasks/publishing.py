@@ -25,7 +25,7 @@ def heard_by(publisher: rospy.Publisher) -> list[Any]:
 
 
 def immediate_publisher(topic: str, kind: type[Any], patience_s: float) -> rospy.Publisher:
-    """What is published goes out in the calling thread: nothing waits in a queue of rospy's."""
+    """Publish in the calling thread: no message waits in a rospy queue."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SyntaxWarning)  # rospy takes no queue for an oversight
         return rospy.Publisher(topic, kind, subscriber_listener=_AtOnce(patience_s), queue_size=None)

@@ -19,7 +19,7 @@ STATUSES: dict[int, SpeechStatus] = {GoalStatus.PENDING: "accepted", GoalStatus.
 
 
 class SpeechListener(Protocol):
-    """Who hears how the speech goes. Called on threads of rospy's."""
+    """Receiver of speech progress. Called on rospy's threads."""
 
     def speech_running(self, topic: str, goals: dict[str, SpeechStatus]) -> None:
         """The goals under way on a topic: accepted, or speaking."""
