@@ -24,6 +24,7 @@ from pytest_django import DjangoDbBlocker
 
 from fleet.accounts.models import User
 from robots.registry.models import Robot, RobotProfile, RobotRole, Role
+from teleop.background.database import in_database_background
 from teleop.recording import refusals
 from teleop.recording.repeat_suppression import E, RepeatSuppressor
 from teleop.stop import emergency_stop
@@ -85,6 +86,9 @@ def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[emer
     """Stops that are pressed in a test are written in it or not at all: the next test would wait for the database."""
     own = RepeatSuppressor(emergency_stop.write_record, most=None)
     yield from _while_test_lasts(own, emergency_stop, monkeypatch)
+    in_database_background(lambda: None).result(
+        10
+    )  # their results too must not be written during the next test
 
 
 def _while_test_lasts(

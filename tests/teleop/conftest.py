@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 
 import pytest
 import pytest_asyncio
+from msgspec import structs
 
 from fleet.accounts.models import User
+from robots.bridge.config import Allowed
 from robots.link.client import links
 from robots.registry.models import RobotRole
-from teleop.background.database import in_database_background
-from teleop.recording.repeat_suppression import RepeatSuppressor
-from teleop.stop import emergency_stop
+from teleop.control import selectors
 from tests.conftest import PASSWORD
 from tests.teleop.support import FakeBridge, Page
 
@@ -32,19 +32,6 @@ def second_operator(robot):
     person = User.objects.create_user("second", password=PASSWORD, full_name="Olaf Operator")
     RobotRole.objects.create(robot=robot, user=person, role="operator")
     return person
-
-
-@pytest.fixture(autouse=True)
-def stop_log(monkeypatch) -> Iterator[None]:
-    """Write the stops of a test during that test or not at all."""
-    own = RepeatSuppressor(emergency_stop.write_record, most=None)
-    monkeypatch.setattr(emergency_stop, "log", own)
-    yield
-    monkeypatch.setattr(own, "_write", lambda _last, _times: None)
-    own.flush()
-    in_database_background(lambda: None).result(
-        10
-    )  # wait for results too: nothing must be written during the next test
 
 
 @pytest_asyncio.fixture
@@ -76,3 +63,28 @@ async def open_page(robot, browsers, websocket_headers, bridge) -> AsyncIterator
     yield open_one
     for page in opened:
         await page.close()
+
+
+@pytest.fixture
+def allow(monkeypatch) -> Callable[..., None]:
+    """`allow(*entries)`: these `Allowed` entries are the allow-list of every robot."""
+
+    def allow_only(*entries: Allowed) -> None:
+        read = selectors.robot_entry
+
+        def with_entries(robot_id):
+            found = read(robot_id)
+            return found and structs.replace(found, allowed=entries)
+
+        monkeypatch.setattr("teleop.live.robot_socket.robot_entry", with_entries)
+        monkeypatch.setattr("teleop.live.robot_hub.robot_entry", with_entries)
+
+    return allow_only
+
+
+@pytest.fixture
+def other_supervisor(other_robot):
+    """A supervisor, but of another robot."""
+    person = User.objects.create_user("other", password=PASSWORD, full_name="Otto Other")
+    RobotRole.objects.create(robot=other_robot, user=person, role="supervisor")
+    return person

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import msgspec
 from channels.testing import WebsocketCommunicator
 
+from fleet import audit
 from fleet.site.asgi import application
 from robots import wire
 from robots.bridge.server.link_server import Link, LinkServer
@@ -52,6 +53,11 @@ async def eventually(find: Callable[[], T]) -> T:
         assert time.monotonic() < end_s, "it was not recorded"
         await asyncio.sleep(0.02)
     return found
+
+
+def unavailable(*_args: Any, **_kwargs: Any) -> None:
+    """Replaces `audit.record` when the database cannot be written."""
+    raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
 
 
 class FakeBridge:

@@ -25,7 +25,7 @@ from teleop.control.rules import Tab
 from teleop.live import control_holder, robot_hub
 from teleop.live.message_socket import CloseCode
 from teleop.models import ControlSession, EndReason, Lease
-from tests.teleop.support import eventually
+from tests.teleop.support import eventually, unavailable
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -38,11 +38,6 @@ async def take(page):
 
 def drive(fence, seq=1):
     return {"fence": fence, "seq": seq, "sent_ms": 5.0, "x": 0.5, "w": 0.0}
-
-
-def unavailable(*_args, **_kwargs):
-    """Replaces `audit.record` when the database cannot be written."""
-    raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
 
 
 def away(*_args, **_kwargs):

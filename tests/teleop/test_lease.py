@@ -15,6 +15,7 @@ from teleop.control import services
 from teleop.control.rules import Tab
 from teleop.control.selectors import end_notes, lease_of
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
+from tests.teleop.support import unavailable
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -134,9 +135,6 @@ def test_take_in_another_tab_moves_control_to_a_new_fence(robot, operator):
 
 
 def test_control_that_cannot_be_recorded_is_not_granted(robot, operator, monkeypatch):
-    def unavailable(*_args, **_kwargs):
-        raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
-
     monkeypatch.setattr(audit, "record", unavailable)
     refusal = refused(take, robot, operator)
     assert (refusal.code, refusal.rule) == ("audit_disk_full", "audit")

@@ -14,7 +14,6 @@ from django.test.utils import CaptureQueriesContext
 from django.urls import reverse
 from django.utils.timezone import now
 
-from fleet.accounts.models import User
 from fleet.audit import record
 from fleet.audit.models import Record
 from fleet.audit.retention import take_out
@@ -23,20 +22,11 @@ from robots.registry.services import role_set
 from teleop.models import ControlSession, EndReason
 from teleop.reports import own_data, robot_report, session_report
 from teleop.reports.path_plot import DrivePath, plot_drives
-from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db
 
 SAID = "Where does it hurt?"
 PATH = [[0.0, 1.0, 2.0, 0.0, 0.0], [5.0, 2.0, 2.0, 0.0, 0.2], [8.0, 5.0, 2.0, 1.57, 1.0]]
-
-
-@pytest.fixture
-def other_supervisor(other_robot):
-    """A supervisor, but of another robot."""
-    person = User.objects.create_user("other", password=PASSWORD, full_name="Otto Other")
-    RobotRole.objects.create(robot=other_robot, user=person, role="supervisor")
-    return person
 
 
 @pytest.fixture

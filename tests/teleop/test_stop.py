@@ -21,13 +21,9 @@ from teleop.background.database import in_database
 from teleop.live.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER
 from teleop.recording.repeat_suppression import MOST, RepeatSuppressor
 from teleop.stop import emergency_stop
-from tests.teleop.support import eventually
+from tests.teleop.support import eventually, unavailable
 
 pytestmark = pytest.mark.django_db(transaction=True)
-
-
-def unavailable(*_args, **_kwargs):
-    raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
 
 
 def rows(kind):

@@ -1,14 +1,12 @@
 """Task requests of a page: checks of role and allow-list, and one answer to each."""
 
 import pytest
-from msgspec import structs
 
 from fleet.audit.models import Record
 from robots import wire
 from robots.bridge.config import Allowed
 from robots.registry.models import Allowance, RobotRole
 from teleop.background.database import in_database
-from teleop.control import selectors
 from teleop.live.tasks import MAX_PENDING
 from tests.teleop.support import eventually
 
@@ -36,15 +34,9 @@ ALLOWED = (
 
 
 @pytest.fixture(autouse=True)
-def allowed(monkeypatch):
+def allowed(allow):
     """The content of the allow-list."""
-    robot_entry = selectors.robot_entry
-
-    def with_allowed(robot_id):
-        return structs.replace(robot_entry(robot_id), allowed=ALLOWED)
-
-    monkeypatch.setattr("teleop.live.robot_socket.robot_entry", with_allowed)
-    monkeypatch.setattr("teleop.live.robot_hub.robot_entry", with_allowed)
+    allow(*ALLOWED)
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import time
 
 import msgspec
 import pytest
-from msgspec import structs
 
 from fleet.audit.canonical import TEXT_BYTES
 from fleet.audit.models import Record
@@ -12,7 +11,6 @@ from robots import wire
 from robots.bridge.config import Allowed
 from robots.registry.models import Robot, RobotRole
 from teleop.background.database import in_database
-from teleop.control import selectors
 from teleop.live.message_socket import CloseCode
 from teleop.live.topic_feed import MAX_SUBSCRIPTIONS
 from teleop.live.topics_consumer import MAX_PENDING, QUERIES_BURST
@@ -30,16 +28,9 @@ ALLOWED = (
 
 
 @pytest.fixture(autouse=True)
-def allowed(monkeypatch):
+def allowed(allow):
     """The content of the allow-list."""
-    robot_entry = selectors.robot_entry
-
-    def with_allowed(robot_id):
-        found = robot_entry(robot_id)
-        return found and structs.replace(found, allowed=ALLOWED)
-
-    monkeypatch.setattr("teleop.live.robot_socket.robot_entry", with_allowed)
-    monkeypatch.setattr("teleop.live.robot_hub.robot_entry", with_allowed)
+    allow(*ALLOWED)
 
 
 @pytest.fixture
