@@ -35,7 +35,7 @@ from robots.bridge.gate.motion.restraint import is_still
 from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
 from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Limits, Pose, Velocity, Verdict
 from robots.bridge.gate_recording import replay
-from robots.bridge.lease.state_store import Persisted
+from robots.bridge.lease.state_store import SavedState
 from robots.bridge.tasks.head import Aim
 from robots.bridge.tasks.speech import Utterance
 from robots.bridge.tasks.tasks import Swept
@@ -281,7 +281,7 @@ class _NoRecords:
 
     def settle(self) -> None: ...
 
-    def pulse(self) -> None: ...
+    def test_writable(self) -> None: ...
 
     def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None: ...
 
@@ -328,7 +328,7 @@ class _Path:
         topics = Topics(Topic("/cmd_vel", "geometry_msgs/Twist"), Topic("/odom", "nav_msgs/Odometry"))
         profile = clutter.gate.profile
         config = BridgeConfig("0", "bench", "Bench", "", None, {}, topics, profile, "turn", LinkAddress(), "")
-        left = Persisted(False, "", "", 0)
+        left = SavedState(False, "", "", 0)
         records = Records(_NoRecords())
         self._core = Core(
             config,

@@ -27,7 +27,7 @@ from robots.bridge.gate.geometry.arm_discs import Posture
 from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity, Verdict
 from robots.bridge.lease.lease_guard import LeaseGuard
-from robots.bridge.lease.state_store import Persisted
+from robots.bridge.lease.state_store import SavedState
 from robots.bridge.overload import LoopLateness
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.tasks.publishing import Publisher
@@ -106,7 +106,7 @@ class Core:
         gate: Gate,
         records: Records,
         drives: DriveLog,
-        left: Persisted,
+        saved: SavedState,
         announce: Callable[[Ended | wire.Offers], None],
         publisher: Publisher,
         stops_before: int = 0,
@@ -114,10 +114,10 @@ class Core:
         on_news: Callable[[], None] = lambda: None,
     ) -> None:
         self.config = config
-        self.lease = LeaseGuard(left.fence)
+        self.lease = LeaseGuard(saved.fence)
         self.stop_state = StopState("clear", number=stops_before)
-        if left.latched:  # nobody has yet measured whether the robot stands still
-            self.stop_state = StopState("stopping", left.by or None, left.reason, number=stops_before)
+        if saved.latched:  # nobody has yet measured whether the robot stands still
+            self.stop_state = StopState("stopping", saved.by or None, saved.reason, number=stops_before)
         self.refused: Counter[str] = Counter()
         self._base = base
         self._gate = gate
@@ -139,12 +139,12 @@ class Core:
         self._stop_press: UUID | None = None  # the first press of this stop
         # presses already handled; they do not stop the robot again
         self._presses: deque[UUID] = deque(maxlen=PRESSES_KNOWN)
-        self._cancelling = left.latched  # repeat the cancel of all goals
+        self._cancelling = saved.latched  # repeat the cancel of all goals
         self._cancelled_s = float("-inf")
         self._joined_s = float("inf")  # when the robot's master was joined
         self._late = LoopLateness("bridge")
         self._console_late = LoopLateness("console")
-        self.alone = False  # the watchdog is missing
+        self.watchdog_missing = False
         self._silent: tuple[DriveInput, float] | None = (
             None  # an input whose last command expired, and when this was noticed
         )
@@ -162,10 +162,10 @@ class Core:
         current = self.lease.current
         if current is None or grant.fence != current.fence:
             self._end_control("Control was given to somebody else.", now_s)
-            self._count_anew()
-            self._owe_neutral("control_taken", "you have just taken control")
+            self._restart_numbering()
+            self._set_neutral_needed("control_taken", "you have just taken control")
         elif self._page_gone_s is not None or link != self.lease.link:
-            self._count_anew()
+            self._restart_numbering()
             self.halt("page_back", "the page came back", now_s)
         self._page_gone_s = None
         self._gate.observe_operator(grant.delay_s)
@@ -176,7 +176,7 @@ class Core:
         if self.lease.current and self.lease.current.fence == fence:
             self._end_control(reason, now_s)
 
-    def hold(self, fence: int, reason: str, link: int, now_s: float, code: str = "page_gone") -> None:
+    def pause(self, fence: int, reason: str, link: int, now_s: float, code: str = "page_gone") -> None:
         """Pause control because the holder's page is gone: zero now.
 
         A page that comes back starts again with its numbering of commands and tasks. A pause from another link than the
@@ -185,7 +185,7 @@ class Core:
         if self.lease.current is None or (self.lease.current.fence, self.lease.link) != (fence, link):
             return
         self._page_gone_s = now_s
-        self._count_anew()
+        self._restart_numbering()
         self.halt(code, reason, now_s)
         self.tasks.page_left(now_s)
 
@@ -193,7 +193,7 @@ class Core:
         """Handle the loss of a web process: zero now, if control came through it. The grant expires by itself."""
         if self.lease.current:
             reason = "the console lost its link to the robot"
-            self.hold(self.lease.current.fence, reason, link, now_s, "link_lost")
+            self.pause(self.lease.current.fence, reason, link, now_s, "link_lost")
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
         """Take a stick position and publish the twist that the gate allows at once. Return the refusal, if any."""
@@ -224,7 +224,7 @@ class Core:
         if press in self._presses:
             return
         if press is not None:
-            self.know([press])
+            self.ignore_presses([press])
         stop = self.stop_state
         is_first = stop.state == "clear"
         if is_first:
@@ -245,7 +245,7 @@ class Core:
                 holder_of(grant) if grant else None, stop.number + 1, stop.was_standing, now_s
             )
 
-    def stopped_elsewhere(
+    def stop_from_watchdog(
         self, by: str, reason: str, press: UUID | None, now_s: float, pressed_s: float | None = None
     ) -> None:
         """Take a stop from the watchdog: a new press, or (`press` None) a stop that an earlier bridge had latched.
@@ -270,7 +270,7 @@ class Core:
             took_ms = None if pressed_s is None else took_ms + round((heard_s - pressed_s) * 1000)
             self.stop_state = structs.replace(self.stop_state, standstill_ms=took_ms)
 
-    def know(self, presses: Sequence[UUID]) -> None:
+    def ignore_presses(self, presses: Sequence[UUID]) -> None:
         """Ignore these presses when they arrive."""
         self._presses.extend(presses)
 
@@ -285,7 +285,7 @@ class Core:
             text = f"Stop was pressed again{by}. Check the robot, then clear the new stop."
             return Refusal("stopped_again", text, "stop", {"number": number, "newest": stop.number})
         self.stop_state = StopState("clear", number=stop.number)
-        self.know(presses)
+        self.ignore_presses(presses)
         self._stop_latched_s = self._stop_pressed_s = self._stop_press = None
         self.halt("stop_cleared", "the stop was cleared", now_s)
         self._cancel_all(now_s)
@@ -320,10 +320,10 @@ class Core:
         self._console_late.observe(late_s, now_s)
         if self._silent and now_s - self._silent[1] < late_s:
             stick, noticed_s = self._silent
-            code, reason = self._why_silent(stick, noticed_s)
+            code, reason = self._explain_silence(stick, noticed_s)
             for owing in (self._stick, self._twists):
-                if owing.owes and owing.owes.code == "dead_man":
-                    owing.owes = wire.NeutralNeeded(code, reason)
+                if owing.neutral_needed and owing.neutral_needed.code == "dead_man":
+                    owing.neutral_needed = wire.NeutralNeeded(code, reason)
 
     def recorded(self, now_s: float) -> None:
         """Begin work that waited for its record at once, instead of at the next tick."""
@@ -332,7 +332,7 @@ class Core:
         self.tasks.tick(self._sent, self._page_gone_s, now_s)
 
     @property
-    def hurries(self) -> bool:
+    def needs_fresh_sensors(self) -> bool:
         """Whether sensor messages must be handled at once, not only at the next tick. Thread-safe."""
         return self.lease.current is not None or self.stop_state.state == "stopping"
 
@@ -425,10 +425,10 @@ class Core:
 
     # --- state for links and the state file -------------------------------------------------------
 
-    def persisted(self) -> Persisted:
+    def saved_state(self) -> SavedState:
         """Return the state that must survive a kill of this process."""
         stop = self.stop_state
-        return Persisted(stop.state != "clear", stop.by or "", stop.reason, self.lease.highest)
+        return SavedState(stop.state != "clear", stop.by or "", stop.reason, self.lease.highest)
 
     def hello(self) -> wire.BridgeHello:
         """Return the first message to a web process. It does not depend on the robot."""
@@ -453,7 +453,7 @@ class Core:
 
     @property
     def _neutral_needed(self) -> wire.NeutralNeeded | None:
-        return (self._asking or self._stick).owes
+        return (self._asking or self._stick).neutral_needed
 
     def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
         """Return the robot's present state."""
@@ -474,7 +474,7 @@ class Core:
             charging=told.charging,
             skew_s=told.skew_s,
             overload=self._late.told(now_s) or self._console_late.told(now_s),
-            alone=self.alone,
+            watchdog_missing=self.watchdog_missing,
         )
         return state_view.state(inputs, self._gate, self.tasks, now_s, watchers, watchers_more)
 
@@ -508,7 +508,7 @@ class Core:
 
     def halt(self, code: str, reason: str, now_s: float) -> None:
         """Send zero now and require neutral before the robot moves again."""
-        self._need_neutral(code, reason)
+        self._stop_until_neutral(code, reason)
         self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
         self._send(STILL, now_s)
@@ -520,7 +520,7 @@ class Core:
         grant = self.lease.current
         if self._asking and self._asking.current(now_s) is None:
             self._silent = self._asking, now_s
-            self._need_neutral(*self._why_silent(self._asking, now_s))
+            self._stop_until_neutral(*self._explain_silence(self._asking, now_s))
         awaited = self._awaited(now_s)
         self._asking, asked = self._wanted(grant, awaited is None, now_s) if grant else (None, STILL)
         refusal = self._why_not(grant, self._asking, now_s) if grant and self._asking else None
@@ -529,11 +529,11 @@ class Core:
         if self._passed != STILL:
             self._drives.decided(verdict, now_s)
             if verdict.neutral:
-                self._need_neutral(verdict.code, verdict.text)
+                self._stop_until_neutral(verdict.code, verdict.text)
         if refusal and refusal.code in _HALTING:
-            self._need_neutral(refusal.code, _HALTING[refusal.code])
+            self._stop_until_neutral(refusal.code, _HALTING[refusal.code])
         if self._asking and awaited:
-            self._need_neutral(awaited.code, awaited.text)
+            self._stop_until_neutral(awaited.code, awaited.text)
         if told := refusal or self._unrecorded:
             verdict = verdict._replace(asked=asked, code=told.code, text=told.text)
         if self.stop_state.state == "clear":
@@ -541,7 +541,7 @@ class Core:
         self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING else refusal
 
-    def _why_silent(self, stick: DriveInput, now_s: float) -> tuple[str, str]:
+    def _explain_silence(self, stick: DriveInput, now_s: float) -> tuple[str, str]:
         """Return code and reason for the expired commands of `stick`: this computer was late, or the sender was silent.
 
         This computer is named only if its lateness explains the gap.
@@ -588,10 +588,10 @@ class Core:
         if middle_counts and STILL in wanted.values():
             for stick in (self._stick, self._twists):
                 if not stick.is_out:
-                    stick.owes = None
+                    stick.neutral_needed = None
         return next(((stick, velocity) for stick, velocity in wanted.items() if stick.is_out), (None, STILL))
 
-    def _count_anew(self) -> None:
+    def _restart_numbering(self) -> None:
         """Forget the inputs' numbering: commands come from another page, or from a page that was loaded again."""
         self._stick = DriveInput(self.config.stick)
         self._twists = DriveInput()
@@ -602,14 +602,14 @@ class Core:
             return closed
         if refusal := self.tasks.why_stand(now_s) or self._drives.why_not:
             return refusal
-        if stick.owes:
+        if stick.neutral_needed:
             what = (
                 "Let the stick return to the middle"
                 if stick is self._stick
                 else "Publish a velocity of zero first"
             )
-            text = f"{what}: {stick.owes.text}."
-            return Refusal("neutral_needed", text, "dead-man", {"because": stick.owes.code})
+            text = f"{what}: {stick.neutral_needed.text}."
+            return Refusal("neutral_needed", text, "dead-man", {"because": stick.neutral_needed.code})
         return self._drives.may_move(holder_of(grant), now_s)
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
@@ -620,14 +620,14 @@ class Core:
             self._base.publish(velocity)
         self._sent = velocity
 
-    def _need_neutral(self, code: str, reason: str) -> None:
+    def _stop_until_neutral(self, code: str, reason: str) -> None:
         """Require neutral before the robot moves again: it was stopped by a cause other than the operator."""
         self._drives.halted(reason)
-        self._owe_neutral(code, reason)
+        self._set_neutral_needed(code, reason)
 
-    def _owe_neutral(self, code: str, reason: str) -> None:
+    def _set_neutral_needed(self, code: str, reason: str) -> None:
         for stick in (self._stick, self._twists):
-            stick.owe(code, reason)
+            stick.require_neutral(code, reason)
 
     def _expire(self, now_s: float) -> None:
         """End an expired grant. The tick calls this, and so does each event that lets waiting work begin."""

@@ -14,7 +14,7 @@ from uuid import UUID
 from robots import wire
 from robots.bridge.core import Core
 from robots.bridge.lease.fencing import FenceStore
-from robots.bridge.server.flood_limits import Budget
+from robots.bridge.server.flood_limits import TokenBucket
 from robots.bridge.server.link_server import Link
 from robots.bridge.topics.inspector_client import InspectorClient
 
@@ -41,26 +41,26 @@ _FAULT = wire.Refusal(
 class LinkHandler:
     """Handles the messages of one bridge's links."""
 
-    def __init__(self, core: Core, leasing: FenceStore, inspector: InspectorClient) -> None:
+    def __init__(self, core: Core, fences: FenceStore, inspector: InspectorClient) -> None:
         self._core = core
         self._robot = UUID(core.config.robot_id)
-        self._leasing = leasing
+        self._fences = fences
         self._inspector = inspector
-        self._drives: dict[Link, Budget] = {}
+        self._drives: dict[Link, TokenBucket] = {}
         self._refused: dict[
             Link, dict[tuple[str, str], float]
         ] = {}  # time of the last answer, by kind and code
 
     def opened(self, link: Link) -> None:
         """Send the first message to a web process: this robot's id, without any state."""
-        self._drives[link] = Budget(DRIVES_PER_S, DRIVES_AT_ONCE)
+        self._drives[link] = TokenBucket(DRIVES_PER_S, DRIVES_AT_ONCE)
         self._refused[link] = {}
         link.report(self._core.hello())
 
     def closed(self, link: Link) -> None:
         """Handle a closed link: driving through it stops."""
         self._core.link_lost(link.number, time.monotonic())
-        self._leasing.forget(link)
+        self._fences.forget(link)
         self._inspector.forget(link)
         del self._drives[link], self._refused[link]
 
@@ -86,7 +86,7 @@ class LinkHandler:
             case wire.Drive():
                 return self._drive(link, message, now_s)
             case wire.Grant() | wire.Revoke() | wire.Pause():
-                self._leasing.hear(link, message)
+                self._fences.hear(link, message)
             case wire.LinkStop():
                 self._stop(link, message, now_s)
             case wire.LinkClear():
@@ -108,7 +108,7 @@ class LinkHandler:
             case wire.LinkQuery():
                 self._inspector.ask(link, message)
             case wire.LinkSubscribe(topics=topics):
-                self._inspector.look_at(link, topics)
+                self._inspector.set_subscriptions(link, topics)
             case wire.LinkCancel():
                 self._answer(link, message, self._core.tasks.cancel(message.what, message.by))
             case order if isinstance(order, wire.TaskRequest):
@@ -164,7 +164,7 @@ class LinkHandler:
         self._latch_changed(link, stop.seq, stop.press)
 
     def _latch_changed(self, link: Link, seq: int, press: UUID | None = None) -> None:
-        self._leasing.save_latch()
+        self._fences.save_latch()
         link.report(wire.Stopped(self._core.stop_state, seq, press))
 
     def _greet(self, link: Link, hello: wire.LinkHello, now_s: float) -> None:

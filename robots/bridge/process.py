@@ -26,7 +26,7 @@ from robots.bridge.core import Core
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.lease.fencing import FenceStore
-from robots.bridge.lease.state_store import AlreadyRunning, Persisted, StateStore
+from robots.bridge.lease.state_store import AlreadyRunning, SavedState, StateStore
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.maps.map_fetch import MapFetcher
 from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
@@ -55,7 +55,7 @@ class Bridge:
     """All parts of one bridge process."""
 
     def __init__(self, config: BridgeConfig, sink: RecordSink, store: StateStore) -> None:
-        left, presses = heeding(_pending_stops(config), store.load(config.last_fence))
+        saved, presses = initial_state(_pending_stops(config), store.load(config.last_fence))
         self._base = RosBase(config)
         self._records = Records(sink)
         self._gate = Gate(config.gate)
@@ -70,19 +70,19 @@ class Bridge:
             self._gate,
             self._records,
             DriveLog(self._records, self._base.map_to_odom),
-            left,
+            saved,
             self._announce,
             self._inspector,
             stops_before,
             on_scan=lambda: self._soon(self._view_scan),
             on_news=lambda: self._soon(self._prepare),
         )
-        self._core.know(presses)
+        self._core.ignore_presses(presses)
         self._maps = MapFetcher(config, self._records.keep_map)
-        self._leasing = FenceStore(self._core, store, left.fence, lambda: self._beat(time.monotonic()))
-        door = LinkHandler(self._core, self._leasing, self._inspector)
-        self._links = LinkServer(config.link, door.opened, door.received, door.closed, door.hear)
-        self._beats = WatchdogClient(lane_path(config), self._pressed)
+        self._fences = FenceStore(self._core, store, saved.fence, lambda: self._beat(time.monotonic()))
+        handler = LinkHandler(self._core, self._fences, self._inspector)
+        self._links = LinkServer(config.link, handler.opened, handler.received, handler.closed, handler.hear)
+        self._watchdog = WatchdogClient(lane_path(config), self._pressed)
         self._ended = False
         self._rests = True
         self._wake = asyncio.Event()
@@ -108,15 +108,15 @@ class Bridge:
             self._ended = True
             leave_within(END_S)
             self._links.shut()  # nobody may drive while the bridge ends
-            self._let_go(time.monotonic())
-            self._beats.close()
+            self._leave_at_zero(time.monotonic())
+            self._watchdog.close()
             await self._maps.close()
             await asyncio.gather(
                 self._inspector.close(),
                 asyncio.to_thread(self._records.close),  # afterwards no record calls the loop
             )
             await self._links.close()
-            self._leasing.close()
+            self._fences.close()
         return self._exit_code
 
     # --- one piece of work at a time --------------------------------------------------------------
@@ -170,7 +170,9 @@ class Bridge:
     def _ticks(self, now_s: float, late_s: float) -> bool:
         """Whether to tick now: every second time while nothing goes to the base; always when late, to report it."""
         core = self._core
-        self._rests = not (self._rests or late_s >= TICK_S or core.hurries or core.publishing(now_s))
+        self._rests = not (
+            self._rests or late_s >= TICK_S or core.needs_fresh_sensors or core.publishing(now_s)
+        )
         return not self._rests
 
     def _tick(self, now_s: float, late_s: float) -> None:
@@ -191,19 +193,19 @@ class Bridge:
             reason=stop.reason,
             drive=self._core.tasks.routing.topic("drive"),
         )
-        self._beats.beat(beat, now_s)
-        self._core.alone = self._beats.missing(now_s)
+        self._watchdog.beat(beat, now_s)
+        self._core.watchdog_missing = self._watchdog.missing(now_s)
 
     def _pressed(self, press: StopPress) -> None:
         """Latch a stop that the watchdog heard. The watchdog keeps it until it is on disk."""
-        self._core.stopped_elsewhere(press.by, press.reason, press.press, time.monotonic(), press.at_s)
+        self._core.stop_from_watchdog(press.by, press.reason, press.press, time.monotonic(), press.at_s)
         loop = asyncio.get_running_loop()
 
         def written(_saved: Future[None]) -> None:
             with contextlib.suppress(RuntimeError):  # the bridge has ended
-                loop.call_soon_threadsafe(self._beats.heard, press.number)
+                loop.call_soon_threadsafe(self._watchdog.heard, press.number)
 
-        self._leasing.save_latch().add_done_callback(written)
+        self._fences.save_latch().add_done_callback(written)
 
     def _recorded(self) -> None:
         if not self._ended:
@@ -261,7 +263,7 @@ class Bridge:
         self._ended = True
         self._wake.set()
 
-    def _let_go(self, now_s: float) -> None:
+    def _leave_at_zero(self, now_s: float) -> None:
         """Leave the robot at zero, even if ending the tasks fails."""
         try:
             self._core.close(now_s)
@@ -297,14 +299,14 @@ def _pending_stops(config: BridgeConfig) -> list[Waiting]:
     return PendingStops(Path(config.run_dir)).of(name_of(UUID(config.robot_id)))
 
 
-def heeding(pending: Sequence[Waiting], left: Persisted) -> tuple[Persisted, list[UUID]]:
+def initial_state(pending: Sequence[Waiting], saved: SavedState) -> tuple[SavedState, list[UUID]]:
     """Return the state to begin with, and pending presses: latched if a stop is pending, before anybody can drive.
 
     The files of pending stops stay until the stops are delivered and confirmed.
     """
     if pending:
-        left = structs.replace(left, latched=True, by=pending[-1].by, reason=pending[-1].reason)
-    return left, [stop.press for stop in pending]
+        saved = structs.replace(saved, latched=True, by=pending[-1].by, reason=pending[-1].reason)
+    return saved, [stop.press for stop in pending]
 
 
 def run(config: BridgeConfig, sink: RecordSink) -> int:

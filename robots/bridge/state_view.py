@@ -37,7 +37,7 @@ class StateInputs(NamedTuple):
     charging: bool | None
     skew_s: float | None  # robot's clock minus ours
     overload: wire.Overload | None
-    alone: bool  # the watchdog is missing
+    watchdog_missing: bool  # the watchdog is missing
 
 
 def state(
@@ -76,7 +76,7 @@ def state(
         choice_ended=dict(tasks.routing.gone),
         publishing=tasks.publications.view,
         overload=inputs.overload,
-        watchdog_missing=inputs.alone,
+        watchdog_missing=inputs.watchdog_missing,
     )
 
 

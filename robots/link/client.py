@@ -171,7 +171,7 @@ class BridgeLink:
         self._listeners.discard(listener)
         if listener is self._viewer:
             self.watch(listener, ())
-            self.look_at(listener, {})
+            self.set_subscriptions(listener, {})
             self._viewer = None
         if not self._listeners:
             self._lingering.cancel()
@@ -184,7 +184,7 @@ class BridgeLink:
             self._names = frozenset(names)
             self._send_watchers()
 
-    def look_at(self, viewer: Listener, topics: Mapping[str, float]) -> None:
+    def set_subscriptions(self, viewer: Listener, topics: Mapping[str, float]) -> None:
         """Whose messages `viewer` wants to see, and how many a second. Nobody's: the robot sends none."""
         self._viewer = viewer
         if self._topics != topics:

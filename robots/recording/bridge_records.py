@@ -154,7 +154,7 @@ class AuditSink:
             pulse.save()
 
     @_or_record_error
-    def pulse(self) -> None:
+    def test_writable(self) -> None:
         """Commit the time of day."""
         BridgePulse.objects.update_or_create(robot_id=self._robot_id, defaults={"at": timezone.now()})
 

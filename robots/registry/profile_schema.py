@@ -15,7 +15,7 @@ import msgspec
 from msgspec import Struct
 
 from robots.bridge.config import ArmSource, DepthSource, HeadSource, ScanSource, SonarSource, Topic, Topics
-from robots.bridge.drive.input_filters import STEADYING, STEPS, StickStep
+from robots.bridge.drive.input_filters import SMOOTHING, STEPS, StickStep
 from robots.bridge.gate.values import Parameters
 from robots.bridge.tasks.denylist import FULL_NAME, USE_TYPES
 
@@ -349,7 +349,7 @@ def stick_problems(chain: StickChain) -> Iterator[str]:
     """Each step once; the stick is steadied in one way."""
     names = [step.__struct_config__.tag for step in chain.stick]
     yield from _doublets([str(name) for name in names], "stick", "step")
-    if sum(isinstance(step, STEADYING) for step in chain.stick) > 1:
+    if sum(isinstance(step, SMOOTHING) for step in chain.stick) > 1:
         yield "stick: one of one_euro and mean steadies the stick, not both"
 
 

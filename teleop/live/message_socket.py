@@ -13,7 +13,7 @@ from typing import Any
 
 from channels.consumer import AsyncConsumer
 
-from robots.bridge.server.flood_limits import Budget
+from robots.bridge.server.flood_limits import TokenBucket
 from robots.wire import (
     Accepted,
     BrowserReport,
@@ -56,8 +56,8 @@ class MessageSocket(AsyncConsumer):
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()  # messages not carried out, by code
-        self._budget = Budget(FLOOD_PER_S, FLOOD_BURST)
-        self._replies = Budget(REPLIES_PER_S, REPLIES_BURST)
+        self._budget = TokenBucket(FLOOD_PER_S, FLOOD_BURST)
+        self._replies = TokenBucket(REPLIES_PER_S, REPLIES_BURST)
         self._closing = False
         self._idle = False
         self.heard_s = time.monotonic()  # time of the last message

@@ -136,7 +136,7 @@ class RobotHub:
 
     def _subscribe_topics(self, topics: Mapping[str, float]) -> None:
         """Tell the bridge the subscribed topics and their rates in Hz."""
-        self.link.look_at(self, topics)
+        self.link.set_subscriptions(self, topics)
 
     async def wait_for_link(self) -> None:
         """Wait until a new link is up, or a moment if the bridge could not be reached."""

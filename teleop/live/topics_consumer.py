@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from robots import wire
-from robots.bridge.server.flood_limits import Budget
+from robots.bridge.server.flood_limits import TokenBucket
 from robots.wire import NotDone, Refusal, Refused, TopicQuery, kind_of, topics_message
 from teleop.background.jobs import run_in_background
 from teleop.live import robot_hub
@@ -33,7 +33,7 @@ class TopicsConsumer(RobotSocket):
         self.viewer: TopicViewer | None = None
         self.camera_audit: CameraAudit | None = None
         self._pending = 0
-        self._query_budget = Budget(QUERIES_PER_S, QUERIES_BURST)
+        self._query_budget = TokenBucket(QUERIES_PER_S, QUERIES_BURST)
 
     async def on_open(self) -> None:
         """Join the robot's hub, if this person may see the robot."""

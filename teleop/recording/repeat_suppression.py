@@ -14,7 +14,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
-from robots.bridge.server.flood_limits import Budget
+from robots.bridge.server.flood_limits import TokenBucket
 
 logger = logging.getLogger(__name__)
 
@@ -49,14 +49,14 @@ class RecordBudgets:
     """Each person's record budget."""
 
     def __init__(self) -> None:
-        self._budgets: dict[Hashable, Budget] = {}
+        self._budgets: dict[Hashable, TokenBucket] = {}
 
     def wait_s(self, person: Hashable, now_s: float) -> float:
         """Use one record of this person's budget. Returns 0.0, or the seconds until there is budget again."""
         budget = self._budgets.get(person)
         if budget is None:
             self._forget(now_s)
-            budget = self._budgets[person] = Budget(RECORDS_PER_S, RECORDS_BURST)
+            budget = self._budgets[person] = TokenBucket(RECORDS_PER_S, RECORDS_BURST)
         return 0.0 if budget.spend(now_s) else budget.wait_s(now_s)
 
     def _forget(self, now_s: float) -> None:

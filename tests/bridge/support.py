@@ -41,7 +41,7 @@ from robots.bridge.gate.values import (
     Velocity,
     Verdict,
 )
-from robots.bridge.lease.state_store import Persisted
+from robots.bridge.lease.state_store import SavedState
 from robots.bridge.tasks.head import Aim
 from robots.bridge.tasks.speech import Utterance
 from robots.bridge.tasks.tasks import Swept
@@ -220,7 +220,7 @@ class MemorySink:
     def settle(self) -> None:
         self._record("settled", None)
 
-    def pulse(self) -> None:
+    def test_writable(self) -> None:
         self._wait()
         self.pulses += 1
 
@@ -292,7 +292,7 @@ class Bench:
 
     def __init__(
         self,
-        left: Persisted | None = None,
+        left: SavedState | None = None,
         config: BridgeConfig = CONFIG,
         sink: RecordSink | None = None,
     ) -> None:
@@ -304,7 +304,7 @@ class Bench:
         self.records = Records(sink or self.sink)
         self.drives = DriveLog(self.records, lambda: self.map_to_odom)
         self.told: list[Ended | wire.Offers] = []  # to every link
-        state = left or Persisted(False, "", "", 0)
+        state = left or SavedState(False, "", "", 0)
         self.core = Core(
             config,
             self.base,
@@ -376,7 +376,7 @@ class Bench:
     def recorded(self) -> None:
         """Wait until the records handed in so far are in."""
         done = threading.Event()
-        self.records.aside(done.set)
+        self.records.run_in_background(done.set)
         assert done.wait(10)
 
     def driving(self, x: float = 0.5) -> Bench:

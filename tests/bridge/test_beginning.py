@@ -28,7 +28,7 @@ def test_whatever_is_asked_for_begins_once_it_is_on_record(bench, what):
 
 def comes_back(bench):
     """The page is loaded again, and has control as before."""
-    bench.core.hold(1, "the page was left", 1, bench.now_s)
+    bench.core.pause(1, "the page was left", 1, bench.now_s)
     bench.granted()
 
 
@@ -36,7 +36,7 @@ def comes_back(bench):
 @pytest.mark.parametrize(
     "happens",
     [
-        lambda bench: bench.core.hold(1, "the page was left", 1, bench.now_s),
+        lambda bench: bench.core.pause(1, "the page was left", 1, bench.now_s),
         lambda bench: bench.core.link_lost(1, bench.now_s),
         lambda bench: bench.granted(link=2),
         lambda bench: bench.granted(fence=2),

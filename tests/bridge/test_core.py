@@ -9,7 +9,7 @@ import pytest
 from robots.bridge.core import ODOMETRY_ONLINE_S, RosStatus
 from robots.bridge.gate.holds import Fault
 from robots.bridge.gate.values import STILL, LaserScan, Pose, SpeedLimit, Velocity, Verdict
-from robots.bridge.lease.state_store import Persisted
+from robots.bridge.lease.state_store import SavedState
 from robots.wire import Grant
 from tests.bridge.support import ORDERS, Bench, ObedientBench
 
@@ -71,7 +71,7 @@ def scan_goes_stale(bench):
     ("happens", "code"),
     [
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
-        (lambda bench: bench.core.hold(1, "The page is gone.", 1, bench.now_s), "page_gone"),
+        (lambda bench: bench.core.pause(1, "The page is gone.", 1, bench.now_s), "page_gone"),
         (lambda bench: bench.core.link_lost(1, bench.now_s), "link_lost"),
         (lambda bench: bench.core.ros_status(RosStatus("waiting", ""), bench.now_s), "robot_offline"),
         (lambda bench: bench.core.grant(grant_of(2), 1, bench.now_s), "control_taken"),
@@ -112,7 +112,7 @@ def test_a_command_by_another_link_than_the_grants_is_refused(bench):
 
 
 def test_a_grant_below_the_highest_number_ever_seen_is_refused():
-    bench = Bench(left=Persisted(False, "", "", 9))
+    bench = Bench(left=SavedState(False, "", "", 9))
     refusal = bench.core.lease.check(Grant(8, 3, "s", "Bob", "b", 1.0))
     assert refusal.code == "old_fence"
     assert refusal.figures["highest"] == 9
@@ -165,7 +165,7 @@ def test_another_web_process_that_goes_does_not_disturb_the_drive(bench):
 
 def test_a_page_that_came_back_may_count_from_one_again(bench):
     bench.granted().driving()
-    bench.core.hold(1, "the page was closed", 1, bench.now_s)
+    bench.core.pause(1, "the page was closed", 1, bench.now_s)
     assert bench.last == STILL
     bench.seq = 0
     bench.pass_time(1.0)
@@ -187,9 +187,9 @@ def test_a_hold_by_the_link_that_a_page_has_left_does_not_disturb_its_drive_by_a
     bench.stick(0.5, link=2)
     bench.recorded()
     assert bench.stick(0.5, link=2) is None
-    bench.core.hold(1, "The page is gone.", 1, bench.now_s)
+    bench.core.pause(1, "The page is gone.", 1, bench.now_s)
     assert bench.last == FORWARD
-    bench.core.hold(1, "The page is gone.", 2, bench.now_s)
+    bench.core.pause(1, "The page is gone.", 2, bench.now_s)
     assert bench.last == STILL
 
 
@@ -229,7 +229,7 @@ def test_a_stop_that_was_pressed_while_the_master_was_away_cancels_once_it_is_th
 
 
 def test_a_stop_that_an_earlier_bridge_left_cancels_once_the_master_is_there():
-    assert cancels(Bench(left=Persisted(True, "Bob", "", 4)).online(), 1.0) >= 2
+    assert cancels(Bench(left=SavedState(True, "Bob", "", 4)).online(), 1.0) >= 2
 
 
 def test_a_stop_cancels_for_as_long_as_it_is_latched_and_no_longer(bench):
@@ -296,19 +296,19 @@ def test_the_time_to_standstill_begins_when_the_watchdog_heard_the_press(bench):
     for _ in range(2):
         bench.core.stop("Bob", "", bench.now_s, press)
     bench.pass_time(0.05)
-    bench.core.stopped_elsewhere("Bob", "", press, bench.now_s, pressed_s)
+    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s, pressed_s)
     bench.odometry(STILL)
     bench.pass_time(0.05)
     took_ms = bench.core.stop_state.standstill_ms
     assert took_ms == pytest.approx(2100, abs=110)
-    bench.core.stopped_elsewhere("Bob", "", press, bench.now_s, pressed_s - 1.0)  # told late, too
+    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s, pressed_s - 1.0)  # told late, too
     assert bench.core.stop_state.standstill_ms == took_ms + 1000
 
 
 def test_a_stop_of_another_time_has_no_time_to_standstill(bench):
     bench.granted().driving()
     bench.odometry(FORWARD)
-    bench.core.stopped_elsewhere("Bob", "", None, bench.now_s)
+    bench.core.stop_from_watchdog("Bob", "", None, bench.now_s)
     bench.odometry(STILL)
     bench.pass_time(0.1)
     assert (bench.core.stop_state.state, bench.core.stop_state.standstill_ms) == ("stopped", None)
@@ -319,7 +319,7 @@ def test_a_stop_that_was_pending_has_no_time_to_standstill(bench):
     bench.odometry(FORWARD)
     press = uuid4()
     bench.core.stop("Bob", "", bench.now_s, press, waited=True)
-    bench.core.stopped_elsewhere("Bob", "", press, bench.now_s)  # its other way
+    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s)  # its other way
     bench.odometry(STILL)
     bench.pass_time(0.1)
     assert (bench.core.stop_state.state, bench.core.stop_state.standstill_ms) == ("stopped", None)
@@ -395,9 +395,9 @@ def test_a_clear_of_a_stop_that_was_pressed_again_since_is_refused(bench):
 
 def test_who_pressed_a_stop_is_kept_until_it_is_cleared(bench):
     bench.core.stop("Ann", "a child on the floor", bench.now_s)
-    assert (bench.core.persisted().by, bench.core.persisted().reason) == ("Ann", "a child on the floor")
+    assert (bench.core.saved_state().by, bench.core.saved_state().reason) == ("Ann", "a child on the floor")
     assert bench.core.clear(bench.core.stop_state.number, bench.now_s) is None
-    assert (bench.core.persisted().by, bench.core.persisted().reason) == ("", "")
+    assert (bench.core.saved_state().by, bench.core.saved_state().reason) == ("", "")
 
 
 def test_a_number_that_was_cleared_once_clears_no_later_stop(bench):
@@ -420,7 +420,7 @@ def test_clearing_moves_nothing_until_the_stick_was_in_the_middle(bench):
 
 
 def test_a_pressed_stop_is_found_again_after_a_kill():
-    bench = Bench(left=Persisted(True, "Bob", "", 4))
+    bench = Bench(left=SavedState(True, "Bob", "", 4))
     bench.core.tick(bench.now_s)
     assert bench.core.stop_state.state == "stopping"  # nobody has seen yet whether the robot stands
     bench.online().granted(5)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.messages.fields import FLOATS, INTEGERS, STAMPS, BadField, fitted
+from robots.bridge.messages.fields import FLOATS, INTEGERS, STAMPS, BadField, fit_fields
 from robots.bridge.messages.packing import Broken, Detail, Layout
 from robots.wire import Field
 
@@ -33,7 +33,7 @@ EVERYTHING = [
 def refused(given: dict[str, Any], definition: list[Field] = EVERYTHING) -> tuple[str, str]:
     """The path of the wrong field, and the words."""
     with pytest.raises(BadField) as caught:
-        fitted(definition, given)
+        fit_fields(definition, given)
     assert caught.value.refusal.code == "bad_field"
     path = caught.value.refusal.figures["path"]
     assert isinstance(path, str)
@@ -50,7 +50,7 @@ def refused(given: dict[str, Any], definition: list[Field] = EVERYTHING) -> tupl
     ],
 )
 def test_nested_and_dotted_fields_are_the_same(given):
-    assert fitted(TWIST, given) == {"linear": {"x": 0.2, "y": 0.0}, "angular": {"z": 1.0}}
+    assert fit_fields(TWIST, given) == {"linear": {"x": 0.2, "y": 0.0}, "angular": {"z": 1.0}}
 
 
 @pytest.mark.parametrize(
@@ -132,16 +132,16 @@ def test_a_thousand_levels_of_names_are_refused():
 
 
 def test_constants_are_given_by_their_names_and_array_elements_by_their_numbers():
-    values = fitted(EVERYTHING, {"level": "HIGH", "points.1.y": 2, "points.0.x": 1, "a_int8": 3.0})
+    values = fit_fields(EVERYTHING, {"level": "HIGH", "points.1.y": 2, "points.0.x": 1, "a_int8": 3.0})
     assert values == {"level": 9, "points": [{"x": 1.0}, {"y": 2.0}], "a_int8": 3}
 
 
 def test_times_are_seconds_or_parts_or_now():
-    values = fitted(EVERYTHING, {"a_time": 1.25, "a_duration": -0.5, "header": {"stamp": "now"}})
+    values = fit_fields(EVERYTHING, {"a_time": 1.25, "a_duration": -0.5, "header": {"stamp": "now"}})
     assert values["a_time"] == {"secs": 1, "nsecs": 250_000_000}
     assert values["a_duration"] == {"secs": -1, "nsecs": 500_000_000}
     assert values["header"] == {"stamp": "now"}
-    ends = fitted(EVERYTHING, {"a_time": 2**32 - 0.5, "a_duration": -(2**31)})
+    ends = fit_fields(EVERYTHING, {"a_time": 2**32 - 0.5, "a_duration": -(2**31)})
     assert ends["a_time"] == {"secs": 2**32 - 1, "nsecs": 500_000_000}
     assert ends["a_duration"] == {"secs": -(2**31), "nsecs": 0}
 
@@ -182,7 +182,7 @@ values = st.fixed_dictionaries(
 @given(values)
 def test_what_is_written_is_read_again(given):
     layout = Layout(EVERYTHING)
-    fields, shortened = layout.read(layout.write(fitted(EVERYTHING, given), (0, 0)), ALL)
+    fields, shortened = layout.read(layout.write(fit_fields(EVERYTHING, given), (0, 0)), ALL)
     assert {name: fields[name] for name in given} == given
     assert shortened == {}
 
@@ -190,7 +190,7 @@ def test_what_is_written_is_read_again(given):
 @given(values, st.integers(0, 400))
 def test_a_message_that_was_cut_is_broken_not_a_crash(given, left):
     layout = Layout(EVERYTHING)
-    data = layout.write(fitted(EVERYTHING, given), (0, 0))
+    data = layout.write(fit_fields(EVERYTHING, given), (0, 0))
     for part in (data[:-1], data + b"\0", data[:left] + b"\xff" * 8):
         try:
             layout.read(part, Detail(4, 2, 10))

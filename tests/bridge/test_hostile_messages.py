@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from robots.bridge.messages.packing import LARGEST_WRITTEN, MOST_STEPS, Detail, Layout, TooLarge
+from robots.bridge.messages.packing import MAX_STEPS, MAX_WRITTEN_BYTES, Detail, Layout, TooLarge
 from robots.wire import Field
 
 DETAIL = Detail(whole=32, first=16, text=500)
@@ -48,7 +48,7 @@ def test_parts_of_no_bytes_count_where_they_are_shown():
 
 def test_a_large_message_of_few_parts_is_read():
     texts = Field("texts", "string", array=-1)
-    count = MOST_STEPS // 3
+    count = MAX_STEPS // 3
     shown, _ = Layout([texts]).read(count.to_bytes(4, "little") + bytes(4 * count), DETAIL)
     assert shown == {"texts": [""] * DETAIL.first}
 
@@ -56,7 +56,7 @@ def test_a_large_message_of_few_parts_is_read():
 def test_few_given_elements_that_mean_many_bytes_are_not_written():
     row = Field("row", "e/Row", array=-1, fields=[Field("cells", "float64", array=100_000)])
     began_s = time.monotonic()
-    with pytest.raises(TooLarge, match=f"more than {LARGEST_WRITTEN} bytes"):
+    with pytest.raises(TooLarge, match=f"more than {MAX_WRITTEN_BYTES} bytes"):
         Layout([row]).write({"row": [{}] * 5000}, (0, 0))
     assert time.monotonic() - began_s < SOON_S
 

@@ -14,7 +14,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.topics import inspector_client, line_process
-from robots.bridge.topics.inspector_client import MOST_ASKED, InspectorClient
+from robots.bridge.topics.inspector_client import MAX_QUERIES, InspectorClient
 from tests.bridge.support import CONFIG
 
 PATIENCE_S = 20.0
@@ -72,7 +72,7 @@ class Viewer:
         self.answers.append(message)
         self.news.set()
 
-    def see(self, topic: str, seen: bytes) -> None:
+    def show_sample(self, topic: str, seen: bytes) -> None:
         report = wire.link_report(seen)
         assert isinstance(report, wire.LinkSample)
         self.seen[topic] = msgspec.json.decode(report.shown)
@@ -135,8 +135,8 @@ async def test_an_answer_to_who_has_gone_is_nobodys(relay):
 
 async def test_messages_go_to_whoever_looks_at_the_highest_rate_that_anybody_wants(relay):
     ann, ben = Viewer(), Viewer()
-    relay.look_at(ben, {"/x": 5.0})
-    relay.look_at(ann, {"/x": 2.0, "/y": 1.0})
+    relay.set_subscriptions(ben, {"/x": 5.0})
+    relay.set_subscriptions(ann, {"/x": 2.0, "/y": 1.0})
     await ann.until(lambda: len(ann.seen) == 2 and ann.seen["/x"] == {"rate": 5.0})
     assert ben.seen == {"/x": {"rate": 5.0}}
     relay.forget(ben)
@@ -146,8 +146,8 @@ async def test_messages_go_to_whoever_looks_at_the_highest_rate_that_anybody_wan
 
 async def test_more_topics_than_one_robot_shows_are_refused_in_words(relay):
     ann, ben = Viewer(), Viewer()
-    relay.look_at(ann, {f"/t{number}": 1.0 for number in range(wire.MOST_SUBSCRIPTIONS)})
-    relay.look_at(ben, {"/t0": 1.0, "/one_more": 1.0})
+    relay.set_subscriptions(ann, {f"/t{number}": 1.0 for number in range(wire.MOST_SUBSCRIPTIONS)})
+    relay.set_subscriptions(ben, {"/t0": 1.0, "/one_more": 1.0})
     assert ben.seen["/one_more"]["refusal"]["code"] == "too_many_looks"
     await ann.until(lambda: len(ann.seen) == wire.MOST_SUBSCRIPTIONS)
     assert ben.seen["/t0"] == {"rate": 1.0}
@@ -156,16 +156,16 @@ async def test_more_topics_than_one_robot_shows_are_refused_in_words(relay):
 
 async def test_there_is_no_process_before_somebody_needs_one_nor_long_after(make):
     relay = make(linger_s=0.05)
-    assert relay._helper._process is None
+    assert relay._child._process is None
     ann = Viewer()
-    relay.look_at(ann, {"/x": 1.0})
+    relay.set_subscriptions(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
-    process = relay._helper._process
+    process = relay._child._process
     relay._end_if_idle()  # looked at for longer than the pause
-    assert process is not None and relay._helper._process is process and not relay._helper._let_go
-    relay.look_at(ann, {})
+    assert process is not None and relay._child._process is process and not relay._child._end_asked
+    relay.set_subscriptions(ann, {})
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == 0
-    relay.look_at(ann, {"/y": 1.0})  # and again
+    relay.set_subscriptions(ann, {"/y": 1.0})  # and again
     await ann.until(lambda: "/y" in ann.seen)
 
 
@@ -181,12 +181,12 @@ async def test_a_question_without_an_answer_is_refused_in_time(relay, monkeypatc
 
 async def test_too_many_questions_at_once_are_refused(relay):
     ann = Viewer()
-    for seq in range(MOST_ASKED + 1):
+    for seq in range(MAX_QUERIES + 1):
         relay.ask(ann, question(seq))
-    assert (await ann.answer(MOST_ASKED)).refusal.code == "busy"
-    await ann.answer(MOST_ASKED - 1)
-    relay.ask(ann, question(MOST_ASKED + 1))
-    assert (await ann.answer(MOST_ASKED + 1)).value
+    assert (await ann.answer(MAX_QUERIES)).refusal.code == "busy"
+    await ann.answer(MAX_QUERIES - 1)
+    relay.ask(ann, question(MAX_QUERIES + 1))
+    assert (await ann.answer(MAX_QUERIES + 1)).value
 
 
 @pytest.mark.parametrize("how", ["/die", "/babble"])
@@ -194,7 +194,7 @@ async def test_a_process_that_breaks_is_followed_by_another_that_looks_at_the_sa
     monkeypatch.setattr(line_process, "RESTART_S", (0.01, 0.05))
     monkeypatch.setattr(line_process, "END_S", 0.5)
     ann = Viewer()
-    relay.look_at(ann, {"/x": 1.0})
+    relay.set_subscriptions(ann, {"/x": 1.0})
     relay.ask(ann, question(1))
     first = (await ann.answer(1)).value
     ann.seen.clear()
@@ -209,7 +209,7 @@ async def test_what_was_published_at_a_rate_is_told_as_lost_when_the_process_die
     lost = asyncio.Event()
     relay = make(lost=lost.set)
     ann = Viewer()
-    relay.look_at(ann, {"/published": 1.0})
+    relay.set_subscriptions(ann, {"/published": 1.0})
     await ann.until(lambda: ann.seen)
     relay.publish(AT_A_RATE)
     await ann.until(lambda: ann.seen["/published"] == {"data": "hello"})
@@ -223,7 +223,7 @@ async def test_without_a_process_nothing_is_published_also_not_later(relay):
     assert not relay.publish(ORDER)
     assert not relay.publish(AT_A_RATE)
     ann = Viewer()
-    relay.look_at(ann, {"/published": 1.0})
+    relay.set_subscriptions(ann, {"/published": 1.0})
     assert await ann.until(lambda: ann.seen) == {"/published": {"rate": 1.0}}
 
 
@@ -241,9 +241,9 @@ async def test_fields_are_checked_before_anything_is_published(relay):
 async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypatch):
     monkeypatch.setattr(inspector_client, "SILENCE_S", 0.05)
     ann = Viewer()
-    relay.look_at(ann, {"/x": 1.0})
+    relay.set_subscriptions(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
-    process = relay._helper._process
+    process = relay._child._process
     assert process is not None
     relay.publish(msgspec.structs.replace(AT_A_RATE, topic="/notes"))
     relay.publish_stop("/notes")
@@ -258,9 +258,9 @@ async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypa
 async def test_a_process_that_reads_nothing_is_killed(relay, monkeypatch):
     monkeypatch.setattr(line_process, "LARGEST_BACKLOG", 10_000)
     ann = Viewer()
-    relay.look_at(ann, {"/x": 1.0})
+    relay.set_subscriptions(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
-    process = relay._helper._process
+    process = relay._child._process
     assert process is not None
     relay.ask(ann, question(1, "/doze"))
     assert relay.publish(ORDER)
@@ -281,9 +281,9 @@ async def test_a_program_that_cannot_be_started_leaves_every_question_refused(ma
 async def test_with_the_bridge_its_inspector_ends(make):
     relay = make()
     ann = Viewer()
-    relay.look_at(ann, {"/x": 1.0})
+    relay.set_subscriptions(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
-    process = relay._helper._process
+    process = relay._child._process
     assert process is not None
     await relay.close()
     assert process.returncode == 0
@@ -293,7 +293,7 @@ async def test_an_inspector_that_was_just_being_started_ends_with_the_bridge_too
     relay = make()
     relay.ask(Viewer(), question(1, "/doze"))
     await asyncio.sleep(0)  # it is on its way
-    assert relay._helper._running is not None and relay._helper._process is None
+    assert relay._child._running is not None and relay._child._process is None
     await asyncio.wait_for(relay.close(), PATIENCE_S)
 
 

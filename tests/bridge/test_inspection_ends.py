@@ -48,8 +48,8 @@ class Ear(Viewer):
         super().__init__()
         self.heard: list[dict[str, object]] = []
 
-    def see(self, topic: str, seen: bytes) -> None:
-        super().see(topic, seen)
+    def show_sample(self, topic: str, seen: bytes) -> None:
+        super().show_sample(topic, seen)
         self.heard.append(self.seen[topic])
 
     def kinds(self) -> list[object]:
@@ -68,7 +68,7 @@ async def listen(make):
     async def started(begin="", end="", confirms=True, **changes):
         program = PROGRAM.format(begin=begin, end=end, confirms=confirms)
         relay, ear = make(command=(sys.executable, "-c", program), **changes), Ear()
-        relay.look_at(ear, {"/heard": 10.0})
+        relay.set_subscriptions(ear, {"/heard": 10.0})
         return relay, ear
 
     return started
@@ -104,7 +104,7 @@ async def test_an_inspector_that_does_not_confirm_a_halt_is_killed(listen, monke
     monkeypatch.setattr(inspector_client, "SILENCE_S", 0.05)
     relay, ear = await listen(confirms=False)
     await ear.hears("look_at")
-    process = relay._helper._process
+    process = relay._child._process
     relay.publish(ORDER)
     relay.halt()
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == -9
@@ -165,13 +165,13 @@ async def test_what_was_given_up_before_there_was_a_process_is_not_sent_to_it_la
     monkeypatch.setattr(inspector_client, "START_S", 0.05)
     monkeypatch.setattr(line_process, "RESTART_S", (0.2, 0.2))
     relay, ear = await listen()
-    relay._helper._command, command = ("/nowhere/inspector",), relay._helper._command
+    relay._child._command, command = ("/nowhere/inspector",), relay._child._command
     relay.ask(ear, wire.LinkQuery(1, CALL))
     refusal = (await ear.answer(1)).refusal
     assert refusal.code == "inspector_silent"
     assert refusal.text.endswith("ask again.")
     monkeypatch.setattr(inspector_client, "START_S", PATIENCE_S)
-    relay._helper._command = command
+    relay._child._command = command
     relay.ask(ear, question(2))
     await ear.answer(2)
     assert [line["ask"]["t"] for line in ear.heard if line["t"] == "inspect"] == ["parameter"]
@@ -211,9 +211,9 @@ async def test_who_asks_an_inspector_that_is_being_let_go_is_answered_by_the_nex
     os.mkfifo(may_end)
     relay, ear = await listen(end=f"open({str(may_end)!r}).read()")
     await ear.hears("look_at")
-    process = relay._helper._process
-    relay.look_at(ear, {})
-    relay._helper.let_go()
+    process = relay._child._process
+    relay.set_subscriptions(ear, {})
+    relay._child.end()
     assert process.returncode is None
     relay.ask(ear, question(1))
     await asyncio.to_thread(may_end.write_bytes, b"")

@@ -11,7 +11,7 @@ import pytest
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.bridge.lease.fencing import FenceStore
-from robots.bridge.lease.state_store import Persisted
+from robots.bridge.lease.state_store import SavedState
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.server.link_server import LinkServer
 from robots.bridge.topics.inspector_client import InspectorClient
@@ -26,12 +26,12 @@ class Disk:
     """A state file whose disk hangs until it is let go, or fails."""
 
     def __init__(self) -> None:
-        self.saved: list[Persisted] = []
+        self.saved: list[SavedState] = []
         self.reached = threading.Event()
         self.free = threading.Event()
         self.fails = False
 
-    def save(self, state: Persisted) -> None:
+    def save(self, state: SavedState) -> None:
         self.reached.set()
         assert self.free.wait(10)
         if self.fails:
@@ -52,11 +52,11 @@ def core():
 
 
 @pytest.fixture
-def leasing(core, disk):
-    leasing = FenceStore(core, disk, 0)
-    yield leasing
+def fences(core, disk):
+    fences = FenceStore(core, disk, 0)
+    yield fences
     disk.free.set()
-    leasing.close()
+    fences.close()
 
 
 def asks_to_move(core, fence: int) -> wire.Refusal | None:
@@ -64,9 +64,9 @@ def asks_to_move(core, fence: int) -> wire.Refusal | None:
     return core.drive(drive, 1, 100.0)
 
 
-async def test_a_number_counts_once_it_is_on_disk_and_not_before(leasing, core, disk):
+async def test_a_number_counts_once_it_is_on_disk_and_not_before(fences, core, disk):
     link = Wire(1)
-    leasing.hear(link, GRANT)
+    fences.hear(link, GRANT)
     assert asks_to_move(core, 5).code == "no_lease"
     assert not link.reports
     disk.free.set()
@@ -75,65 +75,65 @@ async def test_a_number_counts_once_it_is_on_disk_and_not_before(leasing, core, 
     assert asks_to_move(core, 5) is None
 
 
-async def test_a_number_on_disk_is_renewed_without_the_disk(leasing, core, disk):
+async def test_a_number_on_disk_is_renewed_without_the_disk(fences, core, disk):
     link = Wire(1)
     disk.free.set()
-    leasing.hear(link, GRANT)
+    fences.hear(link, GRANT)
     await link.hears(wire.Granted(5))
-    leasing.hear(link, GRANT)
+    fences.hear(link, GRANT)
     assert link.reports == [wire.Granted(5), wire.Granted(5)]
     assert len(disk.saved) == 1
 
 
-async def test_a_revoke_behind_its_own_grant_wins(leasing, core, disk):
+async def test_a_revoke_behind_its_own_grant_wins(fences, core, disk):
     link = Wire(1)
-    leasing.hear(link, GRANT)
-    leasing.hear(link, wire.Revoke(5, "taken over"))
+    fences.hear(link, GRANT)
+    fences.hear(link, wire.Revoke(5, "taken over"))
     disk.free.set()
     await link.hears(wire.Granted(5))
     assert core.lease.current is None
     assert asks_to_move(core, 5).code == "no_lease"
 
 
-async def test_a_page_that_goes_while_its_grant_is_written_counts_its_commands_anew(leasing, core, disk):
+async def test_a_page_that_goes_while_its_grant_is_written_counts_its_commands_anew(fences, core, disk):
     link = Wire(1)
-    leasing.hear(link, GRANT)
-    leasing.hear(link, wire.Pause(5, "The page is gone."))
+    fences.hear(link, GRANT)
+    fences.hear(link, wire.Pause(5, "The page is gone."))
     disk.free.set()
     await link.hears(wire.Granted(5))
     assert asks_to_move(core, 5) is None
-    leasing.hear(link, GRANT)
+    fences.hear(link, GRANT)
     assert asks_to_move(core, 5) is None, "the page came back and begins with number 1 again"
 
 
-async def test_a_page_is_gone_only_for_the_link_that_its_control_came_by(leasing, core, disk):
+async def test_a_page_is_gone_only_for_the_link_that_its_control_came_by(fences, core, disk):
     left, back = Wire(1), Wire(2)
     disk.free.set()
-    leasing.hear(left, GRANT)
+    fences.hear(left, GRANT)
     await left.hears(wire.Granted(5))
-    leasing.hear(back, GRANT)
+    fences.hear(back, GRANT)
     assert core.drive(wire.Drive(fence=5, seq=9, sent_ms=0.0, x=0.0, w=0.0), 2, 100.0) is None
-    leasing.hear(left, wire.Pause(5, "The page is gone."))
+    fences.hear(left, wire.Pause(5, "The page is gone."))
     assert core.state(100.0, []).seq == 9, "it counts on"
-    leasing.hear(back, wire.Pause(5, "The page is gone."))
+    fences.hear(back, wire.Pause(5, "The page is gone."))
     assert core.state(100.0, []).seq is None
 
 
-async def test_an_older_holder_is_revoked_while_the_next_number_is_written(leasing, core, disk):
+async def test_an_older_holder_is_revoked_while_the_next_number_is_written(fences, core, disk):
     link = Wire(1)
     disk.free.set()
-    leasing.hear(link, GRANT)
+    fences.hear(link, GRANT)
     await link.hears(wire.Granted(5))
     disk.free.clear()
-    leasing.hear(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
-    leasing.hear(link, wire.Revoke(5, "taken over"))
+    fences.hear(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
+    fences.hear(link, wire.Revoke(5, "taken over"))
     assert core.lease.current is None
 
 
-async def test_of_two_numbers_on_their_way_to_the_disk_the_higher_one_gets_control(leasing, core, disk):
+async def test_of_two_numbers_on_their_way_to_the_disk_the_higher_one_gets_control(fences, core, disk):
     link = Wire(1)
-    leasing.hear(link, GRANT)
-    leasing.hear(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
+    fences.hear(link, GRANT)
+    fences.hear(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
     disk.free.set()
     await link.hears(wire.Granted(6))
     assert [type(report) for report in link.reports] == [wire.Refused, wire.Granted]
@@ -141,32 +141,32 @@ async def test_of_two_numbers_on_their_way_to_the_disk_the_higher_one_gets_contr
     assert [state.fence for state in disk.saved] == [5, 6]
 
 
-async def test_a_link_that_is_gone_gets_nothing(leasing, core, disk):
+async def test_a_link_that_is_gone_gets_nothing(fences, core, disk):
     gone, there = Wire(1), Wire(2)
-    leasing.hear(gone, GRANT)
-    leasing.forget(gone)
-    leasing.hear(there, GRANT)
+    fences.hear(gone, GRANT)
+    fences.forget(gone)
+    fences.hear(there, GRANT)
     disk.free.set()
     await there.hears(wire.Granted(5))
     assert (core.lease.link, gone.reports) == (2, [])
 
 
-async def test_a_number_that_cannot_be_written_is_not_given(leasing, core, disk):
+async def test_a_number_that_cannot_be_written_is_not_given(fences, core, disk):
     link = Wire(1)
     disk.fails = True
     disk.free.set()
-    leasing.hear(link, GRANT)
+    fences.hear(link, GRANT)
     await asyncio.wait_for(link.news.wait(), 10)
     (refused,) = link.reports
     assert refused.refusal.code == "state_not_saved"
     assert "No space left on device" in refused.refusal.text
     disk.fails = False
-    leasing.hear(link, GRANT)
+    fences.hear(link, GRANT)
     await link.hears(wire.Granted(5))
 
 
-async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(leasing, core, disk, tmp_path):
-    door = LinkHandler(core, leasing, InspectorClient(core.config, lambda: None))
+async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(fences, core, disk, tmp_path):
+    door = LinkHandler(core, fences, InspectorClient(core.config, lambda: None))
     address = LinkAddress(unix_path=str(tmp_path / "b.sock"))
     server = LinkServer(address, door.opened, door.received, door.closed)
     await server.start()

@@ -259,7 +259,7 @@ async def test_nothing_piles_up_before_a_bridge_that_reads_nothing(link, bridge)
         with pytest.raises(LinkRefused) as refused:
             await asked
         assert refused.value.refusal.code == "busy"
-    link.look_at(link.follower, {"/odom": 5.0})
+    link.set_subscriptions(link.follower, {"/odom": 5.0})
     remote._socket.transport.resume_reading()
     await link.stop(wire.LinkStop("Ann"), timeout_s=10)
     assert await link.forward(drive)
@@ -441,7 +441,7 @@ class TestWhoseBridge:
 
     async def test_the_bridge_hears_nothing_but_a_hello_and_refuses_the_stop(self, stray, bridge):
         stray.watch(stray.follower, ["Ann"])
-        stray.look_at(stray.follower, {"/odom": 5.0})
+        stray.set_subscriptions(stray.follower, {"/odom": 5.0})
         await stray.follower.until_refused("other_robot")
         with pytest.raises(LinkRefused) as refused:
             await stray.grant(grant(2))
@@ -476,7 +476,7 @@ class TestWhoseBridge:
         monkeypatch.setattr(bridge.server, "_on_open", lambda _link: connected.set())
         link = BridgeLink(ROBOT, address)
         link.watch(follower := Follower(), ["Ann"])
-        link.look_at(follower, {"/odom": 5.0})
+        link.set_subscriptions(follower, {"/odom": 5.0})
         await asyncio.wait_for(connected.wait(), 5)
         with pytest.raises(LinkRefused):
             await link.grant(grant(2))

@@ -342,7 +342,7 @@ def test_points_that_come_before_the_record_wait_for_it(bench):
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
         (lambda bench: bench.odometry(Velocity(0.3, 0.0, 0.0)), "base_moving"),
         (lambda bench: bench.pass_time(3.1), "robot_silent"),
-        (lambda bench: bench.core.hold(1, "the page was left", 1, bench.now_s), "link_lost"),
+        (lambda bench: bench.core.pause(1, "the page was left", 1, bench.now_s), "link_lost"),
         (lambda bench: bench.core.link_lost(1, bench.now_s), "link_lost"),
         (lambda bench: bench.granted(link=2), "other_link"),
         (lambda bench: runs_out(bench), "no_lease"),

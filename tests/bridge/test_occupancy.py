@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from robots.bridge.maps.occupancy import LARGEST_SIDE, MOST_CELLS, MOST_SIDE, BadMap, taken
+from robots.bridge.maps.occupancy import MAX_MAP_SIDE, MAX_PICTURE_SIDE, MOST_CELLS, BadMap, taken
 
 NORTH = (0.0, 0.0, math.sin(math.pi / 4.0), math.cos(math.pi / 4.0))
 UNKNOWN, FREE, OCCUPIED = ((127, 135, 131, opacity) for opacity in (0, 34, 255))
@@ -76,16 +76,16 @@ def test_what_is_unknown_all_around_is_cut_away_and_the_origin_moves_with_it():
 
 
 def test_a_map_with_too_many_cells_for_a_picture_is_thinned_and_a_thin_wall_stays():
-    cells = np.zeros((3, 2 * LARGEST_SIDE), np.int8)
+    cells = np.zeros((3, 2 * MAX_PICTURE_SIDE), np.int8)
     cells[0, 5] = 100
     told = taken(grid(cells))
-    assert (told.width, told.height, told.resolution_m) == (LARGEST_SIDE, 2, 0.1)
+    assert (told.width, told.height, told.resolution_m) == (MAX_PICTURE_SIDE, 2, 0.1)
     upper, lower = pixels(told)
     assert [index for index, pixel in enumerate(lower) if pixel == OCCUPIED] == [2]
     assert set(upper) == {FREE}
 
 
-@pytest.mark.parametrize("size", [(1, MOST_SIDE), (MOST_SIDE, 1)])
+@pytest.mark.parametrize("size", [(1, MAX_MAP_SIDE), (MAX_MAP_SIDE, 1)])
 def test_the_longest_map_is_thinned_within_little_memory(size):
     tracemalloc.start()
     try:
@@ -93,7 +93,7 @@ def test_the_longest_map_is_thinned_within_little_memory(size):
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert sorted((told.width, told.height)) == [1, LARGEST_SIDE]
+    assert sorted((told.width, told.height)) == [1, MAX_PICTURE_SIDE]
     assert peak < 1024 * 1024
 
 
@@ -126,9 +126,9 @@ NAN = math.nan
         (grid(size=(4, 4)), "4 x 4 cells, but data for 12"),
         (grid(size=(0, 12)), "12 x 0 cells"),
         (grid(size=(2**32 - 1, 2**32 - 1)), "4294967295 x 4294967295 cells"),
-        (grid(size=(MOST_SIDE, MOST_CELLS // MOST_SIDE + 1)), "1025 x 16384 cells$"),
-        (grid(np.zeros((1, MOST_SIDE + 1))), "16385 x 1 cells$"),
-        (grid(np.zeros((MOST_SIDE + 1, 1))), "1 x 16385 cells$"),
+        (grid(size=(MAX_MAP_SIDE, MOST_CELLS // MAX_MAP_SIDE + 1)), "1025 x 16384 cells$"),
+        (grid(np.zeros((1, MAX_MAP_SIDE + 1))), "16385 x 1 cells$"),
+        (grid(np.zeros((MAX_MAP_SIDE + 1, 1))), "1 x 16385 cells$"),
         (grid(resolution_m=NAN), "nan m wide"),
         (grid(resolution_m=0.0), "0.0 m wide"),
         (grid(resolution_m=-0.05), "m wide"),

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.bridge.audit.drive_path import LEVER_M, TOLERANCE_M, Path, Sample, simplified
+from robots.bridge.audit.drive_path import LEVER_M, TOLERANCE_M, Path, Sample, simplify
 
 CENTIMETRE = 0.01
 
@@ -45,30 +45,30 @@ def miss_m(path: Sequence[Sample], truth: Iterable[Sample]) -> float:
 
 def test_an_even_drive_straight_on_is_its_two_ends() -> None:
     samples = straight(0.5, 0.5, 0.5, 0.5)
-    assert simplified(samples, CENTIMETRE) == [samples[0], samples[-1]]
+    assert simplify(samples, CENTIMETRE) == [samples[0], samples[-1]]
 
 
 def test_a_corner_is_kept() -> None:
     there = straight(0.5, 0.5)
     back = [Sample(s.t_s + 2.0, 1.0, s.x, 0.0, s.speed) for s in straight(0.5, 0.5)[1:]]
-    assert simplified(there + back, CENTIMETRE) == [there[0], there[-1], back[-1]]
+    assert simplify(there + back, CENTIMETRE) == [there[0], there[-1], back[-1]]
 
 
 def test_where_it_waited_on_a_straight_way_is_kept() -> None:
     samples = straight(0.5, 0.0, 0.0, 0.0, 0.5)
-    assert [sample.t_s for sample in simplified(samples, CENTIMETRE)] == [0.0, 1.0, 4.0, 5.0]
+    assert [sample.t_s for sample in simplify(samples, CENTIMETRE)] == [0.0, 1.0, 4.0, 5.0]
 
 
 def test_a_turn_on_the_spot_is_kept() -> None:
     yaws = [0.0, 0.0, 0.5, 1.0, 1.0]
     samples = [Sample(t / 2, 0.0, 0.0, yaw, 0.0) for t, yaw in enumerate(yaws)]
-    assert [sample.yaw for sample in simplified(samples, CENTIMETRE)] == [0.0, 0.0, 1.0, 1.0]
+    assert [sample.yaw for sample in simplify(samples, CENTIMETRE)] == [0.0, 0.0, 1.0, 1.0]
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_what_cannot_be_shorter_stays_as_it_is(count: int) -> None:
     samples = straight(0.5)[:count]
-    assert simplified(samples, CENTIMETRE) == samples
+    assert simplify(samples, CENTIMETRE) == samples
 
 
 @given(
@@ -79,7 +79,7 @@ def test_no_sample_is_farther_from_the_path_than_the_tolerance(
     poses: list[tuple[float, float, float]], tolerance_m: float
 ) -> None:
     samples = [Sample(t / 2, *pose, 0.0) for t, pose in enumerate(poses)]
-    path = simplified(samples, tolerance_m)
+    path = simplify(samples, tolerance_m)
     assert (path[0], path[-1]) == (samples[0], samples[-1])
     assert miss_m(path, samples) <= tolerance_m + 1e-9
 

@@ -16,8 +16,8 @@ from django.conf import settings
 
 from robots import wire
 from robots.bridge.config import LinkAddress
-from robots.bridge.lease.state_store import Persisted
-from robots.bridge.process import heeding
+from robots.bridge.lease.state_store import SavedState
+from robots.bridge.process import initial_state
 from robots.bridge.server.link_server import Link, LinkServer
 from robots.link.client import BridgeLink
 from robots.stop import courier
@@ -120,9 +120,9 @@ async def test_a_stop_without_a_bridge_is_pending_and_stops_the_next_one(
 
 def test_a_bridge_begins_latched_while_a_stop_waits_for_it() -> None:
     stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
-    left = Persisted(False, "", "", 7)
-    assert heeding([], left) == (left, [])
-    assert heeding([stop], left) == (Persisted(True, "Ann", "smoke", 7), [stop.press])
+    left = SavedState(False, "", "", 7)
+    assert initial_state([], left) == (left, [])
+    assert initial_state([stop], left) == (SavedState(True, "Ann", "smoke", 7), [stop.press])
 
 
 async def test_a_link_says_a_waiting_stop_first(address: LinkAddress, bridge: Bridge, run_dir: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from msgspec import structs
 
 from robots.bridge.config import LinkAddress
-from robots.bridge.lease.state_store import Persisted, StateStore
+from robots.bridge.lease.state_store import SavedState, StateStore
 from robots.bridge.process import TICK_S, Bridge
 from robots.wire import Grant
 from tests.bridge.support import CONFIG, MemorySink
@@ -19,7 +19,7 @@ from tests.bridge.support import CONFIG, MemorySink
 async def bridge(tmp_path):
     store = StateStore(tmp_path, CONFIG.robot_id)
     store.lock()
-    store.save(Persisted(False, "", "", 0))
+    store.save(SavedState(False, "", "", 0))
     config = structs.replace(CONFIG, link=LinkAddress(unix_path=str(tmp_path / "bridge.sock")))
     yield Bridge(config, MemorySink(), store)
     store.unlock()

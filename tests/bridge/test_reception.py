@@ -30,9 +30,9 @@ def bench():
 
 @pytest.fixture
 def door(bench, tmp_path):
-    leasing = FenceStore(bench.core, StateStore(tmp_path, "robot"), 0)
-    yield LinkHandler(bench.core, leasing, InspectorClient(bench.core.config, lambda: None))
-    leasing.close()
+    fences = FenceStore(bench.core, StateStore(tmp_path, "robot"), 0)
+    yield LinkHandler(bench.core, fences, InspectorClient(bench.core.config, lambda: None))
+    fences.close()
 
 
 def drive(seq: int, fence: int = GRANT.fence, x: float = 0.0) -> bytes:

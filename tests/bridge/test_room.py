@@ -36,7 +36,7 @@ class Scene:
 
     def why_not(self, running=True):
         """The sensor that knows of something in the way."""
-        refusal = self.room.why_none(SPACE, self.now_s, running=running)
+        refusal = self.room.refuse(SPACE, self.now_s, running=running)
         return refusal and refusal.figures["sensor"]
 
     def moves(self, lies, seconds):

@@ -9,9 +9,9 @@ from robots.bridge.tasks.speech import (
     LINGER_S,
     LONGEST_CHARACTERS,
     Utterance,
-    own_language,
+    find_spoken_word,
+    robot_language,
     why_not_speakable,
-    word_said,
 )
 from tests.bridge.support import CONFIG, Bench
 
@@ -60,11 +60,11 @@ def test_control_characters_are_refused_with_their_place(character):
     ],
 )
 def test_a_language_is_called_what_the_robot_calls_it(asked, sent):
-    assert own_language(asked, ["en-US", "en-GB", "es-ES", "zh-Hant-TW", "ca"]) == sent
+    assert robot_language(asked, ["en-US", "en-GB", "es-ES", "zh-Hant-TW", "ca"]) == sent
 
 
 def test_a_robot_that_lists_no_languages_is_sent_what_was_asked_for():
-    assert own_language("es", []) == "es"
+    assert robot_language("es", []) == "es"
 
 
 # --- what becomes of a text that is asked for --------------------------------------------------------
@@ -380,4 +380,4 @@ def test_a_text_whose_topic_cannot_be_connected_is_given_up(bench):
     ],
 )
 def test_the_word_that_is_spoken_is_found_in_the_text(text, said, after, word):
-    assert word_said(text, said, after) == word
+    assert find_spoken_word(text, said, after) == word

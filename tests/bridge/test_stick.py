@@ -14,7 +14,7 @@ from robots.bridge.drive.drive_input import DriveInput
 from robots.bridge.drive.input_filters import (
     COMMAND_LIFE_S,
     DEFAULT,
-    STEADYING,
+    SMOOTHING,
     Curve,
     DeadZone,
     Mean,
@@ -45,7 +45,7 @@ steps: dict[type, st.SearchStrategy[StickStep]] = {
 steadying = st.one_of(steps[OneEuro], steps[Mean])
 chains = (
     st.lists(st.sampled_from(list(steps)), unique=True)
-    .filter(lambda kinds: len({*kinds} & {*STEADYING}) < 2)
+    .filter(lambda kinds: len({*kinds} & {*SMOOTHING}) < 2)
     .flatmap(lambda kinds: st.tuples(*(steps[kind] for kind in kinds)))
 )
 hands = st.lists(st.tuples(positions, gaps_s), min_size=1, max_size=30)

@@ -7,7 +7,7 @@ from unittest.mock import patch
 
 import pytest
 
-from robots.bridge.lease.state_store import AlreadyRunning, Persisted, StateStore
+from robots.bridge.lease.state_store import AlreadyRunning, SavedState, StateStore
 
 
 @pytest.fixture
@@ -16,12 +16,12 @@ def store(tmp_path):
 
 
 def test_latch_and_number_come_back(store):
-    store.save(Persisted(True, "Ann", "why", 7))
-    assert store.load(0) == Persisted(True, "Ann", "why", 7)
+    store.save(SavedState(True, "Ann", "why", 7))
+    assert store.load(0) == SavedState(True, "Ann", "why", 7)
 
 
 def test_a_robot_that_was_never_driven_starts_clear(store):
-    assert store.load(0) == Persisted(False, "", "", 0)
+    assert store.load(0) == SavedState(False, "", "", 0)
 
 
 def test_a_lost_file_counts_as_a_pressed_stop(store):
@@ -37,16 +37,16 @@ def test_a_spoilt_file_counts_as_a_pressed_stop(store, tmp_path):
 
 
 def test_the_highest_number_that_either_side_knows_counts(store):
-    store.save(Persisted(False, "", "", 7))
+    store.save(SavedState(False, "", "", 7))
     assert store.load(9).fence == 9
     assert store.load(2).fence == 7
 
 
 def test_a_stop_that_cannot_be_written_takes_the_file_away_which_says_the_same(store, tmp_path):
-    store.save(Persisted(False, "", "", 7))
+    store.save(SavedState(False, "", "", 7))
     (tmp_path / "robot.new").mkdir()  # writing fails
     with pytest.raises(OSError, match="directory"):
-        store.save(Persisted(True, "Ann", "", 7))
+        store.save(SavedState(True, "Ann", "", 7))
     assert store.load(7).latched
 
 
@@ -59,24 +59,24 @@ def test_what_is_saved_is_there_after_a_power_cut(store, tmp_path):
         synced.append((is_folder, (tmp_path / "robot.json").exists()))
 
     with patch.object(os, "fsync", fsync):
-        store.save(Persisted(True, "Ann", "", 7))
+        store.save(SavedState(True, "Ann", "", 7))
     assert synced == [(False, False), (True, True)]
 
 
 def test_a_stop_whose_name_does_not_get_to_the_disk_takes_the_file_away_too(store):
-    store.save(Persisted(False, "", "", 7))
+    store.save(SavedState(False, "", "", 7))
     with (
         patch.object(os, "fsync", side_effect=[None, OSError(5, "I/O error")]),
         pytest.raises(OSError, match="I/O"),
     ):
-        store.save(Persisted(True, "Ann", "", 7))
+        store.save(SavedState(True, "Ann", "", 7))
     assert "missing" in store.load(7).reason
 
 
 def test_a_folder_that_cannot_be_synced_takes_nothing_away(store):
     with patch.object(os, "fsync", side_effect=[None, OSError(errno.EINVAL, "Invalid argument")]):
-        store.save(Persisted(True, "Ann", "smoke", 7))
-    assert store.load(7) == Persisted(True, "Ann", "smoke", 7)
+        store.save(SavedState(True, "Ann", "smoke", 7))
+    assert store.load(7) == SavedState(True, "Ann", "smoke", 7)
 
 
 def test_a_second_bridge_on_this_machine_is_refused(store, tmp_path):

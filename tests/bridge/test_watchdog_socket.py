@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from robots import wire
-from robots.bridge.lease.state_store import Persisted, StateStore
+from robots.bridge.lease.state_store import SavedState, StateStore
 from robots.bridge.watchdog.client import MISSING_S, WatchdogClient
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
 from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
@@ -120,7 +120,7 @@ def test_a_stop_that_is_kept_outlives_its_watchdog_and_a_damaged_file_is_one_as_
 
 def test_a_latch_in_the_bridges_state_file_is_no_stop_that_the_bridge_has_not_heard(tmp_path: Path) -> None:
     robot = uuid4()
-    StateStore(tmp_path, str(robot)).save(Persisted(True, "Ann", "smoke", 3))
+    StateStore(tmp_path, str(robot)).save(SavedState(True, "Ann", "smoke", 3))
     kept = StopFile(str(tmp_path), robot)
     assert kept.load() is None
     assert kept.before() == Heartbeat(latched=True, by="Ann", reason="smoke")

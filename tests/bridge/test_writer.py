@@ -22,7 +22,7 @@ class Log:
         self.answers = threading.Event()
         self.answers.set()
 
-    def pulse(self) -> None:
+    def test_writable(self) -> None:
         self._reach()
         self.pulses += 1
 
@@ -47,7 +47,7 @@ def log() -> Log:
 
 @pytest.fixture
 def writer(log: Log) -> Iterator[RecordWriter]:
-    writer = RecordWriter(log.pulse)
+    writer = RecordWriter(log.test_writable)
     yield writer
     log.answers.set()
     writer.close()
@@ -56,7 +56,7 @@ def writer(log: Log) -> Iterator[RecordWriter]:
 def written(writer: RecordWriter) -> None:
     """Wait until the worker has done what it can."""
     done = threading.Event()
-    writer.aside(done.set)
+    writer.run_in_background(done.set)
     assert done.wait(10)
 
 
@@ -190,7 +190,7 @@ def test_after_trouble_the_database_is_tried_until_it_is_back_though_nobody_watc
 
 
 def test_what_could_not_be_written_before_the_end_is_told(log: Log, caplog: pytest.LogCaptureFixture) -> None:
-    writer = RecordWriter(log.pulse)
+    writer = RecordWriter(log.test_writable)
     log.away = "locked"
     writer.keep(log.row("a"), 0.0)
     with caplog.at_level(logging.ERROR):

@@ -55,9 +55,9 @@ def test_what_is_there_twice_is_one_phrase() -> None:
     [
         (b"Hello.\nGerman\tHallo.", "line 2: “German” is not a language code such as en-GB."),
         (b"Hello.\n\tHallo.", "line 2: “” is not a language code"),
-        (b"de-DE\t", "line 1: There is nothing to say"),
+        (b"de-DE\t", "line 1: The text is empty"),
         (b"Hello.\n\nBe\x07ep.", "line 3: Character 3 (U+0007) cannot be spoken"),
-        (b"Hello.\n" + b"x" * 501, "line 2: The text has 501 characters; at most 500"),
+        (b"Hello.\n" + b"x" * 501, "line 2: The text has 501 characters; the limit is 500"),
         (b"en-GB\tHello.\tgreeting\tmore", "line 1: There are more than two tabs"),
         (b"en-GB\tHello.\t" + b"x" * 201, "line 1: The tags have 201 characters"),
         (b"en-GB\tHello.\t" + MANY_TAGS.encode(), "line 1: The tags have 208 characters"),

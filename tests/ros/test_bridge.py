@@ -133,7 +133,7 @@ def test_a_bridge_that_ends_leaves_the_robot_at_zero_whatever_else_fails(rosmast
         patch.object(RosBase, "stop") as stop,
         pytest.raises(RuntimeError, match="broken"),
     ):
-        bridge._let_go(time.monotonic())
+        bridge._leave_at_zero(time.monotonic())
     stop.assert_called_once_with()
 
 

@@ -204,7 +204,7 @@ def given_up(monkeypatch) -> threading.Event:
 
 def test_with_the_thread_that_shows_topics_the_process_ends(ros, tmp_path, given_up):
     looks = Subscriptions(Definitions(tmp_path), lambda *_: None)
-    looks.look_at({"/look/never": NEVER_HZ})
+    looks.set_subscriptions({"/look/never": NEVER_HZ})
     assert given_up.wait(PATIENCE_S)
     for look in looks._subscriptions.values():
         look.close()

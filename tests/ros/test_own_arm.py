@@ -77,7 +77,7 @@ class Robot:
     def why_not_home(self):
         now_s = self.looker.now_s
         home = Motion(tuple(JOINTS), (tuple(RAISED), tuple(FOLDED)))
-        return self.room.why_none(self.topics.sweep(home, now_s), now_s)
+        return self.room.refuse(self.topics.sweep(home, now_s), now_s)
 
 
 @pytest.mark.parametrize("description", [WHOLE, without_hand()], ids=["whole", "without hand"])

@@ -17,7 +17,7 @@ SAMPLE_S = 0.5
 TOLERANCE_M = 0.05
 # m: the error counts at a point this far in front of the robot's middle, so that turns on the spot are kept
 LEVER_M = 0.25
-MOST_SAMPLES = 600  # limit for a path of any length of drive
+MAX_SAMPLES = 600  # limit for a path of any length of drive
 
 
 class Sample(NamedTuple):
@@ -30,7 +30,7 @@ class Sample(NamedTuple):
     speed: float  # m/s
 
 
-def simplified(samples: Sequence[Sample], tolerance_m: float) -> list[Sample]:
+def simplify(samples: Sequence[Sample], tolerance_m: float) -> list[Sample]:
     """Return the fewest of these samples that Ramer-Douglas-Peucker keeps, with the first and the last.
 
     Linear motion between kept samples is, at the time of each dropped sample, within `tolerance_m` of it. Lines are
@@ -61,7 +61,7 @@ def simplified(samples: Sequence[Sample], tolerance_m: float) -> list[Sample]:
 class Path:
     """The path of one drive, simplified as it grows. The tolerance is widened when the path becomes too long."""
 
-    def __init__(self, most: int = MOST_SAMPLES) -> None:
+    def __init__(self, most: int = MAX_SAMPLES) -> None:
         self.samples: list[Sample] = []
         self.tolerance_m = TOLERANCE_M  # upper limit of the error of all added samples
         self._most = most
@@ -69,10 +69,10 @@ class Path:
     def extend(self, fresh: Sequence[Sample]) -> None:
         """Add samples in order of time."""
         settled, joint = self.samples[:-1], self.samples[-1:]
-        self.samples = settled + simplified([*joint, *fresh], self.tolerance_m)
+        self.samples = settled + simplify([*joint, *fresh], self.tolerance_m)
         while len(self.samples) > self._most:
             # Simplifying again may add this error once more.
-            self.samples = simplified(self.samples, self.tolerance_m)
+            self.samples = simplify(self.samples, self.tolerance_m)
             self.tolerance_m *= 2.0
 
 

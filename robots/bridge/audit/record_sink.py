@@ -93,7 +93,7 @@ class RecordSink(Protocol):
     def settle(self) -> None:
         """Commit missing ends of an earlier bridge of this robot. Called before everything else."""
 
-    def pulse(self) -> None:
+    def test_writable(self) -> None:
         """Test whether a record could be committed."""
 
     def begin_drive(self, holder: Holder, start: Place) -> int:

@@ -43,10 +43,10 @@ class _Job:
 class RecordWriter:
     """Passes calls of a sink to the worker thread. Its methods run on the control loop's thread and never wait."""
 
-    def __init__(self, pulse: Callable[[], None]) -> None:
+    def __init__(self, test_writable: Callable[[], None]) -> None:
         self.on_done: Callable[[], object] = lambda: None  # on the worker's thread, after each request
-        self._pulse = pulse
-        self._pulsed: _Job | None = None
+        self._test_writable = test_writable
+        self._last_test: _Job | None = None
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="records")
         self._open: list[_Job] = []  # not done yet, as far as the loop knows
         self._unwritten: deque[_Job] = deque()  # used by the worker only, in order
@@ -62,19 +62,19 @@ class RecordWriter:
         """Write an event as soon as possible; never, if the request `of` it was never written."""
         return self._submit(_Job(call, now_s, kept=True, of=of))
 
-    def aside(self, call: Callable[[], object]) -> None:
+    def run_in_background(self, call: Callable[[], object]) -> None:
         """Run slow work of the control loop on the worker, in the same order."""
         self._worker.submit(_logged, call)
 
     def tick(self, now_s: float, watched: bool) -> None:
         """Run the periodic work. `watched`: test whether the database can be written."""
         self._open = [job for job in self._open if not job.done.done()]
-        last = self._pulsed
+        last = self._last_test
         if last and (now_s - last.asked_s < PULSE_S or not last.done.done()):
             return
         if watched or self._trouble:
-            self._pulsed = _Job(self._pulse, now_s, kept=False)
-            self._submit(self._pulsed)
+            self._last_test = _Job(self._test_writable, now_s, kept=False)
+            self._submit(self._last_test)
 
     @property
     def trouble(self) -> Trouble | None:

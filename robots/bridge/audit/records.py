@@ -57,7 +57,7 @@ class Records(RecordWriter):
     """The records of one bridge."""
 
     def __init__(self, sink: RecordSink) -> None:
-        super().__init__(sink.pulse)
+        super().__init__(sink.test_writable)
         self.sink = sink
 
     def open(self, on_done: Callable[[], object], now_s: float) -> None:
@@ -95,7 +95,7 @@ class Records(RecordWriter):
 
     def keep_map(self, taken: TakenMap) -> None:
         """Store the robot's map between two records."""
-        self.aside(partial(self.sink.keep_map, taken))
+        self.run_in_background(partial(self.sink.keep_map, taken))
 
 
 def unrecorded(why: str, ended: Sequence[str] = ()) -> Refusal:

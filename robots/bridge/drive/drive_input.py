@@ -38,7 +38,7 @@ class DriveInput:
     """The newest command of one source (a page, or its holder's programs), after the input filters `steps`.
 
     A command lives `COMMAND_LIFE_S` from the earliest time at which it can have been sent. After a stop by any cause
-    other than the operator, the source `owes` neutral: it moves nothing before its stick was in the middle.
+    other than the operator, the source `neutral_needed` neutral: it moves nothing before its stick was in the middle.
     """
 
     def __init__(self, steps: Sequence[StickStep] = ()) -> None:
@@ -48,7 +48,7 @@ class DriveInput:
         self._age = AgeEstimator()
         self._drive: Drive | None = None
         self._dies_s = float("-inf")
-        self.owes: NeutralNeeded | None = None
+        self.neutral_needed: NeutralNeeded | None = None
         self.is_out = False  # as last seen, also after that command expired
 
     @property
@@ -78,7 +78,7 @@ class DriveInput:
                 "dead-man",
                 {"age_s": round(age_s, 3), "limit_s": COMMAND_LIFE_S},
             )
-        self._drive = self._shaped(drive, now_s)
+        self._drive = self._filtered(drive, now_s)
         self._dies_s = now_s + COMMAND_LIFE_S - age_s
         return None
 
@@ -86,12 +86,12 @@ class DriveInput:
         """Return the valid command; None if the last one has expired."""
         return self._drive if now_s < self._dies_s else None
 
-    def owe(self, code: str, reason: str) -> None:
+    def require_neutral(self, code: str, reason: str) -> None:
         """Require a stick in the middle before anything moves. The first reason is the one reported."""
-        if self.owes is None:
-            self.owes = NeutralNeeded(code, reason.rstrip("."))
+        if self.neutral_needed is None:
+            self.neutral_needed = NeutralNeeded(code, reason.rstrip("."))
 
-    def _shaped(self, drive: Drive, now_s: float) -> Drive:
+    def _filtered(self, drive: Drive, now_s: float) -> Drive:
         """Return the command with its position filtered.
 
         Each command passes the filters once, however often the core ticks.

@@ -134,7 +134,7 @@ class DriveLog:
             self._drive = None
             return
         if len(drive.track.fresh) >= SIMPLIFIED_AT_ONCE:
-            self._records.aside(partial(drive.path.extend, drive.track.taken()))
+            self._records.run_in_background(partial(drive.path.extend, drive.track.taken()))
         if not still:
             drive.still_since_s = None
             return
@@ -152,7 +152,7 @@ class DriveLog:
             return
         self._end_intervention(now_s)
         self._drive = None
-        self._records.aside(partial(drive.path.extend, drive.track.taken(last=True)))
+        self._records.run_in_background(partial(drive.path.extend, drive.track.taken(last=True)))
         track, end = drive.track, self._place
 
         def write() -> None:

@@ -142,7 +142,7 @@ def _weight(cutoff_hz: float, dt_s: float) -> float:
     return 1.0 / (1.0 + 1.0 / (2.0 * math.pi * cutoff_hz * dt_s))
 
 
-def smoothed(step: OneEuro | Mean, memory: Memory | None, position: StickPosition, dt_s: float) -> Memory:
+def smooth(step: OneEuro | Mean, memory: Memory | None, position: StickPosition, dt_s: float) -> Memory:
     """Return the new memory of `step`; the first value of each axis is its output.
 
     The filter is bypassed at zero and at a reversal.
@@ -162,7 +162,7 @@ def smoothed(step: OneEuro | Mean, memory: Memory | None, position: StickPositio
 # --- the chain -----------------------------------------------------------------------------------
 
 StickStep = Scale | DeadZone | Curve | OneEuro | Mean | Snap
-STEADYING = (OneEuro, Mean)
+SMOOTHING = (OneEuro, Mean)
 STEPS = {str(step.__struct_config__.tag): step for step in (Scale, DeadZone, Curve, OneEuro, Mean, Snap)}
 DEFAULT: tuple[StickStep, ...] = (DeadZone(), Curve(), OneEuro())
 
@@ -175,8 +175,8 @@ def apply_filters(
     `memory` None: this is the first position. A chain has at most one smoothing step (`stick_problems`).
     """
     for step in steps:
-        if isinstance(step, STEADYING):
-            memory = smoothed(step, memory, position, dt_s)
+        if isinstance(step, SMOOTHING):
+            memory = smooth(step, memory, position, dt_s)
             position = StickPosition(*(axis[0] for axis in memory))
         else:
             position = step(position)

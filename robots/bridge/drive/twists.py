@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from robots.bridge.gate.values import Velocity
-from robots.bridge.messages.fields import BadField, fitted
+from robots.bridge.messages.fields import BadField, fit_fields
 from robots.wire import Field, Refusal
 
 _VECTOR = [Field(axis, "float64") for axis in "xyz"]
@@ -25,7 +25,7 @@ TYPES = tuple(_DEFINITIONS)
 def velocity_from(fields: Mapping[str, Any], type_name: str) -> Velocity | Refusal:
     """Return the planar velocity (m/s, rad/s), or a refusal of the first field that a base cannot follow."""
     try:
-        given = fitted(_DEFINITIONS[type_name], fields)
+        given = fit_fields(_DEFINITIONS[type_name], fields)
     except BadField as error:
         return error.refusal
     twist, prefix = (given, "") if type_name == TYPES[0] else (given.get("twist", {}), "twist.")

@@ -15,13 +15,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Protocol
 
 from robots.bridge.core import Core
-from robots.bridge.lease.state_store import Persisted
+from robots.bridge.lease.state_store import SavedState
 from robots.bridge.server.link_server import Link
 from robots.wire import Grant, Granted, Pause, Refusal, Refused, Revoke
 
 log = logging.getLogger(__name__)
 
-WAITING_MOST = 100  # beyond this number the oldest get no answer; a revoke never overtakes its grant
+MAX_WAITING = 100  # beyond this number the oldest get no answer; a revoke never overtakes its grant
 
 Message = Grant | Revoke | Pause
 _Waiting = deque[tuple[Link, Message]]
@@ -30,7 +30,7 @@ _Waiting = deque[tuple[Link, Message]]
 class StateWriter(Protocol):
     """Writer of the state file (`robots.bridge.lease.state_store.StateStore`)."""
 
-    def save(self, state: Persisted) -> None:
+    def save(self, state: SavedState) -> None:
         """Write durably. Raises OSError."""
 
 
@@ -49,7 +49,7 @@ class FenceStore:
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="state-file")
         self._on_disk = fence_on_disk
         self._writing = False
-        self._waiting = _Waiting(maxlen=WAITING_MOST)  # messages about a fence that is not on disk yet
+        self._waiting = _Waiting(maxlen=MAX_WAITING)  # messages about a fence that is not on disk yet
 
     def hear(self, link: Link, message: Message) -> None:
         """Apply `message` now, or when its fence is on disk."""
@@ -68,12 +68,12 @@ class FenceStore:
 
     def forget(self, link: Link) -> None:
         """Drop the waiting messages of a closed link."""
-        self._waiting = _Waiting((entry for entry in self._waiting if entry[0] is not link), WAITING_MOST)
+        self._waiting = _Waiting((entry for entry in self._waiting if entry[0] is not link), MAX_WAITING)
 
     def save_latch(self) -> Future[None]:
         """Write the stop latch in the background; the robot already stops. The future ends when it is written."""
         self._on_latch()
-        saved = self._disk.submit(self._store.save, self._core.persisted())
+        saved = self._disk.submit(self._store.save, self._core.saved_state())
         saved.add_done_callback(_log_failure)
         return saved
 
@@ -90,11 +90,11 @@ class FenceStore:
             case Revoke():
                 self._core.revoke(message.fence, message.reason, now_s)
             case Pause():
-                self._core.hold(message.fence, message.reason, link.number, now_s)
+                self._core.pause(message.fence, message.reason, link.number, now_s)
 
     def _write_number(self) -> None:
         self._writing = True
-        state = self._core.persisted()
+        state = self._core.saved_state()
         written = asyncio.wrap_future(self._disk.submit(self._store.save, state))
         written.add_done_callback(lambda future: self._wrote(state.fence, future))
 
@@ -103,7 +103,7 @@ class FenceStore:
         self._writing = False
         if written.cancelled():  # the bridge ends
             return
-        waited, self._waiting = self._waiting, _Waiting(maxlen=WAITING_MOST)
+        waited, self._waiting = self._waiting, _Waiting(maxlen=MAX_WAITING)
         error = written.exception()
         if error is None:
             self._on_disk = fence

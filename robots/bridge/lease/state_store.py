@@ -15,7 +15,7 @@ from msgspec import Struct
 log = logging.getLogger(__name__)
 
 
-class Persisted(Struct, frozen=True):
+class SavedState(Struct, frozen=True):
     """Contents of the state file."""
 
     latched: bool
@@ -56,23 +56,23 @@ class StateStore:
             self._lock.close()
             self._lock = None
 
-    def load(self, last_fence: int) -> Persisted:
+    def load(self, last_fence: int) -> SavedState:
         """Read the saved state.
 
         `last_fence` is the highest fence in the database: above 0, a file must exist.
         """
         try:
-            found = msgspec.json.decode(self._path.read_bytes(), type=Persisted)
+            found = msgspec.json.decode(self._path.read_bytes(), type=SavedState)
         except FileNotFoundError:
             if last_fence == 0:
-                return Persisted(False, "", "", 0)
-            return Persisted(True, "", "the bridge’s state file is missing", last_fence)
+                return SavedState(False, "", "", 0)
+            return SavedState(True, "", "the bridge’s state file is missing", last_fence)
         except (OSError, msgspec.DecodeError) as error:
             log.error("state file %s cannot be read: %s", self._path, error)
-            return Persisted(True, "", "the bridge’s state file cannot be read", last_fence)
+            return SavedState(True, "", "the bridge’s state file cannot be read", last_fence)
         return msgspec.structs.replace(found, fence=max(found.fence, last_fence))
 
-    def save(self, state: Persisted) -> None:
+    def save(self, state: SavedState) -> None:
         """Write durably.
 
         Raises OSError; if a pressed stop cannot be written, the file is deleted, which also counts as a stop.

@@ -18,11 +18,11 @@ from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.gate.values import Pose
 
 MOST_CELLS = 4096 * 4096
-LARGEST_SIDE = 2048  # cells of the picture; larger maps are thinned
-MOST_SIDE = (
-    8 * LARGEST_SIDE
+MAX_PICTURE_SIDE = 2048  # cells of the picture; larger maps are thinned
+MAX_MAP_SIDE = (
+    8 * MAX_PICTURE_SIDE
 )  # limit of a map's side: a long thin map is filled up to whole blocks before thinning
-LONGEST_FRAME = 200  # characters of the frame's name
+MAX_FRAME_NAME = 200  # characters of the frame's name
 FRAME = "map"  # REP 105: the frame in which the bridge knows the odometry frame
 FREE_TO, OCCUPIED_FROM = 25, 65  # percent, thresholds of map_server
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
@@ -35,7 +35,7 @@ _TILT = 0.02  # limit of a quaternion's x and y: a map must be horizontal
 _HEADER = struct.Struct("<III")  # number, seconds, nanoseconds
 _LENGTH = struct.Struct("<I")
 _INFO = struct.Struct("<IIfII7d")  # load time, resolution, width, height, origin
-LARGEST_MESSAGE = _HEADER.size + 2 * _LENGTH.size + LONGEST_FRAME + _INFO.size + MOST_CELLS
+LARGEST_MESSAGE = _HEADER.size + 2 * _LENGTH.size + MAX_FRAME_NAME + _INFO.size + MOST_CELLS
 
 Cells = NDArray[np.uint8]  # UNKNOWN, FREE or OCCUPIED; row 0 is the lower edge
 
@@ -79,7 +79,7 @@ def _read(raw: bytes) -> tuple[_Geometry, Cells]:
     try:
         (length,) = _LENGTH.unpack_from(raw, _HEADER.size)
         at = _HEADER.size + _LENGTH.size
-        frame = raw[at : at + min(length, LONGEST_FRAME)].decode(errors="replace").lstrip("/")
+        frame = raw[at : at + min(length, MAX_FRAME_NAME)].decode(errors="replace").lstrip("/")
         info = _INFO.unpack_from(raw, at + length)
         at += length + _INFO.size
         (count,) = _LENGTH.unpack_from(raw, at)
@@ -88,7 +88,7 @@ def _read(raw: bytes) -> tuple[_Geometry, Cells]:
     if frame != FRAME:
         raise BadMap(f"its frame is {frame!r}, not {FRAME!r}")
     _, _, resolution_m, width, height, *origin = info
-    if not width or not height or max(width, height) > MOST_SIDE or width * height > MOST_CELLS:
+    if not width or not height or max(width, height) > MAX_MAP_SIDE or width * height > MOST_CELLS:
         raise BadMap(f"it has {width} x {height} cells")
     if count != width * height or len(raw) != at + _LENGTH.size + count:
         raise BadMap(f"it has {width} x {height} cells, but data for {count}")
@@ -127,7 +127,7 @@ def _cut(geometry: _Geometry, cells: Cells) -> tuple[_Geometry, Cells]:
 
 def _thinned(geometry: _Geometry, cells: Cells) -> tuple[_Geometry, Cells]:
     """Merge cells if there are too many. A wall among merged cells stays, and so does a known cell."""
-    share = -(-max(cells.shape) // LARGEST_SIDE)
+    share = -(-max(cells.shape) // MAX_PICTURE_SIDE)
     if share == 1:
         return geometry, cells
     height, width = cells.shape

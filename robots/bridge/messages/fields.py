@@ -28,8 +28,8 @@ INTEGERS = {
 }
 FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}  # largest value
 STAMPS = {"time": "uint32", "duration": "int32"}  # and the type of their seconds
-DEEPEST = 24  # levels of nesting
-LARGEST_ARRAY = 10_000  # elements; the limit of a message to the console is lower
+MAX_DEPTH = 24  # levels of nesting
+MAX_ARRAY = 10_000  # elements; the limit of a message to the console is lower
 
 
 class BadField(ValueError):
@@ -40,7 +40,7 @@ class BadField(ValueError):
         self.refusal = Refusal("bad_field", text, "wire", {"path": path})
 
 
-def fitted(definition: Sequence[Field], given: Mapping[str, Any]) -> dict[str, Any]:
+def fit_fields(definition: Sequence[Field], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return `given` as nested values of the definition's types, with constants' names replaced.
 
     Missing fields stay missing. Raises `BadField`.
@@ -50,7 +50,7 @@ def fitted(definition: Sequence[Field], given: Mapping[str, Any]) -> dict[str, A
 
 def _message(definition: Sequence[Field], given: Any, path: str) -> dict[str, Any]:
     if not isinstance(given, Mapping):
-        raise BadField(path, f"{path}: the fields of a message are needed, not {_named(given)}.")
+        raise BadField(path, f"{path}: the fields of a message are needed, not {_describe(given)}.")
     known = {field.name: field for field in definition}
     found = {}
     for name, value in _nested(given).items():
@@ -68,8 +68,8 @@ def _field(field: Field, given: Any, path: str) -> Any:
     values = _elements(given, path)
     if field.array >= 0 and len(values) != field.array:
         raise BadField(path, f"{path}: exactly {field.array} values, not {len(values)}.")
-    if len(values) > LARGEST_ARRAY:
-        raise BadField(path, f"{path}: at most {LARGEST_ARRAY} values, not {len(values)}.")
+    if len(values) > MAX_ARRAY:
+        raise BadField(path, f"{path}: at most {MAX_ARRAY} values, not {len(values)}.")
     return [_one(field, value, f"{path}[{number}]") for number, value in enumerate(values)]
 
 
@@ -80,7 +80,7 @@ def _elements(given: Any, path: str) -> Sequence[Any]:
             raise BadField(path, f"{path}: an array’s elements are numbered from 0, without a gap.")
         return [given[number] for number in wanted]
     if not isinstance(given, list | tuple):
-        raise BadField(path, f"{path}: an array is needed, not {_named(given)}.")
+        raise BadField(path, f"{path}: an array is needed, not {_describe(given)}.")
     return given
 
 
@@ -103,7 +103,7 @@ def _one(field: Field, given: Any, path: str) -> Any:
 def _truth(given: Any, path: str) -> bool:
     if given is True or given is False or (type(given) is int and given in (0, 1)):
         return bool(given)
-    raise BadField(path, f"{path}: true or false, not {_named(given)}.")
+    raise BadField(path, f"{path}: true or false, not {_describe(given)}.")
 
 
 def _whole(type_name: str, given: Any, path: str) -> int:
@@ -111,15 +111,17 @@ def _whole(type_name: str, given: Any, path: str) -> int:
     if isinstance(given, float) and given.is_integer():
         given = int(given)
     if isinstance(given, bool) or not isinstance(given, int):
-        raise BadField(path, f"{path}: a whole number ({type_name}), not {_named(given)}.")
+        raise BadField(path, f"{path}: a whole number ({type_name}), not {_describe(given)}.")
     if not low <= given <= high:
-        raise BadField(path, f"{path}: {type_name} goes from {low} to {high}; {_named(given)} does not fit.")
+        raise BadField(
+            path, f"{path}: {type_name} goes from {low} to {high}; {_describe(given)} does not fit."
+        )
     return given
 
 
 def _number(type_name: str, given: Any, path: str) -> float:
     if isinstance(given, bool) or not isinstance(given, int | float):
-        raise BadField(path, f"{path}: a number ({type_name}), not {_named(given)}.")
+        raise BadField(path, f"{path}: a number ({type_name}), not {_describe(given)}.")
     try:
         value = float(given)
     except OverflowError:
@@ -127,7 +129,7 @@ def _number(type_name: str, given: Any, path: str) -> float:
     if not math.isfinite(value):
         raise BadField(path, f"{path}: a finite number is needed.")
     if abs(value) > FLOATS[type_name]:
-        raise BadField(path, f"{path}: {_named(given)} is too large for {type_name}.")
+        raise BadField(path, f"{path}: {_describe(given)} is too large for {type_name}.")
     return value
 
 
@@ -145,10 +147,12 @@ def _stamp(type_name: str, given: Any, path: str) -> Any:
         return {"secs": secs, "nsecs": nsecs}
     if isinstance(given, bool) or not isinstance(given, int | float):
         also = ' or "now"' if type_name == "time" else ""
-        raise BadField(path, f"{path}: seconds, or secs and nsecs{also}, not {_named(given)}.")
+        raise BadField(path, f"{path}: seconds, or secs and nsecs{also}, not {_describe(given)}.")
     low, high = INTEGERS[STAMPS[type_name]]
     if not low <= given < high + 1:  # false for NaN and infinities as well
-        raise BadField(path, f"{path}: a {type_name} has from {low} to {high} seconds, not {_named(given)}.")
+        raise BadField(
+            path, f"{path}: a {type_name} has from {low} to {high} seconds, not {_describe(given)}."
+        )
     whole, part = divmod(given, 1)
     nanoseconds = round(part * 1_000_000_000)
     return {"secs": int(whole) + nanoseconds // 1_000_000_000, "nsecs": nanoseconds % 1_000_000_000}
@@ -156,7 +160,7 @@ def _stamp(type_name: str, given: Any, path: str) -> Any:
 
 def _text(given: Any, path: str) -> str:
     if not isinstance(given, str):
-        raise BadField(path, f"{path}: a text, not {_named(given)}.")
+        raise BadField(path, f"{path}: a text, not {_describe(given)}.")
     if "\0" in given:
         raise BadField(path, f"{path}: a text without null characters.")
     return given
@@ -166,7 +170,7 @@ def _nested(given: Mapping[str, Any]) -> dict[str, Any]:
     """Resolve dotted keys: merge "a.b" into "a"."""
     found: dict[str, Any] = {}
     for key, value in given.items():
-        _put(found, str(key).split("."), value, "", DEEPEST)
+        _put(found, str(key).split("."), value, "", MAX_DEPTH)
     return found
 
 
@@ -189,7 +193,7 @@ def _put(into: dict[str, Any], names: list[str], value: Any, path: str, deeper: 
         into[name] = value
 
 
-def _named(value: Any) -> str:
+def _describe(value: Any) -> str:
     """Describe a value in a few words, for a person."""
     match value:
         case None:

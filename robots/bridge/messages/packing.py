@@ -15,8 +15,8 @@ from robots.bridge.messages.fields import FLOATS, INTEGERS, NOW, STAMPS
 from robots.wire import Field
 
 HEADER = "std_msgs/Header"
-MOST_STEPS = 200_000  # for one message: some tenths of a second
-LARGEST_WRITTEN = 4 * 1024 * 1024  # bytes
+MAX_STEPS = 200_000  # for one message: some tenths of a second
+MAX_WRITTEN_BYTES = 4 * 1024 * 1024  # bytes
 _LENGTH = struct.Struct("<I")
 _CODES = {
     "bool": "?",
@@ -61,7 +61,7 @@ class Reading:
         self.at = 0
         self.detail = detail
         self.shortened: dict[str, int] = {}  # by path
-        self._steps_left = MOST_STEPS
+        self._steps_left = MAX_STEPS
 
     def step(self, size: int) -> int:
         """Advance by `size` bytes; return where they begin."""
@@ -187,8 +187,8 @@ class _Array:
             return
         for element in values:
             self._element.write(element, out, now)
-            if len(out) > LARGEST_WRITTEN:
-                raise TooLarge(f"The message would have more than {LARGEST_WRITTEN} bytes.")
+            if len(out) > MAX_WRITTEN_BYTES:
+                raise TooLarge(f"The message would have more than {MAX_WRITTEN_BYTES} bytes.")
 
     def _skip(self, reading: Reading, count: int) -> None:
         if self._element.size is not None:
@@ -258,7 +258,7 @@ class Layout:
         return fields, reading.shortened
 
     def write(self, values: dict[str, Any], now: Time) -> bytes:
-        """Return the bytes of `fields.fitted`'s result; missing values are zero or empty, a header's stamp is now.
+        """Return the bytes of `fields.fit_fields`'s result; missing values are zero or empty, a header's stamp is now.
 
         Raises `TooLarge`.
         """

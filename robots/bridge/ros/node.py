@@ -105,7 +105,7 @@ class RosBase:
         self._described = False
         self._runs = RunMonitor()
         self._moves = True  # as the last odometry has it
-        self._mail = Mailboxes(self._post, lambda: self._core.hurries, speaker)
+        self._mail = Mailboxes(self._post, lambda: self._core.needs_fresh_sensors, speaker)
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
         self._do: Callable[[Callable[[], None]], None]
@@ -272,7 +272,7 @@ class RosBase:
         )
         # Delayed messages arrive all at once: a dropped one is a gap in odometry, and a gap ends the gate's memory.
         self._subscribe(topics.odometry, self._on_odometry, ODOMETRY_WAITS)
-        pause(topics.odometry.name, lambda: 0.0 if self._core.hurries or self._moves else RESTS_S)
+        pause(topics.odometry.name, lambda: 0.0 if self._core.needs_fresh_sensors or self._moves else RESTS_S)
         for scan in topics.scans:
             self._subscribe(Topic(scan.topic, "sensor_msgs/LaserScan"), self._on_scan(scan.topic))
         for name, sonars in Counter(sonar.topic for sonar in topics.sonars).items():

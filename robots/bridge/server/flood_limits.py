@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass
-class Budget:
+class TokenBucket:
     """A token bucket of `size`, filled by `rate_per_s`; each message takes one token, or its cost."""
 
     rate_per_s: float

@@ -74,7 +74,7 @@ class Link:
         self._view = view
         self._news.set()
 
-    def see(self, topic: str, seen: bytes) -> None:
+    def show_sample(self, topic: str, seen: bytes) -> None:
         """Send the encoded report `seen` about `topic`; it replaces an older one that is not sent yet."""
         self._seen[topic] = seen
         self._news.set()

@@ -47,7 +47,7 @@ class ArmClearance:
         # where the arm was recently, while it moves
         self._lately: deque[tuple[float, tuple[Disc, ...] | None]] = deque()
 
-    def why_none(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
+    def refuse(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
         """Return why the arm may not sweep `space`, or not continue: an obstacle is there, or a sensor is missing."""
         if not running:
             self._lately.clear()

@@ -32,7 +32,7 @@ class _Point(Struct):
     positions: list[float]
 
 
-class _Recorded(Struct):
+class _MotionPoints(Struct):
     """The part of a motion's parameters that gives its points."""
 
     joints: list[str]
@@ -49,7 +49,7 @@ class _Meta(Struct, frozen=True):
     description: str = ""
 
 
-class _Described(Struct):
+class _MotionTexts(Struct):
     """The part of a motion's parameters for people."""
 
     meta: _Meta = _Meta()
@@ -57,8 +57,8 @@ class _Described(Struct):
 
 
 for _kind in (
-    _Recorded,
-    _Described,
+    _MotionPoints,
+    _MotionTexts,
 ):  # create decoders before threads start: see robots/registry/profile_schema.py
     msgspec.json.Decoder(_kind)
 
@@ -86,7 +86,7 @@ def _told(parameters: Any) -> dict[str, Any]:
 
 def _recorded(told: Any) -> Motion | None:
     try:
-        motion = msgspec.convert(told, _Recorded)
+        motion = msgspec.convert(told, _MotionPoints)
     except msgspec.ValidationError:
         return None
     points = tuple(tuple(point.positions) for point in motion.points)
@@ -101,9 +101,9 @@ def _possible(position: float) -> bool:
 
 def _offer(name: str, told: Any, duration_s: float) -> wire.MotionOffer:
     try:
-        known = msgspec.convert(told, _Described)
+        known = msgspec.convert(told, _MotionTexts)
     except msgspec.ValidationError:
-        known = _Described()
+        known = _MotionTexts()
     if not duration_s and known.points:
         duration_s = known.points[-1].time_from_start
     meta = known.meta
@@ -136,7 +136,7 @@ class MotionGoal:
 
 
 @dataclass
-class _Left:
+class _UnwatchedGoal:
     """A goal that nobody watches; it is cancelled until the robot obeys."""
 
     record: Future[int]
@@ -151,10 +151,12 @@ class Motions(Goals[MotionGoal]):
         super().__init__(records, player.cancel)
         self._player = player
         self.last: wire.MotionEnd | None = None  # how the last motion ended, for pages
-        self._strays: dict[
+        self._unwatched_actions: dict[
             str, float
         ] = {}  # actions with a goal that nobody watches: time of the last cancel
-        self._left: dict[str, _Left] = {}  # such goals, by id, as far as their cancels are recorded
+        self._unwatched_goals: dict[
+            str, _UnwatchedGoal
+        ] = {}  # such goals, by id, as far as their cancels are recorded
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Return why the base must stand and no other motion may begin: a motion runs."""
@@ -165,7 +167,7 @@ class Motions(Goals[MotionGoal]):
             text = f"The robot {does} “{goal.what.title}”, asked for by {who}."
             return Refusal("motion_running", text, "robot", {"motion": goal.what.name, "who": who})
         if busy := self._busy(now_s):
-            is_ours = not busy.isdisjoint(self._strays)
+            is_ours = not busy.isdisjoint(self._unwatched_actions)
             which = "this console left: it is being cancelled" if is_ours else "others asked for"
             return Refusal("motion_running", f"The robot performs a motion that {which}.", "robot")
         return None
@@ -233,29 +235,29 @@ class Motions(Goals[MotionGoal]):
         if goal is not None and goal.what.space is None and now_s - goal.since_s >= PATIENCE_S:
             text = "The robot took too long to send the motion’s points: ask again."
             self.deny(Refusal("robot_silent", text, "robot", {"limit_s": PATIENCE_S}), now_s)
-        for goal_id, left in list(self._left.items()):
+        for goal_id, left in list(self._unwatched_goals.items()):
             if left.record.done() and now_s - left.heard_s > UNHEARD_S:
-                self._end_left(goal_id, left.outcome, now_s)
+                self._record_unwatched_end(goal_id, left.outcome, now_s)
         super().tick(now_s)
 
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
         """Take the robot's report that a goal has ended."""
-        if goal_id in self._left:
-            self._left[goal_id].outcome = outcome
+        if goal_id in self._unwatched_goals:
+            self._unwatched_goals[goal_id].outcome = outcome
         super().ended(goal_id, outcome, text, now_s)
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """Take the robot's report of active goals."""
         self._heard(action, goal_ids, now_s)
-        self._cancel_strays(action, goal_ids, now_s)
+        self._cancel_unwatched(action, goal_ids, now_s)
 
     def close(self, refusal: Refusal, now_s: float) -> None:
         """Cancel the motion: the bridge ends, and nobody else watches the arm."""
         self.deny(refusal, now_s)
         self.cancel("control_ended", "The bridge ended.")
         self._end("cancelled", "", now_s)
-        for goal_id in list(self._left):
-            self._end_left(goal_id, refusal.code, now_s)
+        for goal_id in list(self._unwatched_goals):
+            self._record_unwatched_end(goal_id, refusal.code, now_s)
 
     def view(self, now_s: float) -> wire.Motion | None:
         """Return the motion in progress, for pages."""
@@ -264,25 +266,27 @@ class Motions(Goals[MotionGoal]):
             return None
         return wire.Motion(goal.what.name, goal.requester.holder.holder, round(now_s - goal.since_s, 1))
 
-    def _cancel_strays(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
+    def _cancel_unwatched(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """Cancel goals that a killed bridge left or this one gave up: nobody watches the arm."""
         known = {self._current.id if self._current else None, self._ended}
         strays = [goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id not in known]
         for goal_id in strays:
-            if goal_id in self._left:
-                self._left[goal_id].heard_s = now_s
-            elif len(self._left) < MOST_LEFT:
-                self._left[goal_id] = _Left(self._records.cancelled(action, goal_id, now_s), now_s)
+            if goal_id in self._unwatched_goals:
+                self._unwatched_goals[goal_id].heard_s = now_s
+            elif len(self._unwatched_goals) < MOST_LEFT:
+                self._unwatched_goals[goal_id] = _UnwatchedGoal(
+                    self._records.cancelled(action, goal_id, now_s), now_s
+                )
         if not strays:
-            self._strays.pop(action, None)
-        elif now_s - self._strays.get(action, -math.inf) >= CANCEL_AGAIN_S:
-            self._strays[action] = now_s
+            self._unwatched_actions.pop(action, None)
+        elif now_s - self._unwatched_actions.get(action, -math.inf) >= CANCEL_AGAIN_S:
+            self._unwatched_actions[action] = now_s
             for goal_id in strays:
                 self._withdraw(goal_id, action)
 
-    def _end_left(self, goal_id: str, outcome: str, now_s: float) -> None:
+    def _record_unwatched_end(self, goal_id: str, outcome: str, now_s: float) -> None:
         """Record the result of this cancel."""
-        self._records.was_cancelled(self._left.pop(goal_id).record, outcome, now_s)
+        self._records.was_cancelled(self._unwatched_goals.pop(goal_id).record, outcome, now_s)
 
     def _tell(self, goal: Goal[MotionGoal], outcome: str, text: str) -> None:
         self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)

@@ -41,7 +41,7 @@ def why_not_speakable(text: str) -> Refusal | None:
     return None
 
 
-def own_language(asked: str, own: Sequence[str]) -> str:
+def robot_language(asked: str, own: Sequence[str]) -> str:
     """Return the robot's tag (BCP 47) for a language among `own`; else the tag that was asked for.
 
     Prefer the same tag in any case, else the first tag of the same language: voices may know es-ES, but neither es nor
@@ -56,7 +56,7 @@ def _primary(tag: str) -> str:
     return tag.lower().partition("-")[0]
 
 
-def word_said(text: str, said: str, after: int = 0) -> tuple[int, int] | None:
+def find_spoken_word(text: str, said: str, after: int = 0) -> tuple[int, int] | None:
     """Return where the last word of `said` stands in `text`: first character and end.
 
     Some robots report all words so far, others only the newest word; the latter is searched from `after` on.
@@ -173,7 +173,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
         if goal is not None and goal.id == goal_id:
             goal.heard_s = now_s
             saying = goal.what
-            saying.word = word_said(saying.utterance.text, said, saying.word[1] if saying.word else 0)
+            saying.word = find_spoken_word(saying.utterance.text, said, saying.word[1] if saying.word else 0)
 
     def _tell(self, goal: Goal[_SpeechGoal], outcome: str, text: str) -> None:
         self.last = wire.SpeechEnd(goal.number.result(), outcome, text)

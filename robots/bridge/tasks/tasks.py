@@ -29,7 +29,7 @@ from robots.bridge.tasks.head import Aim, Head
 from robots.bridge.tasks.input_routing import InputRouting, InputSwitch
 from robots.bridge.tasks.motions import MotionPlayer, Motions
 from robots.bridge.tasks.publishing import HALTED, Publications, Publisher
-from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance, own_language, why_not_speakable
+from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance, robot_language, why_not_speakable
 from robots.wire import Grant, Refusal
 
 LINK_PATIENCE_S = 2.0  # a motion continues this long without the page of its requester
@@ -93,7 +93,7 @@ class Tasks:
         self._config = config
         self._publisher = publisher
         self._performer = performer
-        self._room = ArmClearance(gate, performer)
+        self._clearance = ArmClearance(gate, performer)
         self._records = records
         self._rules = rules
         self._head = Head(config.topics.head) if config.topics.head else None
@@ -368,11 +368,11 @@ class Tasks:
         if motions.due:
             if requester := motions.waiting:
                 refusal = self._why_no_motion(requester, motions.topic, now_s)
-                refusal = refusal or self._room.why_none(motions.space, now_s)
+                refusal = refusal or self._clearance.refuse(motions.space, now_s)
                 if refusal is not None:
                     motions.deny(refusal, now_s)
             motions.start(now_s)
-        elif motions.begun and (refusal := self._room.why_none(motions.space, now_s, running=True)):
+        elif motions.begun and (refusal := self._clearance.refuse(motions.space, now_s, running=True)):
             motions.cancel(OUTCOMES[refusal.code], refusal.text)
         motions.tick(now_s)
 
@@ -384,7 +384,7 @@ class Tasks:
         if refusal is not None:
             requester.answer(refusal)
             return
-        language = own_language(order.language, self._config.topics.languages)
+        language = robot_language(order.language, self._config.topics.languages)
         utterance = Utterance(order.text, language, order.topic or self.routing.topic("speech"))
         self.speech.begin(utterance, requester, now_s)
 

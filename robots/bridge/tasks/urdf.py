@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST = 8_000_000  # characters
-MOST_JOINTS = 2_000
+MAX_JOINTS = 2_000
 
 Matrix = NDArray[np.float64]
 Position = float | Matrix  # of a joint: one value, or an array over moments
@@ -42,8 +42,8 @@ class Tree:
             raise BadDescription("the robot’s description is too large or contains declarations")
         try:
             elements = ElementTree.fromstring(text).findall("joint")  # noqa: S314 - no declarations, see above
-            if len(elements) > MOST_JOINTS:
-                raise BadDescription(f"the robot’s description has more than {MOST_JOINTS} joints")
+            if len(elements) > MAX_JOINTS:
+                raise BadDescription(f"the robot’s description has more than {MAX_JOINTS} joints")
             self._above = dict(map(_joint, elements))
         except (ElementTree.ParseError, KeyError, ValueError) as error:
             raise BadDescription(f"the robot’s description cannot be parsed: {error}") from error

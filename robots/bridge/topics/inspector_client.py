@@ -40,8 +40,8 @@ LINGER_S = 60.0  # an unused inspector ends after this time
 ANSWER_S = 2.0  # a query is answered within this time, or refused
 START_S = 10.0  # the same while the process starts
 SILENCE_S = 1.0  # publishing stops within this time, or the process is killed
-MOST_ASKED = 32  # limit of pending queries per link
-MOST_UNSENT = 200  # limit of requests while there is no process
+MAX_QUERIES = 32  # limit of pending queries per link
+MAX_UNSENT = 200  # limit of requests while there is no process
 
 
 _report = msgspec.json.Decoder(Report)
@@ -60,7 +60,7 @@ class InspectorViewer(Protocol):
     def report(self, message: Struct) -> None:
         """Queue an answer."""
 
-    def see(self, topic: str, seen: bytes) -> None:
+    def show_sample(self, topic: str, seen: bytes) -> None:
         """Make this the topic's next sample; it replaces an older one that is not sent yet."""
 
 
@@ -90,11 +90,11 @@ class InspectorClient:
         command: Sequence[str] = COMMAND,
         linger_s: float = LINGER_S,
     ) -> None:
-        self._helper = LineProcess(command, msgspec.json.encode(config), self)
+        self._child = LineProcess(command, msgspec.json.encode(config), self)
         self._lost = lost
         self._linger_s = linger_s
-        self._looks: dict[InspectorViewer, Mapping[str, float]] = {}
-        self._talking: set[str] = set()  # topics published at a rate
+        self._subscriptions: dict[InspectorViewer, Mapping[str, float]] = {}
+        self._at_rate: set[str] = set()  # topics published at a rate
         self._has_published = False  # since the last halt: messages may still wait in the inspector
         self._waiting: dict[int, _Waiting] = {}
         self._count = 0
@@ -108,7 +108,7 @@ class InspectorClient:
             waiting.timer.cancel()
         if self._idle is not None:
             self._idle.cancel()
-        await self._helper.close()
+        await self._child.close()
 
     # --- subscriptions and queries ----------------------------------------------------------------
 
@@ -121,31 +121,31 @@ class InspectorClient:
                 given = msgspec.Raw(wire.encode(refused))
             viewer.report(wire.LinkAnswer(inspect.seq, given))
 
-        if sum(waiting.viewer is viewer for waiting in self._waiting.values()) >= MOST_ASKED:
-            text = f"More than {MOST_ASKED} queries at once: wait for the answers."
-            answer(Refusal("busy", text, "wire", {"limit": MOST_ASKED}))
+        if sum(waiting.viewer is viewer for waiting in self._waiting.values()) >= MAX_QUERIES:
+            text = f"More than {MAX_QUERIES} queries at once: wait for the answers."
+            answer(Refusal("busy", text, "wire", {"limit": MAX_QUERIES}))
             return
         acts = isinstance(inspect.ask, wire.SetParameter | wire.CallService)
         within_s = self._patience_s
         number = self._expect(viewer, answer, within_s, _NOT_KNOWN if acts else _SILENT)
         self._ask(number, InspectorQuery(number, inspect.ask, time.monotonic() + within_s))
 
-    def look_at(self, viewer: InspectorViewer, topics: Mapping[str, float]) -> None:
+    def set_subscriptions(self, viewer: InspectorViewer, topics: Mapping[str, float]) -> None:
         """Set this viewer's subscriptions to exactly these topics, each with its rate in messages a second."""
         before = self._wanted()
-        self._looks[viewer] = topics
-        self._look_anew(before)
+        self._subscriptions[viewer] = topics
+        self._resubscribe(before)
         for topic in topics.keys() - self._wanted().keys():
-            viewer.see(topic, _not_shown(topic))
+            viewer.show_sample(topic, _not_shown(topic))
 
     def forget(self, viewer: InspectorViewer) -> None:
         """Forget a viewer that is gone."""
         before = self._wanted()
-        self._looks.pop(viewer, None)
+        self._subscriptions.pop(viewer, None)
         for number in [number for number, waiting in self._waiting.items() if waiting.viewer is viewer]:
             self._waiting.pop(number).timer.cancel()
             self._unsent.pop(number, None)
-        self._look_anew(before)
+        self._resubscribe(before)
 
     # --- publishing (`robots.bridge.tasks.publishing.Publisher`) ----------------------------------
 
@@ -164,19 +164,19 @@ class InspectorClient:
             return False
         self._has_published = True
         if order.rate_hz:
-            self._talking.add(order.topic)
+            self._at_rate.add(order.topic)
         return True
 
     def keep_alive(self) -> None:
         """Allow publishing at a rate to continue for the inspector's `LIFE_S`."""
-        if self._talking:
+        if self._at_rate:
             self._send(KeepAlive())
 
     def publish_stop(self, topic: str) -> None:
         """Stop publishing on this topic. The process is killed if it does not confirm in time."""
-        if topic in self._talking:
-            self._talking.discard(topic)
-            self._silence(topic)
+        if topic in self._at_rate:
+            self._at_rate.discard(topic)
+            self._stop_publishing(topic)
 
     def halt(self) -> None:
         """Publish nothing that was given until now, waiting messages included.
@@ -185,30 +185,30 @@ class InspectorClient:
         """
         if self._has_published:
             self._has_published = False
-            self._talking.clear()
-            self._silence(None)
+            self._at_rate.clear()
+            self._stop_publishing(None)
 
-    def _silence(self, topic: str | None) -> None:
-        if self._helper.lives:
-            number = self._expect(None, self._silent, SILENCE_S)
+    def _stop_publishing(self, topic: str | None) -> None:
+        if self._child.lives:
+            number = self._expect(None, self._confirmed, SILENCE_S)
             self._send(HaltPublishing(number, topic))
 
-    def _silent(self, given: Refusal | None) -> None:
+    def _confirmed(self, given: Refusal | None) -> None:
         if given is not None:
-            self._helper.kill("it did not confirm that publishing stopped")
+            self._child.kill("it did not confirm that publishing stopped")
 
     # --- the process (line_process.LineProcessOwner) ----------------------------------------------
 
     def needed(self) -> bool:
         """Whether to keep the process: subscriptions, publishing, or a recent query."""
-        return bool(self._wanted() or self._talking or self._waiting or self._idle)
+        return bool(self._wanted() or self._at_rate or self._waiting or self._idle)
 
     def began(self) -> None:
         """Send a new process the subscriptions and the waiting requests."""
         self._ready = False
         self._send(wire.LinkSubscribe(self._wanted()))
         if self._unsent:
-            self._helper.send(b"\n".join(self._unsent.values()))
+            self._child.send(b"\n".join(self._unsent.values()))
             self._unsent.clear()
 
     def hear(self, line: bytes) -> None:
@@ -216,9 +216,9 @@ class InspectorClient:
         match _report.decode(line):
             case wire.LinkSample(topic=topic):
                 seen = line.rstrip()  # unchanged: the link's report has the same bytes
-                for viewer, topics in self._looks.items():
+                for viewer, topics in self._subscriptions.items():
                     if topic in topics:
-                        viewer.see(topic, seen)
+                        viewer.show_sample(topic, seen)
             case wire.LinkAnswer(seq=number, answer=raw):
                 self._answer(number, raw)
             case Done(number=number, refusal=refusal):
@@ -229,8 +229,8 @@ class InspectorClient:
     def ended(self) -> None:
         """Note that the process ended: its publications ended too, and none begins again by itself."""
         self._ready = self._has_published = False
-        if self._talking:
-            self._talking.clear()
+        if self._at_rate:
+            self._at_rate.clear()
             self._lost()
 
     # --- inside -----------------------------------------------------------------------------------------
@@ -238,7 +238,7 @@ class InspectorClient:
     @property
     def _patience_s(self) -> float:
         """Time limit of an answer."""
-        return ANSWER_S if self._ready and self._helper.listens else START_S
+        return ANSWER_S if self._ready and self._child.listens else START_S
 
     def _expect(
         self,
@@ -268,13 +268,13 @@ class InspectorClient:
     def _wanted(self) -> dict[str, float]:
         """Return the subscribed topics of all viewers, first come first served, each with its highest rate."""
         wanted: dict[str, float] = {}
-        for topics in self._looks.values():
+        for topics in self._subscriptions.values():
             for topic, rate_hz in topics.items():
                 if topic in wanted or len(wanted) < MOST_SUBSCRIPTIONS:
                     wanted[topic] = max(rate_hz, wanted.get(topic, 0.0))
         return wanted
 
-    def _look_anew(self, before: dict[str, float]) -> None:
+    def _resubscribe(self, before: dict[str, float]) -> None:
         wanted = self._wanted()
         if wanted != before:
             self._need()
@@ -282,26 +282,26 @@ class InspectorClient:
 
     def _ask(self, number: int, request: InspectorQuery | Check) -> None:
         """Send the request now, or when a process runs."""
-        if self._helper.listens:
+        if self._child.listens:
             self._send(request)
-        elif len(self._unsent) < MOST_UNSENT:
+        elif len(self._unsent) < MAX_UNSENT:
             self._unsent[number] = wire.encode(request)
 
     def _send(self, request: Request) -> bool:
         """Send to the present process. Publishing must not reach a later process. Return False if none takes it."""
-        return self._helper.send(wire.encode(request))
+        return self._child.send(wire.encode(request))
 
     def _need(self) -> None:
         """Keep a process for another `linger_s`."""
         if self._idle is not None:
             self._idle.cancel()
         self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end_if_idle)
-        self._helper.need()
+        self._child.need()
 
     def _end_if_idle(self) -> None:
         self._idle = None
         if not self.needed():
-            self._helper.let_go()
+            self._child.end()
 
 
 def _not_shown(topic: str) -> bytes:

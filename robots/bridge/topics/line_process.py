@@ -41,13 +41,13 @@ class LineProcessOwner(Protocol):
 class LineProcess:
     """Keeps the process; lives on the event loop. Each new process gets `first_line` first."""
 
-    def __init__(self, command: Sequence[str], first_line: bytes, partner: LineProcessOwner) -> None:
+    def __init__(self, command: Sequence[str], first_line: bytes, owner: LineProcessOwner) -> None:
         self._command = command
         self._first_line = first_line
-        self._partner = partner
+        self._owner = owner
         self._process: Process | None = None
         self._stdin: asyncio.StreamWriter | None = None
-        self._let_go = False  # the process was asked to end
+        self._end_asked = False  # the process was asked to end
         self._running: asyncio.Task[None] | None = None
         self._closing = asyncio.Event()
 
@@ -76,9 +76,9 @@ class LineProcess:
         self._stdin.write(line + b"\n")
         return True
 
-    def let_go(self) -> None:
+    def end(self) -> None:
         """Close its stdin, so that it ends; kill it after a while. A later `need` starts a new process."""
-        self._let_go = True
+        self._end_asked = True
         if self._stdin is not None:
             self._stdin.close()
             self._stdin = None
@@ -94,12 +94,12 @@ class LineProcess:
     async def close(self) -> None:
         """End the process: the bridge ends."""
         self._closing.set()
-        self.let_go()
+        self.end()
         if self._running is not None:
             await self._running
 
     def _needed(self) -> bool:
-        return self._partner.needed() and not self._closing.is_set()
+        return self._owner.needed() and not self._closing.is_set()
 
     async def _run(self) -> None:
         """Run one process after the other while one is needed."""
@@ -113,7 +113,7 @@ class LineProcess:
                     log.exception("%s broke", self._command[-1])
                 lived_s = time.monotonic() - began_s
                 pause_s = RESTART_S[0] if lived_s > longest_s else min(2 * pause_s, longest_s)
-                if self._needed() and not self._let_go:
+                if self._needed() and not self._end_asked:
                     with suppress(asyncio.TimeoutError):
                         await asyncio.wait_for(self._closing.wait(), pause_s)
         finally:
@@ -125,22 +125,22 @@ class LineProcess:
             *self._command, stdin=PIPE, stdout=PIPE, limit=LARGEST_LINE
         )
         assert process.stdin is not None and process.stdout is not None  # noqa: S101  (they are pipes)
-        self._process, self._stdin, self._let_go = process, process.stdin, False
+        self._process, self._stdin, self._end_asked = process, process.stdin, False
         try:
             self.send(self._first_line)
             if self._closing.is_set():  # `close` was called during the start and found no process to end
-                self.let_go()
+                self.end()
             else:
-                self._partner.began()
+                self._owner.began()
             while line := await process.stdout.readline():
-                self._partner.hear(line)
+                self._owner.hear(line)
         finally:
             self._process = self._stdin = None
             process.stdin.close()
             await _ended(process)
             with suppress(OSError):  # unread input is lost
                 await process.stdin.wait_closed()
-            self._partner.ended()
+            self._owner.ended()
 
 
 async def _ended(process: Process) -> None:

@@ -54,13 +54,13 @@ class Watchdog:
         self,
         config: WatchdogConfig,
         rules: StopRules,
-        kept: StopFile,
+        stop_file: StopFile,
         lane: WatchdogSocket,
         robot: RobotOutput,
     ) -> None:
         self._config = config
         self._rules = rules
-        self._kept = kept
+        self._stop_file = stop_file
         self._lane = lane
         self._robot = robot
         self._bridge: socket.socket | None = None
@@ -106,7 +106,7 @@ class Watchdog:
             self._bridge = None
             self._rules.bridge_gone(
                 now_s
-            )  # its latched stop is in its state file and is not kept here as well
+            )  # its latched stop is in its state file and is not stored here as well
             log.warning("the bridge ended%s", ": the robot stays stopped" if self._rules.latched else "")
 
     def _stop(self, connection: socket.socket, stop: LinkStop, now_s: float) -> None:
@@ -119,7 +119,7 @@ class Watchdog:
         if self._bridge is not None:
             self._lane.send(self._bridge, wire.encode(press))
         self._act(now_s)
-        self._kept.keep(press)
+        self._stop_file.keep(press)
 
     def _beat(self, connection: socket.socket, beat: Heartbeat, now_s: float) -> None:
         if connection is not self._bridge:
@@ -130,7 +130,7 @@ class Watchdog:
         if news is not None:
             self._lane.send(connection, wire.encode(news))
         if self._rules.own is None:
-            self._kept.keep(None)
+            self._stop_file.keep(None)
         if beat.drive:
             self._robot.drive_to(beat.drive)
 
@@ -169,16 +169,16 @@ def run(config: WatchdogConfig) -> int:
     logging.getLogger("robots").setLevel(logging.INFO)
     limit_memory(MOST_BYTES)
     sys.setswitchinterval(0.001)  # s: zeros wait less for rospy's threads
-    kept = StopFile(config.state_dir, config.robot_id)
-    rules = StopRules(time.time_ns() // 1_000_000, kept.load(), kept.before())
-    kept.start()
+    stop_file = StopFile(config.state_dir, config.robot_id)
+    rules = StopRules(time.time_ns() // 1_000_000, stop_file.load(), stop_file.before())
+    stop_file.start()
     lane = WatchdogSocket(config.lane, sys.stdin.fileno())
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: sys.exit(0))
     robot = WatchdogNode(config)
     robot.start()
     try:
-        Watchdog(config, rules, kept, lane, robot).run()
+        Watchdog(config, rules, stop_file, lane, robot).run()
     finally:
         leave_within(END_S)
         if rules.zeros(time.monotonic()):

@@ -29,7 +29,7 @@ from robots.bridge.ros.bounds.servers import UNHEARD
 from robots.bridge.ros.bounds.sizes import Kind, kind_of, told
 from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.network.master import Master, MasterError
-from robots.bridge.server.flood_limits import Budget
+from robots.bridge.server.flood_limits import TokenBucket
 
 log = logging.getLogger(__name__)
 
@@ -61,10 +61,10 @@ class Reading:
 
     def __init__(self, kind: Kind) -> None:
         self._kind = kind
-        self._messages = Budget(
+        self._messages = TokenBucket(
             kind.most_hz, 2.0 * kind.most_hz
         )  # after a stall of the network they come at once
-        self._time = Budget(kind.share, 2.0 * kind.share)
+        self._time = TokenBucket(kind.share, 2.0 * kind.share)
 
     def why_not(self, largest: int, messages: int, worked_s: float, now_s: float) -> str:
         """Why it is cut off: by the largest message that came or is announced, how many came, and their time."""

@@ -6,7 +6,7 @@ import logging
 import time
 
 from robots.bridge.ros.bounds.texts import cut
-from robots.bridge.server.flood_limits import Budget
+from robots.bridge.server.flood_limits import TokenBucket
 
 TALKATIVE = ("rospy", "rosout", "xmlrpc", "rosgraph", "genpy")
 PER_S, AT_ONCE = 2.0, 50.0
@@ -18,7 +18,7 @@ class LogLimiter(logging.Filter):
 
     def __init__(self) -> None:
         super().__init__()
-        self._budget = Budget(PER_S, AT_ONCE)
+        self._budget = TokenBucket(PER_S, AT_ONCE)
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Whether it is written."""

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from typing import Protocol
 
-from robots.bridge.server.flood_limits import Budget
+from robots.bridge.server.flood_limits import TokenBucket
 
 # Of the loop's time, for one source. 700 beams at 15 Hz take 0.02, 1081 at 40 Hz 0.06, and thrice that when slow.
 LOOP_SHARE = 0.3
@@ -50,7 +50,7 @@ class Mailboxes:
         self._worked = worked
         self._clock = clock
         self._boxes: dict[Hashable, deque[tuple[Call, Speaker | None]]] = {}
-        self._budgets: dict[Hashable, Budget] = {}
+        self._budgets: dict[Hashable, TokenBucket] = {}
         self._waiting: dict[
             Hashable, bool
         ] = {}  # sources that nobody woke the loop for, and whether one has since
@@ -86,7 +86,7 @@ class Mailboxes:
         with self._lock:
             calls = list(self._boxes[source])
             self._boxes[source].clear()
-        budget = self._budgets.setdefault(source, Budget(LOOP_SHARE, LOOP_SHARE))
+        budget = self._budgets.setdefault(source, TokenBucket(LOOP_SHARE, LOOP_SHARE))
         for call, speaker in calls:
             began_s = self._worked()
             try:

@@ -22,7 +22,7 @@ from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.memory import end_without_memory
 from robots.bridge.ros.bounds.texts import NAME, SENTENCE, cut
 from robots.bridge.ros.network.tcpros import LARGEST_HEADER, Conversation
-from robots.bridge.server.flood_limits import Budget
+from robots.bridge.server.flood_limits import TokenBucket
 
 log = logging.getLogger(__name__)
 
@@ -47,13 +47,13 @@ class CallerLimits:
     def __init__(self, most: int) -> None:
         self._most = most
         self._lock = threading.Lock()
-        self._budgets: OrderedDict[str, Budget] = OrderedDict()
+        self._budgets: OrderedDict[str, TokenBucket] = OrderedDict()
         self._open: OrderedDict[socket.socket, None] = OrderedDict()
 
     def may(self, address: str, now_s: float) -> bool:
         """Whether one more is not too many of this address."""
         with self._lock:
-            budget = self._budgets.setdefault(address, Budget(PER_S, AT_ONCE))
+            budget = self._budgets.setdefault(address, TokenBucket(PER_S, AT_ONCE))
             self._budgets.move_to_end(address)
             while len(self._budgets) > MOST_ADDRESSES:
                 self._budgets.popitem(last=False)

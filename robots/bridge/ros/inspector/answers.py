@@ -15,7 +15,7 @@ import msgspec
 
 from robots import wire
 from robots.bridge.config import BridgeConfig
-from robots.bridge.messages.fields import BadField, fitted
+from robots.bridge.messages.fields import BadField, fit_fields
 from robots.bridge.messages.packing import Broken, TooLarge
 from robots.bridge.ros.inspector import graph, services
 from robots.bridge.ros.inspector.declined import Declined
@@ -105,7 +105,7 @@ class Inspector:
         if not topics and self._node is None:
             return
         try:
-            self._made_node().subscriptions.look_at(topics)
+            self._made_node().subscriptions.set_subscriptions(topics)
         except (OSError, MasterError):
             text = f"No ROS master answers at {self._config.master_uri}."
             refusal = wire.Refusal("robot_offline", text, "robot")
@@ -117,7 +117,7 @@ class Inspector:
     def _publish(self, order: wire.Publish, permit: PublishPermit) -> None:
         # Where another process of ours checked it, it is judged again: a fault ends this one, and that is told.
         definition = self._checked.get((order.topic, order.type)) or self._sendable(order)
-        values = fitted(definition.fields, order.fields)
+        values = fit_fields(definition.fields, order.fields)
         self._made_node().publishers.publish(
             order.topic, definition, lambda: definition.layout.write(values, _now()), permit, order.rate_hz
         )
@@ -231,7 +231,7 @@ class Inspector:
     def _check(self, number: int, order: wire.Publish) -> None:
         try:
             definition = self._sendable(order)
-            definition.layout.write(fitted(definition.fields, order.fields), _now())
+            definition.layout.write(fit_fields(definition.fields, order.fields), _now())
             self._checked[order.topic, order.type] = definition
             refusal = None
         except Exception as error:  # noqa: BLE001  (as above)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
-from robots.bridge.messages.fields import fitted
+from robots.bridge.messages.fields import fit_fields
 from robots.bridge.messages.packing import Detail
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, parsed
@@ -72,7 +72,7 @@ def call(
     `require_time` raises, just before the request is sent, if it is too late for it.
     """
     now = divmod(time.time_ns(), 1_000_000_000)
-    request = service.request.layout.write(fitted(service.request.fields, given), now)
+    request = service.request.layout.write(fit_fields(service.request.fields, given), now)
     try:
         with _connected(
             service.address, service.name, {"md5sum": service.md5, "type": service.type}

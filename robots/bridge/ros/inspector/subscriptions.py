@@ -178,7 +178,7 @@ class Subscriptions:
         self._awake = threading.Condition()
         start_vital(self._run, "looks")
 
-    def look_at(self, topics: Mapping[str, float]) -> None:
+    def set_subscriptions(self, topics: Mapping[str, float]) -> None:
         """Exactly these topics from now on, at most so many messages a second of each."""
         with self._awake:
             self._wanted = topics

@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 0.1
 JOINTS_WAIT = 10  # messages of one publisher: each may tell of other joints
-MOST_JOINTS = 4000  # of which positions are kept
+MAX_JOINTS = 4000  # of which positions are kept
 MOST_LINKS = 80  # of the arm's that are looked at; a hand with five fingers has 40
 MOVED = 0.02  # rad or m: less is noise
 END_M = 0.10  # how far what a camera sees may be from the last link's origin: fingers, and what they hold
@@ -161,7 +161,7 @@ class PostureTopics:
         for name, position in zip(message.name, message.position, strict=False):
             if math.isfinite(position):
                 self._joints[cut(name, NAME)] = (position, arrival_s)
-        if len(self._joints) > MOST_JOINTS:
+        if len(self._joints) > MAX_JOINTS:
             self._forget_late(arrival_s)
         if arrival_s - self._told_s >= EVERY_S:
             self._told_s = arrival_s
@@ -171,7 +171,7 @@ class PostureTopics:
         """Too many names were told: kept are the arm's own joints, and of the others those that were told last."""
         own = set(self._arm.home) | (set[str]().union(*self._moved.values()) if self._tree else set())
         told = sorted(self._joints.items(), key=lambda item: (item[0] in own, item[1][1]))
-        self._joints = dict(told[-MOST_JOINTS // 2 :])
+        self._joints = dict(told[-MAX_JOINTS // 2 :])
 
     def _posture(self, now_s: float) -> Posture:
         positions = self._positions(now_s)
