@@ -45,7 +45,7 @@ def comes_back(bench):
         lambda bench: bench.core.close(bench.now_s),
     ],
 )
-def test_for_who_lost_control_or_left_meanwhile_it_does_not_and_that_is_on_record(bench, what, happens):
+def test_waiting_task_of_a_lost_holder_is_refused_and_recorded(bench, what, happens):
     bench.sink.open.clear()
     answers = bench.ask(ORDERS[what])
     happens(bench)
@@ -58,9 +58,7 @@ def test_for_who_lost_control_or_left_meanwhile_it_does_not_and_that_is_on_recor
 
 
 @pytest.mark.parametrize("what", ORDERS)
-def test_what_waits_is_refused_when_its_page_is_left_and_begins_for_the_page_that_came_back_if_asked_anew(
-    bench, what
-):
+def test_waiting_task_is_refused_when_its_page_goes(bench, what):
     bench.sink.open.clear()
     answers = bench.ask(ORDERS[what])
     comes_back(bench)
@@ -73,7 +71,7 @@ def test_what_waits_is_refused_when_its_page_is_left_and_begins_for_the_page_tha
 
 
 @pytest.mark.parametrize("what", ORDERS)
-def test_a_page_that_is_left_while_nothing_waits_changes_nothing_of_what_was_done(bench, what):
+def test_page_that_goes_without_waiting_tasks_changes_nothing(bench, what):
     answers = bench.ask(ORDERS[what])
     bench.obeys()
     records = len(bench.sink.records)
@@ -84,7 +82,7 @@ def test_a_page_that_is_left_while_nothing_waits_changes_nothing_of_what_was_don
 
 
 @pytest.mark.parametrize("what", ORDERS)
-def test_at_the_end_of_the_bridge_what_waits_is_refused_with_that_as_its_outcome(bench, what):
+def test_waiting_tasks_are_refused_when_the_bridge_ends(bench, what):
     bench.sink.open.clear()
     answers = bench.ask(ORDERS[what])
     bench.core.close(bench.now_s)
@@ -100,7 +98,7 @@ def test_after_the_end_of_the_bridge_nothing_is_asked_for(bench, what):
     assert bench.order(ORDERS[what]).code == "no_lease"
 
 
-def test_a_message_whose_fields_were_being_checked_when_the_bridge_ended_is_not_put_on_record(bench):
+def test_message_in_check_is_not_recorded_when_the_bridge_ends(bench):
     bench.publisher.waiting = []
     answers = bench.ask(ORDERS["message"])
     bench.core.close(bench.now_s)
@@ -109,7 +107,7 @@ def test_a_message_whose_fields_were_being_checked_when_the_bridge_ended_is_not_
     assert bench.sink.records == []
 
 
-def test_a_stick_moves_nothing_between_the_end_of_its_grant_and_the_tick_that_finds_it(bench):
+def test_stick_is_refused_between_expiry_and_the_next_tick(bench):
     bench.driving(0.3)
     runs_out(bench)
     sent = len(bench.base.sent)

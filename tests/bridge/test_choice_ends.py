@@ -44,7 +44,7 @@ def test_a_chosen_topic_that_vanishes_is_told_and_on_record(bench, use, topic, h
     assert last_record(bench) == ("topic.choose", expected)
 
 
-def test_it_is_told_also_after_the_stick_came_to_rest_and_until_that_use_is_chosen_anew(bench):
+def test_lost_choice_is_reported_until_the_next_choice(bench):
     choose(bench, "drive", "/phone_vel")
     vanish(bench, "/phone_vel")
     assert bench.last == STILL
@@ -66,7 +66,7 @@ def test_two_that_vanish_together_are_both_told(bench):
     assert list(ended(bench)) == ["speech", "motions"]
 
 
-def test_the_way_back_at_the_end_of_control_is_on_record_and_no_warning(bench):
+def test_return_to_default_at_control_end_is_recorded_quietly(bench):
     choose(bench, "drive", "/phone_vel")
     bench.core.revoke(1, "over", bench.now_s)
     bench.pass_time(0.1)
@@ -76,7 +76,7 @@ def test_the_way_back_at_the_end_of_control_is_on_record_and_no_warning(bench):
     assert ended(bench) == {}
 
 
-def test_what_its_holder_takes_back_is_a_choice_like_any_and_no_warning(bench):
+def test_holders_return_to_default_is_an_ordinary_choice(bench):
     choose(bench, "speech", "/second_tts")
     choose(bench, "speech", None)
     assert last_record(bench) == ("topic.choose", {"outcome": "chosen", "use": "speech", "to": "/tts"})

@@ -71,7 +71,7 @@ def chosen(bench):
     return bench.core.state(bench.now_s, []).chosen
 
 
-def test_a_chosen_topic_is_on_record_then_connected_then_takes_the_input(bench):
+def test_chosen_topic_is_recorded_then_connected_then_used(bench):
     bench.sink.open.clear()
     answers = ask(bench, "speech", "/second_tts")
     bench.core.tick(bench.now_s)
@@ -92,7 +92,7 @@ def test_a_chosen_topic_is_on_record_then_connected_then_takes_the_input(bench):
     assert bench.base.said[-1][1].topic == "/second_tts"
 
 
-def test_a_motion_is_performed_by_the_chosen_action_and_cancelled_there(bench):
+def test_chosen_action_performs_and_cancels_the_motion(bench):
     choose(bench, "motions", "/second_play")
     assert bench.order(wire.Play(1, "nod")) is None
     settled(bench)
@@ -104,7 +104,7 @@ def test_a_motion_is_performed_by_the_chosen_action_and_cancelled_there(bench):
     assert bench.base.cancelled_goals == [goal_id]
 
 
-def test_every_motion_action_of_the_list_is_listened_to_from_the_first_to_the_last(bench):
+def test_every_allowed_motion_action_is_subscribed_always(bench):
     """What one of them performs that this bridge gave up, or one that was killed left, must be heard of."""
     both = {"/play_motion", "/second_play"}
     assert bench.core.tasks.routing.connected("motions") == both
@@ -121,14 +121,14 @@ def test_every_motion_action_of_the_list_is_listened_to_from_the_first_to_the_la
     assert "motions" not in dict(bench.base.attended)  # nothing was left, and nothing joined late
 
 
-def test_motions_are_read_anew_where_they_are_chosen_and_where_input_goes_back(bench):
+def test_motions_are_read_again_after_each_change_of_action(bench):
     choose(bench, "motions", "/second_play")
     assert bench.base.readings == 1
     bench.core.revoke(1, "over", bench.now_s)
     assert bench.base.readings == 2
 
 
-def test_the_old_drive_topic_gets_its_zero_before_the_new_one_gets_anything(bench):
+def test_old_drive_topic_gets_zero_before_the_new_one_is_used(bench):
     choose(bench, "drive", "/phone_vel")
     [(topic, sent)] = bench.base.switched
     assert topic == "/phone_vel"
@@ -179,9 +179,7 @@ def test_a_topic_that_nobody_listens_to_is_refused(bench):
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "no_lease"),
     ],
 )
-def test_a_drive_topic_is_changed_by_its_holder_while_the_base_stands_and_at_no_other_time(
-    bench, spoil, code
-):
+def test_drive_topic_changes_only_while_the_base_stands(bench, spoil, code):
     spoil(bench)
     [refusal] = ask(bench, "drive", "/phone_vel")
     assert refusal.code == code
@@ -226,7 +224,7 @@ def test_what_no_allow_list_admits_is_refused_though_ours_has_it(bench):
     assert bench.core.tasks.capabilities.now().uses["drive"].chooseable == {}
 
 
-def test_where_only_the_default_actions_motions_tell_of_the_arm_no_other_action_is_chosen():
+def test_other_action_is_refused_if_only_default_reports_the_arm():
     arm = ArmSource(home={"arm": 0.0}, links=[], postures={"offer": [(0.6, 0.0, 0.2)]})
     topics = msgspec.structs.replace(CONFIG.topics, arm=arm)
     bench = Bench(config=msgspec.structs.replace(CONFIG, topics=topics, allowed=ALLOWED)).online().granted()
@@ -242,7 +240,7 @@ def test_the_newest_of_two_choices_counts_and_both_are_answered(bench):
     assert second == [None]
 
 
-def test_a_topic_that_was_let_go_meanwhile_is_not_taken_for_connected(bench):
+def test_dropped_topic_is_not_taken_as_connected(bench):
     ask(bench, "speech", "/second_tts")
     settled(bench)
     bench.core.revoke(1, "over", bench.now_s)
@@ -258,7 +256,7 @@ def test_a_topic_that_was_let_go_meanwhile_is_not_taken_for_connected(bench):
     assert answers == [None]
 
 
-def test_a_topic_that_is_not_connected_in_time_is_not_chosen_later_and_may_be_asked_for_anew(bench):
+def test_topic_not_connected_in_time_may_be_chosen_again(bench):
     answers = ask(bench, "drive", "/phone_vel")
     bench.pass_time(PATIENCE_S + 0.1)
     assert [refusal.code for refusal in answers] == ["robot_silent"]
@@ -269,7 +267,7 @@ def test_a_topic_that_is_not_connected_in_time_is_not_chosen_later_and_may_be_as
     choose(bench, "drive", "/phone_vel")
 
 
-def test_a_topic_that_could_not_be_connected_is_in_the_way_of_no_later_choice(bench):
+def test_failed_connection_does_not_block_later_choices(bench):
     choose(bench, "speech", "/second_tts")
     answers = ask(bench, "drive", "/phone_vel")
     settled(bench)
@@ -281,7 +279,7 @@ def test_a_topic_that_could_not_be_connected_is_in_the_way_of_no_later_choice(be
     choose(bench, "drive", "/phone_vel")
 
 
-def test_one_press_goes_back_to_the_default_also_where_nobody_listens(bench):
+def test_return_to_default_works_without_subscribers(bench):
     choose(bench, "speech", "/second_tts")
     bench.core.tasks.routing.surveyed({"/second_tts/goal": f"{TTS}Goal"}, bench.now_s)
     answers = ask(bench, "speech", None)
@@ -297,7 +295,7 @@ def test_what_is_chosen_already_is_chosen_without_ado(bench):
     assert (bench.sink.kinds, bench.base.switched) == ([], [])
 
 
-def test_a_chosen_topic_that_vanishes_halts_the_base_and_input_goes_to_the_default_again(bench):
+def test_lost_chosen_topic_halts_the_base_and_restores_default(bench):
     choose(bench, "drive", "/phone_vel")
     bench.stick(0.0)
     bench.driving()
@@ -310,7 +308,7 @@ def test_a_chosen_topic_that_vanishes_halts_the_base_and_input_goes_to_the_defau
     assert state.neutral_needed.text == "/phone_vel has no subscriber any more: input goes to /key_vel again"
 
 
-def test_choices_end_with_control_and_a_rolling_base_gets_its_zeros_where_it_got_its_speed(bench):
+def test_choices_end_with_control_and_rolling_base_gets_zeros(bench):
     choose(bench, "speech", "/second_tts")
     choose(bench, "drive", "/phone_vel")
     bench.stick(0.0)
@@ -326,7 +324,7 @@ def test_choices_end_with_control_and_a_rolling_base_gets_its_zeros_where_it_got
     assert [topic for topic, _ in bench.base.switched] == ["/phone_vel", "/key_vel"]
 
 
-def test_a_base_of_which_nothing_is_known_gets_zeros_for_a_while_and_no_longer(bench):
+def test_base_without_odometry_gets_zeros_for_limited_time(bench):
     choose(bench, "drive", "/phone_vel")
     bench.odometry(Velocity(0.3, 0.0, 0.0))
     bench.core.revoke(1, "over", bench.now_s)
@@ -369,7 +367,7 @@ def told(bench):
     return [report for report in bench.told if isinstance(report, wire.Offers)]
 
 
-def test_motions_are_told_when_they_changed_and_when_somebody_asks(bench):
+def test_motions_are_reported_on_change_and_on_request(bench):
     read = bench.core.tasks.capabilities.read
     assert bench.core.tasks.capabilities.now().motions_text == "The robot’s motions have not been read yet."
     read("/play_motion", [NOD], "")

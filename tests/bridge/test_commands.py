@@ -21,7 +21,7 @@ def test_age_is_what_a_message_took_beyond_the_fastest_one():
     assert age.age_s(sent_s=5.3, now_s=100.35) == pytest.approx(0.04)
 
 
-def test_a_network_that_became_slower_for_good_is_accepted_after_a_minute():
+def test_permanently_slower_network_is_accepted_after_a_minute():
     age = AgeEstimator()
     age.age_s(0.0, 100.0)
     ages = [age.age_s(second, 100.5 + second) for second in range(1, 65)]
@@ -37,7 +37,7 @@ def test_a_burst_after_a_stall_is_dropped_and_not_replayed():
     assert stick.current(11.01) is not None  # the youngest few still hold
 
 
-def test_a_command_lives_from_when_it_was_sent_and_not_from_when_it_came():
+def test_command_life_counts_from_sending_not_from_arrival():
     stick = DriveInput()
     stick.take(drive(1, 0.0), 10.0)
     stick.take(drive(2, 0.1), 10.3)  # 0.2 s late
@@ -54,7 +54,7 @@ def test_a_command_that_was_overtaken_is_dropped():
     assert refusal.figures == {"seq": 4, "newest_seq": 5}
 
 
-def test_a_full_stick_back_is_the_reverse_limit_even_at_a_small_share():
+def test_full_reverse_stick_is_the_reverse_limit_at_small_share():
     assert velocity_of(drive(1, 0.0, x=-1.0, share=0.4), LIMITS, 1.0, "turn").vx == -0.2
     assert velocity_of(drive(1, 0.0, x=1.0, share=0.4), LIMITS, 1.0, "turn").vx == 0.4
 

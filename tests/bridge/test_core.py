@@ -33,7 +33,7 @@ def test_nothing_moves_without_control(bench):
     assert bench.base.sent == []
 
 
-def test_a_command_is_published_when_it_comes_and_again_on_each_tick(bench):
+def test_command_is_published_on_arrival_and_on_each_tick(bench):
     bench.granted().driving()
     count = len(bench.base.sent)
     bench.stick(0.5)
@@ -93,7 +93,7 @@ def test_silence_with_the_stick_in_the_middle_asks_for_nothing(bench):
     bench.driving()
 
 
-def test_an_old_fencing_number_is_refused_with_the_present_holder(bench):
+def test_old_fence_is_refused_naming_the_present_holder(bench):
     bench.granted(1).granted(2)
     refusal = bench.stick(1.0, fence=1)
     assert refusal.code == "old_fence"
@@ -123,7 +123,7 @@ def test_one_number_does_not_serve_two_control_sessions(bench):
     assert bench.core.lease.check(Grant(3, 3, "another", "Bob", "b", 1.0)).code == "fence_taken"
 
 
-def test_a_number_stays_with_its_control_session_after_control_ended(bench):
+def test_fence_belongs_to_its_session_after_control_ended(bench):
     bench.granted(3)
     bench.core.revoke(3, "released", bench.now_s)
     assert bench.core.lease.check(Grant(3, 3, "another", "Bob", "b", 1.0)).code == "fence_taken"
@@ -157,7 +157,7 @@ def test_a_lost_link_stops_the_robot_at_once(bench):
     assert bench.last == STILL
 
 
-def test_another_web_process_that_goes_does_not_disturb_the_drive(bench):
+def test_loss_of_another_web_process_does_not_stop_the_drive(bench):
     bench.granted(link=1).driving()
     bench.core.link_lost(2, bench.now_s)
     assert bench.last == FORWARD
@@ -173,7 +173,7 @@ def test_a_page_that_came_back_may_count_from_one_again(bench):
     bench.driving()
 
 
-def test_a_page_that_comes_back_by_another_link_begins_anew_also_before_the_first_one_misses_it(bench):
+def test_page_back_on_another_link_starts_from_neutral(bench):
     bench.granted(link=1).driving()
     grant = bench.core.lease.current
     bench.core.grant(grant, 2, bench.now_s)
@@ -182,7 +182,7 @@ def test_a_page_that_comes_back_by_another_link_begins_anew_also_before_the_firs
     assert bench.stick(0.5, link=2).code == "neutral_needed"
 
 
-def test_a_hold_by_the_link_that_a_page_has_left_does_not_disturb_its_drive_by_another_one(bench):
+def test_late_pause_from_the_old_link_is_ignored(bench):
     bench.granted(link=1).granted(link=2)
     bench.stick(0.5, link=2)
     bench.recorded()
@@ -193,7 +193,7 @@ def test_a_hold_by_the_link_that_a_page_has_left_does_not_disturb_its_drive_by_a
     assert bench.last == STILL
 
 
-def test_zeros_are_repeated_for_a_second_and_then_the_topic_is_left_to_others(bench):
+def test_zeros_are_repeated_for_a_second_after_control(bench):
     bench.granted().driving()
     bench.core.revoke(1, "released", bench.now_s)
     bench.pass_time(0.9)
@@ -221,18 +221,18 @@ def cancels(bench, seconds: float) -> int:
     return bench.base.cancelled - before
 
 
-def test_a_stop_that_was_pressed_while_the_master_was_away_cancels_once_it_is_there():
+def test_stop_without_master_cancels_when_the_master_is_back():
     bench = Bench()
     bench.core.stop("Bob", "", bench.now_s)
     bench.pass_time(60.0)
     assert cancels(bench.online(), 1.0) >= 2  # the first may find no listener connected yet
 
 
-def test_a_stop_that_an_earlier_bridge_left_cancels_once_the_master_is_there():
+def test_stop_of_an_earlier_bridge_cancels_after_joining():
     assert cancels(Bench(left=SavedState(True, "Bob", "", 4)).online(), 1.0) >= 2
 
 
-def test_a_stop_cancels_for_as_long_as_it_is_latched_and_no_longer(bench):
+def test_cancel_is_repeated_exactly_while_stop_is_latched(bench):
     bench.pass_time(5.0)
     bench.core.stop("Bob", "", bench.now_s)
     assert cancels(bench, 10.0) == pytest.approx(20, abs=2)  # also what others ask for meanwhile
@@ -242,7 +242,7 @@ def test_a_stop_cancels_for_as_long_as_it_is_latched_and_no_longer(bench):
     assert cancels(bench, 10.0) == 0
 
 
-def test_a_stop_that_was_cleared_before_the_robot_could_be_reached_cancels_all_the_same():
+def test_stop_cleared_before_joining_still_cancels_once_joined():
     bench = Bench()
     bench.core.stop("Bob", "", bench.now_s)
     bench.core.clear(bench.core.stop_state.number, bench.now_s)
@@ -251,7 +251,7 @@ def test_a_stop_that_was_cleared_before_the_robot_could_be_reached_cancels_all_t
     assert cancels(bench, 10.0) == 0
 
 
-def test_a_stop_that_was_cleared_while_the_master_was_away_cancels_when_it_is_back(bench):
+def test_stop_cleared_while_master_is_away_cancels_later(bench):
     bench.pass_time(5.0)
     bench.core.stop("Bob", "", bench.now_s)  # over a network that is gone already
     bench.core.ros_status(RosStatus("waiting", "No ROS master answers."), bench.now_s)
@@ -288,7 +288,7 @@ def test_standstill_is_what_odometry_says_and_not_what_was_sent(bench):
     assert bench.core.stop_state.standstill_ms == pytest.approx(250, abs=60)
 
 
-def test_the_time_to_standstill_begins_when_the_watchdog_heard_the_press(bench):
+def test_time_to_standstill_counts_from_the_watchdogs_press(bench):
     """Whichever way the press comes first to a bridge that was frozen for two seconds."""
     bench.granted().driving()
     bench.odometry(FORWARD)
@@ -333,7 +333,7 @@ def test_a_robot_that_stood_already_has_no_time_to_standstill(bench):
     assert (stop.state, stop.was_standing, stop.standstill_ms) == ("stopped", True, None)
 
 
-def test_a_robot_that_is_told_to_move_or_moves_by_itself_was_not_standing(bench):
+def test_robot_in_motion_was_not_standing_at_the_stop(bench):
     bench.granted().driving()
     bench.core.stop("Bob", "", bench.now_s)
     assert not bench.core.stop_state.was_standing
@@ -367,7 +367,7 @@ def test_frozen_odometry_does_not_confirm_standstill(bench):
     assert bench.core.stop_state.state == "stopping"
 
 
-def test_frozen_odometry_keeps_no_robot_online_and_measures_no_way(bench):
+def test_frozen_odometry_does_not_count_as_online_or_distance(bench):
     bench.granted().driving()
     for _ in range(25):
         bench.now_s += 0.05
@@ -380,7 +380,7 @@ def test_frozen_odometry_keeps_no_robot_online_and_measures_no_way(bench):
     assert bench.sink.records[-1][1].distance_m == 0.0
 
 
-def test_a_clear_of_a_stop_that_was_pressed_again_since_is_refused(bench):
+def test_clear_is_refused_if_stop_was_pressed_again(bench):
     bench.granted()
     bench.core.stop("Ann", "", bench.now_s)
     bench.pass_time(0.1)
@@ -408,7 +408,7 @@ def test_a_number_that_was_cleared_once_clears_no_later_stop(bench):
     assert bench.core.clear(number, bench.now_s).code == "stopped_again"
 
 
-def test_clearing_moves_nothing_until_the_stick_was_in_the_middle(bench):
+def test_after_clearing_nothing_moves_before_neutral(bench):
     bench.granted().driving()
     bench.core.stop("Bob", "", bench.now_s)
     bench.pass_time(0.1)
@@ -430,7 +430,7 @@ def test_a_pressed_stop_is_found_again_after_a_kill():
     assert (bench.core.stop_state.state, bench.core.stop_state.standstill_ms) == ("stopped", None)
 
 
-def test_a_lost_master_stops_the_robot_and_asks_for_a_neutral_stick(bench):
+def test_lost_master_stops_the_robot_and_needs_neutral(bench):
     bench.granted().driving()
     bench.core.ros_status(RosStatus("waiting", "No ROS master answers."), bench.now_s)
     assert bench.last == STILL
@@ -486,7 +486,7 @@ def test_a_stick_at_rest_counts_only_once_the_sensor_is_back(bench, goes):
 
 
 @pytest.mark.parametrize("goes", [silence_of_the_laser, silence_of_odometry])
-def test_a_stick_pushed_while_a_sensor_is_silent_does_not_drive_off_when_it_is_back(bench, goes):
+def test_stick_pushed_during_sensor_silence_needs_neutral_later(bench, goes):
     """Also where nothing was owed, and the push waits for its record when the sensor comes back."""
     bench.granted()
     goes(bench)
@@ -565,7 +565,7 @@ def test_a_drive_is_one_start_and_one_end_with_its_distance(bench):
     assert summary.ended_by == "standstill"
 
 
-def test_a_drive_that_missing_sensor_data_stopped_says_so_at_its_end(bench):
+def test_drive_stopped_by_missing_sensor_data_records_the_cause(bench):
     bench.granted().driving()
     bench.gate.says = lambda asked: Verdict(STILL, asked, "scan_stale", "the laser is silent", neutral=True)
     bench.stick(0.5)
@@ -617,7 +617,7 @@ def held(bench, *codes, for_s, neutral=False):
         "scan_late",
     ],
 )
-def test_an_intervention_is_one_begin_and_one_end_whatever_the_ticks(bench, code):
+def test_intervention_has_one_begin_and_one_end_record(bench, code):
     bench.granted().driving()
     held(bench, code, for_s=1.0)
     held(bench, "free", for_s=1.5)
@@ -632,7 +632,7 @@ def test_an_intervention_is_one_begin_and_one_end_whatever_the_ticks(bench, code
 @pytest.mark.parametrize(
     "codes", [("obstacle", "free"), ("obstacle", "near_miss"), ("mover", "free", "scan_late")]
 )
-def test_what_flickers_is_one_intervention_and_its_end_names_what_came_between(bench, codes):
+def test_flickering_rule_is_one_intervention_naming_others(bench, codes):
     bench.granted().driving()
     held(bench, *codes, for_s=5.0)
     held(bench, "free", for_s=1.5)
@@ -640,7 +640,7 @@ def test_what_flickers_is_one_intervention_and_its_end_names_what_came_between(b
     assert bench.sink.records[-1][1].also == sorted({*codes} - {codes[0], "free"})
 
 
-def test_a_rule_that_takes_over_for_good_is_an_intervention_of_its_own(bench):
+def test_rule_that_replaces_another_is_a_new_intervention(bench):
     bench.granted().driving()
     held(bench, "near_miss", for_s=1.0)
     held(bench, "obstacle", for_s=2.0)
@@ -648,7 +648,7 @@ def test_a_rule_that_takes_over_for_good_is_an_intervention_of_its_own(bench):
     assert bench.sink.records[-1][1].verdict.code == "obstacle"
 
 
-def test_a_stop_that_needs_a_neutral_stick_is_on_record_at_once_whatever_held_back_before(bench):
+def test_stop_that_needs_neutral_is_always_recorded_at_once(bench):
     bench.granted().driving()
     held(bench, "near_miss", for_s=0.5)
     held(bench, "scan_stale", for_s=0.05, neutral=True)
@@ -673,14 +673,14 @@ def test_a_robot_held_at_a_wall_is_still_one_drive(bench):
     assert bench.sink.kinds == ["drive.start", "gate.begin"]
 
 
-def test_the_gate_reckons_with_the_way_to_the_page_and_the_page_is_shown_the_robots_latency(bench):
+def test_gate_counts_page_delay_and_page_shows_robot_latency(bench):
     bench.core.grant(Grant(1, 60.0, "session-1", "Ann", "ann-id", 1.0, delay_s=0.7), 1, bench.now_s)
     assert bench.gate.operator_delay_s == 0.7
     state = bench.core.state(bench.now_s, [])
     assert (state.latency_s, state.latency_measured) == (0.2, False)
 
 
-def test_standing_limits_are_told_as_data_to_who_drives_and_to_nobody_else(bench):
+def test_speed_limits_are_reported_only_while_somebody_drives(bench):
     bench.granted().driving()
     limits = (
         SpeedLimit("arm_away", "held to 0.2 m/s", 0.2),
@@ -699,7 +699,7 @@ def test_standing_limits_are_told_as_data_to_who_drives_and_to_nobody_else(bench
     assert bench.core.state(bench.now_s, []).verdict.limits == []
 
 
-def test_each_arrival_asks_for_the_gate_to_be_prepared_while_somebody_has_control(bench):
+def test_sensor_messages_prepare_the_gate_during_control(bench):
     bench.gate.observe_scan = lambda _scan: None
     scan = LaserScan("laser", 50.0, 101.0, [1.0], 0.0, 0.1, 0.1, 9.0)
     for granted in (False, True):

@@ -102,7 +102,7 @@ def test_yaw_is_counted_on_beyond_a_full_turn(bench: Bench) -> None:
     assert drive_of(bench).path[-1].yaw == pytest.approx(23 * math.pi / 4)
 
 
-def test_where_the_odometry_frame_is_in_the_map_is_told_at_the_start_and_at_the_end(bench: Bench) -> None:
+def test_drive_records_map_to_odom_at_begin_and_end(bench: Bench) -> None:
     bench.map_to_odom = Pose(1.0, 2.0, 0.1)
     bench.driving()
     bench.map_to_odom = Pose(1.1, 2.0, 0.1)
@@ -113,7 +113,7 @@ def test_where_the_odometry_frame_is_in_the_map_is_told_at_the_start_and_at_the_
     assert drive_of(bench).end.map_to_odom == Pose(1.1, 2.0, 0.1)
 
 
-def test_a_drive_that_something_else_than_the_stick_ended_says_what(bench: Bench) -> None:
+def test_drive_ended_by_another_cause_records_the_cause(bench: Bench) -> None:
     bench.driving()
     bench.core.stop("Bob", "a child", bench.now_s)
     stands(bench)
@@ -134,7 +134,7 @@ def test_a_drive_of_somebody_elses_control_is_another_one(bench: Bench) -> None:
 # --- where it was held back --------------------------------------------------------------------------
 
 
-def test_an_intervention_tells_when_and_where_it_was_and_how_near_the_obstacle_came(bench: Bench) -> None:
+def test_intervention_records_time_place_and_nearest_obstacle(bench: Bench) -> None:
     bench.driving()
     rolls(bench, 2.0)
     distances = iter([0.5, 0.3, 0.4])
@@ -167,7 +167,7 @@ def driven_while_away(bench: Bench, seconds: float) -> list[Refusal | None]:
     return answers
 
 
-def test_in_a_long_drive_without_records_the_database_is_tried_all_the_time(bench: Bench) -> None:
+def test_database_is_tested_during_a_long_drive(bench: Bench) -> None:
     bench.driving()
     rolls(bench, 10.0)
     assert bench.sink.kinds == ["drive.start"]
@@ -183,7 +183,7 @@ def test_nothing_is_tried_once_the_drive_is_over(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("hangs", [False, True])
-def test_a_database_that_cannot_be_written_for_two_seconds_stops_the_robot(bench: Bench, hangs: bool) -> None:
+def test_unwritable_database_stops_the_robot_after_two_seconds(bench: Bench, hangs: bool) -> None:
     bench.driving()
     bench.pass_time(0.1)
     bench.stick(0.5)
@@ -201,7 +201,7 @@ def test_a_database_that_cannot_be_written_for_two_seconds_stops_the_robot(bench
     assert bench.core.state(bench.now_s, []).verdict.code == "not_recorded"
 
 
-def test_it_can_be_driven_again_when_the_database_is_back_but_with_a_neutral_stick_first(
+def test_driving_resumes_from_neutral_when_database_is_back(
     bench: Bench,
 ) -> None:
     bench.driving()
@@ -217,7 +217,7 @@ def test_it_can_be_driven_again_when_the_database_is_back_but_with_a_neutral_sti
     bench.driving()
 
 
-def test_a_stick_that_is_held_while_the_start_cannot_be_recorded_moves_nothing_later(bench: Bench) -> None:
+def test_stick_held_during_failed_recording_moves_nothing_later(bench: Bench) -> None:
     bench.sink.fails = "locked"
     driven_while_away(bench, 3.0)
     bench.sink.fails = None
@@ -225,7 +225,7 @@ def test_a_stick_that_is_held_while_the_start_cannot_be_recorded_moves_nothing_l
     assert set(bench.base.sent) == {STILL}
 
 
-def test_a_start_that_hangs_is_one_drive_and_says_why_nothing_moves(bench: Bench) -> None:
+def test_hanging_start_record_is_one_drive_with_a_reason(bench: Bench) -> None:
     bench.sink.open.clear()
     refused = driven_while_away(bench, 3.0)[-1]
     assert refused is not None
@@ -235,7 +235,7 @@ def test_a_start_that_hangs_is_one_drive_and_says_why_nothing_moves(bench: Bench
     assert [kind for kind in bench.sink.kinds if kind.startswith("drive")] == ["drive.start", "drive.end"]
 
 
-def test_what_happened_meanwhile_is_on_record_in_order_when_the_database_is_back(bench: Bench) -> None:
+def test_kept_events_are_recorded_in_order_later(bench: Bench) -> None:
     bench.driving()
     bench.gate.says = lambda asked: Verdict(Velocity(0.1, 0, 0), asked, "obstacle", "slowed")
     bench.sink.fails = "locked"
@@ -249,7 +249,7 @@ def test_what_happened_meanwhile_is_on_record_in_order_when_the_database_is_back
     assert drive_of(bench).ended_by == "what the robot did could not be recorded"
 
 
-def test_a_stop_waits_for_no_record_and_is_on_record_when_it_can_be(bench: Bench) -> None:
+def test_stop_does_not_wait_for_its_record(bench: Bench) -> None:
     bench.driving()
     bench.sink.fails = "locked"
     bench.core.stop("Bob", "", bench.now_s)
@@ -276,7 +276,7 @@ def test_a_stop_that_is_pressed_again_is_on_record_once(bench: Bench) -> None:
     assert len(bench.sink.stops) == 2
 
 
-def test_what_an_earlier_bridge_left_open_is_settled_before_anything_else(bench: Bench) -> None:
+def test_open_records_of_an_earlier_bridge_are_settled_first(bench: Bench) -> None:
     bench.sink.fails = "locked"
     bench.records.open(lambda: None, bench.now_s)
     driven_while_away(bench, 1.0)

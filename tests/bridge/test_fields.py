@@ -131,7 +131,7 @@ def test_a_thousand_levels_of_names_are_refused():
     assert "nested" in refused({"linear" + ".x" * 900: 1}, TWIST)[1]
 
 
-def test_constants_are_given_by_their_names_and_array_elements_by_their_numbers():
+def test_constants_by_name_and_array_elements_by_number():
     values = fit_fields(EVERYTHING, {"level": "HIGH", "points.1.y": 2, "points.0.x": 1, "a_int8": 3.0})
     assert values == {"level": 9, "points": [{"x": 1.0}, {"y": 2.0}], "a_int8": 3}
 
@@ -149,7 +149,7 @@ def test_times_are_seconds_or_parts_or_now():
 # --- bytes ---------------------------------------------------------------------------------------------
 
 
-def test_what_is_left_out_is_zero_or_empty_and_a_headers_stamp_now():
+def test_missing_fields_are_zero_and_header_stamps_are_now():
     layout = Layout(EVERYTHING)
     fields, _ = layout.read(layout.write({}, (1700000000, 5)), ALL)
     assert fields.pop("header") == {"seq": 0, "stamp": {"secs": 1700000000, "nsecs": 5}, "frame_id": ""}
@@ -205,7 +205,7 @@ def test_any_bytes_are_a_message_or_broken(data):
         Layout(EVERYTHING).read(data, Detail(4, 2, 10))
 
 
-def test_long_arrays_and_texts_are_read_in_part_and_the_rest_stepped_over():
+def test_long_arrays_and_texts_are_read_in_part():
     layout = Layout(
         [Field("points", "p", array=-1, fields=[Field("name", "string")]), Field("last", "string")]
     )

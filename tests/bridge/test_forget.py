@@ -29,7 +29,7 @@ def codes(answers):
     return [refusal and refusal.code for refusal in answers]
 
 
-def test_it_is_forgotten_and_answered_once_the_request_is_on_record(bench):
+def test_memory_is_forgotten_when_the_request_is_recorded(bench):
     bench.sink.open.clear()
     answers = ask(bench)
     bench.core.tick(bench.now_s)
@@ -61,7 +61,7 @@ def test_the_stick_need_not_return_to_the_middle(bench):
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
     ],
 )
-def test_what_a_rule_forbids_is_refused_in_words_and_not_recorded(bench, spoil, code):
+def test_forbidden_request_is_refused_and_not_recorded(bench, spoil, code):
     spoil(bench)
     [refusal] = ask(bench)
     assert refusal.code == code and refusal.text
@@ -79,7 +79,7 @@ def test_what_a_rule_forbids_is_refused_in_words_and_not_recorded(bench, spoil, 
         (lambda bench: setattr(bench.sink, "fails", "disk full"), "not_recorded"),
     ],
 )
-def test_what_comes_in_between_request_and_record_keeps_what_was_seen(bench, spoil, code):
+def test_event_before_the_record_prevents_forgetting(bench, spoil, code):
     bench.sink.open.clear()
     answers = ask(bench)
     spoil(bench)

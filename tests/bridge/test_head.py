@@ -50,7 +50,7 @@ def turn(bench):
         bench.pass_time(0.1)
 
 
-def test_the_head_moves_and_that_is_answered_once_the_request_is_on_record(bench):
+def test_head_moves_when_the_request_is_recorded(bench):
     bench.sink.open.clear()
     answers = ask(bench)
     bench.core.tick(bench.now_s)
@@ -71,7 +71,7 @@ def test_each_request_is_on_record_and_answered(bench):
     assert bench.sink.kinds == ["head.look_ahead"] * 4
 
 
-def test_what_cannot_be_recorded_is_not_done_and_that_is_the_answer(bench):
+def test_unrecorded_request_is_refused_and_not_done(bench):
     bench.sink.fails = "disk full"
     answers = ask(bench)
     settled(bench)
@@ -89,7 +89,7 @@ def test_what_cannot_be_recorded_is_not_done_and_that_is_the_answer(bench):
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
     ],
 )
-def test_what_comes_in_between_request_and_record_keeps_the_head_where_it_is(bench, spoil, code):
+def test_event_before_the_record_prevents_moving_the_head(bench, spoil, code):
     bench.sink.open.clear()
     answers = ask(bench)
     spoil(bench)
@@ -138,7 +138,7 @@ def test_the_head_follows_a_turn_slowly_and_not_too_far():
     assert [aim for aim in back if aim][-1].pan == pytest.approx(0.0, abs=0.03)
 
 
-def test_on_a_straight_drive_it_is_sent_ahead_now_and_then_for_others_may_have_turned_it():
+def test_head_is_sent_ahead_repeatedly_on_a_straight_drive():
     head = Head(FOLLOWS)
     aims = [head.follow(Velocity(0.5, 0.0, 0.0), 10.0 + 0.05 * step) for step in range(101)]
     assert [aim for aim in aims if aim] == [(0.0, -0.68, AHEAD_TAKES_S)] * 3
@@ -168,7 +168,7 @@ def test_while_a_motion_runs_the_head_is_left_to_it():
     assert bench.base.aims
 
 
-def test_looking_ahead_shows_the_floor_from_half_a_metre_to_three_before_the_robot():
+def test_looking_ahead_shows_floor_from_half_to_three_metres():
     """TIAGo at home: its camera 1.217 m high, 0.175 m ahead of the base, 49.4 degrees from top to bottom."""
     half = math.atan(240 / (320 / math.tan(math.radians(31.5))))
     nearest, farthest = (1.217 / math.tan(-SOURCE.look_tilt + side) + 0.175 - 0.27 for side in (half, -half))

@@ -19,7 +19,7 @@ def nested(array, depth):
     return fields
 
 
-def test_elements_of_no_bytes_are_shown_once_however_many_there_are():
+def test_zero_byte_elements_are_read_once():
     shown, shortened = Layout(nested(32, 5)).read(b"", DETAIL)
     assert shown == {"a": [{"a": [{"a": [{"a": [{"a": [{}]}]}]}]}]}
     assert shortened["a"] == 32

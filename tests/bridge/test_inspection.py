@@ -133,7 +133,7 @@ async def test_an_answer_to_who_has_gone_is_nobodys(relay):
     assert ann.answers == []
 
 
-async def test_messages_go_to_whoever_looks_at_the_highest_rate_that_anybody_wants(relay):
+async def test_samples_go_to_subscribers_at_the_highest_wanted_rate(relay):
     ann, ben = Viewer(), Viewer()
     relay.set_subscriptions(ben, {"/x": 5.0})
     relay.set_subscriptions(ann, {"/x": 2.0, "/y": 1.0})
@@ -154,7 +154,7 @@ async def test_more_topics_than_one_robot_shows_are_refused_in_words(relay):
     assert "/one_more" not in relay._wanted()
 
 
-async def test_there_is_no_process_before_somebody_needs_one_nor_long_after(make):
+async def test_inspector_runs_only_while_needed_and_shortly_after(make):
     relay = make(linger_s=0.05)
     assert relay._child._process is None
     ann = Viewer()
@@ -190,7 +190,7 @@ async def test_too_many_questions_at_once_are_refused(relay):
 
 
 @pytest.mark.parametrize("how", ["/die", "/babble"])
-async def test_a_process_that_breaks_is_followed_by_another_that_looks_at_the_same(relay, monkeypatch, how):
+async def test_broken_inspector_is_replaced_with_same_subscriptions(relay, monkeypatch, how):
     monkeypatch.setattr(line_process, "RESTART_S", (0.01, 0.05))
     monkeypatch.setattr(line_process, "END_S", 0.5)
     ann = Viewer()
@@ -204,7 +204,7 @@ async def test_a_process_that_breaks_is_followed_by_another_that_looks_at_the_sa
     assert (await ann.answer(3)).value != first
 
 
-async def test_what_was_published_at_a_rate_is_told_as_lost_when_the_process_dies(make, monkeypatch):
+async def test_publishing_at_a_rate_is_lost_with_the_process(make, monkeypatch):
     monkeypatch.setattr(line_process, "RESTART_S", (0.01, 0.05))
     lost = asyncio.Event()
     relay = make(lost=lost.set)
@@ -270,7 +270,7 @@ async def test_a_process_that_reads_nothing_is_killed(relay, monkeypatch):
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) in KILLED
 
 
-async def test_a_program_that_cannot_be_started_leaves_every_question_refused(make, monkeypatch):
+async def test_every_query_is_refused_if_the_program_cannot_start(make, monkeypatch):
     monkeypatch.setattr(inspector_client, "START_S", 0.1)
     relay = make(command=("/nowhere/inspector",))
     ann = Viewer()
@@ -289,7 +289,7 @@ async def test_with_the_bridge_its_inspector_ends(make):
     assert process.returncode == 0
 
 
-async def test_an_inspector_that_was_just_being_started_ends_with_the_bridge_too(make):
+async def test_inspector_in_its_start_ends_with_the_bridge(make):
     relay = make()
     relay.ask(Viewer(), question(1, "/doze"))
     await asyncio.sleep(0)  # it is on its way
@@ -298,7 +298,7 @@ async def test_an_inspector_that_was_just_being_started_ends_with_the_bridge_too
 
 
 @pytest.mark.parametrize("rate_hz", [1e-300, 0.05, 0.0, 11.0])
-def test_nobody_looks_so_rarely_that_the_next_message_is_never_due(rate_hz):
+def test_subscription_rates_have_a_lower_limit(rate_hz):
     look = f'{{"t":"look","topic":"/odom","rate_hz":{rate_hz}}}'
     look_at = f'{{"t":"look_at","topics":{{"/odom":{rate_hz}}}}}'
     for door, raw in ((wire.topics_message, look), (wire.link_request, look_at)):

@@ -88,7 +88,7 @@ CALL = wire.CallService("/lamp", {"data": True}, seq=9)
 # --- a halt -----------------------------------------------------------------------------------------------
 
 
-async def test_a_halt_reaches_the_inspector_also_after_a_single_message_and_only_once(talk):
+async def test_halt_after_a_single_message_is_sent_exactly_once(talk):
     relay, ear = talk
     relay.halt()
     relay.publish(ORDER)
@@ -120,7 +120,7 @@ async def test_an_inspector_that_does_not_confirm_a_halt_is_killed(listen, monke
     ],
     ids=["stop", "end of control", "another holder", "lost link"],
 )
-def test_whatever_ends_publishing_also_ends_what_was_published_once(bench, end):
+def test_halt_includes_messages_published_once(bench, end):
     bench.order(note())
     settled(bench)
     assert bench.publisher.halts == 0
@@ -144,7 +144,7 @@ async def test_a_sign_of_life_is_for_what_is_published_at_a_rate(talk):
     assert ear.kinds() == ["look_at", "publish", "publish", "alive", "silence", "inspect"]
 
 
-def test_the_bridge_gives_it_in_every_tick_and_only_while_something_is_published_at_a_rate(bench):
+def test_keep_alive_is_sent_each_tick_while_publishing_at_rate(bench):
     bench.pass_time(0.2)
     assert bench.publisher.kept_alive == 0
     bench.order(note(5.0))
@@ -161,7 +161,7 @@ def test_the_bridge_gives_it_in_every_tick_and_only_while_something_is_published
 # --- too late ---------------------------------------------------------------------------------------------
 
 
-async def test_what_was_given_up_before_there_was_a_process_is_not_sent_to_it_later(listen, monkeypatch):
+async def test_timed_out_request_is_not_sent_to_a_later_process(listen, monkeypatch):
     monkeypatch.setattr(inspector_client, "START_S", 0.05)
     monkeypatch.setattr(line_process, "RESTART_S", (0.2, 0.2))
     relay, ear = await listen()
@@ -177,7 +177,7 @@ async def test_what_was_given_up_before_there_was_a_process_is_not_sent_to_it_la
     assert [line["ask"]["t"] for line in ear.heard if line["t"] == "inspect"] == ["parameter"]
 
 
-async def test_of_a_call_that_was_sent_nobody_says_that_it_was_not_carried_out(talk, monkeypatch):
+async def test_timed_out_call_has_an_unknown_result(talk, monkeypatch):
     relay, ear = talk
     monkeypatch.setattr(inspector_client, "ANSWER_S", 0.05)
     for seq, ask in enumerate((CALL, wire.SetParameter("/silent", 1)), 1):
@@ -185,7 +185,7 @@ async def test_of_a_call_that_was_sent_nobody_says_that_it_was_not_carried_out(t
     assert (await ear.answer(1)).refusal.text.endswith("it is unknown whether this was carried out.")
 
 
-async def test_a_question_carries_the_time_until_which_somebody_waits_for_its_answer(talk, monkeypatch):
+async def test_query_carries_its_time_limit(talk, monkeypatch):
     relay, ear = talk
     monkeypatch.setattr(inspector_client, "ANSWER_S", 3.0)
     before_s = time.monotonic()
@@ -201,9 +201,7 @@ async def test_a_question_carries_the_time_until_which_somebody_waits_for_its_an
 # --- let go -----------------------------------------------------------------------------------------------
 
 
-async def test_who_asks_an_inspector_that_is_being_let_go_is_answered_by_the_next_without_a_pause(
-    listen, monkeypatch, tmp_path
-):
+async def test_query_to_an_ending_inspector_goes_to_the_next(listen, monkeypatch, tmp_path):
     monkeypatch.setattr(line_process, "RESTART_S", (600.0, 600.0))
     monkeypatch.setattr(line_process, "END_S", PATIENCE_S)
     monkeypatch.setattr(inspector_client, "ANSWER_S", 0.0)  # not enough for the process that ends

@@ -102,7 +102,7 @@ async def test_the_word_that_ends_control_overtakes_no_command(bridge, link):
     assert [getattr(message, "seq", "hold") for message in heard] == [*range(20), "hold"]
 
 
-async def test_a_bridge_that_does_not_read_is_behind_and_hears_few_commands_late(bridge, link):
+async def test_slow_bridge_reads_only_few_commands_late(bridge, link):
     sent = 0
     while await link.forward(drive(sent)):  # nobody reads: this loop is the bridge's too
         sent += 1

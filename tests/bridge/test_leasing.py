@@ -95,7 +95,7 @@ async def test_a_revoke_behind_its_own_grant_wins(fences, core, disk):
     assert asks_to_move(core, 5).code == "no_lease"
 
 
-async def test_a_page_that_goes_while_its_grant_is_written_counts_its_commands_anew(fences, core, disk):
+async def test_page_lost_during_the_grants_write_restarts_numbering(fences, core, disk):
     link = Wire(1)
     fences.hear(link, GRANT)
     fences.hear(link, wire.Pause(5, "The page is gone."))
@@ -106,7 +106,7 @@ async def test_a_page_that_goes_while_its_grant_is_written_counts_its_commands_a
     assert asks_to_move(core, 5) is None, "the page came back and begins with number 1 again"
 
 
-async def test_a_page_is_gone_only_for_the_link_that_its_control_came_by(fences, core, disk):
+async def test_page_is_paused_only_by_the_link_of_its_grant(fences, core, disk):
     left, back = Wire(1), Wire(2)
     disk.free.set()
     fences.hear(left, GRANT)
@@ -119,7 +119,7 @@ async def test_a_page_is_gone_only_for_the_link_that_its_control_came_by(fences,
     assert core.state(100.0, []).seq is None
 
 
-async def test_an_older_holder_is_revoked_while_the_next_number_is_written(fences, core, disk):
+async def test_older_holder_is_revoked_during_the_next_fences_write(fences, core, disk):
     link = Wire(1)
     disk.free.set()
     fences.hear(link, GRANT)
@@ -130,7 +130,7 @@ async def test_an_older_holder_is_revoked_while_the_next_number_is_written(fence
     assert core.lease.current is None
 
 
-async def test_of_two_numbers_on_their_way_to_the_disk_the_higher_one_gets_control(fences, core, disk):
+async def test_higher_of_two_fences_being_written_gets_control(fences, core, disk):
     link = Wire(1)
     fences.hear(link, GRANT)
     fences.hear(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))

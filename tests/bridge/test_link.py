@@ -275,7 +275,7 @@ async def test_a_large_answer_does_not_cut_the_link(link, bridge):
     assert link.up
 
 
-async def test_a_crowd_of_onlookers_with_long_names_fits_into_a_message(link, bridge):
+async def test_many_watchers_with_long_names_fit_into_a_message(link, bridge):
     [remote] = bridge.server.links
     link.watch(link.follower, [f"{number:03} " + "Ü" * 190 for number in range(500)])
     await link.stop(wire.LinkStop("Ann"))
@@ -317,14 +317,14 @@ async def test_an_answer_goes_to_the_question_that_it_answers(link, bridge):
     assert (await link.clear(wire.LinkClear("Ann", seen))).stop.state == "clear"
 
 
-async def test_a_clear_that_the_bridge_refuses_is_refused_with_its_reason(link, bridge):
+async def test_refused_clear_carries_the_bridges_reason(link, bridge):
     await link.stop(wire.LinkStop("Ben"))
     with pytest.raises(LinkRefused) as refused:
         await link.clear(wire.LinkClear("Ann", 77))
     assert refused.value.refusal.code == "stopped_again"
 
 
-async def test_an_answer_that_comes_when_nobody_waits_any_more_breaks_nothing(link, bridge):
+async def test_late_answer_is_ignored(link, bridge):
     late = asyncio.ensure_future(link.stop(wire.LinkStop("Ben")))
     await asyncio.sleep(0)
     await asyncio.sleep(0)  # it is on its way, by a task of its own
@@ -349,7 +349,7 @@ async def test_a_follower_that_fails_ends_no_link_for_good(link, bridge):
     await link.stop(wire.LinkStop("Ann"))
 
 
-async def test_a_bridge_of_another_protocol_is_not_used_and_not_asked_without_pause(address):
+async def test_bridge_with_another_protocol_is_retried_with_pauses(address):
     asked = asyncio.Queue()
 
     def opened(link):
@@ -394,7 +394,7 @@ async def test_a_link_that_nobody_follows_any_more_is_closed(bridge, address, mo
     await links.close()
 
 
-async def test_the_stop_command_gives_up_on_a_bridge_that_talks_and_does_not_answer(bridge, address):
+async def test_stop_command_gives_up_on_a_bridge_without_answer(bridge, address):
     bridge.silent = True
 
     async def chatter():
@@ -439,7 +439,7 @@ class TestWhoseBridge:
         assert (refusal.rule, stray.up, stray.highest_fence) == ("robot", False, 0)
         assert "tiago" not in refusal.text  # who may see this robot need not know of the other
 
-    async def test_the_bridge_hears_nothing_but_a_hello_and_refuses_the_stop(self, stray, bridge):
+    async def test_bridge_that_gets_only_a_hello_refuses_the_stop(self, stray, bridge):
         stray.watch(stray.follower, ["Ann"])
         stray.set_subscriptions(stray.follower, {"/odom": 5.0})
         await stray.follower.until_refused("other_robot")
@@ -468,9 +468,7 @@ class TestWhoseBridge:
         await asyncio.to_thread(stop_once, None, address, "the command line")
         assert bridge.bench.core.stop_state.state == "stopping"
 
-    async def test_until_the_bridge_said_who_it_is_it_is_told_nothing_but_a_stop(
-        self, bridge, address, monkeypatch
-    ):
+    async def test_before_the_bridges_hello_only_a_stop_is_sent(self, bridge, address, monkeypatch):
         bridge.greets = False
         connected = asyncio.Event()
         monkeypatch.setattr(bridge.server, "_on_open", lambda _link: connected.set())
@@ -533,7 +531,7 @@ class TestTcp:
             async with connect(f"ws://127.0.0.1:{address.port}/", open_timeout=2):
                 pass
 
-    async def test_a_tcp_link_without_certificate_or_secret_is_never_opened(self):
+    async def test_tcp_link_needs_certificate_and_secret(self):
         server = LinkServer(LinkAddress(host="127.0.0.1", port=free_port()), print, print, print)
         with pytest.raises(ValueError, match="certificate, a private key and a shared secret"):
             await server.start()

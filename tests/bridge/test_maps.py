@@ -72,15 +72,13 @@ def taker(tmp_path):
     return taker
 
 
-async def test_nothing_is_asked_of_the_robot_while_nobody_has_control_nor_of_one_without_a_map(
-    taker, tmp_path
-):
+async def test_no_map_is_fetched_without_control_or_map_topic(taker, tmp_path):
     await taker.look(None, 0.0)
     await Taker(tmp_path, topic=None).look(1, 0.0)
     assert taker.asked == []
 
 
-async def test_a_map_is_taken_for_each_control_session_and_every_few_minutes_of_it(taker):
+async def test_map_is_fetched_per_session_and_every_few_minutes(taker):
     for now_s in (0.0, 1.0, FRESH_S - 1.0):
         await taker.look(7, now_s)
     assert taker.kept == [TAKEN]
@@ -111,7 +109,7 @@ async def test_while_one_is_taken_no_other_is(taker):
         (bytes(map_fetch.LARGEST_ANSWER + 1), "failed"),
     ],
 )
-async def test_without_a_map_it_is_tried_again_after_a_while_and_said_once(answer, why, taker, caplog):
+async def test_missing_map_is_retried_and_logged_once(answer, why, taker, caplog):
     caplog.set_level(logging.INFO, map_fetch.__name__)
     taker.answers(answer)
     for now_s in (0.0, AGAIN_S - 1.0, AGAIN_S, 2.0 * AGAIN_S):

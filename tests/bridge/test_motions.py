@@ -73,7 +73,7 @@ def ends(bench, goal_id, outcome="cancelled", text=""):
     return end
 
 
-def test_the_goal_is_sent_once_the_start_is_on_record_and_its_end_is_recorded(bench):
+def test_goal_is_sent_after_its_record_and_its_end_is_recorded(bench):
     bench.sink.open.clear()
     assert ask(bench) is None
     bench.core.tick(bench.now_s)
@@ -98,7 +98,7 @@ def test_what_cannot_be_recorded_is_not_done(bench):
     assert [refusal.code for refusal in answers] == ["not_recorded"]
 
 
-def test_a_motion_that_was_stopped_before_it_began_is_refused_with_that_whatever_comes_after(bench):
+def test_motion_stopped_before_its_start_keeps_that_refusal(bench):
     bench.sink.open.clear()
     answers = bench.ask(wire.Play(1, "wave"))
     bench.core.stop("Bob", "", bench.now_s)
@@ -109,7 +109,7 @@ def test_a_motion_that_was_stopped_before_it_began_is_refused_with_that_whatever
     assert [end.outcome for kind, end in bench.sink.records if kind == "motion.end"] == ["stopped"]
 
 
-def test_a_motion_that_its_holder_cancels_before_it_begins_is_not_accepted(bench):
+def test_motion_cancelled_before_its_start_is_not_accepted(bench):
     bench.sink.open.clear()
     answers = bench.ask(wire.Play(1, "wave"))
     bench.order(wire.PlayCancel(1))
@@ -120,7 +120,7 @@ def test_a_motion_that_its_holder_cancels_before_it_begins_is_not_accepted(bench
     ]
 
 
-def test_what_cannot_be_recorded_is_refused_before_its_points_come(bench):
+def test_unrecorded_motion_is_refused_before_its_points_arrive(bench):
     bench.base.asked = []
     bench.sink.fails = "disk full"
     answers = bench.ask(wire.Play(1, "wave"))
@@ -156,7 +156,7 @@ def test_a_motion_that_must_not_be_is_refused_and_not_recorded(bench, spoil, cod
         (lambda bench: bench.base.sweeps.clear(), "unknown_motion"),
     ],
 )
-def test_a_motion_that_is_refused_for_its_points_is_on_record_with_why(bench, spoil, code):
+def test_motion_refused_for_its_points_is_recorded_with_reason(bench, spoil, code):
     spoil(bench)
     assert denied(bench).code == code
 
@@ -166,7 +166,7 @@ def test_a_base_that_still_rolls_is_moving(bench):
     assert ask(bench).code == "base_moving"
 
 
-def test_a_base_of_which_nothing_was_heard_lately_is_not_said_to_drive(bench):
+def test_base_without_recent_odometry_is_not_said_to_drive(bench):
     bench.now_s += 0.8
     refusal = ask(bench)
     assert refusal.code == "base_moving"
@@ -206,7 +206,7 @@ def test_a_laser_that_falls_silent_cancels_it(bench):
     assert ends(bench, goal_id).outcome == "not_watched"
 
 
-def test_what_stands_elsewhere_is_no_matter_nor_is_anything_to_a_motion_of_the_head(bench):
+def test_obstacles_outside_the_arms_space_do_not_matter(bench):
     bench.gate.seen = [(-0.6, 0.0), (1.5, 0.0)]
     ends(bench, begun(bench), "succeeded")
     bench.gate.seen = [(0.6, 0.0)]
@@ -238,7 +238,7 @@ def test_an_end_that_is_told_twice_is_one_end(bench):
     assert bench.core.state(bench.now_s, []).motion_ended.outcome == "succeeded"
 
 
-def test_while_it_runs_the_base_stands_and_afterwards_the_stick_returns_to_neutral_first(bench):
+def test_base_stands_during_a_motion_and_needs_neutral_after(bench):
     goal_id = begun(bench)
     assert bench.stick(0.5).code == "motion_running"
     assert bench.last == STILL
@@ -251,7 +251,7 @@ def test_while_it_runs_the_base_stands_and_afterwards_the_stick_returns_to_neutr
     bench.driving()
 
 
-def test_an_intruder_cancels_it_by_its_goals_id_and_nothing_resumes(bench):
+def test_intruder_cancels_the_motion_and_it_does_not_resume(bench):
     goal_id = begun(bench)
     bench.gate.seen = [(0.6, 0.0)]
     bench.pass_time(0.05)
@@ -267,7 +267,7 @@ def test_an_intruder_cancels_it_by_its_goals_id_and_nothing_resumes(bench):
     assert state.motion_ended.outcome == "intruder"
 
 
-def test_the_depth_cameras_intruder_cancels_it_where_joints_tell_that_it_is_not_the_arm(bench):
+def test_depth_points_away_from_the_arm_cancel_a_motion(bench):
     bench.base.lies = ((0.7, 0.0, 0.09),)
     goal_id = begun(bench)
     bench.gate.pictured = [(0.7, 0.05)]
@@ -281,7 +281,7 @@ def test_the_depth_cameras_intruder_cancels_it_where_joints_tell_that_it_is_not_
     assert "depth, 0.2 m ahead" in end.text
 
 
-def test_where_no_joints_tell_of_the_arm_the_depth_camera_may_see_it_and_cancels_nothing(bench):
+def test_depth_points_without_joint_states_cancel_nothing(bench):
     goal_id = begun(bench)
     bench.gate.pictured = [(0.5, -0.1)]
     bench.pass_time(0.5)
@@ -291,7 +291,7 @@ def test_where_no_joints_tell_of_the_arm_the_depth_camera_may_see_it_and_cancels
     assert bench.base.cancelled_goals == [goal_id]
 
 
-def test_a_motion_is_judged_by_the_points_that_the_robot_tells_now(bench):
+def test_motion_is_judged_by_its_present_points(bench):
     bench.base.asked = []
     bench.gate.seen = [(-0.6, 0.0)]
     answers = bench.ask(wire.Play(1, "wave"))
@@ -304,7 +304,7 @@ def test_a_motion_is_judged_by_the_points_that_the_robot_tells_now(bench):
     assert bench.base.played == []
 
 
-def test_an_action_that_joined_after_the_last_survey_is_asked_and_one_that_did_not_is_told(bench):
+def test_new_action_is_asked_for_points_and_missing_one_refused(bench):
     bench.base.asked = []
     bench.core.tasks.routing.surveyed({}, bench.now_s)
     answers = bench.ask(wire.Play(1, "wave"))
@@ -350,7 +350,7 @@ def test_points_that_come_before_the_record_wait_for_it(bench):
         (lambda bench: bench.core.close(bench.now_s), "bridge_ended"),
     ],
 )
-def test_what_comes_in_between_request_and_points_keeps_it_from_starting(bench, happens, outcome):
+def test_event_before_the_points_prevents_the_motion(bench, happens, outcome):
     bench.base.asked = []
     answers = bench.ask(wire.Play(1, "wave"))
     bench.recorded()
@@ -373,7 +373,7 @@ def test_the_base_stands_while_the_robot_is_asked_for_points(bench):
     assert bench.last == STILL
 
 
-def test_the_robot_is_asked_for_one_motion_at_a_time_and_for_another_where_it_does_not_answer(bench):
+def test_one_motion_at_a_time_is_asked_for_its_points(bench):
     bench.base.asked = []
     assert bench.ask(wire.Play(1, "wave")) == []
     assert ask(bench, "nod").code == "motion_running"
@@ -399,7 +399,7 @@ def test_the_robot_is_asked_for_one_motion_at_a_time_and_for_another_where_it_do
         (lambda bench: bench.order(wire.PlayCancel(1)), "cancelled"),
     ],
 )
-def test_what_comes_in_between_request_and_record_keeps_it_from_starting(bench, happens, outcome):
+def test_event_before_the_record_prevents_the_motion(bench, happens, outcome):
     bench.sink.open.clear()
     ask(bench)
     happens(bench)
@@ -434,7 +434,7 @@ def test_cancel_stop_and_the_end_of_control_cancel_it_at_once(bench, happens, ou
     assert ends(bench, goal_id).outcome == outcome
 
 
-def test_a_cancel_that_the_robot_does_not_obey_is_repeated_until_it_does(bench):
+def test_cancel_is_repeated_until_the_robot_obeys(bench):
     goal_id = begun(bench)
     bench.order(wire.PlayCancel(1))
     passes(bench, goal_id, 1.4)
@@ -444,7 +444,7 @@ def test_a_cancel_that_the_robot_does_not_obey_is_repeated_until_it_does(bench):
     assert bench.base.cancelled_goals == [goal_id] * 3
 
 
-def test_a_link_lost_for_two_seconds_cancels_it_and_a_shorter_loss_does_not(bench):
+def test_link_lost_for_two_seconds_cancels_the_motion(bench):
     goal_id = begun(bench)
     bench.core.link_lost(1, bench.now_s)
     passes(bench, goal_id, 1.8)
@@ -471,7 +471,7 @@ def test_a_goal_of_which_the_robot_never_speaks_is_given_up(bench):
     bench.driving()
 
 
-def test_a_goal_that_was_given_up_and_is_heard_of_again_is_cancelled_and_the_base_stands_meanwhile(bench):
+def test_given_up_goal_is_cancelled_when_reported_again(bench):
     goal_id = begun(bench)
     bench.pass_time(2.2)
     bench.base.cancelled_goals.clear()
@@ -481,7 +481,7 @@ def test_a_goal_that_was_given_up_and_is_heard_of_again_is_cancelled_and_the_bas
     assert bench.stick(0.5).code == "motion_running"
 
 
-def test_a_goal_of_an_earlier_bridge_which_nobody_watches_is_cancelled_until_the_robot_obeys(bench):
+def test_unwatched_goal_of_an_earlier_bridge_is_cancelled(bench):
     left = "fleet_bridge-left"
     passes(bench, left, 1.4)
     assert bench.base.cancelled_goals == [left] * 3
@@ -526,7 +526,7 @@ def test_however_many_ids_somebody_makes_up_few_are_on_record(bench):
 @pytest.mark.parametrize(
     "away", [lambda sink: setattr(sink, "fails", "disk full"), lambda sink: sink.open.clear()]
 )
-def test_nor_are_more_of_them_kept_for_a_database_that_is_away_however_long(bench, away):
+def test_unwatched_goals_are_limited_while_database_is_away(bench, away):
     away(bench.sink)
     for number in range(20):
         bench.core.tasks.motions.running("/play_motion", [f"fleet_bridge-{number}"], bench.now_s)
@@ -557,7 +557,7 @@ def test_the_goals_id_names_the_record_by_which_it_was_asked_for(bench):
     assert goal_id.startswith(f"fleet_bridge-{number}-")
 
 
-def test_what_was_left_on_one_action_keeps_nothing_on_another_from_being_cancelled(bench):
+def test_unwatched_goals_of_two_actions_are_cancelled_separately(bench):
     for _ in range(3):
         bench.core.tasks.motions.running("/play_motion", ["fleet_bridge-1"], bench.now_s)
         bench.core.tasks.motions.running("/second_play", ["fleet_bridge-2"], bench.now_s)
@@ -616,7 +616,7 @@ def test_who_need_not_have_control_may_cancel_it_and_is_named(bench):
     assert bench.core.tasks.cancel("motion", "Sue Supervisor").code == "no_motion"
 
 
-def test_motions_are_offered_in_the_robots_own_words_with_how_long_they_take():
+def test_motions_are_listed_with_title_and_duration():
     points = [{"positions": [0.1], "time_from_start": 0.5}, {"positions": [0.2], "time_from_start": 3.25}]
     meta = {"name": "Wave", "usage": "demo", "description": "Wave the hand"}
     told = {
@@ -637,7 +637,7 @@ def test_motions_are_offered_in_the_robots_own_words_with_how_long_they_take():
     assert offered(None) == []
 
 
-def test_an_older_word_of_the_motion_that_ended_is_nobody_elses_motion(bench):
+def test_late_report_of_an_ended_motion_is_ignored(bench):
     goal_id = begun(bench)
     ends(bench, goal_id, "succeeded")
     bench.core.tasks.motions.running("/play_motion", [goal_id], bench.now_s)

@@ -77,12 +77,12 @@ def decisions(path) -> list[Decision]:
     return list(replay(path))
 
 
-def test_there_are_near_misses_of_a_leg_a_table_top_a_door_and_a_person():
+def test_near_misses_cover_leg_table_top_door_and_person():
     assert {path.stem.split("_")[0] for path in RECORDINGS} >= {"table", "doorway", "person"}
     assert all(path.stat().st_size < 100_000 for path in RECORDINGS)
 
 
-def test_what_it_answers_lets_the_robot_brake_before_what_is_really_there(path, decisions):
+def test_allowed_twist_lets_the_robot_brake_before_obstacles(path, decisions):
     truth = truth_of(path)
     assert len(truth.poses) == len(decisions)
     assert gaps(truth, decisions, [decision.replayed.velocity for decision in decisions]).min() > 0.0

@@ -83,11 +83,11 @@ def test_services_that_undo_it_whatever_they_are_called(type_name):
     ],
 )
 @pytest.mark.parametrize("what", ["publish", "call", "set"])
-def test_names_that_ros_would_resolve_to_another_or_that_only_look_like_one(what, name):
+def test_names_that_ros_would_resolve_differently_are_denied(what, name):
     assert why_denied(what, name, TEXT, PLAIN) == "it is not a full ROS name"
 
 
-def test_what_is_within_a_message_counts_as_much_as_what_it_is_called():
+def test_message_parts_are_denied_like_message_types():
     twist = Field("how", "geometry_msgs/Twist", -1)
     assert why_fields_denied("lab_msgs/Order", [Field("why", "string"), twist]) == why_fields_denied(
         TWIST, []
@@ -100,7 +100,7 @@ def test_what_is_within_a_message_counts_as_much_as_what_it_is_called():
 
 
 @pytest.mark.parametrize("type_name", COUNTERFEITED)
-def test_what_is_looked_for_under_other_names_is_refused_under_its_own(type_name):
+def test_counterfeit_types_are_refused_under_their_own_name(type_name):
     assert why_fields_denied(type_name, [])
 
 
@@ -108,7 +108,7 @@ def test_what_a_value_sets_and_what_it_replaces_are_named():
     assert list(names_set("/a", {"b": {"c": 1}, "d": [1]}, 5)) == ["/a", "/a/b", "/a/b/c", "/a/d"]
 
 
-def test_what_is_chosen_for_driving_has_passed_the_gate_and_may_be_called_a_velocity():
+def test_chosen_drive_topic_may_be_named_a_velocity():
     assert why_denied("choose", "/nav_vel", TWIST, PLAIN, "drive") is None
 
 
@@ -123,7 +123,7 @@ def test_texts_are_said_where_nothing_else_listens(name):
     assert why_denied("choose", name, TEXT, speaking, "speech")
 
 
-def test_what_is_chosen_has_the_defaults_type_and_a_use_that_the_robot_has():
+def test_choice_needs_the_default_type_and_a_known_use():
     assert "TwistStamped" in why_denied("choose", "/nav_vel", f"{TWIST}Stamped", PLAIN, "drive")
     assert why_denied("choose", "/voice", TTS, PLAIN, "speech")
     assert why_denied("choose", "/voice", TTS, PLAIN, "")

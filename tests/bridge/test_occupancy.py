@@ -66,7 +66,7 @@ def test_the_first_row_of_cells_is_the_lower_edge_of_the_picture():
     assert (told.resolution_m, told.origin, told.width, told.height) == (0.05, (-1.0, 2.0, 0.0), 3, 4)
 
 
-def test_what_is_unknown_all_around_is_cut_away_and_the_origin_moves_with_it():
+def test_unknown_border_is_cropped_and_the_origin_moves():
     sheet = np.full((40, 60), -1)
     sheet[10:14, 20:23] = CORNER
     told = taken(grid(sheet, origin=(5.0, 5.0, 0.0), rotation=NORTH))
@@ -75,7 +75,7 @@ def test_what_is_unknown_all_around_is_cut_away_and_the_origin_moves_with_it():
     assert told.origin == pytest.approx((5.0 - 0.5, 5.0 + 1.0, math.pi / 2.0))
 
 
-def test_a_map_with_too_many_cells_for_a_picture_is_thinned_and_a_thin_wall_stays():
+def test_large_map_is_thinned_and_thin_walls_stay():
     cells = np.zeros((3, 2 * MAX_PICTURE_SIDE), np.int8)
     cells[0, 5] = 100
     told = taken(grid(cells))
@@ -97,7 +97,7 @@ def test_the_longest_map_is_thinned_within_little_memory(size):
     assert peak < 1024 * 1024
 
 
-def test_one_map_has_one_digest_and_a_door_or_a_step_aside_another():
+def test_digest_differs_for_a_door_or_a_shifted_map():
     door = [row.copy() for row in CORNER]
     door[0][1] = 0
     maps = [grid(), grid(), grid(door), grid(origin=(-1.0, 2.05, 0.0)), grid(rotation=NORTH)]

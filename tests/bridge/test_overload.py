@@ -28,7 +28,7 @@ def stall(bench, late_s):
     bench.core.tick(bench.now_s, late_s)
 
 
-def test_commands_that_lay_unread_while_the_bridge_was_late_are_not_held_against_the_operator(bench):
+def test_commands_unread_by_a_late_bridge_do_not_blame_operator(bench):
     stall(bench, 0.4)
     assert bench.last == STILL
     assert needed(bench).code == "overloaded"
@@ -36,13 +36,13 @@ def test_commands_that_lay_unread_while_the_bridge_was_late_are_not_held_against
     assert bench.core.state(bench.now_s, []).overload == Overload("bridge", 0.4)
 
 
-def test_an_operator_who_is_silent_longer_than_the_bridge_was_late_is_told_so(bench):
+def test_operator_silent_longer_than_the_bridge_is_named(bench):
     stall(bench, 0.15)
     bench.pass_time(0.4)
     assert needed(bench).code == "dead_man"
 
 
-def test_a_console_that_was_late_says_so_afterwards_and_takes_the_blame(bench):
+def test_late_console_is_named_as_the_cause_afterwards(bench):
     bench.pass_time(0.35)
     assert needed(bench).code == "dead_man"
     bench.core.console_was_late(0.3, bench.now_s)
@@ -57,7 +57,7 @@ def test_an_older_silence_stays_the_operators(bench):
     assert needed(bench).code == "dead_man"
 
 
-def test_an_overload_is_told_for_some_seconds_and_logged_when_it_begins_and_ends(bench, caplog):
+def test_overload_is_reported_some_seconds_and_logged(bench, caplog):
     for _ in range(3):
         stall(bench, 0.2)
     stall(bench, 0.3)
@@ -76,7 +76,7 @@ def test_a_tick_in_time_says_nothing(bench):
     assert bench.core.state(bench.now_s, []).overload is None
 
 
-def test_a_short_delay_alarms_nobody_and_still_clears_the_operator():
+def test_short_delay_is_not_reported_but_clears_the_operator():
     lateness = LoopLateness("bridge")
     lateness.observe(0.15, now_s=1.0)
     assert lateness.told(1.0) is None

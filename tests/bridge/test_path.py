@@ -97,7 +97,7 @@ def test_a_path_that_grows_bit_by_bit_keeps_its_tolerance() -> None:
     assert miss_m(path.samples, samples) <= TOLERANCE_M
 
 
-def test_a_path_of_hours_stays_within_its_size_and_tells_what_it_misses() -> None:
+def test_path_of_hours_has_limited_size_and_known_tolerance() -> None:
     samples = wandering(3 * 3600 * 2)
     path = grown(Path(), samples, at_once=120)
     assert len(path.samples) <= 600

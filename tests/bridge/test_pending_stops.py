@@ -102,7 +102,7 @@ async def press_beside(address: LinkAddress) -> Pending:
     return pending
 
 
-async def test_a_stop_without_a_bridge_is_pending_and_stops_the_next_one(
+async def test_stop_without_a_bridge_waits_and_stops_the_next_bridge(
     address: LinkAddress, bridge: Bridge, run_dir: Path
 ) -> None:
     pending = await press_beside(address)
@@ -153,7 +153,7 @@ async def test_a_link_that_is_open_delivers_what_another_process_left(
         await link.close()
 
 
-async def test_a_frozen_bridge_stops_when_it_wakes_and_a_press_that_came_by_all_ways_stops_once(
+async def test_woken_bridge_stops_once_for_a_press_by_all_ways(
     address: LinkAddress, bridge: Bridge, run_dir: Path
 ) -> None:
     await bridge.server.start()
@@ -171,7 +171,7 @@ async def test_a_frozen_bridge_stops_when_it_wakes_and_a_press_that_came_by_all_
         await link.close()
 
 
-async def test_a_stop_that_waits_does_not_stop_again_after_a_later_clear(
+async def test_pending_stop_does_not_stop_again_after_a_clear(
     address: LinkAddress, bridge: Bridge, run_dir: Path
 ) -> None:
     await bridge.server.start()
@@ -217,7 +217,7 @@ def test_what_cannot_be_written_waits_in_this_process(
     assert stops.all() == [] and told.is_set()
 
 
-def test_a_stop_that_cannot_be_written_leaves_an_older_one_on_the_disk(run_dir: Path) -> None:
+def test_unwritable_stop_leaves_an_older_one_on_disk(run_dir: Path) -> None:
     """It ends with its process; the older one does not."""
     stops, robot = PendingStops(run_dir), uuid4()
     older, newer = (Waiting(name_of(robot), uuid4(), robot, "Ann", at=at) for at in (1.0, 2.0))

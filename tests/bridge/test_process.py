@@ -30,7 +30,7 @@ def ticks(bridge, beats, late_s=0.0):
     return [bridge._ticks(now_s + number * TICK_S, late_s) for number in range(beats)]
 
 
-async def test_every_second_beat_ticks_while_nobody_drives_and_each_from_the_first_of_control_on(bridge):
+async def test_every_second_beat_ticks_without_control_then_each(bridge):
     assert ticks(bridge, 5) == [True, False, True, False, True]
     bridge._core.grant(Grant(1, 60.0, "session", "Ann", "ann-id", 1.0), 1, time.monotonic())
     assert ticks(bridge, 3) == [True, True, True], "control begins without waiting for a tick"
@@ -47,7 +47,7 @@ async def test_a_beat_that_is_late_ticks_and_so_tells_of_it(bridge):
     assert ticks(bridge, 2, late_s=0.5) == [True, True]
 
 
-async def test_a_command_that_came_between_two_pieces_of_work_goes_first(bridge, monkeypatch):
+async def test_command_between_two_pieces_of_work_goes_first(bridge, monkeypatch):
     inbox, done = [], []
 
     def read_lanes():
@@ -74,7 +74,7 @@ async def test_a_command_that_came_between_two_pieces_of_work_goes_first(bridge,
     assert done == ["scan", "command", "sonar", "second command", "picture"]
 
 
-async def test_a_piece_of_work_is_done_whatever_came_of_the_commands_before_it(bridge, monkeypatch):
+async def test_work_is_done_even_if_earlier_commands_failed(bridge, monkeypatch):
     done = []
     monkeypatch.setattr(bridge._links, "read_lanes", lambda: 1 / 0)
     with pytest.raises(ZeroDivisionError):

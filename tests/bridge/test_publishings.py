@@ -74,7 +74,7 @@ def test_what_cannot_be_recorded_is_not_sent(bench):
     assert [refusal.code for refusal in answers] == ["not_recorded"]
 
 
-def test_what_is_halted_before_it_is_on_record_is_not_sent_and_that_is_the_answer(bench):
+def test_halted_message_without_record_is_refused_and_not_sent(bench):
     bench.sink.open.clear()
     answers = bench.ask(note())
     bench.core.stop("Bob", "", bench.now_s)
@@ -93,7 +93,7 @@ def test_what_is_sent_once_is_on_record_with_that_as_its_end(bench):
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, 5.0])
-def test_what_was_not_handed_on_is_neither_accepted_nor_on_record_as_sent(bench, rate_hz):
+def test_unsent_message_is_neither_accepted_nor_recorded_as_sent(bench, rate_hz):
     bench.publisher.is_there = False
     [refusal] = settled_after(bench, note(rate_hz))
     assert refusal.code == "inspector_silent"
@@ -140,7 +140,7 @@ def test_no_door_takes_a_name_that_ros_would_resolve_to_another(kind, name):
         assert caught.value.refusal.code == "invalid"
 
 
-def test_at_a_rate_it_goes_on_until_it_is_stopped_and_that_is_on_record(bench):
+def test_publishing_at_a_rate_goes_on_until_stopped(bench):
     bench.order(note(5.0))
     settled(bench)
     assert shown(bench) == [wire.Publishing("/notes", "std_msgs/String", 5.0)]
@@ -154,7 +154,7 @@ def test_at_a_rate_it_goes_on_until_it_is_stopped_and_that_is_on_record(bench):
     assert bench.order(wire.PublishStop(1, "/notes")).code == "not_publishing"
 
 
-def test_what_is_published_at_a_rate_gives_way_to_the_next_message_there(bench):
+def test_next_message_replaces_publishing_at_a_rate(bench):
     bench.order(note(5.0))
     settled(bench)
     bench.order(note())
@@ -216,7 +216,7 @@ def test_a_wrong_field_is_refused_before_it_is_on_record(bench):
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "stopped"),
     ],
 )
-def test_what_happens_while_fields_are_checked_keeps_them_from_being_published(bench, happens, code):
+def test_event_during_the_check_prevents_publishing(bench, happens, code):
     bench.publisher.waiting = []
     answers = bench.ask(note())
     happens(bench)
@@ -252,7 +252,7 @@ def driven(bench, vx):
     return bench.order(twist(bench, vx))
 
 
-def test_a_twist_drives_through_the_gate_and_dies_after_a_third_of_a_second(bench):
+def test_twist_passes_the_gate_and_expires_after_0_3_s(bench):
     asked = []
     decide = bench.gate.decide
     bench.gate.decide = lambda *what: asked.append(what[0]) or decide(*what)
@@ -290,7 +290,7 @@ def test_after_a_stop_a_twist_that_is_still_sent_does_not_drive(bench):
     assert bench.last == STILL
 
 
-def test_a_tool_that_rests_does_not_let_a_stick_go_on_that_never_was_in_the_middle(bench):
+def test_resting_program_does_not_free_a_stick_not_in_the_middle(bench):
     bench.driving(0.5)
     for _ in range(10):  # the page is frozen, its stick held out
         bench.order(twist(bench, 0.0))
@@ -307,7 +307,7 @@ def test_a_tool_that_rests_does_not_let_a_stick_go_on_that_never_was_in_the_midd
     assert bench.stick(0.5) is None
 
 
-def test_a_stick_that_rests_does_not_let_a_tool_go_on_that_fell_silent(bench):
+def test_resting_stick_does_not_free_a_silent_program(bench):
     driven(bench, 0.3)
     bench.stick(0.0)
     bench.pass_time(0.4)
@@ -329,7 +329,7 @@ def test_a_stick_that_dies_while_out_hands_over_to_no_tool(bench):
     assert bench.last == STILL
 
 
-def test_after_a_stop_a_tool_that_began_while_the_stick_was_out_does_not_drive(bench):
+def test_program_started_while_stick_was_out_waits_after_stop(bench):
     bench.driving(0.5)
     bench.stick(0.5)
     bench.order(twist(bench, 0.3))  # the stick has it
@@ -407,7 +407,7 @@ def test_what_is_on_record_goes_out_without_waiting_for_a_tick(bench):
     assert bench.publisher.published == [note()]
 
 
-def test_where_driving_goes_elsewhere_velocities_go_there_and_nowhere_else(bench, monkeypatch):
+def test_velocities_go_only_to_the_chosen_drive_topic(bench, monkeypatch):
     monkeypatch.setattr(bench.core.tasks.routing, "topic", {"drive": "/phone_vel"}.get)
     assert bench.order(twist(bench, 0.0, "/phone_vel")) is None
     refusal = bench.order(twist(bench, 0.3, "/key_vel"))
@@ -424,7 +424,7 @@ def test_where_driving_goes_elsewhere_velocities_go_there_and_nowhere_else(bench
         ({"header.stamp": 1e300}, "header.stamp"),
     ],
 )
-def test_what_is_given_twice_or_unknown_or_out_of_the_plane_is_no_velocity(fields, path):
+def test_bad_velocity_fields_are_refused(fields, path):
     type_name = "geometry_msgs/Twist" if "linear" in fields else "geometry_msgs/TwistStamped"
     assert velocity_from(fields, type_name).figures == {"path": path}
 
@@ -439,7 +439,7 @@ class Arriving(Future):
         return self.looks > 1
 
 
-def test_what_comes_on_record_while_that_is_looked_for_is_sent_a_tick_later():
+def test_late_record_is_sent_one_tick_later():
     number, publisher, answers = Arriving(), MemoryPublisher(lambda: 0.0), []
     number.set_result(1)
     records = SimpleNamespace(request=lambda *_told: number, outcome=lambda *_told: None)

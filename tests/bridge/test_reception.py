@@ -87,7 +87,7 @@ async def test_a_stop_in_a_flood_is_carried_out(door, bench):
     assert bench.core.stop_state.by == "Ann"
 
 
-async def test_a_flood_over_one_link_costs_the_holder_on_another_nothing(door, bench):
+async def test_flood_on_one_link_does_not_delay_another_holder(door, bench):
     flooder, holder = Wire(1), Wire(2)
     door.opened(flooder)
     door.opened(holder)
@@ -136,7 +136,7 @@ async def test_another_protocol_is_said_in_words(door):
     assert link.ended
 
 
-async def test_answers_to_stop_and_clear_carry_the_number_of_the_question(door, bench, caplog):
+async def test_answers_to_stop_and_clear_carry_the_requests_number(door, bench, caplog):
     caplog.set_level("INFO")
     link = Wire(1)
     door.opened(link)
@@ -150,12 +150,12 @@ async def test_answers_to_stop_and_clear_carry_the_number_of_the_question(door, 
     assert caplog.messages == ["stop 1 was cleared by Ann"]
 
 
-async def test_a_link_that_closes_stops_what_was_driven_through_it_at_once(door, bench):
+async def test_closing_link_stops_its_drive_at_once(door, bench):
     door.closed(await driven(door, bench))
     assert bench.last == STILL
 
 
-async def test_nothing_else_that_comes_of_a_closed_link_is_before_the_stop(door, bench):
+async def test_stop_comes_first_when_a_link_closes(door, bench):
     link = await driven(door, bench)
     with patch.object(InspectorClient, "forget", side_effect=BrokenPipeError), pytest.raises(BrokenPipeError):
         door.closed(link)
@@ -213,7 +213,7 @@ async def test_an_order_that_broke_is_not_answered_later(door, bench):
     assert link.reports[-1] is refused
 
 
-async def test_a_web_process_hears_what_the_robot_offers_at_once_and_again_when_it_asks(door, bench):
+async def test_web_process_gets_capabilities_at_once_and_on_request(door, bench):
     link = Wire(1)
     door.opened(link)
     assert [type(report) for report in link.reports] == [wire.BridgeHello]
@@ -224,7 +224,7 @@ async def test_a_web_process_hears_what_the_robot_offers_at_once_and_again_when_
     assert bench.base.readings == 1
 
 
-async def test_a_stop_is_heard_before_anything_else_is_said_and_needs_no_state(door, bench):
+async def test_stop_works_before_the_hello_and_needs_no_state(door, bench):
     link = Wire(1)
     with patch.object(bench.core, "state", side_effect=OverflowError("nothing encodes this")):
         door.opened(link)

@@ -47,7 +47,7 @@ def test_a_recorded_drive_gives_the_same_verdicts_bit_for_bit(drive):
     assert len({decision.recorded.code for decision in decisions}) > 2
 
 
-def test_another_gate_gives_other_verdicts_and_the_replay_shows_where(drive):
+def test_replay_shows_where_another_gate_differs(drive):
     class Timid(Gate):
         def decide(self, asked, sent, now_s):
             verdict = super().decide(asked, sent, now_s)

@@ -72,7 +72,7 @@ def test_what_is_seen_where_the_arm_is_may_be_the_arm(scene):
     assert scene.why_not() == "depth"
 
 
-def test_a_picture_may_show_where_the_arm_was_a_moment_ago_and_not_where_it_was_long_ago(scene):
+def test_frame_may_show_the_arm_where_it_was_just_before(scene):
     scene.why_not()
     scene.moves(((0.9, 0.3, 0.09),), LATELY_S - 0.1)
     scene.seen = {"depth": [HAND[:2]]}
@@ -81,7 +81,7 @@ def test_a_picture_may_show_where_the_arm_was_a_moment_ago_and_not_where_it_was_
     assert scene.why_not() == "depth"
 
 
-def test_where_nobody_knows_the_arm_the_depth_camera_is_left_out_and_the_others_are_not(scene):
+def test_without_arm_position_only_the_depth_camera_is_ignored(scene):
     scene.seen = {"depth": [beside(HAND, 0.2)]}
     scene.lies = None
     assert scene.why_not() is None
@@ -102,13 +102,13 @@ def test_an_arm_within_the_base_hides_nothing(scene):
     assert scene.why_not() == "depth"
 
 
-def test_what_is_remembered_of_depth_pictures_keeps_a_motion_from_starting_and_cancels_none(scene):
+def test_remembered_depth_prevents_a_start_but_cancels_nothing(scene):
     scene.seen = {"depth memory": [beside(HAND, 0.2)]}
     assert scene.why_not(running=False) == "depth memory"
     assert scene.why_not() is None
 
 
-def test_a_motion_begins_with_the_arm_where_it_is_whatever_an_earlier_one_did(scene):
+def test_motion_starts_from_the_arms_present_place(scene):
     scene.lies = None
     scene.why_not()
     assert scene.why_not(running=False) is None

@@ -63,7 +63,7 @@ def test_a_language_is_called_what_the_robot_calls_it(asked, sent):
     assert robot_language(asked, ["en-US", "en-GB", "es-ES", "zh-Hant-TW", "ca"]) == sent
 
 
-def test_a_robot_that_lists_no_languages_is_sent_what_was_asked_for():
+def test_robot_without_languages_gets_the_requested_one():
     assert robot_language("es", []) == "es"
 
 
@@ -121,7 +121,7 @@ def shown(bench):
     return bench.core.state(bench.now_s, []).speech
 
 
-def test_it_is_said_and_answered_once_it_is_on_record_and_its_end_is_recorded(bench):
+def test_text_is_spoken_after_its_record_and_its_end_is_recorded(bench):
     bench.sink.open.clear()
     answers = ask(bench)
     bench.core.tick(bench.now_s)
@@ -150,7 +150,7 @@ def test_the_language_on_record_is_the_one_that_was_sent(bench):
     assert said.language == recorded["language"] == shown(bench).language == "es-ES"
 
 
-def test_what_cannot_be_recorded_is_not_said_and_that_is_the_answer(bench):
+def test_unrecorded_text_is_refused_and_not_spoken(bench):
     bench.sink.fails = "disk full"
     answers = ask(bench)
     settled(bench)
@@ -171,7 +171,7 @@ def test_what_cannot_be_recorded_is_not_said_and_that_is_the_answer(bench):
         (lambda bench: None, "", "empty_text"),
     ],
 )
-def test_a_text_that_must_not_be_said_is_refused_and_not_recorded(bench, spoil, text, code):
+def test_unspeakable_text_is_refused_and_not_recorded(bench, spoil, text, code):
     spoil(bench)
     [refusal] = ask(bench, text)
     assert refusal.code == code
@@ -271,7 +271,7 @@ def test_a_text_whose_holder_goes_is_said_to_its_end(bench):
         lambda bench: setattr(bench.base, "listeners", 0),
     ],
 )
-def test_what_comes_in_between_request_and_record_keeps_it_from_being_said(bench, spoil):
+def test_event_before_the_record_prevents_speech(bench, spoil):
     bench.sink.open.clear()
     ask(bench)
     spoil(bench)
@@ -291,7 +291,7 @@ def test_a_text_of_which_the_robot_never_speaks_is_given_up(bench):
     assert shown(bench) is None
 
 
-def test_a_plain_topic_tells_nothing_and_the_next_text_may_follow_at_once(bench):
+def test_plain_topic_accepts_the_next_text_at_once(bench):
     bench.base.tells = False
     answers = ask(bench)
     settled(bench)
@@ -301,7 +301,7 @@ def test_a_plain_topic_tells_nothing_and_the_next_text_may_follow_at_once(bench)
     assert ask(bench, "y otra vez") == []
 
 
-def test_the_end_of_the_bridge_lets_it_speak_and_puts_that_on_record(bench):
+def test_bridge_end_lets_the_robot_speak_and_is_recorded(bench):
     begun(bench)
     bench.core.close(bench.now_s)
     bench.recorded()
@@ -309,7 +309,7 @@ def test_the_end_of_the_bridge_lets_it_speak_and_puts_that_on_record(bench):
     assert bench.sink.records[-1][1].outcome == "unheard"
 
 
-def test_an_older_word_of_the_text_that_ended_is_nobody_elses_text(bench):
+def test_late_report_of_an_ended_text_is_ignored(bench):
     goal_id = begun(bench)
     ends(bench, goal_id)
     told(bench, {goal_id: "speaking"})
@@ -342,7 +342,7 @@ def test_a_text_may_go_to_the_topic_that_an_earlier_one_went_to(bench):
     assert bench.core.state(bench.now_s, []).chosen == {}
 
 
-def test_a_topic_that_tells_nothing_is_left_a_while_after_its_text(bench):
+def test_plain_topic_stays_connected_shortly_after_its_text(bench):
     bench.base.tells = False
     ask(bench, topic="/second_tts")
     settled(bench)

@@ -88,7 +88,7 @@ def test_nothing_leaves_the_range_of_the_stick(chain, hand):
 
 
 @given(chains, hands)
-def test_no_axis_is_ever_larger_than_the_hand_held_it_since_it_was_last_let_go(chain, hand):
+def test_axis_never_exceeds_the_hands_value_since_release(chain, hand):
     largest = [0.0, 0.0, 0.0]
     for (held, gap_s), given_now in zip(hand, through(chain, hand), strict=True):
         for index, axis in enumerate(held):

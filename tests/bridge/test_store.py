@@ -42,7 +42,7 @@ def test_the_highest_number_that_either_side_knows_counts(store):
     assert store.load(2).fence == 7
 
 
-def test_a_stop_that_cannot_be_written_takes_the_file_away_which_says_the_same(store, tmp_path):
+def test_unwritable_stop_removes_the_state_file(store, tmp_path):
     store.save(SavedState(False, "", "", 7))
     (tmp_path / "robot.new").mkdir()  # writing fails
     with pytest.raises(OSError, match="directory"):
@@ -63,7 +63,7 @@ def test_what_is_saved_is_there_after_a_power_cut(store, tmp_path):
     assert synced == [(False, False), (True, True)]
 
 
-def test_a_stop_whose_name_does_not_get_to_the_disk_takes_the_file_away_too(store):
+def test_stop_with_failed_folder_sync_removes_the_file(store):
     store.save(SavedState(False, "", "", 7))
     with (
         patch.object(os, "fsync", side_effect=[None, OSError(5, "I/O error")]),

@@ -32,7 +32,7 @@ def verdict(bench):
     return bench.core.state(bench.now_s, []).verdict
 
 
-def test_motion_and_publishing_end_after_two_seconds_with_the_reason_and_their_outcomes_follow(bench):
+def test_tasks_end_after_two_seconds_without_records(bench):
     begun(bench, NOTE)
     begun(bench, ORDERS["motion"])
     [(goal_id, _)] = bench.base.played
@@ -58,7 +58,7 @@ def test_motion_and_publishing_end_after_two_seconds_with_the_reason_and_their_o
 
 
 @pytest.mark.parametrize("what", ORDERS)
-def test_meanwhile_nothing_is_begun_and_the_answer_is_the_same_reason(bench, what):
+def test_no_task_begins_without_records_for_the_same_reason(bench, what):
     begun(bench, NOTE)
     bench.sink.fails = "disk full"
     bench.pass_time(2.7)
@@ -70,7 +70,7 @@ def test_meanwhile_nothing_is_begun_and_the_answer_is_the_same_reason(bench, wha
 
 
 @pytest.mark.parametrize("what", ORDERS)
-def test_what_waits_for_a_database_that_hangs_is_refused_and_does_not_begin_late(bench, what):
+def test_task_waiting_for_a_hanging_database_is_refused(bench, what):
     bench.sink.open.clear()
     answers = bench.ask(ORDERS[what])
     bench.pass_time(1.9)
@@ -100,7 +100,7 @@ def test_a_text_is_said_to_its_end(bench):
     assert bench.order(wire.Say(1, "More", "en-GB")).code == "not_recorded"
 
 
-def test_a_stick_that_was_out_meanwhile_returns_to_neutral_before_the_robot_drives(bench):
+def test_stick_out_during_the_failure_needs_neutral(bench):
     begun(bench, NOTE)
     bench.sink.fails = "disk full"
     bench.pass_time(2.7)

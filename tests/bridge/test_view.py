@@ -7,7 +7,7 @@ from robots.bridge.gate.values import Obstacles
 from tests.bridge.support import CONFIG, OpenGate
 
 
-def test_a_picture_has_one_point_for_each_six_centimetres_of_what_is_remembered():
+def test_view_has_one_remembered_point_per_six_centimetres():
     near = np.array([(1.0, 0.5), (1.01, 0.51), (1.2, -0.5), (20.0, 0.0)])
     gate = OpenGate(CONFIG.gate)
     gate.obstacles = lambda _now_s: Obstacles(

@@ -23,7 +23,7 @@ def test_a_bridge_that_lives_and_is_not_stopped_is_left_alone(rules: StopRules) 
     assert not rules.zeros(10.05) and not rules.cancel(10.05)
 
 
-def test_a_press_gives_zeros_and_cancels_at_once_until_the_bridge_has_latched_it(rules: StopRules) -> None:
+def test_press_sends_zeros_and_cancels_until_bridge_latched_it(rules: StopRules) -> None:
     press = rules.press("Ann", "smoke")
     assert rules.zeros(10.0) and rules.cancel(10.0)
     assert rules.beat(DRIVING, 10.05) == press, "the bridge must be told again"
@@ -67,7 +67,7 @@ def test_a_stop_that_a_frozen_bridge_had_latched_stays_latched(rules: StopRules)
     assert rules.zeros(500.0) and rules.cancel(500.0)
 
 
-def test_a_stop_of_a_bridge_that_died_stays_and_the_next_bridge_is_told_of_it(rules: StopRules) -> None:
+def test_stop_of_a_dead_bridge_stays_for_the_next_bridge(rules: StopRules) -> None:
     rules.beat(STOPPED, 10.1)
     rules.bridge_gone(10.2)
     assert rules.zeros(500.0) and rules.cancel(500.0)
@@ -77,7 +77,7 @@ def test_a_stop_of_a_bridge_that_died_stays_and_the_next_bridge_is_told_of_it(ru
     assert rules.beat(Heartbeat(latched=True, heard=told.number), 600.1) is None
 
 
-def test_a_stop_that_was_heard_while_no_bridge_lived_is_told_to_the_next() -> None:
+def test_stop_without_a_bridge_is_sent_to_the_next_one() -> None:
     rules = StopRules(first=100)
     press = rules.press("Ann", "smoke")
     assert rules.zeros(1.0) and rules.cancel(1.0)
@@ -85,12 +85,12 @@ def test_a_stop_that_was_heard_while_no_bridge_lived_is_told_to_the_next() -> No
     assert rules.beat(Heartbeat(), 2.0) == press
 
 
-def test_a_bridge_that_does_not_reach_the_robot_does_not_cancel_for_the_watchdog(rules: StopRules) -> None:
+def test_watchdog_cancels_if_bridge_does_not_reach_the_robot(rules: StopRules) -> None:
     rules.beat(Heartbeat(publishing=False, latched=True), 10.1)
     assert rules.cancel(10.1)
 
 
-def test_a_stop_whose_number_is_below_what_the_bridge_heard_is_not_taken_for_heard() -> None:
+def test_stop_with_a_lower_number_is_not_taken_as_heard() -> None:
     """The clock was set back between two watchdogs."""
     rules = StopRules(first=50)
     press = rules.press("Ann", "smoke")
@@ -99,7 +99,7 @@ def test_a_stop_whose_number_is_below_what_the_bridge_heard_is_not_taken_for_hea
     assert rules.latched
 
 
-def test_a_latch_that_the_state_file_tells_of_holds_until_a_bridge_says_otherwise() -> None:
+def test_latch_of_the_state_file_holds_until_a_bridge_reports() -> None:
     rules = StopRules(first=100, before=Heartbeat(latched=True, by="Ann", reason="smoke"))
     assert rules.zeros(500.0) and rules.cancel(500.0)
     rules.bridge_came(600.0)
@@ -107,7 +107,7 @@ def test_a_latch_that_the_state_file_tells_of_holds_until_a_bridge_says_otherwis
     assert not rules.latched
 
 
-def test_a_watchdog_that_begins_goes_on_with_the_stop_that_was_kept() -> None:
+def test_watchdog_starts_with_the_saved_stop() -> None:
     rules = StopRules(first=100, kept=StopPress(250, "Ann"))
     assert rules.zeros(0.0)
     assert rules.press("Ben", "").number > 250

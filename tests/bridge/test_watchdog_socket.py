@@ -41,7 +41,7 @@ async def said(lane: WatchdogSocket) -> ReceivedMessage:
     return heard[0]
 
 
-def test_a_watchdog_that_ends_late_leaves_the_socket_of_the_next_one_alone(
+def test_late_ending_watchdog_leaves_the_next_ones_socket(
     tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
     first, _next = open_lane(), open_lane()
@@ -54,7 +54,7 @@ def test_a_watchdog_that_ends_removes_its_socket(tmp_path: Path) -> None:
     assert not (tmp_path / "robot.stop").exists()
 
 
-async def test_stops_of_a_watchdog_with_lower_numbers_than_the_last_are_heard(
+async def test_stops_with_lower_numbers_of_a_new_watchdog_are_heard(
     tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
     """The clock was set back meanwhile."""
@@ -103,7 +103,7 @@ async def test_a_stop_at_which_the_bridge_broke_is_told_again(
     beats.close()
 
 
-def test_a_stop_that_is_kept_outlives_its_watchdog_and_a_damaged_file_is_one_as_well(tmp_path: Path) -> None:
+def test_saved_stop_survives_and_a_damaged_file_is_a_stop(tmp_path: Path) -> None:
     robot = uuid4()
     kept = StopFile(str(tmp_path), robot)
     kept.start()
@@ -118,7 +118,7 @@ def test_a_stop_that_is_kept_outlives_its_watchdog_and_a_damaged_file_is_one_as_
     assert damaged is not None and damaged.by == "somebody"
 
 
-def test_a_latch_in_the_bridges_state_file_is_no_stop_that_the_bridge_has_not_heard(tmp_path: Path) -> None:
+def test_latch_in_the_state_file_is_not_an_unheard_stop(tmp_path: Path) -> None:
     robot = uuid4()
     StateStore(tmp_path, str(robot)).save(SavedState(True, "Ann", "smoke", 3))
     kept = StopFile(str(tmp_path), robot)
@@ -126,7 +126,7 @@ def test_a_latch_in_the_bridges_state_file_is_no_stop_that_the_bridge_has_not_he
     assert kept.before() == Heartbeat(latched=True, by="Ann", reason="smoke")
 
 
-async def test_a_watchdog_that_takes_no_beats_for_some_seconds_is_missing(
+async def test_watchdog_without_reading_is_missing_after_seconds(
     tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
     beats = WatchdogClient(str(tmp_path / "robot.stop"), lambda _: None)

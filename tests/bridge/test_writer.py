@@ -74,9 +74,7 @@ def test_what_is_asked_for_is_told_once_it_is_written(writer: RecordWriter, log:
     assert told.wait(10)
 
 
-def test_what_is_asked_for_while_the_database_is_away_is_refused_and_never_written(
-    writer: RecordWriter, log: Log
-) -> None:
+def test_request_without_database_is_refused_and_dropped(writer: RecordWriter, log: Log) -> None:
     log.away = "the disk is full"
     asked = writer.ask(log.row("a"), 0.0)
     with pytest.raises(RecordError, match="the disk is full"):
@@ -87,9 +85,7 @@ def test_what_is_asked_for_while_the_database_is_away_is_refused_and_never_writt
     assert writer.ask(log.row("b"), 2.0).result(10) == "b"
 
 
-def test_what_happened_meanwhile_is_written_in_order_when_the_database_is_back(
-    writer: RecordWriter, log: Log
-) -> None:
+def test_kept_events_are_written_in_order_later(writer: RecordWriter, log: Log) -> None:
     log.away = "locked"
     begun = writer.keep(log.row("begun"), 0.0)
     writer.keep(lambda: log.row(f"end of {begun.result()}")(), 0.1, of=begun)
@@ -123,7 +119,7 @@ def test_nothing_follows_what_was_refused(writer: RecordWriter, log: Log) -> Non
 
 
 @pytest.mark.parametrize("error", [BadRecord("no JSON"), KeyError("a mistake of ours")])
-def test_a_record_that_can_never_be_written_is_logged_and_holds_up_no_other(
+def test_bad_record_is_logged_and_does_not_block_others(
     writer: RecordWriter, log: Log, caplog: pytest.LogCaptureFixture, error: Exception
 ) -> None:
     def bad() -> None:
@@ -135,16 +131,14 @@ def test_a_record_that_can_never_be_written_is_logged_and_holds_up_no_other(
     assert writer.ask(log.row("next"), 0.1).result(10) == "next"
 
 
-def test_a_pulse_comes_every_half_second_while_it_is_watched_and_not_else(
-    writer: RecordWriter, log: Log
-) -> None:
+def test_writability_is_tested_twice_a_second_while_watched(writer: RecordWriter, log: Log) -> None:
     ticks(writer, 0.0, 2.0)
     assert log.pulses == 0
     ticks(writer, 2.0, 4.0, watched=True)
     assert log.pulses == 4
 
 
-def test_it_is_overdue_when_nothing_could_be_written_for_two_seconds(writer: RecordWriter, log: Log) -> None:
+def test_records_are_overdue_after_two_seconds(writer: RecordWriter, log: Log) -> None:
     ticks(writer, 0.0, 1.0, watched=True)
     log.away = "locked"
     ticks(writer, 1.0, 3.0, watched=True)
@@ -163,9 +157,7 @@ def test_one_failure_among_successes_is_not_overdue(writer: RecordWriter, log: L
         assert writer.overdue(second + 1) is None
 
 
-def test_a_database_that_does_not_answer_is_overdue_too_and_is_asked_once(
-    writer: RecordWriter, log: Log
-) -> None:
+def test_silent_database_is_overdue_and_is_asked_once(writer: RecordWriter, log: Log) -> None:
     log.answers.clear()
     for tenth in range(25):
         writer.tick(tenth / 10, watched=True)
@@ -177,9 +169,7 @@ def test_a_database_that_does_not_answer_is_overdue_too_and_is_asked_once(
     assert writer.overdue(2.5) is None
 
 
-def test_after_trouble_the_database_is_tried_until_it_is_back_though_nobody_watches(
-    writer: RecordWriter, log: Log
-) -> None:
+def test_after_a_failure_the_database_is_tested_until_it_works(writer: RecordWriter, log: Log) -> None:
     log.away = "locked"
     writer.ask(log.row("a"), 0.0)
     written(writer)
