@@ -101,8 +101,8 @@ def make(**fields: Any) -> Phrase:
 @pytest.mark.parametrize(
     ("fields", "field", "said"),
     [
-        ({"text": " "}, "text", "nothing to say"),
-        ({"text": "x" * 501}, "text", "at most 500 are said at once"),
+        ({"text": " "}, "text", "text is empty"),
+        ({"text": "x" * 501}, "text", "the limit is 500"),
         ({"text": "two\nlines"}, "text", "A phrase is one line"),
         ({"language": "English"}, "language", "is not a language code"),
         ({"tags": MANY_TAGS}, "__all__", "The tags have 208 characters; there is room for 200."),
