@@ -1,4 +1,4 @@
-"""Who may open a WebSocket: signed-in people, from pages of ours."""
+"""Access to WebSockets: signed-in people, from the console's own pages."""
 
 import pytest
 from channels.db import database_sync_to_async
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 
 async def _open_door(scope, receive, send):
-    """Accepts whoever reaches it."""
+    """Accept every connection that passes the checks."""
     await receive()
     await send({"type": "websocket.accept"})
     await send({"type": "websocket.send", "text": f"hello {scope['user'].username}"})
@@ -27,12 +27,12 @@ BEHIND_THE_DOORS = guarded(URLRouter([path("ws/test/", _open_door)]))
 
 @pytest.fixture
 def headers(operator, signed_in, websocket_headers):
-    """What the operator's browser sends from a page of ours."""
+    """The headers of the operator's browser on one of the console's pages."""
     return dict(websocket_headers(signed_in(operator)))
 
 
 async def _answer(headers, app=BEHIND_THE_DOORS):
-    """What the server says first to a handshake, and to nothing more."""
+    """Return the server's first event after a handshake."""
     socket = WebsocketCommunicator(app, "/ws/test/", headers=list(headers.items()))
     await socket.send_input({"type": "websocket.connect"})
     answer = await socket.receive_output()
@@ -46,7 +46,7 @@ async def _answer(headers, app=BEHIND_THE_DOORS):
 FORBIDDEN = {"type": "websocket.close"}  # without an accept before it: HTTP 403
 
 
-async def test_a_signed_in_person_from_a_page_of_ours_gets_in(headers):
+async def test_signed_in_person_on_own_page_is_accepted(headers):
     assert (await _answer(headers))["text"] == "hello operator"
 
 
@@ -63,12 +63,12 @@ async def test_a_signed_in_person_from_a_page_of_ours_gets_in(headers):
         b"http://testserver@evil.example",
     ],
 )
-async def test_a_foreign_page_is_refused_although_it_brings_the_cookie(headers, origin):
+async def test_foreign_page_with_the_cookie_is_refused(headers, origin):
     assert await _answer(headers | {b"origin": origin}) == FORBIDDEN
     assert await _answer(headers | {b"origin": origin}, application) == FORBIDDEN
 
 
-async def test_a_missing_origin_is_refused(headers):
+async def test_missing_origin_is_refused(headers):
     del headers[b"origin"]
     assert await _answer(headers) == FORBIDDEN
 
@@ -80,29 +80,29 @@ async def test_two_origins_are_refused(headers):
     assert (await socket.connect())[0] is False
 
 
-async def test_a_host_that_is_not_ours_is_refused_even_if_the_origin_agrees(headers):
+async def test_foreign_host_is_refused_even_with_its_origin(headers):
     rebound = {b"host": b"evil.example", b"origin": b"http://evil.example"}
     assert await _answer(headers | rebound) == FORBIDDEN
 
 
-async def test_a_trusted_origin_gets_in(headers, settings):
+async def test_trusted_origin_is_accepted(headers, settings):
     settings.FLEET_ORIGINS = ["https://fleet.example:8443"]
     assert (await _answer(headers | {b"origin": b"https://fleet.example:8443"}))["text"] == "hello operator"
 
 
-async def test_under_tls_a_page_without_it_is_foreign(headers, settings):
+async def test_plain_http_page_is_foreign_under_tls(headers, settings):
     settings.FLEET_TLS = True
     assert await _answer(headers) == FORBIDDEN
     assert (await _answer(headers | {b"origin": b"https://testserver"}))["text"] == "hello operator"
 
 
-async def test_an_anonymous_page_is_told_to_sign_in_and_closed(headers):
+async def test_anonymous_page_is_closed_with_4401(headers):
     del headers[b"cookie"]
     answer = await _answer(headers)
     assert (answer["type"], answer["code"]) == ("websocket.close", CloseCode.SIGNED_OUT)
     assert await _answer(headers, application) == answer
 
 
-async def test_a_cookie_whose_session_has_ended_is_anonymous(headers, operator):
+async def test_cookie_of_an_ended_session_is_anonymous(headers, operator):
     await database_sync_to_async(Session.objects.all().delete)()
     assert (await _answer(headers))["code"] == CloseCode.SIGNED_OUT
