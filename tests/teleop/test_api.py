@@ -30,8 +30,8 @@ async def test_list_names_the_robots_the_person_may_see(browsers, robot, other_r
 def test_list_reads_all_roles_in_one_query(operator, robot, other_robot, signed_in):
     RobotRole.objects.create(user=operator, robot=other_robot, role="observer")
     with CaptureQueriesContext(connection) as asked:
-        told = signed_in(operator).get("/api/robots/").json()
-    assert [entry["role"] for entry in told] == ["operator", "observer"]
+        answer = signed_in(operator).get("/api/robots/").json()
+    assert [entry["role"] for entry in answer] == ["operator", "observer"]
     roles = [query for query in asked if query["sql"].startswith('SELECT "robots_robotrole"')]
     assert len(roles) == 1
 
@@ -63,8 +63,12 @@ async def test_rest_stops_all_robots(browsers, robot, bridge):
 async def test_stop_all_names_a_robot_out_of_reach(browsers, robot):
     answer = await post(browsers["observer"], "/api/stop/")
     assert answer.status_code == 202
-    told = answer.json()["robots"][robot.slug]
-    assert (told["pending"], told["code"], told["figures"]) == (True, "pending", {"because": "bridge_down"})
+    result = answer.json()["robots"][robot.slug]
+    assert (result["pending"], result["code"], result["figures"]) == (
+        True,
+        "pending",
+        {"because": "bridge_down"},
+    )
     shown = (await get(browsers["observer"], f"/api/robots/{robot.slug}/")).json()
     assert (shown["pending_stop"]["by"], shown["pending_stop"]["reason"]) == ("Obi Observer", "")
 

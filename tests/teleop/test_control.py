@@ -82,8 +82,8 @@ async def test_grant_contains_the_delay_to_the_drivers_page(open_page, bridge):
     bridge.show(1)
     await page.hears("view")
     await page.say("ack")
-    told = await bridge.hears(wire.Grant, lambda grant: grant.delay_s is not None)
-    assert 0.0 < told.delay_s < 5.0
+    message = await bridge.hears(wire.Grant, lambda grant: grant.delay_s is not None)
+    assert 0.0 < message.delay_s < 5.0
 
 
 async def test_welcome_names_the_person_and_the_robots_facts(open_page, robot):
@@ -95,11 +95,11 @@ async def test_welcome_names_the_person_and_the_robots_facts(open_page, robot):
 async def test_other_pages_see_the_holder_and_the_time_left(open_page):
     watching = await open_page("observer")
     await take(await open_page("operator"))
-    told = await watching.hears("control", state="other")
-    assert told["holder"] == "Olga Operator"
-    assert told["fence"] is None
-    assert 890 < told["remaining_s"] <= 900
-    assert told["refusal"]["code"] == "role_too_low"
+    message = await watching.hears("control", state="other")
+    assert message["holder"] == "Olga Operator"
+    assert message["fence"] is None
+    assert 890 < message["remaining_s"] <= 900
+    assert message["refusal"]["code"] == "role_too_low"
 
 
 async def test_second_taker_is_refused_with_the_holders_name(open_page):
@@ -226,14 +226,14 @@ async def test_take_after_an_unstored_release_is_kept(open_page, monkeypatch):
     monkeypatch.setattr(control_holder, "RETRY_S", 0.0)
     record, failed, trying, go_on = audit.record, threading.Event(), threading.Event(), threading.Event()
 
-    def slow(kind, **told):
+    def slow(kind, **facts):
         if kind == "control.end" and not failed.is_set():
             failed.set()
             unavailable()
         if kind == "control.end":
             trying.set()
             assert go_on.wait(10)
-        return record(kind, **told)
+        return record(kind, **facts)
 
     page = await open_page("operator")
     given_back = (await take(page))["session"]
@@ -366,9 +366,9 @@ async def test_holder_learns_the_reason_of_a_takeover(open_page, bridge):
     assert (await boss.hears("control", state="other"))["may_take_over"]
     await boss.say("take_over", reason="fire drill")
     fence = (await boss.hears("control", state="yours"))["fence"]
-    told = await holder.hears("notice", code="taken_over")
-    assert "fire drill" in told["text"]
-    assert told["level"] == "info"  # info: a person decided it, nothing failed
+    message = await holder.hears("notice", code="taken_over")
+    assert "fire drill" in message["text"]
+    assert message["level"] == "info"  # info: a person decided it, nothing failed
     await bridge.hears(wire.Grant, lambda grant: grant.fence == fence)
 
 
@@ -657,7 +657,7 @@ async def test_stored_change_is_accepted_even_if_not_yet_shown(open_page, monkey
 
 
 async def test_hub_closed_while_its_robot_is_edited_follows_no_link(open_page, bridge, monkeypatch):
-    asked, told = threading.Event(), asyncio.Event()
+    asked, informed = threading.Event(), asyncio.Event()
     read, close = robot_hub.robot_entry, LeaseEvents.close
 
     def edited(robot_id):
@@ -669,14 +669,14 @@ async def test_hub_closed_while_its_robot_is_edited_follows_no_link(open_page, b
     async def closes(hints):
         closing.set()
         with suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(told.wait(), 0.5)
+            await asyncio.wait_for(informed.wait(), 0.5)
         await close(hints)
 
     closing = threading.Event()
     monkeypatch.setattr(robot_hub, "STATUS_S", 0.02)
     page = await open_page("observer")
     [hub] = robot_hub._hubs.values()
-    monkeypatch.setattr(hub, "viewers_changed", told.set)
+    monkeypatch.setattr(hub, "viewers_changed", informed.set)
     monkeypatch.setattr(robot_hub, "robot_entry", edited)
     monkeypatch.setattr(LeaseEvents, "close", closes)
     assert await asyncio.to_thread(asked.wait, 10)

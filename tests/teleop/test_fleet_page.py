@@ -162,8 +162,8 @@ async def test_stop_all_without_robots_is_refused(open_fleet, robot):
     for who in ("stranger", "observer"):
         page = await open_fleet(who)
         await page.say("stop_all")
-        told = await page.refused("no_such_robot")
-        assert told["refusal"]["text"] == "There is no robot in service that you may stop."
+        message = await page.refused("no_such_robot")
+        assert message["refusal"]["text"] == "There is no robot in service that you may stop."
 
 
 async def test_card_stops_its_robot(open_fleet, robot, bridge):

@@ -310,9 +310,9 @@ def test_session_ends_once_however_control_ends(robot, operator, second_operator
     held.append(take(robot, second_operator, now=NOW + timedelta(seconds=11)))  # the page was gone
     held.append(take(robot, operator, now=NOW + timedelta(days=1)))
     ends = Record.objects.filter(kind="control.end").order_by("id")
-    told = [(end.outcome, end.session_id, end.fence, end.parameters["holder"]) for end in ends]
+    recorded = [(end.outcome, end.session_id, end.fence, end.parameters["holder"]) for end in ends]
     reasons = ["released", "moved", "taken_over", "handed_over", "right", "bridge", "away", "term"]
-    assert told == [
+    assert recorded == [
         (reason, had.session, had.fence, str(had.user))
         for reason, had in zip(reasons, held[:-1], strict=True)
     ]

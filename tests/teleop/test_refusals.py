@@ -27,11 +27,13 @@ SOON_S = 0.1
 
 @pytest.fixture
 def written(monkeypatch):
-    """A suppressor with short gaps; `told()` returns what it wrote: (code, times)."""
+    """A suppressor with short gaps; `next()` returns what it written_events: (code, times)."""
     monkeypatch.setattr(refusals, "GAP_S", SOON_S)
-    told = queue.Queue()
-    log = repeat_suppression.RepeatSuppressor(lambda denied, times: told.put((denied.refusal.code, times)))
-    log.told = lambda: told.get(timeout=TIMEOUT_S)
+    written_events = queue.Queue()
+    log = repeat_suppression.RepeatSuppressor(
+        lambda denied, times: written_events.put((denied.refusal.code, times))
+    )
+    log.next = lambda: written_events.get(timeout=TIMEOUT_S)
     yield log
     log.flush()
 
@@ -50,10 +52,10 @@ def test_first_is_written_at_once_and_repeats_in_one_record(written, monkeypatch
     monkeypatch.setattr(refusals, "GAP_S", 3 * SOON_S)
     person = User(username="p")
     written.add(denied(person))
-    assert written.told() == ("stopped", 1)
+    assert written.next() == ("stopped", 1)
     for _ in range(37):
         written.add(denied(person))
-    assert written.told() == ("stopped", 37)
+    assert written.next() == ("stopped", 37)
 
 
 def test_different_people_robots_and_codes_are_no_repeats(written):
@@ -66,50 +68,52 @@ def test_different_people_robots_and_codes_are_no_repeats(written):
         denied(person, "too_old"),
     ):
         written.add(other)
-    assert [written.told()[1] for _ in range(5)] == [1] * 5
+    assert [written.next()[1] for _ in range(5)] == [1] * 5
 
 
 def test_refusals_beyond_a_persons_budget_are_counted(monkeypatch):
     monkeypatch.setattr(refusals, "GAP_S", SOON_S)
-    told = []
+    written_events = []
     log = repeat_suppression.RepeatSuppressor(
-        lambda denied, times: told.append((denied.person, times)), most=None
+        lambda denied, times: written_events.append((denied.person, times)), most=None
     )
     person, other = User(username="p"), User(username="q")
     for _ in range(3):
         for number in range(100):
             log.add(denied(person, f"code_{number}"))
     log.add(denied(other))
-    assert_soon(lambda: (other, 1) in told)
-    assert len([who for who, _ in told if who is person]) <= repeat_suppression.RECORDS_BURST + 1
+    assert_soon(lambda: (other, 1) in written_events)
+    assert len([who for who, _ in written_events if who is person]) <= repeat_suppression.RECORDS_BURST + 1
     log.flush()
-    assert sum(times for who, times in told if who is person) == 300
+    assert sum(times for who, times in written_events if who is person) == 300
 
 
 def test_waiting_refusals_do_not_take_the_places_of_others():
-    told = []
-    log = repeat_suppression.RepeatSuppressor(lambda denied, times: told.append(denied.person))
+    written_events = []
+    log = repeat_suppression.RepeatSuppressor(lambda denied, times: written_events.append(denied.person))
     person, other = User(username="p"), User(username="q")
     for number in range(2 * repeat_suppression.MOST):
         log.add(denied(person, f"code_{number}"))
     log.add(denied(other))
-    assert_soon(lambda: other in told)
+    assert_soon(lambda: other in written_events)
     log.flush()
-    assert len(told) <= repeat_suppression.MOST_PER_PERSON + repeat_suppression.RECORDS_BURST + 1
+    assert len(written_events) <= repeat_suppression.MOST_PER_PERSON + repeat_suppression.RECORDS_BURST + 1
 
 
 def test_press_that_stopped_a_robot_is_written_at_once():
-    told = []
-    log = repeat_suppression.RepeatSuppressor(lambda press, times: told.append((press.of, times)), most=None)
+    written_events = []
+    log = repeat_suppression.RepeatSuppressor(
+        lambda press, times: written_events.append((press.of, times)), most=None
+    )
     person = User(username="p")
     fresh = uuid4()
     for _ in range(100):
         log.add(Press(person, "rest", uuid4(), None, Future()))
-    assert_soon(lambda: len(told) >= repeat_suppression.RECORDS_BURST)
+    assert_soon(lambda: len(written_events) >= repeat_suppression.RECORDS_BURST)
     log.add(Press(person, "fleet page", uuid4(), fresh, Future()))
-    assert_soon(lambda: (fresh, 1) in told)
+    assert_soon(lambda: (fresh, 1) in written_events)
     log.flush()
-    assert len(told) == 101
+    assert len(written_events) == 101
 
 
 def assert_soon(holds):
@@ -122,19 +126,19 @@ def assert_soon(holds):
 def test_refusal_after_a_pause_is_written_at_once(written):
     person = User(username="p")
     written.add(denied(person))
-    written.told()
+    written.next()
     written._thread.join(TIMEOUT_S)  # it ends when no event is waiting
     written.add(denied(person))
-    assert written.told() == ("stopped", 1)
+    assert written.next() == ("stopped", 1)
 
 
 def test_flood_of_late_commands_is_one_record(written):
     late = denied(code="too_old")
     written.add(late)
-    written.told()
+    written.next()
     written.add(late)
     written.add(denied())
-    assert written.told() == ("stopped", 1)
+    assert written.next() == ("stopped", 1)
     assert written._waiting[late.key].due_s - time.monotonic() > 100 * SOON_S
 
 
@@ -161,8 +165,8 @@ def test_refusal_does_not_wait_for_the_database():
 @pytest.mark.django_db(transaction=True)
 def test_record_has_code_rule_figures_and_names_expire(operator, robot):
     session = uuid4()
-    told = RefusedRequest(operator, "robot page", "drive", FORBIDDEN, robot.id, robot.name, session, 7)
-    write_record(told, 12)
+    refused = RefusedRequest(operator, "robot page", "drive", FORBIDDEN, robot.id, robot.name, session, 7)
+    write_record(refused, 12)
     record = Record.objects.get(kind="refusal")
     assert (record.outcome, record.actor_id, record.robot_id) == ("stopped", str(operator.pk), robot.id)
     assert (record.session_id, record.fence) == (session, 7)

@@ -44,8 +44,8 @@ async def test_losing_the_role_ends_control_but_not_watching(driving, bridge, op
     await revoked_in_time(bridge, lambda: RobotRole.objects.filter(user=operator).update(role="observer"))
     await driving.hears("welcome", role="observer")
     await driving.hears("notice", code="role_too_low")
-    told = await driving.hears("control", state="free")
-    assert told["refusal"]["code"] == "role_too_low"
+    message = await driving.hears("control", state="free")
+    assert message["refusal"]["code"] == "role_too_low"
     assert "yours" not in [message.get("state") for message in driving.inbox]
     ended = await eventually(Record.objects.filter(kind="control.end").first)
     assert ended.parameters["why"] == "role_too_low"
@@ -94,8 +94,8 @@ async def test_lower_role_ends_control_and_its_tasks(open_page, bridge, supervis
     await page.hears("control", state="yours")
     await revoked_in_time(bridge, lambda: RobotRole.objects.filter(user=supervisor).update(role="operator"))
     await page.hears("notice", code="role_lowered")
-    told = await page.hears("control", state="free")
-    assert told["refusal"] is None
+    message = await page.hears("control", state="free")
+    assert message["refusal"] is None
 
 
 def set_role(role):

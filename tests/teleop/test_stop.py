@@ -102,17 +102,19 @@ async def test_stop_is_accepted_during_a_flood(open_page, bridge):
     await bridge.hears(wire.LinkStop)
 
 
-def presses_on_record(count):
+def recorded_presses(count):
     """Return (times, outcome) of each record once so many presses are recorded."""
 
-    def told():
+    def presses():
         found = rows("stop.press")
         outcomes = {record.of_id: record.outcome for record in found if record.of_id}
-        told = [(r.parameters.get("times", 1), outcomes.get(r.id)) for r in found if not r.of_id]
-        all_there = sum(times for times, _ in told) >= count and all(outcome for _, outcome in told)
-        return told if all_there else None
+        found_presses = [(r.parameters.get("times", 1), outcomes.get(r.id)) for r in found if not r.of_id]
+        all_there = sum(times for times, _ in found_presses) >= count and all(
+            outcome for _, outcome in found_presses
+        )
+        return found_presses if all_there else None
 
-    return eventually(told)
+    return eventually(presses)
 
 
 async def test_every_press_is_sent_but_few_are_recorded(open_page, bridge, monkeypatch):
@@ -123,10 +125,10 @@ async def test_every_press_is_sent_but_few_are_recorded(open_page, bridge, monke
         await bridge.hears(wire.LinkStop, count=number)
         await page.say("ping", sent_ms=number)  # by then the bridge's answer has usually arrived
         await page.hears("pong")
-    told = await presses_on_record(30)
-    assert {outcome for _, outcome in told} == {"stopping"}
-    assert sum(times for times, _ in told) == 30
-    assert len(told) <= 4
+    found_presses = await recorded_presses(30)
+    assert {outcome for _, outcome in found_presses} == {"stopping"}
+    assert sum(times for times, _ in found_presses) == 30
+    assert len(found_presses) <= 4
 
 
 async def test_stop_after_a_clear_is_no_repeat(open_page, bridge, robot, monkeypatch):
@@ -136,7 +138,7 @@ async def test_stop_after_a_clear_is_no_repeat(open_page, bridge, robot, monkeyp
     link = links.get(robot.id, link_address(robot))
     for number in (1, 2):
         await page.say("stop")
-        assert await presses_on_record(number) == [(1, "stopping")] * number
+        assert await recorded_presses(number) == [(1, "stopping")] * number
         await page.say("stop")  # no repeat: the robot's state is still the earlier one, then it is stopped
         await bridge.hears(wire.LinkStop, count=2 * number)
         bridge.tells_stop("stopped")
@@ -149,17 +151,17 @@ async def test_stop_after_a_clear_is_no_repeat(open_page, bridge, robot, monkeyp
     first, second = [record for record in await records("stop.press") if not record.of_id]
     assert (first.session_id, str(second.session_id)) == (None, control["session"])
     await asyncio.to_thread(emergency_stop.log.flush)
-    assert [times for times, _ in await presses_on_record(4)] == [1, 1, 1, 1]
+    assert [times for times, _ in await recorded_presses(4)] == [1, 1, 1, 1]
 
 
-async def test_presses_by_form_share_records_too(browsers, bridge, monkeypatch):
+async def test_presses_by_form_share_found_pressestoo(browsers, bridge, monkeypatch):
     monkeypatch.setattr(emergency_stop, "GAP_S", 1.0)
     for _ in range(10):
         assert (await post(browsers["observer"], "/api/stop/")).status_code == 200
     assert len(bridge.all(wire.LinkStop)) == 10
-    told = await presses_on_record(10)
-    assert sum(times for times, _ in told) == 10
-    assert len(told) <= 4
+    found_presses = await recorded_presses(10)
+    assert sum(times for times, _ in found_presses) == 10
+    assert len(found_presses) <= 4
 
 
 async def test_press_after_a_pause_has_its_own_record(open_page, bridge, monkeypatch):
@@ -167,7 +169,7 @@ async def test_press_after_a_pause_has_its_own_record(open_page, bridge, monkeyp
     page = await open_page("observer")
     for count in (1, 2):
         await page.say("stop")
-        assert await presses_on_record(count) == [(1, "stopping")] * count
+        assert await recorded_presses(count) == [(1, "stopping")] * count
         await eventually(lambda: not emergency_stop.log._waiting)
 
 
@@ -176,8 +178,8 @@ async def test_stops_are_never_refused_for_their_number(open_page, bridge):
     for _ in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 500):
         await page.say("stop")
     await page.say("ping", sent_ms=1)
-    told = await page.hears("refused")  # the stops counted for the flood limit
-    assert (told["of"], told["refusal"]["code"]) == ("ping", "flood")
+    message = await page.hears("refused")  # the stops counted for the flood limit
+    assert (message["of"], message["refusal"]["code"]) == ("ping", "flood")
 
 
 class SilentLink:
@@ -210,7 +212,7 @@ async def test_presses_of_a_flood_become_one_more_press(robot, observer):
     link.answers[0].set_result(wire.Stopped(wire.StopState("stopping")))
     await eventually(lambda: len(link.answers) == 2)
     link.answers[1].set_result(wire.Stopped(wire.StopState("stopping")))
-    await presses_on_record(6)
+    await recorded_presses(6)
     assert len(link.sent) == 2
 
 
@@ -274,7 +276,7 @@ async def test_press_during_a_delivery_without_link_is_sent_too(open_page, bridg
     assert len(pressed) >= 2
 
 
-async def test_slow_records_of_stops_do_not_delay_rights(open_page, bridge, monkeypatch):
+async def test_slow_found_pressesof_stops_do_not_delay_rights(open_page, bridge, monkeypatch):
     begun, answered = threading.Semaphore(0), threading.Event()
 
     def slow(*_args, **_kwargs):
@@ -296,9 +298,9 @@ async def test_slow_records_of_stops_do_not_delay_rights(open_page, bridge, monk
         answered.set()
 
 
-def test_waiting_records_are_written_at_the_end_of_the_process():
-    told = []
-    log = RepeatSuppressor(lambda press, times: told.append((press.robot_id, times)), most=None)
+def test_waiting_found_pressesare_written_at_the_end_of_the_process():
+    wrote = []
+    log = RepeatSuppressor(lambda press, times: wrote.append((press.robot_id, times)), most=None)
     presses = [
         emergency_stop.Press(User(username="p"), "rest", uuid4(), None, Future()) for _ in range(MOST + 10)
     ]
@@ -306,7 +308,7 @@ def test_waiting_records_are_written_at_the_end_of_the_process():
         log.add(press)
     log.flush()
     for press in presses:
-        assert sum(times for robot, times in told if robot == press.robot_id) == 3
+        assert sum(times for robot, times in wrote if robot == press.robot_id) == 3
 
 
 # --- clear ----------------------------------------------------------------------------------------
@@ -394,8 +396,8 @@ async def test_stop_all_leaves_disabled_robots_out(browsers, robot, other_robot,
 
 async def test_stop_all_without_robots_claims_no_stop(browsers, bridge):
     answer = await post(browsers["stranger"], "/stop-all/")
-    told = {"text": "There is no robot in service that you may stop.", "robots": {}}
-    assert (answer.status_code, answer.json()) == (200, told)
+    expected = {"text": "There is no robot in service that you may stop.", "robots": {}}
+    assert (answer.status_code, answer.json()) == (200, expected)
     assert not bridge.all(wire.LinkStop)
 
 

@@ -9,8 +9,8 @@ from teleop.live.topic_feed import MAX_SUBSCRIPTIONS, TopicFeed, TopicViewer
 
 @pytest.fixture
 async def feed():
-    """The feed of one robot; `told` holds the subscriptions that its bridge got last."""
-    feed = TopicFeed(lambda wanted: setattr(feed, "told", dict(wanted)))
+    """The feed of one robot; `requested` holds the subscriptions that its bridge got last."""
+    feed = TopicFeed(lambda wanted: setattr(feed, "requested", dict(wanted)))
     yield feed
     for viewer in list(feed.viewers):
         viewer.leave()
@@ -71,7 +71,7 @@ async def test_each_viewer_gets_its_own_rate(feed, viewer):
     seldom, often = viewer(), viewer()
     seldom.subscribe("/a", 0.001)
     often.subscribe("/a", 1e9)
-    assert feed.told == {"/a": 1e9}
+    assert feed.requested == {"/a": 1e9}
     for number in range(20):
         feed.publish("/a", str(number))
         await turns()
