@@ -172,7 +172,7 @@ def _line_about(row: Row, person: User) -> RecordLine:
 
 
 def _facts_about(details: dict[str, Any], person: User) -> Iterator[str]:
-    """Return facts in words, without this person's own identity: "full name Olga → Olga Operator", "to supervisor"."""
+    """Return facts in words, without the person themselves: "full name Olga → Olga Operator", "to supervisor"."""
     to_last = sorted(details.items(), key=lambda fact: fact[0] == "to")  # PostgreSQL keeps short names first
     for name, value in to_last:
         if name == "changes":

@@ -531,7 +531,7 @@ async def test_lease_event_of_another_process_is_seen_at_once(open_page, robot, 
     monkeypatch.setattr("teleop.live.robot_hub.STATUS_S", 60)
     await page.hears_nothing("control", within_s=0.6)  # the regular read that was due is over
     await taken_elsewhere(robot, operator)
-    elsewhere = LeaseEvents(robot.id, on_change=lambda: pytest.fail("its own hint"))
+    elsewhere = LeaseEvents(robot.id, on_change=lambda: pytest.fail("its own event"))
     await elsewhere.publish()
     await page.hears("control", state="other")
     await elsewhere.close()
@@ -666,11 +666,11 @@ async def test_hub_closed_while_its_robot_is_edited_follows_no_link(open_page, b
         entry = read(robot_id)
         return entry and structs.replace(entry, link=structs.replace(entry.link, unix_path="/nowhere"))
 
-    async def closes(hints):
+    async def closes(events):
         closing.set()
         with suppress(asyncio.TimeoutError):
             await asyncio.wait_for(informed.wait(), 0.5)
-        await close(hints)
+        await close(events)
 
     closing = threading.Event()
     monkeypatch.setattr(robot_hub, "STATUS_S", 0.02)
