@@ -1,4 +1,4 @@
-"""A bridge's core on the bench: a base that remembers, a gate that lets everything pass, a clock by hand."""
+"""Test bench for the bridge's core: a recording base, an open gate, and a clock set by the test."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ CONFIG = BridgeConfig(
 
 
 class OpenGate:
-    """Lets everything pass, until told what to say. Of odometry it knows what the real one knows."""
+    """A gate that allows everything unless told otherwise. It knows from odometry what the real gate knows."""
 
     def __init__(self, profile: GateProfile) -> None:
         real = Gate(profile)
@@ -126,7 +126,7 @@ class OpenGate:
 
 @dataclass
 class MemoryBase:
-    """Remembers what it was told."""
+    """A base that records its commands."""
 
     now: Callable[[], float]
     sent: list[Velocity] = field(default_factory=list)
@@ -190,14 +190,14 @@ class MemoryBase:
 
 
 class Outcome(SimpleNamespace):
-    """What came of a request: its outcome, and its parameters as attributes."""
+    """A recorded outcome, with its parameters as attributes."""
 
     def __init__(self, outcome: str, **parameters: object) -> None:
         super().__init__(outcome=outcome, **parameters)
 
 
 class MemorySink:
-    """Remembers records; `fails` makes it refuse, `open` makes it wait."""
+    """A sink that stores records; `fails` makes it refuse, `open` makes it wait."""
 
     def __init__(self) -> None:
         self.records: list[tuple[str, object]] = []
@@ -254,7 +254,7 @@ class MemorySink:
 
 
 class MemoryPublisher:
-    """Finds every field right, until told what is wrong with them."""
+    """A publisher that accepts all fields, unless told otherwise."""
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
@@ -288,7 +288,7 @@ class MemoryPublisher:
 
 
 class Bench:
-    """A core with everything around it under the test's hand."""
+    """A core and its surroundings, controlled by the test."""
 
     def __init__(
         self,
@@ -327,12 +327,12 @@ class Bench:
         self.news += 1
 
     def close(self) -> None:
-        """The bridge ends."""
+        """End the bridge."""
         self.core.close(self.now_s)
         self.records.close()
 
     def online(self) -> Bench:
-        """The robot's master is there and odometry comes."""
+        """The robot's master is there and odometry arrives."""
         self.core.ros_status(RosStatus("connecting", ""), self.now_s)
         self.odometry()
         return self
@@ -344,7 +344,7 @@ class Bench:
         self.frozen_odometry()
 
     def frozen_odometry(self) -> None:
-        """Odometry with the stamp of the last one."""
+        """Repeat the last odometry message with its stamp."""
         self.core.odometry(self.stamp_s, self.now_s, Pose(self.x, 0.0, 0.0), self.speed, self.stamp_s)
 
     def granted(self, fence: int = 1, seconds: float = 60.0, link: int = 1) -> Bench:
@@ -363,24 +363,24 @@ class Bench:
         return self.core.drive(drive, link, self.now_s)
 
     def order(self, order: wire.TaskRequest, link: int = 1) -> Refusal | None:
-        """What the holder's page asks besides driving, and why not, if that is the answer at once."""
+        """Send a task of the holder's page; return an immediate refusal."""
         answers = self.ask(order, link)
         return answers[0] if answers else None
 
     def ask(self, order: wire.TaskRequest, link: int = 1) -> list[Refusal | None]:
-        """The one answer to what the holder's page asks besides driving: at once, or later."""
+        """Send a task of the holder's page; return its one answer, immediate or later."""
         answers: list[Refusal | None] = []
         self.core.tasks.take(order, link, self.now_s, answers.append)
         return answers
 
     def recorded(self) -> None:
-        """Wait until the records handed in so far are in."""
+        """Wait until all records so far are written."""
         done = threading.Event()
         self.records.run_in_background(done.set)
         assert done.wait(10)
 
     def driving(self, x: float = 0.5) -> Bench:
-        """The stick is forward and the robot obeys."""
+        """Drive forward; the robot obeys."""
         self.stick(x)
         self.recorded()
         self.pass_time(0.02)
@@ -389,7 +389,7 @@ class Bench:
         return self
 
     def pass_time(self, seconds: float) -> None:
-        """Time passes in ticks of 50 ms, with odometry."""
+        """Let time pass in ticks of 50 ms, with odometry."""
         until_s = self.now_s + seconds
         while self.now_s < until_s - 1e-9:
             self.now_s = min(self.now_s + 0.05, until_s)
@@ -413,7 +413,7 @@ ORDERS: dict[str, wire.TaskRequest] = {
 
 
 class ObedientBench(Bench):
-    """Its robot does whatever `ORDERS` ask for, as soon as it may, and speaks of it."""
+    """A bench whose robot does what `ORDERS` ask for as soon as allowed, and reports it."""
 
     def __init__(self) -> None:
         head = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint")
@@ -427,7 +427,7 @@ class ObedientBench(Bench):
         self.granted().pass_time(0.3)
 
     def obeys(self) -> None:
-        """Records are in, and what is asked of the robot then is done."""
+        """Write the records, then let the robot do what was asked."""
         self.recorded()
         self.core.recorded(self.now_s)
         for use, topics in self.base.attended:

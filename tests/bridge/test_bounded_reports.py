@@ -1,4 +1,4 @@
-"""Whatever a robot tells of itself, what its bridge says fits the link."""
+"""Reports of the bridge fit the link, whatever the robot reports."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ENTRIES = 150
 
 
 def largest(kind: inspect.Type) -> Any:
-    """A value of this type that takes as much room as a test has time for."""
+    """A value of this type, as large as a test has time for."""
     match kind:
         case inspect.StrType():
             return TEXT

@@ -1,4 +1,4 @@
-"""The chain as the bridge enforces it: lease, dead-man, stop, neutral stick, audit."""
+"""The core's chain: lease, dead-man, stop, neutral stick, audit."""
 
 import itertools
 from uuid import uuid4
@@ -215,7 +215,7 @@ def test_stop_sends_zero_cancels_every_goal_and_holds(bench):
 
 
 def cancels(bench, seconds: float) -> int:
-    """How often everybody's goals are cancelled while time passes."""
+    """Count cancels of all goals while time passes."""
     before = bench.base.cancelled
     bench.pass_time(seconds)
     return bench.base.cancelled - before
@@ -289,7 +289,7 @@ def test_standstill_is_what_odometry_says_and_not_what_was_sent(bench):
 
 
 def test_time_to_standstill_counts_from_the_watchdogs_press(bench):
-    """Whichever way the press comes first to a bridge that was frozen for two seconds."""
+    """The press comes to a bridge that was frozen for two seconds, by either way."""
     bench.granted().driving()
     bench.odometry(FORWARD)
     pressed_s, press = bench.now_s - 2.0, uuid4()
@@ -487,7 +487,7 @@ def test_a_stick_at_rest_counts_only_once_the_sensor_is_back(bench, goes):
 
 @pytest.mark.parametrize("goes", [silence_of_the_laser, silence_of_odometry])
 def test_stick_pushed_during_sensor_silence_needs_neutral_later(bench, goes):
-    """Also where nothing was owed, and the push waits for its record when the sensor comes back."""
+    """Also if neutral was not needed before, and the push waits for its record when the sensor is back."""
     bench.granted()
     goes(bench)
     bench.sink.open.clear()
@@ -504,7 +504,7 @@ def test_odometry_that_is_not_a_number_is_counted_and_not_used(bench):
     assert bench.core.refused["odometry_not_finite"] == 1
 
 
-# --- what cannot be recorded is not done ---------------------------------------------------------
+# --- nothing happens without a record -------------------------------------------------------------
 
 
 def test_zeros_are_sent_until_the_drives_start_is_committed(bench):
@@ -585,7 +585,7 @@ def test_a_drive_whose_end_odometry_does_not_show_says_so(bench):
 
 
 def held(bench, *codes, for_s, neutral=False):
-    """Full stick while the gate holds back by these rules in turn, one each decision."""
+    """Full stick while the gate limits by these rules in turn, one for each decision."""
     turns = itertools.cycle(codes)
 
     def says(asked):

@@ -1,4 +1,4 @@
-"""The head looks ahead when its holder asks, on record; and into the turn, by setting."""
+"""The head looks ahead on the holder's request, recorded, and into the turn if configured."""
 
 import math
 
@@ -169,7 +169,7 @@ def test_while_a_motion_runs_the_head_is_left_to_it():
 
 
 def test_looking_ahead_shows_floor_from_half_to_three_metres():
-    """TIAGo at home: its camera 1.217 m high, 0.175 m ahead of the base, 49.4 degrees from top to bottom."""
+    """TIAGo at home: camera 1.217 m high, 0.175 m in front of the base's middle, 49.4 degrees from top to bottom."""
     half = math.atan(240 / (320 / math.tan(math.radians(31.5))))
     nearest, farthest = (1.217 / math.tan(-SOURCE.look_tilt + side) + 0.175 - 0.27 for side in (half, -half))
     assert nearest <= 0.51

@@ -1,4 +1,4 @@
-"""Definitions and bytes that would take for ever, or all memory, end soon and in words."""
+"""Definitions and bytes that would take endless time or memory are refused soon, in words."""
 
 import time
 
@@ -12,7 +12,7 @@ SOON_S = 5.0  # on a busy machine; without a bound it is minutes, or for ever
 
 
 def nested(array, depth):
-    """Arrays of messages of arrays, and at the bottom a message without fields."""
+    """Nested arrays of messages; the innermost message has no fields."""
     fields = []
     for _ in range(depth):
         fields = [Field("a", "e/T", array=array, fields=fields)]

@@ -1,4 +1,4 @@
-"""Commands reach a bridge on the same computer by a lane of their link, in order, for that link alone."""
+"""Drive lanes: commands reach a bridge on the same computer in order, for their own link only."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PATIENCE_S = 10.0
 
 
 class Bridge:
-    """A link server that notes what it hears, by which way."""
+    """A link server that notes messages and the way of their arrival."""
 
     def __init__(self, path: str) -> None:
         self.bench = Bench().online()
@@ -93,7 +93,7 @@ async def test_a_stop_takes_the_lane_and_its_answer_the_socket(bridge, link):
 
 
 async def test_the_word_that_ends_control_overtakes_no_command(bridge, link):
-    """Heard before them, it would be followed by motion."""
+    """If the end of control came first, motion would follow it."""
     for seq in range(20):
         assert await link.forward(drive(seq))
     link.send(wire.Pause(2, "The page is gone."))
@@ -149,7 +149,7 @@ async def test_nothing_is_heard_of_a_lane_with_a_strange_token(bridge, link, tmp
 
 
 async def closed(stranger: socket.socket) -> None:
-    """Until the other side is gone."""
+    """Wait until the other side has closed."""
     try:
         while await asyncio.get_running_loop().sock_recv(stranger, 1):
             pass

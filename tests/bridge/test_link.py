@@ -1,4 +1,4 @@
-"""Both ends of the link, joined: over a Unix socket, and over TCP with TLS and a shared secret."""
+"""Both ends of the link together: over a Unix socket, and over TCP with TLS and a shared secret."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def free_port() -> int:
 
 
 class Bridge:
-    """A link server over a core on the bench; answers as the process does."""
+    """A link server with a core on the bench; answers as the process does."""
 
     def __init__(self, address: LinkAddress) -> None:
         self.bench = Bench().online()
@@ -83,7 +83,7 @@ class Bridge:
 
 
 class Follower:
-    """Keeps what it hears."""
+    """Stores its reports."""
 
     def __init__(self) -> None:
         self.views: list[str] = []
@@ -118,7 +118,7 @@ class Follower:
                 return what
 
     async def until_refused(self, code):
-        """The refusal with which the link is down."""
+        """Wait for the refusal with which the link is down."""
         while (refusal := await self.until("down")) is None or refusal.code != code:
             pass
         return refusal
@@ -423,11 +423,11 @@ async def test_a_stop_command_that_the_bridge_refuses_says_why(bridge, address, 
 
 
 class TestWhoseBridge:
-    """Two robots with one bridge address: nothing that is meant for the one reaches the other."""
+    """Two robots with one bridge address: messages for one robot never reach the other."""
 
     @pytest.fixture
     async def stray(self, bridge, address):
-        """The link of another robot to this one's bridge."""
+        """The link of another robot to this robot's bridge."""
         link = BridgeLink(uuid.uuid4(), address)
         link.follower = Follower()
         link.subscribe(link.follower)

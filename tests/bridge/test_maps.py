@@ -1,4 +1,4 @@
-"""The bridge takes the robot's map while somebody has control; the process that does may be as broken as it likes."""
+"""The bridge fetches the robot's map during control; the fetching process may fail in any way."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def with_map(topic: Topic | None) -> BridgeConfig:
 
 
 class Taker:
-    """`MapFetcher`, and a process that notes what it is asked and gives the answer of now."""
+    """`MapFetcher` and a process that notes its request and gives the present answer."""
 
     def __init__(self, folder: Path, topic: Topic | None = MAP) -> None:
         self.kept: list[TakenMap] = []
@@ -53,13 +53,13 @@ class Taker:
         return [msgspec.json.decode(line, type=MapWanted) for line in self._asked.read_bytes().splitlines()]
 
     async def look(self, fence: int | None, now_s: float) -> None:
-        """And until the process, if there is one, is done."""
+        """Run a period and wait for the process, if there is one."""
         self.maps.look(fence, now_s)
         await settled()
 
 
 async def settled() -> None:
-    """All that goes on beside this."""
+    """Wait for all background work."""
     others = asyncio.all_tasks() - {asyncio.current_task()}
     if others:
         await asyncio.wait(others, timeout=20.0)
@@ -127,7 +127,7 @@ HANGS = ("sleep", "60")
 
 
 def hangs() -> bool:
-    """Whether the process that hangs is there."""
+    """Whether the hanging process exists."""
     return any(child.cmdline() == list(HANGS) for child in psutil.Process().children())
 
 

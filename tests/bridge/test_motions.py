@@ -1,4 +1,4 @@
-"""A recorded motion runs for its holder only, on record, where the arm has room, and ends when that ends."""
+"""Recorded motions: for the holder only, recorded, with arm clearance, ended with control."""
 
 import pytest
 
@@ -23,7 +23,7 @@ def ask(bench, motion="wave", fence=1, link=1):
 
 
 def begun(bench, motion="wave"):
-    """The motion runs on the robot; the id of its goal."""
+    """Start the motion; return the id of its goal."""
     assert ask(bench, motion) is None
     settled(bench)
     goal_id, played = bench.base.played[-1]
@@ -33,7 +33,7 @@ def begun(bench, motion="wave"):
 
 
 def denied(bench, motion="wave"):
-    """Why it was not begun, which is what came of it on record; nothing was asked of the robot."""
+    """Return why the motion was not started, from its recorded outcome; the robot got no request."""
     answers = bench.ask(wire.Play(1, motion))
     settled(bench)
     bench.recorded()
@@ -53,13 +53,13 @@ def settled(bench):
 
 
 def runs_out(bench):
-    """The loop stalls, and the grant runs out meanwhile."""
+    """The loop stalls, and the grant expires meanwhile."""
     bench.granted(seconds=0.3)
     bench.now_s += 0.5
 
 
 def passes(bench, goal_id, seconds):
-    """Time in which the robot speaks of the goal."""
+    """Let time pass; the robot reports the goal."""
     for _ in range(round(seconds / 0.1)):
         bench.core.tasks.motions.running("/play_motion", [goal_id], bench.now_s)
         bench.pass_time(0.1)
@@ -496,7 +496,7 @@ def test_unwatched_goal_of_an_earlier_bridge_is_cancelled(bench):
 
 
 def cancels(bench):
-    """Of what is on record of this bridge's own cancelling: what, and what came of it."""
+    """This bridge's recorded cancels and their outcomes."""
     bench.recorded()
     told = [what for kind, what in bench.sink.records if kind == "motion.cancel"]
     return [what.outcome if isinstance(what, Outcome) else (what["topic"], what["goal"]) for what in told]

@@ -1,6 +1,6 @@
-"""Recorded near misses through today's gate: what it answers is judged by the truth, which no gate has seen.
+"""Recorded near misses through the present gate, judged by the true scene, which no gate has seen.
 
-A better gate may answer otherwise, and passes all but the last test here.
+A better gate may answer otherwise; it passes all tests here but the last.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from robots.bridge.gate_recording import Decision, replay
 RECORDINGS = sorted((Path(__file__).parents[1] / "data" / "recordings").glob("*.gate"))
 THINGS = [path for path in RECORDINGS if not path.stem.startswith("doorway")]
 MADE_BY = "python -m benchmarks.world.recordings tests/data/recordings"
-# What the robot does, as MuJoCo's wheels do it, and not as the gate reckons.
+# The robot's motion as in MuJoCo's wheels, not as in the gate's model.
 ANSWERS_S = 0.2
 BRAKES_MPS2 = 1.0
 SEES_S = 0.25  # what moves was seen where it was so long ago
 
 
 class Truth(NamedTuple):
-    """What stood where, world's frame."""
+    """The true obstacles in the world frame."""
 
     radius_m: float
     outline: np.ndarray  # (N, 2)
@@ -45,7 +45,7 @@ class Truth(NamedTuple):
 
 
 def way_of(pose: tuple[float, float, float], twist: Velocity) -> np.ndarray:
-    """Where the robot's middle comes, every centimetre, if it is told `twist`, and then to stop."""
+    """The way of the robot's middle, every centimetre, with `twist` and then a stop."""
     speed = abs(twist.vx)
     length = speed * ANSWERS_S + speed**2 / (2.0 * BRAKES_MPS2)
     along = np.linspace(0.0, length, max(math.ceil(length / 0.01), 1) + 1)
@@ -109,7 +109,7 @@ def test_the_same_drive_has_the_same_answers_bit_for_bit(path, decisions):
 
 
 def test_this_version_answers_as_it_is_recorded(path, decisions):
-    """To a millionth only: other processors' arithmetic units differ in the last bits."""
+    """Equal to a millionth: arithmetic units of other processors differ in the last bits."""
     other = [
         f"{one.now_s:.2f} s: recorded {one.recorded}, now {one.replayed}"
         for one in decisions

@@ -1,4 +1,4 @@
-"""A robot's map becomes a picture that lies right, and what is no map becomes none."""
+"""A robot's map becomes a picture in the right place; a bad map is refused."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_unknown_border_is_cropped_and_the_origin_moves():
     sheet[10:14, 20:23] = CORNER
     told = taken(grid(sheet, origin=(5.0, 5.0, 0.0), rotation=NORTH))
     assert pixels(told) == pixels(taken(grid()))
-    # North is along the rows: 20 columns of 5 cm go there, 10 rows go west.
+    # North is along the rows: 20 columns of 5 cm go north, 10 rows go west.
     assert told.origin == pytest.approx((5.0 - 0.5, 5.0 + 1.0, math.pi / 2.0))
 
 

@@ -1,4 +1,4 @@
-"""A computer that is late blames itself and not the operator: in words, with figures, and once in the log."""
+"""An overloaded computer blames itself and not the operator: in words, with numbers, once in the log."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def needed(bench):
 
 
 def stall(bench, late_s):
-    """The bridge's loop gets no processor for so long."""
+    """The bridge's loop gets no processor time for so long."""
     bench.now_s += late_s
     bench.odometry()
     bench.core.tick(bench.now_s, late_s)

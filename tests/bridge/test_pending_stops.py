@@ -1,4 +1,4 @@
-"""A stop that nobody confirmed waits for bridge or watchdog, whichever process heard it."""
+"""A stop without confirmation waits for bridge or watchdog, whichever process heard it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PATIENCE_S = 10.0
 
 @pytest.fixture(autouse=True)
 def run_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A computer of its own."""
+    """A run folder for this test only."""
     monkeypatch.setattr(settings, "FLEET_RUN_DIR", tmp_path)
     yield tmp_path
     for stop in courier.pending_stops().all():  # so that the courier of this test ends
@@ -44,7 +44,7 @@ def address(run_dir: Path) -> LinkAddress:
 
 
 class Bridge:
-    """A bridge that keeps what it hears, in order."""
+    """A bridge that stores its messages in order."""
 
     def __init__(self, address: LinkAddress) -> None:
         self.bench = Bench().online()
@@ -77,7 +77,7 @@ class Bridge:
 
 @pytest_asyncio.fixture
 async def bridge(address: LinkAddress) -> AsyncIterator[Bridge]:
-    """One that is not started yet."""
+    """A bridge that is not started yet."""
     bridge = Bridge(address)
     yield bridge
     await bridge.server.close()
@@ -96,7 +96,7 @@ async def until(condition: Callable[[], object], what: str) -> None:
 
 
 async def press_beside(address: LinkAddress) -> Pending:
-    """A press that is not answered, by another process: without its courier, who is another test."""
+    """A press by another process, without an answer and without a courier."""
     pending = await asyncio.to_thread(press, ROBOT, address, "Ann", "smoke")
     assert isinstance(pending, Pending)
     return pending
@@ -218,7 +218,7 @@ def test_what_cannot_be_written_waits_in_this_process(
 
 
 def test_unwritable_stop_leaves_an_older_one_on_disk(run_dir: Path) -> None:
-    """It ends with its process; the older one does not."""
+    """It ends with its process; the older one stays."""
     stops, robot = PendingStops(run_dir), uuid4()
     older, newer = (Waiting(name_of(robot), uuid4(), robot, "Ann", at=at) for at in (1.0, 2.0))
     assert stops.keep(older)

@@ -1,4 +1,4 @@
-"""The loop of a bridge: commands go before each piece of work, and it ticks as often as somebody needs it."""
+"""The loop of a bridge: commands go before each piece of work, and it ticks as often as needed."""
 
 from __future__ import annotations
 

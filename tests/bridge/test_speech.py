@@ -1,4 +1,4 @@
-"""What a robot is asked to say: one text at a time, on record, finished even when its holder goes."""
+"""Speech: one text at a time, recorded, spoken to its end even if the holder loses control."""
 
 import msgspec
 import pytest
@@ -67,7 +67,7 @@ def test_robot_without_languages_gets_the_requested_one():
     assert robot_language("es", []) == "es"
 
 
-# --- what becomes of a text that is asked for --------------------------------------------------------
+# --- progress of a text ---------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def settled(bench):
 
 
 def begun(bench, text="Hola a todos"):
-    """The robot says it; the id of the goal."""
+    """The robot speaks the text; return the id of the goal."""
     answers = ask(bench, text)
     settled(bench)
     assert answers == [None]
@@ -103,7 +103,7 @@ def told(bench, goals, topic="/tts"):
 
 
 def passes(bench, goal_id, seconds):
-    """Time in which the robot speaks of the goal."""
+    """Let time pass; the robot reports the goal."""
     for _ in range(round(seconds / 0.1)):
         told(bench, {goal_id: "speaking"})
         bench.pass_time(0.1)

@@ -1,4 +1,4 @@
-"""Where nothing can be recorded for two seconds nothing goes on, and nothing begins late."""
+"""Without records for two seconds, all motion and tasks end, and nothing begins late."""
 
 import pytest
 
@@ -21,7 +21,7 @@ def begun(bench, order):
 
 
 def passes(bench, seconds):
-    """Time in which the robot speaks of its motion."""
+    """Let time pass; the robot reports its motion."""
     for _ in range(round(seconds / 0.1)):
         goals = [goal_id for goal_id, _ in bench.base.played]
         bench.core.tasks.motions.running("/play_motion", goals, bench.now_s)

@@ -1,4 +1,4 @@
-"""Where links are, by the robot's description."""
+"""Positions of links by the robot's description."""
 
 from __future__ import annotations
 

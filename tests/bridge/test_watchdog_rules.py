@@ -1,4 +1,4 @@
-"""When the watchdog publishes zeros and cancels, by what it heard of presses and of its bridge."""
+"""When the watchdog publishes zeros and cancels, by presses and by its bridge's heartbeats."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STOPPED = Heartbeat(publishing=True, latched=True, by="Ann", reason="smoke", dri
 
 @pytest.fixture
 def rules() -> StopRules:
-    """A bridge is there that drives, at second 10."""
+    """A bridge is connected and drives, at second 10."""
     rules = StopRules(first=100)
     rules.bridge_came(10.0)
     rules.beat(DRIVING, 10.0)

@@ -1,4 +1,4 @@
-"""The watchdog's socket and file, and the bridge's end of them: one watchdog after another, and two at once."""
+"""The watchdog's socket and file, and the bridge's end: one watchdog after another, and two at once."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PATIENCE_S = 10.0
 
 @pytest.fixture
 def open_lane(tmp_path: Path) -> Iterator[Callable[[], WatchdogSocket]]:
-    """Open a lane at the robot's path."""
+    """Open a socket at the robot's path."""
     opened: list[WatchdogSocket] = []
 
     def begin() -> WatchdogSocket:
@@ -82,7 +82,7 @@ async def test_stops_with_lower_numbers_of_a_new_watchdog_are_heard(
 async def test_a_stop_at_which_the_bridge_broke_is_told_again(
     tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
-    """Else the watchdog would hold the robot for ever, and no bridge would know why."""
+    """Otherwise the watchdog would stop the robot for ever, and no bridge would know why."""
     presses: asyncio.Queue[StopPress] = asyncio.Queue()
     broken = asyncio.Event()
 

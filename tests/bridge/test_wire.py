@@ -1,4 +1,4 @@
-"""What a door lets in: names that end where they end, texts that only the rule for texts refuses."""
+"""Messages that are let in: names end where they end; only the rule for texts refuses texts."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""A drive on record: where it went, where it was held back, and what becomes of it while nothing can be written."""
+"""Records of a drive: its path, its gate interventions, and failures of the database."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def drive_of(bench: Bench) -> DriveSummary:
     return summary
 
 
-# --- where it went -----------------------------------------------------------------------------------
+# --- path -----------------------------------------------------------------------------------------
 
 
 def test_a_drive_tells_its_path_and_where_it_began_and_ended(bench: Bench) -> None:
@@ -131,7 +131,7 @@ def test_a_drive_of_somebody_elses_control_is_another_one(bench: Bench) -> None:
     assert drive_of(bench).outcome == "control_changed"
 
 
-# --- where it was held back --------------------------------------------------------------------------
+# --- gate interventions ---------------------------------------------------------------------------
 
 
 def test_intervention_records_time_place_and_nearest_obstacle(bench: Bench) -> None:
@@ -155,11 +155,11 @@ def test_intervention_records_time_place_and_nearest_obstacle(bench: Bench) -> N
     assert end.pose.x == pytest.approx(start.pose.x, abs=0.06)
 
 
-# --- while nothing can be written --------------------------------------------------------------------
+# --- unwritable database --------------------------------------------------------------------------
 
 
 def driven_while_away(bench: Bench, seconds: float) -> list[Refusal | None]:
-    """What the stick is told, in a drive that needs no record meanwhile."""
+    """Return the refusals of the stick in a drive that needs no record meanwhile."""
     answers = []
     for _ in range(round(seconds / 0.05)):
         answers.append(bench.stick(0.5))

@@ -1,4 +1,4 @@
-"""What is drawn for pages."""
+"""Pictures for pages."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What the inspector was told ends when it should: halted, without its bridge, too late, or let go."""
+"""Requests to the inspector end when they should: halted, without the bridge, too late, or at the inspector's end."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ import pytest
 from robots import wire
 from robots.bridge.topics import inspector_client, line_process
 from robots.bridge.topics.inspector_messages import InspectorQuery, TooLate
-from tests.bridge.test_inspection import AT_A_RATE, ORDER, PATIENCE_S, Viewer, make, question
-from tests.bridge.test_publishings import bench, note, settled
+from tests.bridge.test_inspector_client import AT_A_RATE, ORDER, PATIENCE_S, Viewer, make, question
+from tests.bridge.test_publishing import bench, note, settled
 
 __all__ = ["bench", "make"]  # fixtures
 
-# An inspector that shows every line it hears, and says what the names in it tell it to say.
+# An inspector that reports each line it hears, and answers as the names in it demand.
 PROGRAM = textwrap.dedent("""
     import json, sys, time
 
@@ -42,7 +42,7 @@ PROGRAM = textwrap.dedent("""
 
 
 class Ear(Viewer):
-    """Looks at what the inspector hears."""
+    """Subscribes to the lines that the inspector hears."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -56,14 +56,14 @@ class Ear(Viewer):
         return [line["t"] for line in self.heard]
 
     async def hears(self, kind: str) -> dict[str, object]:
-        """The first of that kind."""
+        """The first line of that kind."""
         await self.until(lambda: kind in self.kinds())
         return next(line for line in self.heard if line["t"] == kind)
 
 
 @pytest.fixture
 async def listen(make):
-    """A relay to an inspector, and an ear there; the program's lines for its beginning and end."""
+    """A client and its inspector, with lines for the program's begin and end."""
 
     async def started(begin="", end="", confirms=True, **changes):
         program = PROGRAM.format(begin=begin, end=end, confirms=confirms)
@@ -76,7 +76,7 @@ async def listen(make):
 
 @pytest.fixture
 async def talk(listen):
-    """The same, once it is there."""
+    """The same, after the inspector has started."""
     relay, ear = await listen()
     await ear.hears("look_at")
     return relay, ear
@@ -85,7 +85,7 @@ async def talk(listen):
 CALL = wire.CallService("/lamp", {"data": True}, seq=9)
 
 
-# --- a halt -----------------------------------------------------------------------------------------------
+# --- halt -----------------------------------------------------------------------------------------
 
 
 async def test_halt_after_a_single_message_is_sent_exactly_once(talk):
@@ -128,7 +128,7 @@ def test_halt_includes_messages_published_once(bench, end):
     assert bench.publisher.halts > 0
 
 
-# --- a sign of life ---------------------------------------------------------------------------------------
+# --- keep alive -----------------------------------------------------------------------------------
 
 
 async def test_a_sign_of_life_is_for_what_is_published_at_a_rate(talk):
@@ -158,7 +158,7 @@ def test_keep_alive_is_sent_each_tick_while_publishing_at_rate(bench):
     assert bench.publisher.kept_alive == before
 
 
-# --- too late ---------------------------------------------------------------------------------------------
+# --- too late -------------------------------------------------------------------------------------
 
 
 async def test_timed_out_request_is_not_sent_to_a_later_process(listen, monkeypatch):
@@ -198,7 +198,7 @@ async def test_query_carries_its_time_limit(talk, monkeypatch):
         msgspec.structs.replace(asked, until_s=time.monotonic()).require_time()
 
 
-# --- let go -----------------------------------------------------------------------------------------------
+# --- end of the inspector -------------------------------------------------------------------------
 
 
 async def test_query_to_an_ending_inspector_goes_to_the_next(listen, monkeypatch, tmp_path):

@@ -1,4 +1,4 @@
-"""What waits for its record begins only for one who still has control, and is there, when that record is in."""
+"""A task that waits for its record begins only if its requester still has control and is there."""
 
 import pytest
 
@@ -11,7 +11,7 @@ def bench():
 
 
 def runs_out(bench):
-    """The loop stalls, and the grant runs out meanwhile."""
+    """The loop stalls, and the grant expires meanwhile."""
     bench.granted(seconds=0.3)
     bench.now_s += 0.5
 

@@ -1,4 +1,4 @@
-"""A path is short, and tells where the robot was at any time."""
+"""A path is short and gives the robot's position at any time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CENTIMETRE = 0.01
 
 
 def straight(*speeds_mps: float) -> list[Sample]:
-    """Two samples a second along a line, each second at a speed of its own."""
+    """Two samples a second along a line, each second at another speed."""
     samples, x, t_s = [Sample(0.0, 0.0, 0.0, 0.0, 0.0)], 0.0, 0.0
     for speed, _half in itertools.product(speeds_mps, range(2)):
         t_s, x = t_s + 0.5, x + speed / 2
@@ -25,7 +25,7 @@ def straight(*speeds_mps: float) -> list[Sample]:
 
 
 def wandering(count: int) -> list[Sample]:
-    """A robot that goes about a hall in eights, ever larger, and never straight on."""
+    """A robot that drives growing figures of eight, never straight."""
     return [
         Sample(i / 2, (1 + i / 500) * math.sin(i / 9), (1 + i / 500) * math.sin(i / 4.5), i / 9, 0.3)
         for i in range(count)
@@ -33,7 +33,7 @@ def wandering(count: int) -> list[Sample]:
 
 
 def miss_m(path: Sequence[Sample], truth: Iterable[Sample]) -> float:
-    """How far from the truth somebody gets at worst who goes evenly from sample to sample."""
+    """The largest error of linear motion between the samples."""
     worst, legs = 0.0, list(itertools.pairwise(path))
     for sample in truth:
         before, after = next(leg for leg in legs if leg[0].t_s <= sample.t_s <= leg[1].t_s)

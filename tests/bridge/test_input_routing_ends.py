@@ -1,17 +1,17 @@
-"""A choice that ends without its holder's order is on record, and told to everybody who watches."""
+"""A choice that ends by itself is recorded and reported to all watchers."""
 
 import pytest
 
 from robots import wire
 from robots.bridge.gate.values import STILL
 from tests.bridge.support import Outcome
-from tests.bridge.test_choices import LISTENED, ask, bench, choose, chosen, connects, settled
+from tests.bridge.test_input_routing import LISTENED, ask, bench, choose, chosen, connects, settled
 
 __all__ = ["bench"]  # the fixture
 
 
 def vanish(bench, *names):
-    """Nobody on the robot listens to these any more."""
+    """These topics have no subscriber on the robot any more."""
     left = {name: kind for name, kind in LISTENED.items() if name not in names}
     bench.core.tasks.routing.surveyed(left, bench.now_s)
 

@@ -1,4 +1,4 @@
-"""While the arm moves, what the depth camera shows counts as an intruder where it cannot be the arm itself."""
+"""Arm clearance: while the arm moves, depth points that cannot be the arm are intruders."""
 
 from types import SimpleNamespace
 
@@ -15,7 +15,7 @@ KINDS = ("scan", "memory", "sonar", "depth", "depth memory")
 
 
 class Scene:
-    """One arm in its room: where it is, and what each kind of source knows of."""
+    """One arm and its surroundings: its position and the obstacles of each kind of sensor."""
 
     def __init__(self):
         self.now_s = 100.0
@@ -35,12 +35,12 @@ class Scene:
         return Obstacles(np.array(points, float).reshape(-1, 2), source, KINDS, KINDS)
 
     def why_not(self, running=True):
-        """The sensor that knows of something in the way."""
+        """The sensor that sees an obstacle in the way."""
         refusal = self.room.refuse(SPACE, self.now_s, running=running)
         return refusal and refusal.figures["sensor"]
 
     def moves(self, lies, seconds):
-        """The arm lies there, for so long."""
+        """The arm lies there for some seconds."""
         self.lies = lies
         until_s = self.now_s + seconds
         while self.now_s < until_s - 1e-9:
@@ -54,7 +54,7 @@ def scene():
 
 
 def beside(disc, gap_m):
-    """A place so far outside of a disc."""
+    """A place at this distance outside a disc."""
     x, y, radius = disc
     return x, y + radius + gap_m
 

@@ -1,4 +1,4 @@
-"""A link that floods takes the tick's turn from nobody, and the stop behind the flood is heard."""
+"""A flood on a link does not delay ticks, and the stop behind the flood is handled."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robots.bridge.link_handler import DRIVES_AT_ONCE, OTHER_ROBOT, REFUSAL_GAP_
 from robots.bridge.tasks.tasks import Tasks
 from robots.bridge.topics.inspector_client import InspectorClient
 from tests.bridge.support import Bench, Wire
-from tests.bridge.test_leasing import GRANT
+from tests.bridge.test_fencing import GRANT
 
 FLOOD = 2000
 
@@ -42,7 +42,7 @@ def drive(seq: int, fence: int = GRANT.fence, x: float = 0.0) -> bytes:
 
 
 async def driven(door, bench) -> Wire:
-    """A link through which the robot is driven, by the door's clock."""
+    """A link through which somebody drives, by the handler's clock."""
     bench.now_s = time.monotonic()
     bench.online()
     link = Wire(1)

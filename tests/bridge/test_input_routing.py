@@ -1,4 +1,4 @@
-"""Input goes where its holder chose: what the allow-list has, of the right type, stopped first, for a while."""
+"""Input routing: allow-listed topics of the right type, after a stop of the base, until control ends."""
 
 import msgspec
 import pytest
@@ -54,7 +54,7 @@ def settled(bench):
 
 
 def connects(bench):
-    """The robot's topics that were asked for last are connected."""
+    """The topics that were requested last are connected."""
     use, topics = bench.base.attended[-1]
     bench.core.tasks.routing.attended(use, topics, bench.now_s)
 
@@ -105,7 +105,7 @@ def test_chosen_action_performs_and_cancels_the_motion(bench):
 
 
 def test_every_allowed_motion_action_is_subscribed_always(bench):
-    """What one of them performs that this bridge gave up, or one that was killed left, must be heard of."""
+    """A motion that an earlier bridge left, or that this one gave up, must be observed."""
     both = {"/play_motion", "/second_play"}
     assert bench.core.tasks.routing.connected("motions") == both
     choose(bench, "motions", "/second_play")
@@ -358,7 +358,7 @@ def test_pages_are_told_beforehand_where_nobody_takes_the_input(bench):
     assert [refused(use) for use in ("drive", "speech", "motions")] == [None, "no_listener", "no_listener"]
 
 
-# --- offers ------------------------------------------------------------------------------------------
+# --- capabilities ---------------------------------------------------------------------------------
 
 NOD = wire.MotionOffer("nod", "Nod", "demo", "", 1.5)
 

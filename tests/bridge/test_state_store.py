@@ -1,4 +1,4 @@
-"""What survives a kill."""
+"""The state that survives a kill."""
 
 import errno
 import os
@@ -51,7 +51,7 @@ def test_unwritable_stop_removes_the_state_file(store, tmp_path):
 
 
 def test_what_is_saved_is_there_after_a_power_cut(store, tmp_path):
-    """The file's content is on the disk before it has its name, and the name when `save` returns."""
+    """The file's content is on disk before it has its name, and the name when `save` returns."""
     synced = []
 
     def fsync(descriptor: int) -> None:

@@ -1,4 +1,4 @@
-"""Age, life and meaning of stick messages."""
+"""Age, life and velocity of stick commands."""
 
 import pytest
 

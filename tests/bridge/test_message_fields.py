@@ -1,4 +1,4 @@
-"""What is given for a message's fields fits its definition, or is refused with the path of the wrong field."""
+"""Fields given for a message fit its definition, or are refused with the path of the wrong field."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ EVERYTHING = [
 
 
 def refused(given: dict[str, Any], definition: list[Field] = EVERYTHING) -> tuple[str, str]:
-    """The path of the wrong field, and the words."""
+    """The path of the wrong field, and the text."""
     with pytest.raises(BadField) as caught:
         fit_fields(definition, given)
     assert caught.value.refusal.code == "bad_field"
@@ -146,7 +146,7 @@ def test_times_are_seconds_or_parts_or_now():
     assert ends["a_duration"] == {"secs": -(2**31), "nsecs": 0}
 
 
-# --- bytes ---------------------------------------------------------------------------------------------
+# --- bytes ----------------------------------------------------------------------------------------
 
 
 def test_missing_fields_are_zero_and_header_stamps_are_now():

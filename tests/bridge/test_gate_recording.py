@@ -1,4 +1,4 @@
-"""Recorded drives: what a gate answered once, it answers again, bit for bit."""
+"""Recorded drives: the gate repeats its answers bit for bit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.gate.conftest import LASER, Feeder, tiago_profile
 
 @pytest.fixture
 def drive(tmp_path: Path) -> Path:
-    """Three seconds towards something, with noise, NaN and infinities."""
+    """Three seconds towards an obstacle, with noise, NaN and infinities."""
     path = tmp_path / "drive.gate"
     random = np.random.default_rng(3)
     feeder = Feeder(tiago_profile())
@@ -76,7 +76,7 @@ def test_what_cannot_be_read_is_said_in_words(drive, tmp_path):
 
 
 def pictured() -> Frame:
-    """A real picture of something that stands ahead, with pixels that were not measured."""
+    """A real depth frame of an obstacle ahead, with unmeasured pixels."""
     random = np.random.default_rng(5)
     ahead = random.normal(1.5, 0.01, (120, 160)).astype(np.float32)
     ahead[::7, ::5], ahead[::11, ::3] = math.nan, math.inf
@@ -117,7 +117,7 @@ TOLD = {
 
 
 def bits(value):
-    """A value as something that equals only what is the same to the last bit and of the same kind."""
+    """A value that is equal only to the same bits of the same type."""
     if isinstance(value, np.ndarray):
         order = value.flags.f_contiguous, value.flags.c_contiguous
         return np.ndarray, value.dtype.str, value.shape, order, value.tobytes("A")

@@ -1,4 +1,4 @@
-"""Messages are published for the holder only, on record, as the allow-list has it; velocities only through the gate."""
+"""Publishing: for the holder only, recorded, by the allow-list; velocities only through the gate."""
 
 import json
 import threading
@@ -42,7 +42,7 @@ def settled(bench):
 
 
 def settled_after(bench, order):
-    """The answers to an order, once its record is in."""
+    """The answers to a task, after its record."""
     answers = bench.ask(order)
     settled(bench)
     return answers
@@ -234,7 +234,7 @@ def test_while_the_robot_is_stopped_no_fields_are_checked(bench):
     assert bench.publisher.waiting == []
 
 
-# --- velocities -------------------------------------------------------------------------------------
+# --- velocities -----------------------------------------------------------------------------------
 
 
 def twist(bench, vx, topic="/key_vel", rate_hz=0.0, age_s=0.0, type_name="geometry_msgs/Twist"):
@@ -245,7 +245,7 @@ def twist(bench, vx, topic="/key_vel", rate_hz=0.0, age_s=0.0, type_name="geomet
 
 
 def driven(bench, vx):
-    """The twist was asked for, and the drive is on record."""
+    """The twist was requested, and the drive is recorded."""
     bench.order(twist(bench, vx))
     bench.recorded()
     bench.pass_time(0.05)
@@ -430,7 +430,7 @@ def test_bad_velocity_fields_are_refused(fields, path):
 
 
 class Arriving(Future):
-    """A record's number that the worker brings just after it was looked for the first time."""
+    """A record that is done just after it was checked for the first time."""
 
     looks = 0
 

@@ -1,4 +1,4 @@
-"""The bridge's relay to its inspector: who asked gets the answer, whoever fails is told, nothing waits or piles up."""
+"""Inspector client: each query gets its answer, failures are reported, nothing blocks or piles up."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KILLED = (-signal.SIGKILL, 255)  # 255: somebody in asyncio asked before its wat
 ORDER = wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"})
 AT_A_RATE = msgspec.structs.replace(ORDER, rate_hz=5.0)
 
-# An inspector that answers with what it was asked. Names in a question tell it how to behave.
+# An inspector that answers with the query. Names in a query tell it how to behave.
 PROGRAM = textwrap.dedent("""
     import json, os, sys, time
 
@@ -61,7 +61,7 @@ PROGRAM = textwrap.dedent("""
 
 
 class Viewer:
-    """A link that remembers."""
+    """A link that stores its reports."""
 
     def __init__(self) -> None:
         self.answers: list[wire.LinkAnswer] = []
@@ -85,7 +85,7 @@ class Viewer:
         return value
 
     async def answer(self, seq: int) -> Any:
-        """The answer to that question."""
+        """The answer to this query."""
         inspected = await self.until(lambda: [given for given in self.answers if given.seq == seq])
         return msgspec.json.decode(inspected[0].answer, type=wire.TopicAnswer)
 

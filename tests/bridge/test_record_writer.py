@@ -1,4 +1,4 @@
-"""What is asked for is written or refused; what has happened is written sooner or later, in order."""
+"""Requests are written or refused; events are written sooner or later, in order."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def written(writer: RecordWriter) -> None:
 
 
 def ticks(writer: RecordWriter, from_s: float, to_s: float, *, watched: bool = False) -> None:
-    """The control loop's periods between two times, with a worker that keeps up."""
+    """Run the control loop's periods between two times, with a worker that keeps up."""
     for tenth in range(round(from_s * 10), round(to_s * 10)):
         writer.tick(tenth / 10, watched)
         written(writer)

@@ -1,4 +1,4 @@
-"""What no allow-list admits: each word and each type that would go around the chain, or blind it."""
+"""The denylist: every word and type that would bypass or blind the chain."""
 
 import pytest
 
@@ -130,7 +130,7 @@ def test_choice_needs_the_default_type_and_a_known_use():
 
 
 def test_what_the_robots_description_names_takes_no_other_input():
-    """Also where neither name nor type tells what it is."""
+    """Also if neither name nor type shows its purpose."""
     topics = Topics(
         drive=Topic("/drive", TWIST),
         odometry=Topic("/place", "nav_msgs/Odometry"),

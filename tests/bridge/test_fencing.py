@@ -1,4 +1,4 @@
-"""A new fencing number is on disk before it counts, and a disk that hangs holds nobody up."""
+"""A new fence is on disk before it is in force, and a hanging disk delays nothing else."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ GRANT = wire.Grant(5, 60.0, "session-5", "Ann", "ann-id", 1.0)
 
 
 class Disk:
-    """A state file whose disk hangs until it is let go, or fails."""
+    """A state file whose disk hangs until released, or fails."""
 
     def __init__(self) -> None:
         self.saved: list[SavedState] = []

@@ -1,4 +1,4 @@
-"""The steps between stick and gate: what each does, and what no chain of them ever does."""
+"""Input filters: the effect of each, and limits that every chain keeps."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ hands = st.lists(st.tuples(positions, gaps_s), min_size=1, max_size=30)
 
 
 def through(chain: tuple[StickStep, ...], hand: list[tuple[StickPosition, float]]) -> list[StickPosition]:
-    """What the chain makes of a hand: positions, each with the time since the one before."""
+    """Filter a hand's positions, each with the time since the previous one."""
     memory, given = None, []
     for position, gap_s in hand:
         position, memory = apply_filters(chain, memory, position, gap_s)
@@ -65,7 +65,7 @@ def steadily(chain: tuple[StickStep, ...], values: list[float]) -> list[float]:
     return [p.x for p in through(chain, [(StickPosition(value, 0.0, 0.0), PERIOD_S) for value in values])]
 
 
-# --- what no chain does --------------------------------------------------------------------------
+# --- limits of every chain ------------------------------------------------------------------------
 
 
 @given(chains, hands)
@@ -118,7 +118,7 @@ def test_a_hand_that_rests_is_given_as_it_is_in_the_end(step, value, gap_s):
     )
 
 
-# --- what each step does -------------------------------------------------------------------------
+# --- effect of each filter ------------------------------------------------------------------------
 
 
 def test_scale_makes_less_of_each_axis():
@@ -167,14 +167,14 @@ def test_one_euro_steadies_a_hand_at_rest():
 
 
 def test_one_euro_hardly_holds_back_a_hand_on_the_move():
-    """From the middle to the rim in half a second: never more than 30 ms behind."""
+    """From the middle to the rim in half a second: at most 30 ms late."""
     speed = 2.0
     held = [speed * PERIOD_S * number for number in range(1, 11)]
     for was, now in zip(held, steadily((OneEuro(),), held), strict=True):
         assert was - 0.03 * speed <= now <= was
 
 
-# --- in the bridge -------------------------------------------------------------------------------
+# --- in the bridge --------------------------------------------------------------------------------
 
 
 def drive(seq: int, x: float) -> Drive:
