@@ -123,9 +123,8 @@ class LinkAddress(Struct, frozen=True):
     certificate: str | None = None
     private_key: str | None = None
     secret: str | None = None
-    authority: str | None = (
-        None  # CA certificates with which the web side checks the bridge; None: the system's
-    )
+    # CA certificates with which the web side checks the bridge; None: the system's
+    authority: str | None = None
 
 
 class BridgeConfig(Struct, frozen=True):

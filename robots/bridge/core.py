@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import logging
 import math
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Literal, Protocol
 from uuid import UUID
 
-from msgspec import Struct, structs
+from msgspec import Struct
 
 from robots import wire
 from robots.bridge import state_view
@@ -28,6 +28,7 @@ from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity, Verdict
 from robots.bridge.lease.lease_guard import LeaseGuard
 from robots.bridge.lease.state_store import SavedState
+from robots.bridge.lease.stop_latch import StopLatch
 from robots.bridge.overload import LoopLateness
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.tasks.publishing import Publisher
@@ -36,15 +37,10 @@ from robots.wire import Drive, Ended, Grant, Refusal, StopState
 
 log = logging.getLogger(__name__)
 
-QUIET_AFTER_S = (
-    1.0  # zeros are repeated for this time after control ended; then the topic is free for other nodes
-)
+# zeros are repeated for this time after control ended; then the topic is free for other nodes
+QUIET_AFTER_S = 1.0
 ODOMETRY_ONLINE_S = 1.0
-PRESSES_KNOWN = 1000  # newest presses; a press that is delivered twice arrives twice within seconds
 AT_ONCE_S = 0.05
-PRESS_KEPT_S = (
-    60.0  # a press that the watchdog heard longer ago may belong to an earlier boot of this computer
-)
 REACHED_S = 1.0  # after joining the master: subscribers of cancel topics are connected by then
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
@@ -115,9 +111,7 @@ class Core:
     ) -> None:
         self.config = config
         self.lease = LeaseGuard(saved.fence)
-        self.stop_state = StopState("clear", number=stops_before)
-        if saved.latched:  # nobody has yet measured whether the robot stands still
-            self.stop_state = StopState("stopping", saved.by or None, saved.reason, number=stops_before)
+        self._latch = StopLatch(saved, stops_before)
         self.refused: Counter[str] = Counter()
         self._base = base
         self._gate = gate
@@ -134,26 +128,25 @@ class Core:
         self._passed = STILL  # the requested twist that was passed to the gate
         self._sent = STILL
         self._publish_until_s = float("-inf")
-        self._stop_latched_s: float | None = None  # None: before this process started
-        self._stop_pressed_s: float | None = None  # time of the press; None: unknown
-        self._stop_press: UUID | None = None  # the first press of this stop
-        # presses already handled; they do not stop the robot again
-        self._presses: deque[UUID] = deque(maxlen=PRESSES_KNOWN)
         self._cancelling = saved.latched  # repeat the cancel of all goals
         self._cancelled_s = float("-inf")
         self._joined_s = float("inf")  # when the robot's master was joined
         self._late = LoopLateness("bridge")
         self._console_late = LoopLateness("console")
         self.watchdog_missing = False
-        self._silent: tuple[DriveInput, float] | None = (
-            None  # an input whose last command expired, and when this was noticed
-        )
+        # an input whose last command expired, and when this was noticed
+        self._silent: tuple[DriveInput, float] | None = None
         self._verdict = _IDLE
         self._ros = RosStatus("waiting", "The bridge is starting.")
         self._reported = Reported()
         self._run = 0  # number of the robot's run
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
         self.tasks = Tasks(config, base, gate, records, self, publisher, announce)
+
+    @property
+    def stop_state(self) -> StopState:
+        """The present stop."""
+        return self._latch.state
 
     # --- control ---------------------------------------------------------------------------------
 
@@ -221,29 +214,19 @@ class Core:
 
         A press that arrives twice, by another way or late, is ignored: the stop may have been cleared meanwhile.
         """
-        if press in self._presses:
+        if self._latch.was_handled(press):
             return
-        if press is not None:
-            self.ignore_presses([press])
-        stop = self.stop_state
-        is_first = stop.state == "clear"
-        if is_first:
-            stands = self._passed == self._sent == STILL and self._gate.standstill(now_s) is True
-            stop = StopState("stopping", number=stop.number, was_standing=stands)
-            self._stop_latched_s = now_s
-            self._stop_pressed_s = None if waited else now_s
-            self._stop_press = press
-        self.stop_state = structs.replace(stop, by=by, reason=reason, number=stop.number + 1)
+        is_first = not self._latch.latched
+        stands = is_first and self._passed == self._sent == STILL and self._gate.standstill(now_s) is True
+        self._latch.press(by, reason, now_s, press, stands=stands, waited=waited)
         self.halt("stopped", "the robot was stopped", now_s)
         self._cancelling = True
         self._cancel_all(now_s)
         self.tasks.stopped(by, now_s)
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
         if is_first:
-            grant = self.lease.current
-            self._records.stopped(
-                holder_of(grant) if grant else None, stop.number + 1, stop.was_standing, now_s
-            )
+            grant, stop = self.lease.current, self.stop_state
+            self._records.stopped(holder_of(grant) if grant else None, stop.number, stop.was_standing, now_s)
 
     def stop_from_watchdog(
         self, by: str, reason: str, press: UUID | None, now_s: float, pressed_s: float | None = None
@@ -252,41 +235,22 @@ class Core:
 
         The watchdog heard it at `pressed_s`. This process may have been blocked since, or may have started later.
         """
-        stop = self.stop_state
-        if press is None and stop.state != "clear" and (stop.by or "", stop.reason) == (by, reason):
+        if press is None and self._latch.is_stopped_by(by, reason):
             return  # the state file already contained this stop
         self.stop(by, reason, now_s, press)
-        if press == self._stop_press and self._stop_pressed_s is not None:
-            self._pressed_at(pressed_s if pressed_s and 0.0 <= now_s - pressed_s < PRESS_KEPT_S else None)
-
-    def _pressed_at(self, pressed_s: float | None) -> None:
-        """Correct the time of the press of the present stop from the time when this process heard of it.
-
-        None: unknown.
-        """
-        heard_s, self._stop_pressed_s = self._stop_pressed_s, pressed_s
-        took_ms = self.stop_state.standstill_ms
-        if took_ms is not None and heard_s is not None:
-            took_ms = None if pressed_s is None else took_ms + round((heard_s - pressed_s) * 1000)
-            self.stop_state = structs.replace(self.stop_state, standstill_ms=took_ms)
+        self._latch.correct_time(press, pressed_s, now_s)
 
     def ignore_presses(self, presses: Sequence[UUID]) -> None:
         """Ignore these presses when they arrive."""
-        self._presses.extend(presses)
+        self._latch.ignore(presses)
 
     def clear(self, number: int, now_s: float, presses: Sequence[UUID] = ()) -> Refusal | None:
         """Clear stop `number`; this moves nothing. Return a refusal if somebody pressed stop again since.
 
         `presses` are older than this clear and may still be on their way: ignore them.
         """
-        stop = self.stop_state
-        if number != stop.number:
-            by = f" by {stop.by}" if stop.by else ""
-            text = f"Stop was pressed again{by}. Check the robot, then clear the new stop."
-            return Refusal("stopped_again", text, "stop", {"number": number, "newest": stop.number})
-        self.stop_state = StopState("clear", number=stop.number)
-        self.ignore_presses(presses)
-        self._stop_latched_s = self._stop_pressed_s = self._stop_press = None
+        if refusal := self._latch.clear(number, presses):
+            return refusal
         self.halt("stop_cleared", "the stop was cleared", now_s)
         self._cancel_all(now_s)
         self._verdict = _IDLE
@@ -311,8 +275,8 @@ class Core:
         self._watch_records(now_s)
         self._decide(now_s)
         self.tasks.tick(self._sent, self._page_gone_s, now_s)
-        if self.stop_state.state == "stopping" and self._reported.odometry:
-            self._see_standstill(still, self._reported.odometry[0])
+        if self._reported.odometry:
+            self._latch.observe(still, self._reported.odometry[0])
         self._repeat_cancel(now_s)
 
     def console_was_late(self, late_s: float, now_s: float) -> None:
@@ -482,7 +446,7 @@ class Core:
 
     def why_closed(self, now_s: float) -> Refusal | None:
         """Return why the robot takes no request from anybody: stopped, offline, or records cannot be written."""
-        if self.stop_state.state != "clear":
+        if self._latch.latched:
             return Refusal("stopped", "The robot is stopped: clear the stop first.", "stop")
         phase, text = self._phase(now_s)
         if phase != "online":
@@ -536,7 +500,7 @@ class Core:
             self._stop_until_neutral(awaited.code, awaited.text)
         if told := refusal or self._unrecorded:
             verdict = verdict._replace(asked=asked, code=told.code, text=told.text)
-        if self.stop_state.state == "clear":
+        if not self._latch.latched:
             self._verdict = verdict
         self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING else refusal
@@ -614,7 +578,7 @@ class Core:
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
         """Publish while there is a reason to; then leave the topic to other nodes."""
-        if self.lease.current or self.stop_state.state != "clear":
+        if self.lease.current or self._latch.latched:
             self._publish_until_s = now_s + QUIET_AFTER_S
         if now_s < self._publish_until_s:
             self._base.publish(velocity)
@@ -652,7 +616,7 @@ class Core:
             return
         if now_s - self._cancelled_s >= CANCEL_AGAIN_S:
             self._cancel_all(now_s)
-        self._cancelling = self.stop_state.state != "clear" or now_s - self._joined_s < REACHED_S
+        self._cancelling = self._latch.latched or now_s - self._joined_s < REACHED_S
 
     def _cancel_all(self, now_s: float) -> None:
         """Cancel the goals of all nodes. A failed cancel must not block the stop."""
@@ -661,17 +625,6 @@ class Core:
             self._base.cancel_all()
         except Exception:
             log.exception("cancelling all goals failed")
-
-    def _see_standstill(self, still: bool | None, seen_s: float) -> None:
-        """End the stopping phase if odometry that arrived at `seen_s`, after the press, shows standstill."""
-        latched_s, pressed_s = self._stop_latched_s, self._stop_pressed_s
-        if still is False:
-            self.stop_state = structs.replace(self.stop_state, was_standing=False)
-        elif still and (latched_s is None or seen_s > latched_s):
-            took_ms = None
-            if pressed_s is not None and not self.stop_state.was_standing:
-                took_ms = round((seen_s - pressed_s) * 1000)
-            self.stop_state = structs.replace(self.stop_state, state="stopped", standstill_ms=took_ms)
 
     def _phase(self, now_s: float) -> tuple[wire.Phase, str]:
         """Return how far the robot is on the way to being drivable, and what is missing."""

@@ -47,9 +47,8 @@ class LinkHandler:
         self._fences = fences
         self._inspector = inspector
         self._drives: dict[Link, TokenBucket] = {}
-        self._refused: dict[
-            Link, dict[tuple[str, str], float]
-        ] = {}  # time of the last answer, by kind and code
+        # time of the last answer, by kind and code
+        self._refused: dict[Link, dict[tuple[str, str], float]] = {}
 
     def opened(self, link: Link) -> None:
         """Send the first message to a web process: this robot's id, without any state."""

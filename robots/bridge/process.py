@@ -152,16 +152,14 @@ class Bridge:
         while not self._ended:
             now_s = time.monotonic()
             if self._ticks(now_s, now_s - due_s):
-                self._soon(
-                    self._base.hear
-                )  # read sensors and commands first: after a stall, they arrived before the dead-man is checked
+                # read sensors and commands first: after a stall, they arrived before the dead-man is checked
+                self._soon(self._base.hear)
                 await asyncio.sleep(0.0)
                 now_s = time.monotonic()
                 self._tick(now_s, now_s - due_s)
             self._beat(now_s)
-            due_s = (
-                max(due_s, now_s - TICK_S) + TICK_S
-            )  # after a stall, continue from here without catching up
+            # after a stall, continue from here without catching up
+            due_s = max(due_s, now_s - TICK_S) + TICK_S
             alarm = loop.call_at(due_s, self._wake.set)
             await self._wake.wait()
             self._wake.clear()

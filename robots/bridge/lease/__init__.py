@@ -1,1 +1,1 @@
-"""Leases at the bridge: grants, fencing numbers, and the state that survives a restart."""
+"""Lease, fence and stop latch at the bridge, and the state file that survives a restart."""

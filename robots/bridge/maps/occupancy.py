@@ -19,9 +19,8 @@ from robots.bridge.gate.values import Pose
 
 MOST_CELLS = 4096 * 4096
 MAX_PICTURE_SIDE = 2048  # cells of the picture; larger maps are thinned
-MAX_MAP_SIDE = (
-    8 * MAX_PICTURE_SIDE
-)  # limit of a map's side: a long thin map is filled up to whole blocks before thinning
+# limit of a map's side: a long thin map is filled up to whole blocks before thinning
+MAX_MAP_SIDE = 8 * MAX_PICTURE_SIDE
 MAX_FRAME_NAME = 200  # characters of the frame's name
 FRAME = "map"  # REP 105: the frame in which the bridge knows the odometry frame
 FREE_TO, OCCUPIED_FROM = 25, 65  # percent, thresholds of map_server

@@ -68,9 +68,8 @@ class InputRouting:
             "speech": topics.speech,
             "motions": topics.motions,
         }
-        self.gone: dict[
-            Use, wire.ChoiceEnd
-        ] = {}  # by use: choices that ended by themselves, until the next choice
+        # by use: choices that ended by themselves, until the next choice
+        self.gone: dict[Use, wire.ChoiceEnd] = {}
         self._made: dict[Use, _Route] = {}  # choices other than the default
         self._defaults = {use: topic for use, topic in offered.items() if topic is not None}
         self._switch = switch

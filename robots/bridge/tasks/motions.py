@@ -151,12 +151,10 @@ class Motions(Goals[MotionGoal]):
         super().__init__(records, player.cancel)
         self._player = player
         self.last: wire.MotionEnd | None = None  # how the last motion ended, for pages
-        self._unwatched_actions: dict[
-            str, float
-        ] = {}  # actions with a goal that nobody watches: time of the last cancel
-        self._unwatched_goals: dict[
-            str, _UnwatchedGoal
-        ] = {}  # such goals, by id, as far as their cancels are recorded
+        # actions with a goal that nobody watches: time of the last cancel
+        self._unwatched_actions: dict[str, float] = {}
+        # such goals, by id, as far as their cancels are recorded
+        self._unwatched_goals: dict[str, _UnwatchedGoal] = {}
 
     def refuse(self, now_s: float) -> Refusal | None:
         """Return why the base must stand and no other motion may begin: a motion runs."""

@@ -102,13 +102,11 @@ class WatchdogClient:
         except msgspec.DecodeError:
             log.exception("a message of the watchdog could not be handled")
             return
-        if (
-            press.number != self._told
-        ):  # compare for equality only: the clock may have been set back since the last watchdog began
+        # compare for equality only: the clock may have been set back since the last watchdog began
+        if press.number != self._told:
             self._on_press(press)
-            self._told = (
-                press.number
-            )  # only after success: a failed press is sent again with the next heartbeat
+            # only after success: a failed press is sent again with the next heartbeat
+            self._told = press.number
 
     def _lost(self) -> None:
         self.close()

@@ -104,9 +104,8 @@ class Watchdog:
         self._unanswered = [entry for entry in self._unanswered if entry[0] is not connection]
         if connection is self._bridge:
             self._bridge = None
-            self._rules.bridge_gone(
-                now_s
-            )  # its latched stop is in its state file and is not stored here as well
+            # its latched stop is in its state file and is not stored here as well
+            self._rules.bridge_gone(now_s)
             log.warning("the bridge ended%s", ": the robot stays stopped" if self._rules.latched else "")
 
     def _stop(self, connection: socket.socket, stop: LinkStop, now_s: float) -> None:

@@ -75,9 +75,8 @@ class WatchdogSocket:
         for connection in list(self._connections):
             self.drop(connection)
         self._selector.close()
-        if (
-            _file_at(self._path) == self._file
-        ):  # check before the listener closes: until then no other file can have this inode
+        # check before the listener closes: until then no other file can have this inode
+        if _file_at(self._path) == self._file:
             Path(self._path).unlink(missing_ok=True)
         self._listener.close()
 
