@@ -19,8 +19,9 @@ from robots import wire
 from robots.bridge import state_view
 from robots.bridge.audit.records import Records, Requester, unrecorded
 from robots.bridge.config import BridgeConfig
-from robots.bridge.drive.drive_input import DriveInput, stick_of, velocity_of
+from robots.bridge.drive.drive_input import DriveInput
 from robots.bridge.drive.drive_log import WAITING, DriveLog
+from robots.bridge.drive.holder_inputs import HolderInputs
 from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Posture
@@ -120,8 +121,7 @@ class Core:
         self._announce = announce
         self._on_scan = on_scan
         self._on_news = on_news
-        self._stick = DriveInput(self.config.stick)
-        self._twists = DriveInput()  # velocities from the holder's programs, used while the stick rests
+        self._inputs = HolderInputs(config)
         self._page_gone_s: float | None = None
         self._unrecorded: Refusal | None = None  # set while records cannot be written: nothing may move
         self._asking: DriveInput | None = None  # the input that asks for motion
@@ -155,10 +155,10 @@ class Core:
         current = self.lease.current
         if current is None or grant.fence != current.fence:
             self._end_control("Control was given to somebody else.", now_s)
-            self._restart_numbering()
-            self._set_neutral_needed("control_taken", "you have just taken control")
+            self._inputs.restart()
+            self._inputs.require_neutral("control_taken", "you have just taken control")
         elif self._page_gone_s is not None or link != self.lease.link:
-            self._restart_numbering()
+            self._inputs.restart()
             self.halt("page_back", "the page came back", now_s)
         self._page_gone_s = None
         self._gate.observe_operator(grant.delay_s)
@@ -178,7 +178,7 @@ class Core:
         if self.lease.current is None or (self.lease.current.fence, self.lease.link) != (fence, link):
             return
         self._page_gone_s = now_s
-        self._restart_numbering()
+        self._inputs.restart()
         self.halt(code, reason, now_s)
         self.tasks.page_left(now_s)
 
@@ -190,7 +190,7 @@ class Core:
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
         """Take a stick position and publish the twist that the gate allows at once. Return the refusal, if any."""
-        refusal = self.lease.refuse_drive(drive.fence, link, now_s) or self._stick.take(drive, now_s)
+        refusal = self.lease.refuse_drive(drive.fence, link, now_s) or self._inputs.stick.take(drive, now_s)
         if refusal is None:
             refusal = self._decide(now_s)
         if refusal is not None:
@@ -199,13 +199,7 @@ class Core:
 
     def twist(self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float) -> Refusal | None:
         """Take a velocity from a program of the holder. It passes the same rules as a stick position."""
-        if order.sent_ms is None:
-            text = "A velocity needs sent_ms, the sender’s monotonic clock: old velocities are refused."
-            return Refusal("invalid", text, "wire")
-        limits = self.config.gate.limits
-        stick = stick_of(velocity, limits, grant.max_share, self.config.reverse_steering)
-        drive = Drive(order.fence, order.seq, order.sent_ms, stick.x, stick.w, stick.y, share=1.0)
-        return self._twists.take(drive, now_s) or self._decide(now_s)
+        return self._inputs.take_twist(velocity, order, grant, now_s) or self._decide(now_s)
 
     def stop(
         self, by: str, reason: str, now_s: float, press: UUID | None = None, *, waited: bool = False
@@ -285,9 +279,7 @@ class Core:
         if self._silent and now_s - self._silent[1] < late_s:
             stick, noticed_s = self._silent
             code, reason = self._explain_silence(stick, noticed_s)
-            for owing in (self._stick, self._twists):
-                if owing.neutral_needed and owing.neutral_needed.code == "dead_man":
-                    owing.neutral_needed = wire.NeutralNeeded(code, reason)
+            self._inputs.correct_reason(code, reason)
 
     def recorded(self, now_s: float) -> None:
         """Begin work that waited for its record at once, instead of at the next tick."""
@@ -417,7 +409,7 @@ class Core:
 
     @property
     def _neutral_needed(self) -> wire.NeutralNeeded | None:
-        return (self._asking or self._stick).neutral_needed
+        return (self._asking or self._inputs.stick).neutral_needed
 
     def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
         """Return the robot's present state."""
@@ -428,7 +420,7 @@ class Core:
             text=text,
             stop=self.stop_state,
             grant=self.lease.current,
-            seq=self._stick.seq,
+            seq=self._inputs.stick.seq,
             neutral_needed=self._neutral_needed,
             foreign=self._ros.foreign,
             verdict=self._verdict,
@@ -486,7 +478,7 @@ class Core:
             self._silent = self._asking, now_s
             self._stop_until_neutral(*self._explain_silence(self._asking, now_s))
         awaited = self._awaited(now_s)
-        self._asking, asked = self._wanted(grant, awaited is None, now_s) if grant else (None, STILL)
+        self._asking, asked = self._inputs.wanted(grant, awaited is None, now_s) if grant else (None, STILL)
         refusal = self._why_not(grant, self._asking, now_s) if grant and self._asking else None
         self._passed = asked if refusal is None else STILL
         verdict = self._gate.decide(self._passed, self._sent, now_s)
@@ -535,46 +527,13 @@ class Core:
         fault = self._gate.fault(now_s)
         return wire.NeutralNeeded(fault.code, f"stopped: {fault.text}") if fault else None
 
-    def _wanted(self, grant: Grant, middle_counts: bool, now_s: float) -> tuple[DriveInput | None, Velocity]:
-        """Return the input that asks for motion and its velocity: the page's stick or, while that rests, a twist.
-
-        An input in the middle, if `middle_counts`, satisfies the neutral that is needed. So does the other input if it
-        was in the middle when last seen.
-        """
-        limits, steering = self.config.gate.limits, self.config.reverse_steering
-        wanted = {
-            stick: velocity_of(drive, limits, grant.max_share, steering)
-            for stick in (self._stick, self._twists)
-            if (drive := stick.current(now_s))
-        }
-        for stick, velocity in wanted.items():
-            stick.is_out = velocity != STILL
-        if middle_counts and STILL in wanted.values():
-            for stick in (self._stick, self._twists):
-                if not stick.is_out:
-                    stick.neutral_needed = None
-        return next(((stick, velocity) for stick, velocity in wanted.items() if stick.is_out), (None, STILL))
-
-    def _restart_numbering(self) -> None:
-        """Forget the inputs' numbering: commands come from another page, or from a page that was loaded again."""
-        self._stick = DriveInput(self.config.stick)
-        self._twists = DriveInput()
-
     def _why_not(self, grant: Grant, stick: DriveInput, now_s: float) -> Refusal | None:
         """Return the first rule that forbids motion. Lease and age are checked elsewhere."""
         if closed := self.why_closed(now_s):
             return closed
         if refusal := self.tasks.why_stand(now_s) or self._drives.why_not:
             return refusal
-        if stick.neutral_needed:
-            what = (
-                "Let the stick return to the middle"
-                if stick is self._stick
-                else "Publish a velocity of zero first"
-            )
-            text = f"{what}: {stick.neutral_needed.text}."
-            return Refusal("neutral_needed", text, "dead-man", {"because": stick.neutral_needed.code})
-        return self._drives.may_move(holder_of(grant), now_s)
+        return self._inputs.refuse(stick) or self._drives.may_move(holder_of(grant), now_s)
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
         """Publish while there is a reason to; then leave the topic to other nodes."""
@@ -587,11 +546,7 @@ class Core:
     def _stop_until_neutral(self, code: str, reason: str) -> None:
         """Require neutral before the robot moves again: it was stopped by a cause other than the operator."""
         self._drives.halted(reason)
-        self._set_neutral_needed(code, reason)
-
-    def _set_neutral_needed(self, code: str, reason: str) -> None:
-        for stick in (self._stick, self._twists):
-            stick.require_neutral(code, reason)
+        self._inputs.require_neutral(code, reason)
 
     def _expire(self, now_s: float) -> None:
         """End an expired grant. The tick calls this, and so does each event that lets waiting work begin."""

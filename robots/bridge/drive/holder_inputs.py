@@ -1,0 +1,76 @@
+"""The holder's two inputs: the page's stick, and velocities from programs, used while the stick rests. Pure."""
+
+from __future__ import annotations
+
+from robots import wire
+from robots.bridge.config import BridgeConfig
+from robots.bridge.drive.drive_input import DriveInput, stick_of, velocity_of
+from robots.bridge.gate.values import STILL, Velocity
+from robots.wire import Drive, Grant, NeutralNeeded, Refusal
+
+
+class HolderInputs:
+    """Select the input that asks for motion."""
+
+    def __init__(self, config: BridgeConfig) -> None:
+        self._config = config
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the inputs' numbering: commands come from another page, or from a page that was loaded again."""
+        self.stick = DriveInput(self._config.stick)
+        self._twists = DriveInput()
+
+    def take_twist(
+        self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float
+    ) -> Refusal | None:
+        """Take a velocity from a program of the holder as if the stick had asked for it."""
+        if order.sent_ms is None:
+            text = "A velocity needs sent_ms, the sender’s monotonic clock: old velocities are refused."
+            return Refusal("invalid", text, "wire")
+        limits = self._config.gate.limits
+        stick = stick_of(velocity, limits, grant.max_share, self._config.reverse_steering)
+        drive = Drive(order.fence, order.seq, order.sent_ms, stick.x, stick.w, stick.y, share=1.0)
+        return self._twists.take(drive, now_s)
+
+    def wanted(self, grant: Grant, middle_counts: bool, now_s: float) -> tuple[DriveInput | None, Velocity]:
+        """Return the input that asks for motion and its velocity: the page's stick or, while that rests, a twist.
+
+        An input in the middle, if `middle_counts`, satisfies the neutral that is needed. So does the other input if it
+        was in the middle when last seen.
+        """
+        limits, steering = self._config.gate.limits, self._config.reverse_steering
+        wanted = {
+            source: velocity_of(drive, limits, grant.max_share, steering)
+            for source in (self.stick, self._twists)
+            if (drive := source.current(now_s))
+        }
+        for source, velocity in wanted.items():
+            source.is_out = velocity != STILL
+        if middle_counts and STILL in wanted.values():
+            for source in (self.stick, self._twists):
+                if not source.is_out:
+                    source.neutral_needed = None
+        return next(
+            ((source, velocity) for source, velocity in wanted.items() if source.is_out), (None, STILL)
+        )
+
+    def refuse(self, source: DriveInput) -> Refusal | None:
+        """Return a refusal if this input needs neutral first."""
+        needed = source.neutral_needed
+        if needed is None:
+            return None
+        is_stick = source is self.stick
+        what = "Let the stick return to the middle" if is_stick else "Publish a velocity of zero first"
+        return Refusal("neutral_needed", f"{what}: {needed.text}.", "dead-man", {"because": needed.code})
+
+    def require_neutral(self, code: str, reason: str) -> None:
+        """Require neutral of both inputs before the robot moves."""
+        for source in (self.stick, self._twists):
+            source.require_neutral(code, reason)
+
+    def correct_reason(self, code: str, reason: str) -> None:
+        """Name another cause of the silence for which neutral is needed."""
+        for source in (self.stick, self._twists):
+            if source.neutral_needed and source.neutral_needed.code == "dead_man":
+                source.neutral_needed = NeutralNeeded(code, reason)
