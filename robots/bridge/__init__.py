@@ -1,1 +1,1 @@
-"""The bridge: one process for one robot. It decides what the robot's base is told."""
+"""The bridge: one process for one robot. It decides which commands the robot gets."""

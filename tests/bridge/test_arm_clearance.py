@@ -60,12 +60,12 @@ def beside(disc, gap_m):
 
 
 @pytest.mark.parametrize("kind", ["scan", "memory", "sonar", "depth"])
-def test_an_intruder_is_seen_by_whatever_sees_it(scene, kind):
+def test_each_kind_of_sensor_sees_an_intruder(scene, kind):
     scene.seen = {kind: [beside(HAND, 0.2)]}
     assert scene.why_not() == kind
 
 
-def test_what_is_seen_where_the_arm_is_may_be_the_arm(scene):
+def test_depth_points_at_the_arm_are_not_intruders(scene):
     scene.seen = {"depth": [beside(HAND, -0.05), beside(HAND, BESIDE_ARM_M - 0.01)]}
     assert scene.why_not() is None
     scene.seen["depth"].append(beside(HAND, BESIDE_ARM_M + 0.01))

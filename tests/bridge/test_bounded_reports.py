@@ -62,7 +62,7 @@ def test_a_report_that_fits_is_said_as_it_is() -> None:
     assert wire.encode_report(offers) == wire.encode(offers)
 
 
-def test_what_is_missing_is_counted() -> None:
+def test_missing_items_are_counted() -> None:
     offers = wire.Offers(
         [wire.MotionOffer("wave", "Wave", description="x" * 3_000_000)], languages=["en"] * 300_000
     )

@@ -80,7 +80,7 @@ def scan_goes_stale(bench):
         (scan_goes_stale, "scan_stale"),
     ],
 )
-def test_why_the_stick_must_return_is_told_by_a_code(bench, happens, code):
+def test_reason_for_neutral_has_a_code(bench, happens, code):
     bench.granted().driving()
     happens(bench)
     needed = bench.core.state(bench.now_s, []).neutral_needed
@@ -276,7 +276,7 @@ def fails() -> None:
     raise RuntimeError("publish() to a closed topic")
 
 
-def test_standstill_is_what_odometry_says_and_not_what_was_sent(bench):
+def test_standstill_comes_from_odometry_not_from_commands(bench):
     bench.granted().driving()
     bench.odometry(FORWARD)
     bench.core.stop("Bob", "", bench.now_s)
@@ -393,7 +393,7 @@ def test_clear_is_refused_if_stop_was_pressed_again(bench):
     assert bench.core.stop_state.state == "clear"
 
 
-def test_who_pressed_a_stop_is_kept_until_it_is_cleared(bench):
+def test_name_of_the_presser_stays_until_the_clear(bench):
     bench.core.stop("Ann", "a child on the floor", bench.now_s)
     assert (bench.core.saved_state().by, bench.core.saved_state().reason) == ("Ann", "a child on the floor")
     assert bench.core.clear(bench.core.stop_state.number, bench.now_s) is None
@@ -657,7 +657,7 @@ def test_stop_that_needs_neutral_is_always_recorded_at_once(bench):
 
 
 @pytest.mark.parametrize("code", ["free", "robot_limit"])
-def test_what_the_robot_could_not_do_anyway_is_no_intervention(bench, code):
+def test_limit_beyond_the_robots_ability_is_not_an_intervention(bench, code):
     bench.granted().driving()
     held(bench, code, for_s=1.5)
     assert bench.sink.kinds == ["drive.start"]
@@ -711,7 +711,7 @@ def test_sensor_messages_prepare_the_gate_during_control(bench):
         assert bench.news == (3 if granted else 0), "while nobody has control nothing is prepared"
 
 
-def test_another_run_of_the_robot_is_told_to_the_gate_once(bench):
+def test_gate_is_reset_once_for_a_new_run_of_the_robot(bench):
     for run, forgot in ((0, []), (1, [True]), (1, [True]), (3, [True, True])):
         bench.stamp_s += 0.02
         bench.core.odometry(bench.stamp_s, bench.now_s, Pose(0.0, 0.0, 0.0), STILL, 50.0, run)

@@ -57,19 +57,19 @@ CALLED = words("""
 
 
 @pytest.mark.parametrize("name", OVERRIDING + CHAIN)
-def test_names_that_mean_what_the_chain_rests_on(name):
+def test_names_of_the_safety_chain_are_denied(name):
     assert why_denied("publish", name, TEXT, PLAIN)
     assert why_denied("call", name, "std_srvs/Empty", PLAIN)
     assert why_denied("set", name, "", PLAIN)
 
 
 @pytest.mark.parametrize("type_name", SENT)
-def test_types_that_mean_it_whatever_the_topic_is_called(type_name):
+def test_types_of_the_safety_chain_are_denied_on_any_topic(type_name):
     assert why_denied("publish", "/notes", type_name, PLAIN)
 
 
 @pytest.mark.parametrize("type_name", CALLED)
-def test_services_that_undo_it_whatever_they_are_called(type_name):
+def test_services_that_undo_the_chain_are_denied_by_type(type_name):
     assert why_denied("call", "/notes", type_name, PLAIN)
 
 
@@ -104,7 +104,7 @@ def test_counterfeit_types_are_refused_under_their_own_name(type_name):
     assert why_fields_denied(type_name, [])
 
 
-def test_what_a_value_sets_and_what_it_replaces_are_named():
+def test_set_and_replaced_parameters_are_both_named():
     assert list(names_set("/a", {"b": {"c": 1}, "d": [1]}, 5)) == ["/a", "/a/b", "/a/b/c", "/a/d"]
 
 
@@ -113,7 +113,7 @@ def test_chosen_drive_topic_may_be_named_a_velocity():
 
 
 @pytest.mark.parametrize("name", OVERRIDING)
-def test_what_is_chosen_wins_over_no_lock_and_no_joystick(name):
+def test_choice_may_not_override_locks_or_joysticks(name):
     assert why_denied("choose", name, TWIST, PLAIN, "drive")
 
 
@@ -129,7 +129,7 @@ def test_choice_needs_the_default_type_and_a_known_use():
     assert why_denied("choose", "/voice", TTS, PLAIN, "")
 
 
-def test_what_the_robots_description_names_takes_no_other_input():
+def test_topics_of_the_profile_take_no_other_input():
     """Also if neither name nor type shows its purpose."""
     topics = Topics(
         drive=Topic("/drive", TWIST),
@@ -164,7 +164,7 @@ def test_other_words_mean_nothing_of_the_kind(name):
     assert why_denied("publish", name, TEXT, PLAIN) is None
 
 
-def test_where_a_motion_goes_is_set_by_nobody():
+def test_parameters_of_motions_may_not_be_set():
     assert why_denied("set", "/play_motion/motions/wave/points", "", PLAIN)
     assert why_denied("set", "/play_motion_2", "", PLAIN)
     assert why_denied("call", "/play_motion/list_motions", "", PLAIN) is None

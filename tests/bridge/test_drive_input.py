@@ -13,7 +13,7 @@ def drive(seq: int, sent_s: float, x: float = 0.5, **fields: float) -> Drive:
     return Drive(fence=1, seq=seq, sent_ms=sent_s * 1000, x=x, w=fields.pop("w", 0.0), **fields)
 
 
-def test_age_is_what_a_message_took_beyond_the_fastest_one():
+def test_age_is_the_delay_beyond_the_fastest_message():
     age = AgeEstimator()
     assert age.age_s(sent_s=5.0, now_s=100.05) == 0.0
     assert age.age_s(sent_s=5.1, now_s=100.25) == pytest.approx(0.10)
@@ -59,7 +59,7 @@ def test_full_reverse_stick_is_the_reverse_limit_at_small_share():
     assert velocity_of(drive(1, 0.0, x=1.0, share=0.4), LIMITS, 1.0, "turn").vx == 0.4
 
 
-def test_the_share_of_a_command_is_held_to_what_was_granted():
+def test_commands_share_is_limited_by_the_grant():
     assert velocity_of(drive(1, 0.0, x=1.0, share=1.0), LIMITS, 0.3, "turn").vx == pytest.approx(0.3)
 
 

@@ -67,7 +67,7 @@ def test_a_drive_tells_its_path_and_where_it_began_and_ended(bench: Bench) -> No
     assert (summary.outcome, summary.ended_by) == ("standstill", "standstill")
 
 
-def test_the_end_of_the_bridge_ends_the_drive_on_record(bench: Bench) -> None:
+def test_bridge_end_ends_and_records_the_drive(bench: Bench) -> None:
     bench.driving()
     rolls(bench, 1.0)
     bench.core.close(bench.now_s)
@@ -174,7 +174,7 @@ def test_database_is_tested_during_a_long_drive(bench: Bench) -> None:
     assert 18 <= bench.sink.pulses <= 21
 
 
-def test_nothing_is_tried_once_the_drive_is_over(bench: Bench) -> None:
+def test_database_is_not_tested_after_the_drive(bench: Bench) -> None:
     bench.driving()
     stands(bench)
     pulses = bench.sink.pulses
@@ -265,7 +265,7 @@ def test_stop_does_not_wait_for_its_record(bench: Bench) -> None:
     assert (holder.fence, number) == (1, bench.core.stop_state.number)
 
 
-def test_a_stop_that_is_pressed_again_is_on_record_once(bench: Bench) -> None:
+def test_repeated_press_is_recorded_once(bench: Bench) -> None:
     for _ in range(3):
         bench.core.stop("Bob", "", bench.now_s)
     bench.recorded()

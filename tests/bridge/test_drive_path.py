@@ -54,7 +54,7 @@ def test_a_corner_is_kept() -> None:
     assert simplify(there + back, CENTIMETRE) == [there[0], there[-1], back[-1]]
 
 
-def test_where_it_waited_on_a_straight_way_is_kept() -> None:
+def test_pause_on_a_straight_way_is_kept() -> None:
     samples = straight(0.5, 0.0, 0.0, 0.0, 0.5)
     assert [sample.t_s for sample in simplify(samples, CENTIMETRE)] == [0.0, 1.0, 4.0, 5.0]
 
@@ -66,7 +66,7 @@ def test_a_turn_on_the_spot_is_kept() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_what_cannot_be_shorter_stays_as_it_is(count: int) -> None:
+def test_minimal_path_is_unchanged(count: int) -> None:
     samples = straight(0.5)[:count]
     assert simplify(samples, CENTIMETRE) == samples
 

@@ -58,7 +58,7 @@ def test_replay_shows_where_another_gate_differs(drive):
     assert decisions[0].replayed.velocity.vx == 0.5 * decisions[0].recorded.velocity.vx
 
 
-def test_what_cannot_be_read_is_said_in_words(drive, tmp_path):
+def test_unreadable_recording_is_explained_in_words(drive, tmp_path):
     cut = tmp_path / "cut.gate"
     cut.write_bytes(drive.read_bytes()[:-200])
     text = tmp_path / "text.gate"
@@ -127,7 +127,7 @@ def bits(value):
 
 
 @pytest.mark.parametrize("method", [name for name in vars(Gate) if name.startswith("observe_")])
-def test_whatever_a_gate_can_be_told_comes_back_to_the_last_bit(method, tmp_path):
+def test_all_gate_inputs_are_restored_to_the_last_bit(method, tmp_path):
     heard = []
 
     class Listening(Gate):

@@ -63,7 +63,7 @@ def test_head_moves_when_the_request_is_recorded(bench):
     assert bench.sink.records == [("head.look_ahead", {}), ("head.look_ahead", Outcome("sent"))]
 
 
-def test_each_request_is_on_record_and_answered(bench):
+def test_each_request_is_recorded_and_answered(bench):
     answers = ask(bench), ask(bench)
     settled(bench)
     bench.pass_time(0.1)
@@ -147,15 +147,15 @@ def test_head_is_sent_ahead_repeatedly_on_a_straight_drive():
 @pytest.mark.parametrize(
     "twist", [Velocity(0.0, 0.0, 1.0), Velocity(-0.2, 0.0, 1.0), Velocity(0.0, 0.0, 0.0)]
 )
-def test_it_follows_on_drives_forward_only(twist):
+def test_head_follows_only_forward_drives(twist):
     assert Head(FOLLOWS).follow(twist, 10.0) is None
 
 
-def test_it_follows_by_setting_only():
+def test_head_follows_only_if_configured():
     assert Head(SOURCE).follow(Velocity(0.5, 0.0, 1.0), 10.0) is None
 
 
-def test_while_a_motion_runs_the_head_is_left_to_it():
+def test_head_is_not_moved_during_a_motion():
     bench = with_head(FOLLOWS)
     bench.driving(0.5)
     bench.base.aims.clear()

@@ -69,7 +69,7 @@ def steadily(chain: tuple[StickStep, ...], values: list[float]) -> list[float]:
 
 
 @given(chains, hands)
-def test_a_stick_let_go_of_is_zero_at_once(chain, hand):
+def test_released_stick_is_zero_at_once(chain, hand):
     assert through(chain, [*hand, (CENTRE, PERIOD_S)])[-1] == CENTRE
 
 
@@ -82,7 +82,7 @@ def test_a_reversed_axis_goes_the_other_way_at_once(step, hand, last):
 
 
 @given(chains, hands)
-def test_nothing_leaves_the_range_of_the_stick(chain, hand):
+def test_no_filter_leaves_the_range_of_the_stick(chain, hand):
     for position in through(chain, hand):
         assert all(math.isfinite(axis) and abs(axis) <= 1.0 for axis in position)
 
@@ -105,7 +105,7 @@ def test_an_axis_never_goes_against_the_hand(chain, hand):
 
 
 @given(chains, hands, hands)
-def test_after_a_gap_of_a_commands_life_nothing_is_remembered(chain, before, hand):
+def test_gap_of_a_commands_life_clears_the_memory(chain, before, hand):
     begun = [(hand[0][0], 2 * COMMAND_LIFE_S), *hand[1:]]
     assert through(chain, before + begun)[len(before) :] == through(chain, begun)
 
@@ -181,7 +181,7 @@ def drive(seq: int, x: float) -> Drive:
     return Drive(fence=1, seq=seq, sent_ms=1000.0 + seq * 50.0, x=x, w=0.0, share=1.0)
 
 
-def test_a_command_is_shaped_once_however_often_it_is_looked_at():
+def test_command_is_filtered_once_however_often_it_is_read():
     stick = DriveInput((OneEuro(),))
     stick.take(drive(1, 0.2), 1.0)
     stick.take(drive(2, 0.6), 1.05)
@@ -207,7 +207,7 @@ def bench():
     bench.close()
 
 
-def test_the_robot_is_asked_what_the_chain_gives(bench):
+def test_robot_gets_the_filtered_command(bench):
     bench.driving(0.5)
     bench.pass_time(0.05)
     bench.stick(0.6)
@@ -223,7 +223,7 @@ def test_a_stick_in_the_dead_zone_counts_as_neutral(bench):
     assert bench.stick(0.5) is None
 
 
-def test_after_a_stop_the_hand_is_followed_anew(bench):
+def test_stop_clears_the_filters_memory(bench):
     bench.driving(1.0)
     bench.core.stop("Ann", "", bench.now_s)
     bench.core.clear(bench.core.stop_state.number, bench.now_s)

@@ -150,7 +150,7 @@ def test_old_drive_topic_gets_zero_before_the_new_one_is_used(bench):
         ("drive", "/nav_vel", "wrong_type"),
     ],
 )
-def test_what_may_not_be_chosen_is_refused_and_not_recorded(bench, use, topic, code):
+def test_forbidden_choice_is_refused_and_not_recorded(bench, use, topic, code):
     [refusal] = ask(bench, use, topic)
     assert refusal.code == code
     settled(bench)
@@ -195,7 +195,7 @@ def test_drive_topic_changes_only_while_the_base_stands(bench, spoil, code):
     ],
 )
 @pytest.mark.parametrize("stage", ["recording", "connecting"])
-def test_what_comes_in_between_keeps_it_from_being_changed(bench, spoil, code, stage):
+def test_event_before_the_record_prevents_the_choice(bench, spoil, code, stage):
     answers = ask(bench, "drive", "/phone_vel")
     if stage == "connecting":
         settled(bench)
@@ -215,7 +215,7 @@ def test_a_choice_that_cannot_be_recorded_is_not_made(bench):
     assert bench.base.attended == []
 
 
-def test_what_no_allow_list_admits_is_refused_though_ours_has_it(bench):
+def test_denied_topic_is_refused_though_the_allow_list_has_it(bench):
     joystick = Allowed("choose", "/joy_vel", TWIST, "drive")
     bench = Bench(config=msgspec.structs.replace(CONFIG, allowed=(joystick,))).online().granted()
     bench.pass_time(0.3)
@@ -289,7 +289,7 @@ def test_return_to_default_works_without_subscribers(bench):
     assert bench.base.attended[-1] == ("speech", {"/tts"})
 
 
-def test_what_is_chosen_already_is_chosen_without_ado(bench):
+def test_present_choice_may_be_chosen_again(bench):
     choose(bench, "drive", "/key_vel")
     choose(bench, "drive", None)
     assert (bench.sink.kinds, bench.base.switched) == ([], [])
@@ -332,7 +332,7 @@ def test_base_without_odometry_gets_zeros_for_limited_time(bench):
     assert chosen(bench) == {}
 
 
-def test_pages_are_told_what_may_be_chosen(bench):
+def test_pages_get_the_possible_choices(bench):
     offers = bench.core.tasks.capabilities.now()
     assert offers.uses["drive"] == wire.UseOffer(
         "/key_vel", TWIST, {"/phone_vel": "operator", "/nav_vel": "supervisor"}
@@ -342,7 +342,7 @@ def test_pages_are_told_what_may_be_chosen(bench):
     assert offers.publishable == {"/notes": "std_msgs/String"}
 
 
-def test_pages_are_told_beforehand_where_nobody_takes_the_input(bench):
+def test_pages_see_choices_without_subscriber(bench):
     def refused(use):
         refusal = told(bench)[-1].uses[use].refusal
         return refusal and refusal.code

@@ -34,7 +34,7 @@ def last_record(bench):
         ("motions", "/second_play", "/second_play/goal", "/play_motion"),
     ],
 )
-def test_a_chosen_topic_that_vanishes_is_told_and_on_record(bench, use, topic, heard, default):
+def test_lost_chosen_topic_is_reported_and_recorded(bench, use, topic, heard, default):
     choose(bench, use, topic)
     vanish(bench, heard)
     assert chosen(bench) == {}
@@ -59,7 +59,7 @@ def test_lost_choice_is_reported_until_the_next_choice(bench):
     assert ended(bench) == {}
 
 
-def test_two_that_vanish_together_are_both_told(bench):
+def test_two_topics_lost_together_are_both_reported(bench):
     choose(bench, "speech", "/second_tts")
     choose(bench, "motions", "/second_play")
     vanish(bench, "/second_tts/goal", "/second_play/goal")
@@ -92,7 +92,7 @@ def test_holders_return_to_default_is_an_ordinary_choice(bench):
         (lambda bench: ask(bench, "speech", None), "overtaken"),
     ],
 )
-def test_a_choice_that_is_not_made_after_all_says_why_on_record(bench, spoil, outcome):
+def test_failed_choice_records_its_reason(bench, spoil, outcome):
     bench.sink.open.clear()
     ask(bench, "speech", "/second_tts")
     spoil(bench)
@@ -102,11 +102,11 @@ def test_a_choice_that_is_not_made_after_all_says_why_on_record(bench, spoil, ou
     assert [(end.outcome, end.to) for end in ends] == [(outcome, "/second_tts")]
 
 
-def test_pages_are_told_from_which_role_on_a_topic_is_published(bench):
+def test_pages_get_the_lowest_role_for_publishing(bench):
     assert bench.core.tasks.capabilities.now().publishable_from == {"/notes": "operator"}
 
 
-def test_with_the_bridge_a_choice_ends_on_record(bench):
+def test_bridge_end_ends_and_records_the_choice(bench):
     choose(bench, "speech", "/second_tts")
     bench.core.close(bench.now_s)
     expected = {"outcome": "bridge_ended", "use": "speech", "from": "/second_tts", "to": "/tts"}

@@ -114,7 +114,7 @@ def relay(make) -> InspectorClient:
     return built
 
 
-async def test_the_answer_goes_to_who_asked_with_the_askers_number(relay):
+async def test_answer_goes_to_its_requester_with_its_number(relay):
     ann, ben = Viewer(), Viewer()
     relay.ask(ann, question(7, "/ann"))
     relay.ask(ben, question(7, "/ben"))
@@ -124,7 +124,7 @@ async def test_the_answer_goes_to_who_asked_with_the_askers_number(relay):
         assert len(viewer.answers) == 1
 
 
-async def test_an_answer_to_who_has_gone_is_nobodys(relay):
+async def test_answer_to_a_closed_link_is_dropped(relay):
     ann, ben = Viewer(), Viewer()
     relay.ask(ann, question(1))
     relay.forget(ann)
@@ -219,7 +219,7 @@ async def test_publishing_at_a_rate_is_lost_with_the_process(make, monkeypatch):
     assert await ann.until(lambda: ann.seen) == {"/published": {"rate": 1.0}}  # and it does not begin again
 
 
-async def test_without_a_process_nothing_is_published_also_not_later(relay):
+async def test_message_without_a_process_is_never_published(relay):
     assert not relay.publish(ORDER)
     assert not relay.publish(AT_A_RATE)
     ann = Viewer()

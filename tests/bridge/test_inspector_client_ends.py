@@ -131,7 +131,7 @@ def test_halt_includes_messages_published_once(bench, end):
 # --- keep alive -----------------------------------------------------------------------------------
 
 
-async def test_a_sign_of_life_is_for_what_is_published_at_a_rate(talk):
+async def test_keep_alive_is_for_publishing_at_a_rate(talk):
     relay, ear = talk
     relay.publish(ORDER)
     relay.keep_alive()

@@ -133,7 +133,7 @@ async def test_the_end_of_the_socket_is_the_end_of_the_lane(bridge, link):
     assert not lane.send(b"{}")
 
 
-async def test_nothing_is_heard_of_a_lane_with_a_strange_token(bridge, link, tmp_path):
+async def test_lane_with_an_unknown_token_is_refused(bridge, link, tmp_path):
     path = lane_path(str(tmp_path / "bridge.sock"))
     assert stat.S_IMODE(os.stat(path).st_mode) == 0o600
     heard = len(bridge.heard)

@@ -236,7 +236,7 @@ async def test_views_are_drawn_only_while_somebody_looks(link, bridge):
     assert remote.watchers == []
 
 
-async def test_who_leaves_takes_no_picture_from_who_came_meanwhile(link, bridge):
+async def test_leaving_follower_does_not_stop_a_new_ones_pictures(link, bridge):
     [remote] = bridge.server.links
     link.watch(link.follower, ["Ann"])
     link.subscribe(successor := Follower())
@@ -248,7 +248,7 @@ async def test_who_leaves_takes_no_picture_from_who_came_meanwhile(link, bridge)
     assert await successor.until("view") == '{"t":"view"}'
 
 
-async def test_nothing_piles_up_before_a_bridge_that_reads_nothing(link, bridge):
+async def test_no_queue_grows_before_a_bridge_that_reads_nothing(link, bridge):
     [remote] = bridge.server.links
     remote._socket.transport.pause_reading()
     drive = '{"t":"drive","fence":2,"seq":1,"sent_ms":5,"x":0,"w":0,"padding":"' + "x" * 8000 + '"}'
@@ -297,7 +297,7 @@ async def test_the_stop_command_needs_no_event_loop(bridge, address):
     assert bridge.bench.core.stop_state.state == "stopping"
 
 
-async def test_the_stop_command_takes_whatever_the_robot_has_to_tell(bridge, address, monkeypatch):
+async def test_stop_command_accepts_all_reports_of_the_robot(bridge, address, monkeypatch):
     offers = wire.Offers([wire.MotionOffer("long", "Long", description="x" * 3_000_000)])
     monkeypatch.setattr(bridge.server, "_on_open", lambda link: (bridge.opened(link), link.report(offers)))
     stopped = await asyncio.to_thread(stop_once, ROBOT, address, "the command line")
@@ -458,13 +458,13 @@ class TestWhoseBridge:
         assert refused.value.refusal.code == "other_robot"
         assert bridge.bench.core.stop_state.state == "clear"
 
-    async def test_how_the_other_is_doing_is_not_told(self, bridge, address):
+    async def test_other_robots_state_is_not_shown(self, bridge, address):
         assert (await asyncio.to_thread(state_once, ROBOT, address)).phase == "online"
         with pytest.raises(LinkRefused) as refused:
             await asyncio.to_thread(state_once, uuid.uuid4(), address)
         assert refused.value.refusal.code == "other_robot"
 
-    async def test_a_stop_of_whatever_robot_listens_there_asks_for_no_name(self, bridge, address):
+    async def test_stop_without_a_robot_id_stops_any_robot_there(self, bridge, address):
         await asyncio.to_thread(stop_once, None, address, "the command line")
         assert bridge.bench.core.stop_state.state == "stopping"
 

@@ -89,7 +89,7 @@ async def test_map_is_fetched_per_session_and_every_few_minutes(taker):
     assert len(taker.kept) == 3
 
 
-async def test_while_one_is_taken_no_other_is(taker):
+async def test_one_map_is_fetched_at_a_time(taker):
     taker.maps.look(7, 0.0)
     taker.maps.look(8, 0.1)
     await settled()

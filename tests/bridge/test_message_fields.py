@@ -117,7 +117,7 @@ def test_a_wrong_field_of_a_twist_is_named(given, path, says):
         ({"nothing.at_all": 1}, "nothing.at_all", "the fields are: none"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_path(given, path, says):
+def test_unfitting_value_is_refused_with_its_path(given, path, says):
     found, text = refused(given)
     assert found == path
     assert says in text
@@ -180,7 +180,7 @@ values = st.fixed_dictionaries(
 
 
 @given(values)
-def test_what_is_written_is_read_again(given):
+def test_written_messages_can_be_read(given):
     layout = Layout(EVERYTHING)
     fields, shortened = layout.read(layout.write(fit_fields(EVERYTHING, given), (0, 0)), ALL)
     assert {name: fields[name] for name in given} == given

@@ -90,7 +90,7 @@ def test_goal_is_sent_after_its_record_and_its_end_is_recorded(bench):
     assert bench.base.cancelled_goals == []
 
 
-def test_what_cannot_be_recorded_is_not_done(bench):
+def test_unrecorded_motion_is_not_performed(bench):
     bench.sink.fails = "disk full"
     answers = bench.ask(wire.Play(1, "wave"))
     settled(bench)
@@ -213,7 +213,7 @@ def test_obstacles_outside_the_arms_space_do_not_matter(bench):
     begun(bench, "nod")
 
 
-def test_a_second_motion_is_refused_with_who_runs_which(bench):
+def test_second_motion_is_refused_naming_the_first(bench):
     begun(bench)
     refusal = ask(bench, "nod")
     assert refusal.code == "motion_running"
@@ -229,7 +229,7 @@ def test_a_motion_is_called_by_the_name_that_people_read(bench):
     assert bench.core.tasks.under_way == ["the motion “Wave the hand”"]
 
 
-def test_an_end_that_is_told_twice_is_one_end(bench):
+def test_repeated_end_report_counts_once(bench):
     goal_id = begun(bench)
     ends(bench, goal_id, "succeeded")
     bench.core.tasks.motions.ended(goal_id, "failed", "", bench.now_s)
@@ -503,7 +503,7 @@ def cancels(bench):
 
 
 @pytest.mark.parametrize(("heard", "outcome"), [("cancelled", "cancelled"), (None, "unheard")])
-def test_what_was_left_is_on_record_once_and_what_came_of_it(bench, heard, outcome):
+def test_cancel_of_an_unwatched_goal_is_recorded_once(bench, heard, outcome):
     passes(bench, "fleet_bridge-left", 3.0)
     assert cancels(bench) == [("/play_motion", "fleet_bridge-left")]
     bench.core.tasks.motions.running("/play_motion", [], bench.now_s)
@@ -513,7 +513,7 @@ def test_what_was_left_is_on_record_once_and_what_came_of_it(bench, heard, outco
     assert cancels(bench) == [("/play_motion", "fleet_bridge-left"), outcome]
 
 
-def test_however_many_ids_somebody_makes_up_few_are_on_record(bench):
+def test_invented_goal_ids_give_few_records(bench):
     for number in range(20):
         bench.core.tasks.motions.running("/play_motion", [f"fleet_bridge-{number}"], bench.now_s)
         bench.pass_time(0.05)
@@ -542,7 +542,7 @@ def test_unwatched_goals_are_limited_while_database_is_away(bench, away):
     ]
 
 
-def test_cancelling_what_was_left_does_not_wait_for_its_record(bench):
+def test_cancel_of_unwatched_goals_does_not_wait_for_records(bench):
     bench.sink.open.clear()
     bench.core.tasks.motions.running("/play_motion", ["fleet_bridge-left"], bench.now_s)
     assert bench.base.cancelled_goals == ["fleet_bridge-left"]
@@ -565,13 +565,13 @@ def test_unwatched_goals_of_two_actions_are_cancelled_separately(bench):
     assert bench.base.cancelled_goals == ["fleet_bridge-1", "fleet_bridge-2"] * 3
 
 
-def test_what_others_asked_for_is_left_alone(bench):
+def test_goals_of_other_nodes_are_not_cancelled(bench):
     passes(bench, "/play_motion-7-1.2", 1.4)
     assert bench.base.cancelled_goals == []
     assert ask(bench).text == "The robot performs a motion that others asked for."
 
 
-def test_the_end_of_the_bridge_cancels_it_and_that_is_on_record(bench):
+def test_bridge_end_cancels_and_records_the_motion(bench):
     goal_id = begun(bench)
     bench.core.close(bench.now_s)
     bench.recorded()
@@ -579,14 +579,14 @@ def test_the_end_of_the_bridge_cancels_it_and_that_is_on_record(bench):
     assert bench.sink.records[-1][1].text == "The bridge ended."
 
 
-def test_only_the_holder_cancels_and_only_what_runs(bench):
+def test_only_the_holder_cancels_a_running_motion(bench):
     assert bench.order(wire.PlayCancel(1)).code == "no_motion"
     begun(bench)
     assert bench.order(wire.PlayCancel(2)).code == "unknown_fence"
     assert bench.base.cancelled_goals == []
 
 
-def test_pages_see_what_runs_and_who_asked_for_it(bench):
+def test_pages_see_the_motion_and_its_requester(bench):
     begun(bench)
     bench.pass_time(1.0)
     state = bench.core.state(bench.now_s, [])
@@ -608,7 +608,7 @@ def test_parameters_that_make_no_motion_leave_its_points_unknown():
     assert recorded(None) == {}
 
 
-def test_who_need_not_have_control_may_cancel_it_and_is_named(bench):
+def test_cancel_by_a_person_without_control_names_them(bench):
     goal_id = begun(bench)
     assert bench.core.tasks.cancel("motion", "Sue Supervisor") is None
     assert bench.base.cancelled_goals == [goal_id]

@@ -89,7 +89,7 @@ def test_allowed_twist_lets_the_robot_brake_before_obstacles(path, decisions):
 
 
 @pytest.mark.parametrize("path", THINGS, ids=lambda path: path.stem)
-def test_without_a_gate_something_would_have_been_touched(path):
+def test_without_the_gate_the_robot_would_have_collided(path):
     decisions = list(replay(path))
     assert gaps(truth_of(path), decisions, [decision.asked for decision in decisions]).min() < 0.0
 

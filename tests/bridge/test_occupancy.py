@@ -106,7 +106,7 @@ def test_digest_differs_for_a_door_or_a_shifted_map():
     assert len({first, *others}) == 4
 
 
-def test_what_is_neither_free_nor_occupied_is_not_known():
+def test_cells_neither_free_nor_occupied_are_unknown():
     assert pixels(taken(grid([[0, 50, -1, 101, -128, 100]]))) == [
         [FREE, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, OCCUPIED]
     ]
@@ -145,7 +145,7 @@ NAN = math.nan
         (grid(np.full((5, 5), -1)), "cells are unknown"),
     ],
 )
-def test_what_is_no_map_is_refused_in_words(raw, why):
+def test_bad_map_is_refused_in_words(raw, why):
     with pytest.raises(BadMap, match=why) as refused:
         taken(raw)
     assert len(str(refused.value)) < 300

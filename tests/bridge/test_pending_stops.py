@@ -139,7 +139,7 @@ async def test_a_link_says_a_waiting_stop_first(address: LinkAddress, bridge: Br
         await link.close()
 
 
-async def test_a_link_that_is_open_delivers_what_another_process_left(
+async def test_open_link_delivers_pending_stops_of_other_processes(
     address: LinkAddress, bridge: Bridge, run_dir: Path
 ) -> None:
     await bridge.server.start()
@@ -190,7 +190,7 @@ async def test_pending_stop_does_not_stop_again_after_a_clear(
         await link.close()
 
 
-def test_of_one_robot_the_newest_press_counts(run_dir: Path) -> None:
+def test_newest_press_of_a_robot_counts(run_dir: Path) -> None:
     stops, robot, other = PendingStops(run_dir), uuid4(), uuid4()
     first, second = (
         Waiting(name_of(robot), uuid4(), robot, by, at=at) for by, at in (("Ann", 1.0), ("Ben", 2.0))
@@ -204,9 +204,7 @@ def test_of_one_robot_the_newest_press_counts(run_dir: Path) -> None:
     assert stops.all() == [elsewhere]
 
 
-def test_what_cannot_be_written_waits_in_this_process(
-    run_dir: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_unwritable_stop_waits_in_this_process(run_dir: Path, caplog: pytest.LogCaptureFixture) -> None:
     (run_dir / FOLDER).touch()  # no folder: as with a full disk, nothing can be written
     stops, told = PendingStops(run_dir), threading.Event()
     stop = Waiting("0123456789ab", uuid4(), None, "Ann")

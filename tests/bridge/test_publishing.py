@@ -52,7 +52,7 @@ def shown(bench):
     return bench.core.state(bench.now_s, []).publishing
 
 
-def test_it_is_sent_and_answered_once_it_is_on_record(bench):
+def test_message_is_sent_and_answered_after_its_record(bench):
     bench.sink.open.clear()
     answers = bench.ask(note())
     bench.core.tick(bench.now_s)
@@ -66,7 +66,7 @@ def test_it_is_sent_and_answered_once_it_is_on_record(bench):
     assert shown(bench) == []
 
 
-def test_what_cannot_be_recorded_is_not_sent(bench):
+def test_unrecorded_message_is_not_sent(bench):
     bench.sink.fails = "disk full"
     answers = bench.ask(note())
     settled(bench)
@@ -85,7 +85,7 @@ def test_halted_message_without_record_is_refused_and_not_sent(bench):
     assert bench.sink.records[-1] == ("publish.end", Outcome("stopped", topic="/notes", duration_s=0.0))
 
 
-def test_what_is_sent_once_is_on_record_with_that_as_its_end(bench):
+def test_single_message_is_recorded_as_sent(bench):
     bench.order(note())
     settled(bench)
     assert bench.sink.kinds == ["publish.start", "publish.end"]
@@ -174,7 +174,7 @@ def test_next_message_replaces_publishing_at_a_rate(bench):
         (lambda bench: bench.core.close(bench.now_s), "bridge_ended"),
     ],
 )
-def test_nobody_left_to_answer_for_it_ends_it(bench, happens, outcome):
+def test_stop_or_lost_holder_ends_publishing(bench, happens, outcome):
     bench.order(note(5.0))
     settled(bench)
     happens(bench)
@@ -195,14 +195,14 @@ def test_nobody_left_to_answer_for_it_ends_it(bench, happens, outcome):
         (note(fence=2), "unknown_fence"),
     ],
 )
-def test_what_nobody_allowed_is_refused_and_not_recorded(bench, order, code):
+def test_message_without_allowance_is_refused_unrecorded(bench, order, code):
     assert bench.order(order).code == code
     settled(bench)
     assert bench.publisher.published == []
     assert bench.sink.kinds == []
 
 
-def test_a_wrong_field_is_refused_before_it_is_on_record(bench):
+def test_wrong_field_is_refused_before_the_record(bench):
     bench.publisher.fault = Refusal("bad_field", "data is text.", "wire", {"path": "data"})
     assert bench.order(note()).figures == {"path": "data"}
     settled(bench)
@@ -227,7 +227,7 @@ def test_event_during_the_check_prevents_publishing(bench, happens, code):
     assert bench.publisher.published == []
 
 
-def test_while_the_robot_is_stopped_no_fields_are_checked(bench):
+def test_stopped_robot_checks_no_fields(bench):
     bench.publisher.waiting = []
     bench.core.stop("Bob", "", bench.now_s)
     assert bench.order(note()).code == "stopped"
@@ -281,7 +281,7 @@ def test_a_stick_that_is_moved_goes_before(bench):
     assert bench.last.vx == pytest.approx(-CONFIG.gate.limits.reverse_mps)
 
 
-def test_after_a_stop_a_twist_that_is_still_sent_does_not_drive(bench):
+def test_twist_still_sent_after_a_stop_does_not_drive(bench):
     driven(bench, 0.3)
     bench.core.stop("Bob", "", bench.now_s)
     bench.core.clear(bench.core.stop_state.number, bench.now_s)
@@ -398,7 +398,7 @@ def test_a_stick_position_for_a_velocity_asks_for_that_velocity(steering, veloci
     assert velocity_of(drive, limits, 0.8, steering) == pytest.approx(velocity)
 
 
-def test_what_is_on_record_goes_out_without_waiting_for_a_tick(bench):
+def test_recorded_message_is_sent_before_the_next_tick(bench):
     told = threading.Event()
     bench.records.open(told.set, bench.now_s)
     bench.order(note())

@@ -67,7 +67,7 @@ def ticks(writer: RecordWriter, from_s: float, to_s: float, *, watched: bool = F
         written(writer)
 
 
-def test_what_is_asked_for_is_told_once_it_is_written(writer: RecordWriter, log: Log) -> None:
+def test_request_is_reported_when_written(writer: RecordWriter, log: Log) -> None:
     told = threading.Event()
     writer.on_done = told.set
     assert writer.ask(log.row("a"), 0.0).result(10) == "a"
@@ -98,7 +98,7 @@ def test_kept_events_are_written_in_order_later(writer: RecordWriter, log: Log) 
     assert writer.trouble is None
 
 
-def test_what_is_asked_for_comes_after_what_has_happened_before(writer: RecordWriter, log: Log) -> None:
+def test_request_is_written_after_earlier_events(writer: RecordWriter, log: Log) -> None:
     log.away = "locked"
     writer.keep(log.row("happened"), 0.0)
     written(writer)
@@ -107,7 +107,7 @@ def test_what_is_asked_for_comes_after_what_has_happened_before(writer: RecordWr
     assert log.rows == ["happened", "asked"]
 
 
-def test_nothing_follows_what_was_refused(writer: RecordWriter, log: Log) -> None:
+def test_refused_request_has_no_later_records(writer: RecordWriter, log: Log) -> None:
     log.away = "locked"
     start = writer.ask(log.row("start"), 0.0)
     end = writer.keep(log.row("end"), 0.1, of=start)
@@ -179,7 +179,7 @@ def test_after_a_failure_the_database_is_tested_until_it_works(writer: RecordWri
     assert writer.trouble is None
 
 
-def test_what_could_not_be_written_before_the_end_is_told(log: Log, caplog: pytest.LogCaptureFixture) -> None:
+def test_records_lost_at_the_end_are_logged(log: Log, caplog: pytest.LogCaptureFixture) -> None:
     writer = RecordWriter(log.test_writable)
     log.away = "locked"
     writer.keep(log.row("a"), 0.0)

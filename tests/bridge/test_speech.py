@@ -59,7 +59,7 @@ def test_control_characters_are_refused_with_their_place(character):
         ("EU-es", "EU-es"),
     ],
 )
-def test_a_language_is_called_what_the_robot_calls_it(asked, sent):
+def test_language_gets_the_robots_own_tag(asked, sent):
     assert robot_language(asked, ["en-US", "en-GB", "es-ES", "zh-Hant-TW", "ca"]) == sent
 
 
@@ -142,7 +142,7 @@ def test_text_is_spoken_after_its_record_and_its_end_is_recorded(bench):
     assert bench.base.cancelled_goals == []
 
 
-def test_the_language_on_record_is_the_one_that_was_sent(bench):
+def test_recorded_language_is_the_one_sent(bench):
     ask(bench, language="es")
     settled(bench)
     [(_, said)] = bench.base.said
@@ -187,7 +187,7 @@ def test_a_robot_without_a_voice_says_so():
     assert refusal.code == "not_offered"
 
 
-def test_a_second_text_is_refused_with_who_says_what(bench):
+def test_second_text_is_refused_naming_the_first(bench):
     begun(bench)
     [refusal] = ask(bench, "y otra vez")
     assert refusal.code == "speaking"
@@ -197,7 +197,7 @@ def test_a_second_text_is_refused_with_who_says_what(bench):
     )
 
 
-def test_it_may_be_said_while_the_robot_drives(bench):
+def test_text_may_be_spoken_during_a_drive(bench):
     bench.driving()
     assert begun(bench)
 
@@ -239,7 +239,7 @@ def test_a_cancel_is_repeated_until_the_robot_obeys(bench):
     assert bench.base.cancelled_goals == [goal_id] * 3
 
 
-def test_who_need_not_have_control_may_cancel_it_and_is_named(bench):
+def test_cancel_by_a_person_without_control_names_them(bench):
     goal_id = begun(bench)
     assert bench.core.tasks.cancel("speech", "Sue Supervisor") is None
     assert ends(bench, goal_id, "cancelled").text == "Cancelled by Sue Supervisor."

@@ -50,7 +50,7 @@ def test_unwritable_stop_removes_the_state_file(store, tmp_path):
     assert store.load(7).latched
 
 
-def test_what_is_saved_is_there_after_a_power_cut(store, tmp_path):
+def test_saved_state_survives_a_power_cut(store, tmp_path):
     """The file's content is on disk before it has its name, and the name when `save` returns."""
     synced = []
 

@@ -17,7 +17,7 @@ def runs_out(bench):
 
 
 @pytest.mark.parametrize("what", ORDERS)
-def test_whatever_is_asked_for_begins_once_it_is_on_record(bench, what):
+def test_every_task_begins_after_its_record(bench, what):
     bench.sink.open.clear()
     bench.ask(ORDERS[what])
     assert bench.begun == []
@@ -93,7 +93,7 @@ def test_waiting_tasks_are_refused_when_the_bridge_ends(bench, what):
 
 
 @pytest.mark.parametrize("what", ORDERS)
-def test_after_the_end_of_the_bridge_nothing_is_asked_for(bench, what):
+def test_ended_bridge_sends_no_requests(bench, what):
     bench.core.close(bench.now_s)
     assert bench.order(ORDERS[what]).code == "no_lease"
 

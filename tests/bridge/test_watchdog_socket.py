@@ -79,7 +79,7 @@ async def test_stops_with_lower_numbers_of_a_new_watchdog_are_heard(
     beats.close()
 
 
-async def test_a_stop_at_which_the_bridge_broke_is_told_again(
+async def test_stop_that_the_bridge_failed_on_is_sent_again(
     tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
     """Otherwise the watchdog would stop the robot for ever, and no bridge would know why."""
