@@ -148,5 +148,5 @@ class BridgeConfig(Struct, frozen=True):
 
     def digest(self) -> str:
         """Return a hash of the configuration without the fence. It differs when any setting differs."""
-        told = msgspec.structs.replace(self, last_fence=0)
-        return hashlib.sha256(msgspec.json.encode(told, order="deterministic")).hexdigest()
+        settings = msgspec.structs.replace(self, last_fence=0)
+        return hashlib.sha256(msgspec.json.encode(settings, order="deterministic")).hexdigest()

@@ -414,7 +414,7 @@ class Core:
     def state(self, now_s: float, watchers: list[str], watchers_more: int = 0) -> wire.State:
         """Return the robot's present state."""
         phase, text = self._phase(now_s)
-        told = self._reported
+        report = self._reported
         inputs = state_view.StateInputs(
             phase=phase,
             text=text,
@@ -425,11 +425,11 @@ class Core:
             foreign=self._ros.foreign,
             verdict=self._verdict,
             refused=self.refused,
-            odometry=told.odometry,
-            battery_percent=told.battery_percent,
-            charging=told.charging,
-            skew_s=told.skew_s,
-            overload=self._late.told(now_s) or self._console_late.told(now_s),
+            odometry=report.odometry,
+            battery_percent=report.battery_percent,
+            charging=report.charging,
+            skew_s=report.skew_s,
+            overload=self._late.report(now_s) or self._console_late.report(now_s),
             watchdog_missing=self.watchdog_missing,
         )
         return state_view.state(inputs, self._gate, self.tasks, now_s, watchers, watchers_more)
@@ -490,8 +490,8 @@ class Core:
             self._stop_until_neutral(refusal.code, _HALTING[refusal.code])
         if self._asking and awaited:
             self._stop_until_neutral(awaited.code, awaited.text)
-        if told := refusal or self._unrecorded:
-            verdict = verdict._replace(asked=asked, code=told.code, text=told.text)
+        if reason := refusal or self._unrecorded:
+            verdict = verdict._replace(asked=asked, code=reason.code, text=reason.text)
         if not self._latch.latched:
             self._verdict = verdict
         self._send(verdict.velocity if self._passed != STILL else STILL, now_s)

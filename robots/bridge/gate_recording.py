@@ -77,8 +77,8 @@ class Recorder:
             answer = call(*args, **named)
             bound = signature.bind(*args, **named)
             bound.apply_defaults()
-            told = _with_limits(gate, answer, bound.args[2]) if method == "decide" else None
-            self._write((method, list(bound.args), told))
+            shown = _with_limits(gate, answer, bound.args[2]) if method == "decide" else None
+            self._write((method, list(bound.args), shown))
             return answer
 
         return note

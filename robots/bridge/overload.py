@@ -42,7 +42,7 @@ class LoopLateness:
         """Return the sum of lateness since then, in seconds."""
         return sum(late_s for at_s, late_s in self._late if at_s >= begin_s)
 
-    def told(self, now_s: float) -> Overload | None:
+    def report(self, now_s: float) -> Overload | None:
         """Return the report for people: the worst delay of the last seconds."""
         late = [late_s for at_s, late_s in self._late if now_s - at_s <= KEPT_S]
         worst_s = max(late, default=0.0)

@@ -87,8 +87,8 @@ class Bridge:
         self._rests = True
         self._wake = asyncio.Event()
         self._exit_code = 0
-        self._told: tuple[object, ...] = ()
-        self._viewed_s = self._told_s = float("-inf")
+        self._last_news: tuple[object, ...] = ()
+        self._viewed_s = self._reported_s = float("-inf")
         self._due: set[Callable[[], None]] = set()
 
     async def run(self) -> int:
@@ -177,7 +177,7 @@ class Bridge:
         self._core.tick(now_s, late_s)
         grant = self._core.lease.current
         self._base.look(grant is not None)
-        self._maps.look(grant.fence if grant else None, now_s)
+        self._maps.tick(grant.fence if grant else None, now_s)
         self._soon(self._show)
         self._soon(self._collect)
 
@@ -217,8 +217,8 @@ class Bridge:
         self._view(_VIEW_LATEST_S)
         watchers, more = self._watchers()
         news = (*self._core.headline(now_s), *watchers, more)
-        if news != self._told or now_s - self._told_s >= _STATUS_S:
-            self._told, self._told_s = news, now_s
+        if news != self._last_news or now_s - self._reported_s >= _STATUS_S:
+            self._last_news, self._reported_s = news, now_s
             self._announce(wire.Status(self._core.state(now_s, watchers, more)))
 
     def _view(self, gap_s: float) -> None:

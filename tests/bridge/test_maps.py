@@ -52,9 +52,9 @@ class Taker:
     def asked(self) -> list[MapWanted]:
         return [msgspec.json.decode(line, type=MapWanted) for line in self._asked.read_bytes().splitlines()]
 
-    async def look(self, fence: int | None, now_s: float) -> None:
+    async def tick(self, fence: int | None, now_s: float) -> None:
         """Run a period and wait for the process, if there is one."""
-        self.maps.look(fence, now_s)
+        self.maps.tick(fence, now_s)
         await settled()
 
 
@@ -73,28 +73,28 @@ def taker(tmp_path):
 
 
 async def test_no_map_is_fetched_without_control_or_map_topic(taker, tmp_path):
-    await taker.look(None, 0.0)
-    await Taker(tmp_path, topic=None).look(1, 0.0)
+    await taker.tick(None, 0.0)
+    await Taker(tmp_path, topic=None).tick(1, 0.0)
     assert taker.asked == []
 
 
 async def test_map_is_fetched_per_session_and_every_few_minutes(taker):
     for now_s in (0.0, 1.0, FRESH_S - 1.0):
-        await taker.look(7, now_s)
+        await taker.tick(7, now_s)
     assert taker.kept == [TAKEN]
     assert taker.asked == [MapWanted(CONFIG.master_uri, MAP)]
-    await taker.look(7, FRESH_S)
+    await taker.tick(7, FRESH_S)
     assert len(taker.kept) == 2
-    await taker.look(8, FRESH_S + 1.0)
+    await taker.tick(8, FRESH_S + 1.0)
     assert len(taker.kept) == 3
 
 
 async def test_one_map_is_fetched_at_a_time(taker):
-    taker.maps.look(7, 0.0)
-    taker.maps.look(8, 0.1)
+    taker.maps.tick(7, 0.0)
+    taker.maps.tick(8, 0.1)
     await settled()
     assert len(taker.asked) == 1
-    await taker.look(8, 0.2)
+    await taker.tick(8, 0.2)
     assert len(taker.kept) == 2
 
 
@@ -113,13 +113,13 @@ async def test_missing_map_is_retried_and_logged_once(answer, why, taker, caplog
     caplog.set_level(logging.INFO, map_fetch.__name__)
     taker.answers(answer)
     for now_s in (0.0, AGAIN_S - 1.0, AGAIN_S, 2.0 * AGAIN_S):
-        await taker.look(7, now_s)
+        await taker.tick(7, now_s)
     assert taker.kept == []
     assert len(taker.asked) == 3
     [said] = [line.getMessage() for line in caplog.records if line.name == map_fetch.__name__]
     assert why in said
     taker.answers(TAKEN)
-    await taker.look(7, 3.0 * AGAIN_S)
+    await taker.tick(7, 3.0 * AGAIN_S)
     assert taker.kept == [TAKEN]
 
 
@@ -135,7 +135,7 @@ async def test_a_process_that_hangs_is_ended(tmp_path, monkeypatch, caplog):
     caplog.set_level(logging.INFO, map_fetch.__name__)
     monkeypatch.setattr(map_fetch, "END_S", 0.2)
     hanging = MapFetcher(with_map(MAP), lambda taken: None, HANGS)
-    hanging.look(7, 0.0)
+    hanging.tick(7, 0.0)
     await settled()
     assert "failed" in caplog.text
     assert not hangs()
@@ -143,7 +143,7 @@ async def test_a_process_that_hangs_is_ended(tmp_path, monkeypatch, caplog):
 
 async def test_a_bridge_that_ends_waits_for_no_map():
     hanging = MapFetcher(with_map(MAP), lambda taken: None, HANGS)
-    hanging.look(7, 0.0)
+    hanging.tick(7, 0.0)
     await asyncio.to_thread(until, hangs, "the process", 10.0)
     await asyncio.wait_for(hanging.close(), 5.0)
     assert not hangs()
@@ -152,6 +152,6 @@ async def test_a_bridge_that_ends_waits_for_no_map():
 async def test_a_process_that_cannot_be_started_harms_nobody(caplog):
     caplog.set_level(logging.INFO, map_fetch.__name__)
     broken = MapFetcher(with_map(MAP), lambda taken: None, ("/nowhere/nothing",))
-    broken.look(7, 0.0)
+    broken.tick(7, 0.0)
     await settled()
     assert "failed" in caplog.text

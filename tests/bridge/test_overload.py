@@ -79,7 +79,7 @@ def test_a_tick_in_time_says_nothing(bench):
 def test_short_delay_is_not_reported_but_clears_the_operator():
     lateness = LoopLateness("bridge")
     lateness.observe(0.15, now_s=1.0)
-    assert lateness.told(1.0) is None
+    assert lateness.report(1.0) is None
     assert lateness.since(0.9) == 0.15
     lateness.observe(0.2, now_s=2.0)
-    assert lateness.told(2.0) == Overload("bridge", 0.2)
+    assert lateness.report(2.0) == Overload("bridge", 0.2)

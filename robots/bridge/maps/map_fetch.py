@@ -57,9 +57,9 @@ class MapFetcher:
         self._fence: int | None = None  # control session of the last fetch
         self._due_s = float("-inf")
         self._taking: asyncio.Task[None] | None = None
-        self._told = ""  # last logged reason why there is no map
+        self._logged = ""  # last logged reason why there is no map
 
-    def look(self, fence: int | None, now_s: float) -> None:
+    def tick(self, fence: int | None, now_s: float) -> None:
         """Run the periodic work. `fence`: the fence of the session; None: nobody has control."""
         if self._wanted is None or fence is None or self._taking is not None:
             return
@@ -78,7 +78,7 @@ class MapFetcher:
         try:
             match await asyncio.wait_for(self._asked(wanted), END_S):
                 case TakenMap() as taken:
-                    self._due_s, self._told = now_s + FRESH_S, ""
+                    self._due_s, self._logged = now_s + FRESH_S, ""
                     self._keep(taken)
                 case NoMap(why=why):
                     self._say(why)
@@ -101,8 +101,8 @@ class MapFetcher:
             await process.wait()
 
     def _say(self, why: str) -> None:
-        if why != self._told:
-            self._told = why
+        if why != self._logged:
+            self._logged = why
             log.info("no map of the robot is recorded: %.300r", why)
 
 

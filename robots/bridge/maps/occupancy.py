@@ -63,14 +63,14 @@ def taken(raw: bytes) -> TakenMap:
     geometry, cells = _cut(geometry, cells)
     geometry, cells = _thinned(geometry, cells)
     height, width = cells.shape
-    told = struct.pack("<dddd2I", geometry.resolution_m, *geometry.origin, width, height)
+    geometry_bytes = struct.pack("<dddd2I", geometry.resolution_m, *geometry.origin, width, height)
     return TakenMap(
         resolution_m=geometry.resolution_m,
         origin=geometry.origin,
         width=width,
         height=height,
         picture=_png(np.flipud(cells)),
-        digest=hashlib.sha256(told + cells.tobytes()).hexdigest(),
+        digest=hashlib.sha256(geometry_bytes + cells.tobytes()).hexdigest(),
     )
 
 
@@ -92,7 +92,7 @@ def _read(raw: bytes) -> tuple[_Geometry, Cells]:
     if count != width * height or len(raw) != at + _LENGTH.size + count:
         raise BadMap(f"it has {width} x {height} cells, but data for {count}")
     percent = np.frombuffer(raw, np.int8, count, at + _LENGTH.size).reshape(height, width)
-    return _geometry(resolution_m, *origin), _told(percent)
+    return _geometry(resolution_m, *origin), _classified(percent)
 
 
 def _geometry(
@@ -108,7 +108,7 @@ def _geometry(
     return _Geometry(float(f"{resolution_m:.6g}"), Pose(x, y, 2.0 * math.atan2(qz, qw)))
 
 
-def _told(percent: NDArray[np.int8]) -> Cells:
+def _classified(percent: NDArray[np.int8]) -> Cells:
     cells = np.full(percent.shape, UNKNOWN, np.uint8)
     cells[(percent >= 0) & (percent <= FREE_TO)] = FREE
     cells[(percent >= OCCUPIED_FROM) & (percent <= 100)] = OCCUPIED

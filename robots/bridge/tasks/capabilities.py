@@ -23,16 +23,16 @@ class Capabilities:
         self._announce = announce
         self._motions: dict[str, tuple[Sequence[wire.MotionOffer], str]] = {}  # by action
         self._asked = False
-        self._told = self.now()
+        self._reported = self.now()
 
-    def asked(self) -> None:
+    def request_report(self) -> None:
         """Send the capabilities after the next read, even if they are unchanged: somebody asked."""
         self._asked = True
 
     def read(self, action: str, motions: Sequence[wire.MotionOffer], text: str) -> None:
         """Take the motions that an action offers, or `text` why there are none."""
         self._motions[action] = (motions, text)
-        self.tell(self._asked)
+        self.report(self._asked)
         self._asked = False
 
     def title_of(self, motion: str, action: str) -> str:
@@ -40,11 +40,11 @@ class Capabilities:
         motions, _ = self._motions.get(action, ((), ""))
         return next((offer.title for offer in motions if offer.name == motion), motion)
 
-    def tell(self, anyway: bool = False) -> None:
+    def report(self, anyway: bool = False) -> None:
         """Send the capabilities if they have changed, or if `anyway`."""
         offers = self.now()
-        if anyway or offers != self._told:
-            self._told = offers
+        if anyway or offers != self._reported:
+            self._reported = offers
             self._announce(offers)
 
     def now(self) -> wire.Offers:

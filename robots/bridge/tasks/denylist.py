@@ -143,8 +143,8 @@ def _own(topics: Topics) -> set[str | None]:
     """Return all topics and actions that the robot's profile names."""
     names: set[str | None] = set(topics.cancel_on_stop)
     for field in topics.__struct_fields__:
-        told = getattr(topics, field)
-        for source in told if isinstance(told, list) else [told]:
+        sources = getattr(topics, field)
+        for source in sources if isinstance(sources, list) else [sources]:
             names |= {getattr(source, part, None) for part in ("name", "topic", "info")}
     return names
 

@@ -134,7 +134,7 @@ class Goals(ABC, Generic[What]):
             goal.requester.answer(None)
         return goal
 
-    def _heard(self, topic: str, ids: Collection[str], now_s: float) -> Goal[What] | None:
+    def _find_own(self, topic: str, ids: Collection[str], now_s: float) -> Goal[What] | None:
         """Take the robot's report of active goals on a topic. Return this console's goal if it is among them."""
         goal = self._current
         if set(ids) - {goal.id if goal else None, self._ended}:
@@ -153,11 +153,11 @@ class Goals(ABC, Generic[What]):
             self._ended = goal.id
             if outcome == "cancelled" and goal.cancelled is not None:
                 outcome, text = goal.cancelled.code, goal.cancelled.text
-            self._tell(goal, outcome, text)
+            self._report_end(goal, outcome, text)
             self._record(goal, outcome, text, now_s)
 
     @abstractmethod
-    def _tell(self, goal: Goal[What], outcome: str, text: str) -> None:
+    def _report_end(self, goal: Goal[What], outcome: str, text: str) -> None:
         """Report to pages how the goal ended."""
 
     @abstractmethod

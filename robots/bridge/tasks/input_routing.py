@@ -227,7 +227,7 @@ class InputRouting:
         refusal = self._why_not_now(use, choice.requester, now_s)
         if refusal is None:
             self._make(use, choice, f"input goes to {choice.topic} now", now_s)
-        self._tell(use, choice, refusal, now_s)
+        self._answer(use, choice, refusal, now_s)
 
     def _why_not_now(self, use: Use, requester: Requester, now_s: float) -> Refusal | None:
         refusal = self._rules.why_not_begin(requester, now_s)
@@ -273,9 +273,9 @@ class InputRouting:
 
     def _withdraw(self, use: Use, refusal: Refusal, now_s: float) -> None:
         if asked := self._asked.pop(use, None):
-            self._tell(use, asked, refusal, now_s)
+            self._answer(use, asked, refusal, now_s)
 
-    def _tell(self, use: Use, choice: _Route, refusal: Refusal | None, now_s: float) -> None:
+    def _answer(self, use: Use, choice: _Route, refusal: Refusal | None, now_s: float) -> None:
         """Answer the requester and record the result."""
         choice.requester.answer(refusal)
         outcome = refusal.code if refusal else "chosen"

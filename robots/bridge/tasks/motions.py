@@ -68,25 +68,25 @@ def recorded(parameters: Any, listed: Collection[str] | None = None) -> dict[str
 
     `listed`: the motions that its service names; None: use all that have parameters.
     """
-    told = _told(parameters)
-    return {name: _recorded(told.get(name)) for name in sorted(told if listed is None else listed)}
+    by_name = _by_name(parameters)
+    return {name: _recorded(by_name.get(name)) for name in sorted(by_name if listed is None else listed)}
 
 
 def offered(parameters: Any, listed: Mapping[str, float] | None = None) -> list[wire.MotionOffer]:
     """Return the same motions for people. `listed` has their durations in seconds; 0: unknown."""
-    told = _told(parameters)
+    by_name = _by_name(parameters)
     durations = listed or {}
-    names = sorted(told if listed is None else listed)
-    return [_offer(name, told.get(name), durations.get(name, 0.0)) for name in names]
+    names = sorted(by_name if listed is None else listed)
+    return [_offer(name, by_name.get(name), durations.get(name, 0.0)) for name in names]
 
 
-def _told(parameters: Any) -> dict[str, Any]:
-    return {str(name): told for name, told in parameters.items()} if isinstance(parameters, dict) else {}
+def _by_name(parameters: Any) -> dict[str, Any]:
+    return {str(name): value for name, value in parameters.items()} if isinstance(parameters, dict) else {}
 
 
-def _recorded(told: Any) -> Motion | None:
+def _recorded(parameters: Any) -> Motion | None:
     try:
-        motion = msgspec.convert(told, _MotionPoints)
+        motion = msgspec.convert(parameters, _MotionPoints)
     except msgspec.ValidationError:
         return None
     points = tuple(tuple(point.positions) for point in motion.points)
@@ -99,9 +99,9 @@ def _possible(position: float) -> bool:
     return abs(position) <= FARTHEST
 
 
-def _offer(name: str, told: Any, duration_s: float) -> wire.MotionOffer:
+def _offer(name: str, parameters: Any, duration_s: float) -> wire.MotionOffer:
     try:
-        known = msgspec.convert(told, _MotionTexts)
+        known = msgspec.convert(parameters, _MotionTexts)
     except msgspec.ValidationError:
         known = _MotionTexts()
     if not duration_s and known.points:
@@ -173,14 +173,14 @@ class Motions(Goals[MotionGoal]):
     def begin(
         self, name: str, title: str, action: str, requester: Requester, now_s: float
     ) -> Goal[MotionGoal]:
-        """Record the request. `told` follows, then `start` or `deny` when it is due; these answer the requester."""
+        """Record the request. `take_space` follows, then `start` or `deny` when it is due; they answer."""
         number = self._records.request(
             requester.holder, "motion.start", {"motion": name, "topic": action}, now_s
         )
         self._current = Goal(requester, number, now_s, MotionGoal(name, title), action)
         return self._current
 
-    def told(
+    def take_space(
         self, goal: Goal[MotionGoal], space: Sequence[Disc] | None, now_s: float, why: Refusal | None = None
     ) -> None:
         """Take the space that the arm sweeps by the motion's present points;
@@ -246,7 +246,7 @@ class Motions(Goals[MotionGoal]):
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """Take the robot's report of active goals."""
-        self._heard(action, goal_ids, now_s)
+        self._find_own(action, goal_ids, now_s)
         self._cancel_unwatched(action, goal_ids, now_s)
 
     def close(self, refusal: Refusal, now_s: float) -> None:
@@ -286,7 +286,7 @@ class Motions(Goals[MotionGoal]):
         """Record the result of this cancel."""
         self._records.was_cancelled(self._unwatched_goals.pop(goal_id).record, outcome, now_s)
 
-    def _tell(self, goal: Goal[MotionGoal], outcome: str, text: str) -> None:
+    def _report_end(self, goal: Goal[MotionGoal], outcome: str, text: str) -> None:
         self.last = wire.MotionEnd(goal.number.result(), goal.what.name, outcome, text)
 
     def _record(self, goal: Goal[MotionGoal], outcome: str, text: str, now_s: float) -> None:

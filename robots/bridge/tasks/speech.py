@@ -30,14 +30,14 @@ def why_not_speakable(text: str) -> Refusal | None:
     """Return why a robot cannot speak this text; None if it can."""
     for position, character in enumerate(text):
         if character not in _LAYOUT and unicodedata.category(character) in {"Cc", "Cs"}:
-            told = f"Character {position + 1} (U+{ord(character):04X}) cannot be spoken: delete it."
-            return Refusal("control_characters", told, "robot", {"position": position})
+            reason = f"Character {position + 1} (U+{ord(character):04X}) cannot be spoken: delete it."
+            return Refusal("control_characters", reason, "robot", {"position": position})
     if not any(character.isprintable() and not character.isspace() for character in text):
         return Refusal("empty_text", "The text is empty: write a text first.", "robot")
     if len(text) > LONGEST_CHARACTERS:
-        told = f"The text has {len(text)} characters; the limit is {LONGEST_CHARACTERS}."
+        reason = f"The text has {len(text)} characters; the limit is {LONGEST_CHARACTERS}."
         figures = {"length": len(text), "limit": LONGEST_CHARACTERS}
-        return Refusal("text_too_long", told, "robot", figures)
+        return Refusal("text_too_long", reason, "robot", figures)
     return None
 
 
@@ -61,14 +61,14 @@ def find_spoken_word(text: str, said: str, after: int = 0) -> tuple[int, int] | 
 
     Some robots report all words so far, others only the newest word; the latter is searched from `after` on.
     """
-    told = said.split()
-    if not told:
+    spoken = said.split()
+    if not spoken:
         return None
     words = list(re.finditer(r"\S+", text))
-    if [word.group() for word in words[: len(told)]] == told and not (after and len(told) == 1):
-        return words[len(told) - 1].span()
-    found = text.find(told[-1], after)
-    return (found, found + len(told[-1])) if found >= 0 else None
+    if [word.group() for word in words[: len(spoken)]] == spoken and not (after and len(spoken) == 1):
+        return words[len(spoken) - 1].span()
+    found = text.find(spoken[-1], after)
+    return (found, found + len(spoken[-1])) if found >= 0 else None
 
 
 class Utterance(Struct, frozen=True):
@@ -117,8 +117,8 @@ class SpeechTasks(Goals[_SpeechGoal]):
         goal = self._current
         if goal is not None:
             who, text = goal.requester.holder.holder, goal.what.utterance.text
-            told = f"The robot says “{_short(text)}”, asked for by {who}: cancel that, or wait."
-            return Refusal("speaking", told, "robot", {"who": who, "text": text})
+            reason = f"The robot says “{_short(text)}”, asked for by {who}: cancel that, or wait."
+            return Refusal("speaking", reason, "robot", {"who": who, "text": text})
         if self._busy(now_s):
             return Refusal("speaking", "The robot speaks a text from another program: wait.", "robot")
         return None
@@ -163,7 +163,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
 
     def running(self, topic: str, goals: Mapping[str, wire.SpeechStatus], now_s: float) -> None:
         """Take the robot's report of active goals on a topic: accepted or speaking."""
-        goal = self._heard(topic, goals, now_s)
+        goal = self._find_own(topic, goals, now_s)
         if goal is not None and goal.id is not None:
             goal.what.status = goals[goal.id]
 
@@ -175,7 +175,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
             saying = goal.what
             saying.word = find_spoken_word(saying.utterance.text, said, saying.word[1] if saying.word else 0)
 
-    def _tell(self, goal: Goal[_SpeechGoal], outcome: str, text: str) -> None:
+    def _report_end(self, goal: Goal[_SpeechGoal], outcome: str, text: str) -> None:
         self.last = wire.SpeechEnd(goal.number.result(), outcome, text)
 
     def _record(self, goal: Goal[_SpeechGoal], outcome: str, text: str, now_s: float) -> None:

@@ -146,10 +146,10 @@ class Tasks:
     def refresh(self) -> None:
         """Read the robot's capabilities again and report them."""
         if "motions" in self.routing.uses:
-            self.capabilities.asked()
+            self.capabilities.request_report()
             self._performer.read_motions()
         else:
-            self.capabilities.tell(anyway=True)
+            self.capabilities.report(anyway=True)
 
     def why_stand(self, now_s: float) -> Refusal | None:
         """Return why the base must stand: a motion runs."""
@@ -175,7 +175,7 @@ class Tasks:
         self._watch_motion(now_s)
         self._watch_speech(now_s)
         self.routing.tick({"speech": self.speech.topics(now_s)}, now_s)
-        self.capabilities.tell()
+        self.capabilities.report()
         self._move_head(sent, now_s)
         if self._granted("memory.forget", now_s):
             self._gate.forget()
@@ -236,9 +236,9 @@ class Tasks:
         for kind, waiting in self._asked.items():
             denied, waiting[:] = list(waiting), []
             for asked in denied:
-                self._tell(kind, asked, refusal, now_s)
+                self._answer(kind, asked, refusal, now_s)
 
-    def _tell(self, kind: str, asked: RecordedTask, refusal: Refusal | None, now_s: float) -> None:
+    def _answer(self, kind: str, asked: RecordedTask, refusal: Refusal | None, now_s: float) -> None:
         """Answer the requester and record the result."""
         asked.requester.answer(refusal)
         self._records.outcome(asked, kind, refusal.code if refusal else "sent", {}, now_s)
@@ -250,7 +250,7 @@ class Tasks:
             refusal = asked.unrecorded or self._rules.why_not_begin(asked.requester, now_s)
             refusal = refusal or self._why_not[kind](now_s)
             granted = granted or refusal is None
-            self._tell(kind, asked, refusal, now_s)
+            self._answer(kind, asked, refusal, now_s)
         return granted
 
     def _why_not_forget(self, now_s: float) -> Refusal | None:
@@ -344,7 +344,7 @@ class Tasks:
         goal = self.motions.begin(order.motion, title, action, requester, now_s)
 
         def swept(space: tuple[Disc, ...] | None, now_s: float) -> None:
-            self.motions.told(goal, space, now_s, self.routing.refuse("motions", action))
+            self.motions.take_space(goal, space, now_s, self.routing.refuse("motions", action))
             self._watch_motion(now_s)
 
         self._performer.sweep(order.motion, action, swept)

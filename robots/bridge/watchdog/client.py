@@ -28,7 +28,7 @@ class WatchdogClient:
         self._path = path
         self._on_press = on_press
         self._socket: socket.socket | None = None
-        self._told = 0  # number of the newest press handed on
+        self._handed_on = 0  # number of the newest press handed on
         self._heard = 0  # number of the last press written to the state file
         self._missed = False  # the missing watchdog was logged
         self._taken_s = float("-inf")  # time of the last accepted heartbeat
@@ -103,10 +103,10 @@ class WatchdogClient:
             log.exception("a message of the watchdog could not be handled")
             return
         # compare for equality only: the clock may have been set back since the last watchdog began
-        if press.number != self._told:
+        if press.number != self._handed_on:
             self._on_press(press)
             # only after success: a failed press is sent again with the next heartbeat
-            self._told = press.number
+            self._handed_on = press.number
 
     def _lost(self) -> None:
         self.close()
