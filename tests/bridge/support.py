@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 
@@ -463,3 +463,21 @@ class Wire:
         while message not in self.reports:
             self.news.clear()
             await asyncio.wait_for(self.news.wait(), 10)
+
+
+def settled(bench: Bench) -> None:
+    """Write the records so far, run a tick, and write its records."""
+    bench.recorded()
+    bench.core.tick(bench.now_s)
+    bench.recorded()
+
+
+def codes(answers: Sequence[Refusal | None]) -> list[str | None]:
+    """The answers' refusal codes; None for a success."""
+    return [refusal.code if refusal else None for refusal in answers]
+
+
+def runs_out(bench: Bench) -> None:
+    """The loop stalls, and the grant expires meanwhile."""
+    bench.granted(seconds=0.3)
+    bench.now_s += 0.5

@@ -6,7 +6,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.gate.values import Velocity
-from tests.bridge.support import Bench, Outcome
+from tests.bridge.support import Bench, Outcome, codes, settled
 
 
 @pytest.fixture
@@ -17,16 +17,6 @@ def bench():
 def ask(bench, fence=1, link=1):
     """The answers so far."""
     return bench.ask(wire.Forget(fence), link)
-
-
-def settled(bench):
-    bench.recorded()
-    bench.core.tick(bench.now_s)
-    bench.recorded()
-
-
-def codes(answers):
-    return [refusal and refusal.code for refusal in answers]
 
 
 def test_memory_is_forgotten_when_the_request_is_recorded(bench):

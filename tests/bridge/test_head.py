@@ -9,7 +9,7 @@ from robots import wire
 from robots.bridge.config import HeadSource
 from robots.bridge.gate.values import Velocity
 from robots.bridge.tasks.head import AHEAD_TAKES_S, FOLLOW_RAD, FOLLOW_RADPS, Head
-from tests.bridge.support import CONFIG, Bench, Outcome
+from tests.bridge.support import CONFIG, Bench, Outcome, codes, settled
 
 SOURCE = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)
 FOLLOWS = msgspec.structs.replace(SOURCE, follows_turn=True)
@@ -28,16 +28,6 @@ def bench():
 def ask(bench, fence=1, link=1):
     """The answers so far."""
     return bench.ask(wire.LookAhead(fence), link)
-
-
-def codes(answers):
-    return [refusal and refusal.code for refusal in answers]
-
-
-def settled(bench):
-    bench.recorded()
-    bench.core.tick(bench.now_s)
-    bench.recorded()
 
 
 def others_play(bench):

@@ -7,7 +7,7 @@ from robots import wire
 from robots.bridge.config import Allowed, ArmSource
 from robots.bridge.gate.values import STILL, Velocity
 from robots.bridge.tasks.input_routing import PARTING_S, PATIENCE_S
-from tests.bridge.support import CONFIG, Bench, Outcome
+from tests.bridge.support import CONFIG, Bench, Outcome, settled
 
 TTS, PLAY, TWIST = (
     "pal_interaction_msgs/TtsAction",
@@ -45,12 +45,6 @@ def bench():
 def ask(bench, use, topic, fence=1):
     """The answers so far."""
     return bench.ask(wire.Choose(fence, use, topic))
-
-
-def settled(bench):
-    bench.recorded()
-    bench.core.tick(bench.now_s)
-    bench.recorded()
 
 
 def connects(bench):

@@ -5,7 +5,7 @@ import pytest
 from robots import wire
 from robots.bridge.gate.values import STILL, SensorHealth, Velocity
 from robots.bridge.tasks.motions import offered, recorded
-from tests.bridge.support import Bench, Outcome
+from tests.bridge.support import Bench, Outcome, runs_out, settled
 
 AHEAD = ((0.6, 0.0, 0.2),)
 
@@ -45,17 +45,6 @@ def denied(bench, motion="wave"):
     state = bench.core.state(bench.now_s, [])
     assert (state.motion, state.motion_ended) == (None, None)
     return refusal
-
-
-def settled(bench):
-    bench.recorded()
-    bench.core.tick(bench.now_s)
-
-
-def runs_out(bench):
-    """The loop stalls, and the grant expires meanwhile."""
-    bench.granted(seconds=0.3)
-    bench.now_s += 0.5
 
 
 def passes(bench, goal_id, seconds):

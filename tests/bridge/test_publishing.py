@@ -17,7 +17,7 @@ from robots.bridge.drive.twists import velocity_from
 from robots.bridge.gate.values import STILL, Limits, Velocity
 from robots.bridge.tasks.publishing import Publications
 from robots.wire import Refusal
-from tests.bridge.support import CONFIG, Bench, MemoryPublisher, Outcome
+from tests.bridge.support import CONFIG, Bench, MemoryPublisher, Outcome, settled
 
 NOTES = Allowed("publish", "/notes", "std_msgs/String")
 SERVICE = Allowed("call", "/diary", "std_msgs/String")  # of a service: nothing that is published
@@ -33,12 +33,6 @@ def bench():
 
 def note(rate_hz=0.0, topic="/notes", type_name="std_msgs/String", fence=1):
     return wire.Publish(fence, topic, type_name, {"data": "hello"}, rate_hz)
-
-
-def settled(bench):
-    bench.recorded()
-    bench.core.tick(bench.now_s)
-    bench.recorded()
 
 
 def settled_after(bench, order):

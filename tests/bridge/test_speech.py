@@ -13,7 +13,7 @@ from robots.bridge.tasks.speech import (
     robot_language,
     why_not_speakable,
 )
-from tests.bridge.support import CONFIG, Bench
+from tests.bridge.support import CONFIG, Bench, settled
 
 SECOND = Allowed("choose", "/second_tts", "pal_interaction_msgs/TtsAction", "speech")
 ALLOWING = msgspec.structs.replace(CONFIG, allowed=(SECOND,))
@@ -80,11 +80,6 @@ def bench():
 def ask(bench, text="Hola a todos", topic=None, fence=1, language="es-ES"):
     """The answers so far."""
     return bench.ask(wire.Say(fence, text, language, topic))
-
-
-def settled(bench):
-    bench.recorded()
-    bench.core.tick(bench.now_s)
 
 
 def begun(bench, text="Hola a todos"):

@@ -2,18 +2,12 @@
 
 import pytest
 
-from tests.bridge.support import ORDERS, ObedientBench
+from tests.bridge.support import ORDERS, ObedientBench, runs_out
 
 
 @pytest.fixture
 def bench():
     return ObedientBench()
-
-
-def runs_out(bench):
-    """The loop stalls, and the grant expires meanwhile."""
-    bench.granted(seconds=0.3)
-    bench.now_s += 0.5
 
 
 @pytest.mark.parametrize("what", ORDERS)
