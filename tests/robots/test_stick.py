@@ -33,7 +33,7 @@ def test_the_page_says_what_the_stick_passes(robot: Robot) -> None:
         "scaled (forward 1, left 1, turn 0.5), steadied (mean of 5), sideways turns on the spot at 25%"
     )
     robot.stick = []
-    assert robot_facts(robot).stick == "as it is"
+    assert robot_facts(robot).stick == "no filter"
 
 
 def test_a_robots_own_steps_take_their_place_in_order(robot: Robot) -> None:

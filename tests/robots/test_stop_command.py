@@ -257,7 +257,7 @@ def test_a_stop_of_one_robot_is_not_pressed_at_the_bridge_of_another(
     path_of(other_robot).symlink_to(path_of(robot))  # as with one bridge address for both
     with pytest.raises(CommandError, match=r"Not reached: tiago-2\."):
         call_command("stop", "tiago-2", stdout=out)
-    assert "another robot’s bridge" in out.getvalue()
+    assert "belongs to another robot" in out.getvalue()
     assert untouched.stops == []
 
 
