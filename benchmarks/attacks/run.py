@@ -21,7 +21,7 @@ from benchmarks.attacks.scene import LostError, Scene, scene_on
 from benchmarks.drive import BARE_STICKS
 from benchmarks.harness import Figure, machine, progress, quantile
 from benchmarks.parts import proc
-from benchmarks.parts.priority import prefer_loops
+from benchmarks.parts.priority import LIMIT_OF_UNIT
 from benchmarks.stop import ROBOT, bridges
 from script.stack.client import sign_in
 from script.stack.processes import Child, end_all
@@ -43,7 +43,7 @@ def soak_attacks(only: Sequence[str], seed: int, *, short: bool, as_json: bool) 
     """Run them on one console and print the table; True if every limit holds."""
     attacks = [attack for attack in ATTACKS if not only or attack.name in only]
     facts = machine()
-    with temporary_stack(BARE_STICKS[:1]) as stack:
+    with temporary_stack(BARE_STICKS[:1], settings=LIMIT_OF_UNIT) as stack:
         taken, usual = asyncio.run(run_on(stack, attacks, seed, short=short))
     rows = [_row(attack, taken[attack.name], usual) for attack in attacks if attack.name in taken]
     own: Row = ("as usual", figures(usual, usual, Limits()), [])
@@ -131,8 +131,6 @@ class Bench:
     async def usual(self, presses: int, quick: int = 0) -> Taken:
         """Nobody attacks."""
         taken = Taken()
-        with suppress(ProcessLookupError):  # a bridge that just ended
-            prefer_loops(self._stack)  # also those that began since the last slot
         try:
             await self._measured(taken, list(itertools.islice(self._usual_doors, presses)), quick, calm=True)
         except LostError as error:

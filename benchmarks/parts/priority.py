@@ -10,6 +10,9 @@ from benchmarks.parts import proc
 from robots.processes.scheduling import REAL_TIME
 from script.stack.stack import Stack
 
+# Settings of a stack whose processes ask for real-time priority, as under the service unit.
+LIMIT_OF_UNIT = {"PYTHONPATH": str(Path(__file__).parent / "allowed")}
+
 
 def prefer_loops(stack: Stack) -> bool:
     """Set it from outside: here nobody raises the limit by which they would ask. False where that is not allowed."""

@@ -25,6 +25,7 @@ from twisted.web.iweb import IAgentEndpointFactory
 from zope.interface import implementer
 
 from fleet.server import limits
+from robots.processes.scheduling import prefer_nobody
 from robots.processes.shutdown import leave_within
 
 log = logging.getLogger(__name__)
@@ -92,6 +93,7 @@ def _tidy(run_directory: Path) -> None:
 def become_pages(life_line: int) -> None:
     """In the pages process: give way to the process that drives, and end with it."""
     os.nice(NICENESS)
+    prefer_nobody()
     threading.Thread(target=_end_with, args=(life_line,), name="life line", daemon=True).start()
 
 

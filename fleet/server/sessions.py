@@ -7,7 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 from django.db import DatabaseError, close_old_connections
 
-_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sessions")
+from robots.processes.scheduling import prefer_stop_thread
+
+_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sessions", initializer=prefer_stop_thread)
 
 
 def look_up(key: str) -> asyncio.Future[bool]:

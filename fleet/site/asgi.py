@@ -4,16 +4,17 @@ import os
 import sys
 import warnings
 
+import django
 from channels.routing import ProtocolTypeRouter, URLRouter
-from django.core.asgi import get_asgi_application
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
-http = get_asgi_application()
+django.setup(set_prefix=False)
 
 from django.db import connections  # noqa: E402 - Django's apps are ready only now
 from django.urls import resolve  # noqa: E402
 
 from fleet.environment import limit_queries  # noqa: E402
+from fleet.site.handler import OneThreadHandler  # noqa: E402
 from fleet.site.websocket_access import guarded  # noqa: E402
 from robots.processes.shutdown import leave_within  # noqa: E402
 from teleop.live.routing import websocket_urlpatterns  # noqa: E402
@@ -36,4 +37,6 @@ if "daphne.server" in sys.modules:  # Daphne has chosen the reactor
 
     reactor.addSystemEventTrigger("before", "shutdown", leave_within, END_S)
 
-application = ProtocolTypeRouter({"http": http, "websocket": guarded(URLRouter(websocket_urlpatterns))})
+application = ProtocolTypeRouter(
+    {"http": OneThreadHandler(), "websocket": guarded(URLRouter(websocket_urlpatterns))}
+)

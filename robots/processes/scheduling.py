@@ -1,7 +1,7 @@
-"""Priority and garbage of a process whose event loop carries commands: bridge, and web process.
+"""Priority and garbage collection of processes whose loop carries commands or stops: bridge, watchdog, web process.
 
-Both are asked for where the service unit allows it (docs/deployment.md), and never by being root. Threads and children
-that the loop's thread starts have ordinary priority.
+A process asks for priority where the service unit allows it (docs/deployment.md), and never because it is root. Threads
+and children of the loop's thread have ordinary priority; a thread that answers a stop by HTTP asks for its own.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import logging
 import os
 import resource
 import signal
+from contextlib import suppress
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +43,21 @@ def prefer_this_thread() -> str:
         got += f" ({error})"
     log.info("the event loop has %s", got)
     return got
+
+
+def prefer_stop_thread() -> None:
+    """Ask for the lowest real-time priority, for a thread that answers a stop by HTTP.
+
+    Otherwise pages, hashes of passwords and attackers on this computer take the core at each of its waits.
+    """
+    if resource.getrlimit(resource.RLIMIT_RTPRIO)[0] > 0:
+        with suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+
+
+def prefer_nobody() -> None:
+    """Never ask for real-time priority in this process."""
+    resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 
 
 def _calm(*_: object) -> None:

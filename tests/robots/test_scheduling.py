@@ -19,9 +19,14 @@ def policy():
 
 got = scheduling.prefer_this_thread()
 of = {"got": got, "loop": policy()}
-thread = threading.Thread(target=lambda: of.update(thread=policy()))
-thread.start()
-thread.join()
+
+def in_thread(work):
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+
+in_thread(lambda: of.update(thread=policy()))
+in_thread(lambda: (scheduling.prefer_stop_thread(), of.update(stop_thread=policy())))
 ask = "import os; print(os.sched_getscheduler(0))"
 of["child"] = int(subprocess.run([sys.executable, "-c", ask], capture_output=True, check=True).stdout)
 end = time.monotonic() + 10
@@ -45,10 +50,19 @@ def test_where_the_unit_allows_it_the_loop_has_real_time_priority_until_it_runs_
     refused = str(found["got"]).startswith("ordinary priority (")  # who runs this test has no such right
     assert refused or found["got"] == "real-time priority 5"
     assert found["loop"] == (OTHER if refused else FIFO)
+    assert found["stop_thread"] == found["loop"]
     assert (found["thread"], found["child"], found["at_last"]) == (OTHER, OTHER, OTHER)
 
 
 def test_where_it_does_not_nothing_changes():
     found = asked(0)
     assert found["got"] == "ordinary priority"
-    assert (found["loop"], found["thread"], found["child"], found["at_last"]) == (OTHER,) * 4
+    assert {found[name] for name in ("loop", "thread", "stop_thread", "child", "at_last")} == {OTHER}
+
+
+def test_a_process_that_renounced_priority_gets_none():
+    script = "from robots.processes import scheduling as s; s.prefer_nobody(); print(s.prefer_this_thread())"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, check=True, text=True, timeout=60
+    )
+    assert done.stdout.strip() == "ordinary priority"

