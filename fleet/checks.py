@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from django.conf import settings
-from django.core.checks import CheckMessage, Tags, Warning, register
+from django.core.checks import CheckMessage, Error, Tags, Warning, register
+from django.db import connections
+from django.db.migrations.loader import MigrationLoader
 
 
 @register(Tags.staticfiles)
@@ -48,4 +51,22 @@ def tls_is_on(**_: Any) -> list[CheckMessage]:
             hint="Serve TLS (docs/deployment.md), and set FLEET_TLS=1.",
             id="fleet.W003",
         )
+    ]
+
+
+@register(Tags.database)
+def squashed_migrations_are_whole(databases: Iterable[str] | None = None, **_: Any) -> list[CheckMessage]:
+    """Refuse a database with a part of the migrations that one replaces: Django would silently skip the others."""
+    loaders = [MigrationLoader(connections[alias]) for alias in databases or ()]
+    return [
+        Error(
+            f"The database has {len(applied)} of the {len(migration.replaces)} migrations that {migration} replaces.",
+            hint="Run manage.py migrate at commit 358ebd0 first (docs/deployment.md, Upgrades).",
+            id="fleet.E001",
+        )
+        for loader in loaders
+        for migration in loader.replacements.values()
+        if 0
+        < len(applied := loader.applied_migrations.keys() & {*migration.replaces})
+        < len(migration.replaces)
     ]

@@ -21,7 +21,7 @@ from django.db.models.lookups import GreaterThan
 from fleet.audit.models import Content, ContentSearch
 
 TRIGRAM = 3  # characters: a shorter word is in no index
-BRIEF = 2000  # bytes: what PostgreSQL's index of texts has room for (migration 0006)
+BRIEF = 2000  # bytes: what PostgreSQL's index of texts has room for (fleet.audit.triggers)
 _WORD = re.compile(r'"([^"]+)"|(\S+)')
 
 Texts = QuerySet[Content] | QuerySet[ContentSearch]  # their primary keys are the records' numbers

@@ -1,13 +1,8 @@
 """The admin keeps no log of its own: people's names would stay there for ever."""
 
-from importlib import import_module
-from types import SimpleNamespace
-
 import pytest
-from django.apps import apps
 from django.contrib import admin
-from django.contrib.admin.models import ADDITION, LogEntry
-from django.db import connection
+from django.contrib.admin.models import LogEntry
 from django.urls import reverse
 
 from fleet.accounts.models import User
@@ -43,11 +38,3 @@ def test_there_is_no_history_but_the_audit_log(staff, signed_in):
     assert client.get(history).headers["Location"] == reverse("admin:audit_record_changelist")
     assert history not in client.get(reverse("admin:accounts_user_change", args=[staff.pk])).content.decode()
     assert "Recent actions" not in client.get(reverse("admin:index")).content.decode()
-
-
-def test_what_the_admin_s_log_had_is_deleted(staff):
-    LogEntry.objects.create(user=staff, object_repr="Olga", action_flag=ADDITION)
-    import_module("fleet.accounts.migrations.0003_no_admin_log").clear(
-        apps, SimpleNamespace(connection=connection)
-    )
-    assert not LogEntry.objects.exists()
