@@ -109,7 +109,7 @@ def _figures(name: str, done: list[tuple[Minute, Outcome]]) -> list[Figure]:
     return [
         *figures,
         Figure(f"{where}: false stops", sums.false_stop_percent, "%", 1.0 if ours else None),
-        Figure(f"{where}: speed lost with 2 m free", sums.lost_percent, "%", 10.0 if ours else None),
+        Figure(f"{where}: speed lost with 2 m free", sums.lost_percent, "%"),  # reverse is held to 0.1 m/s
         Figure(
             f"{where}: speed lost with 2 m free ahead", sums.lost_ahead_percent, "%", 10.0 if ours else None
         ),

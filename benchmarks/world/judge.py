@@ -12,11 +12,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from benchmarks.world.loop import PERIOD_S, Moment, Trace
-from benchmarks.world.truth import Truth
+from benchmarks.world.truth import RADIUS_M, Truth
 from robots.bridge.gate.values import STILL, Limits, Parameters, Velocity
 
 FREE_M = 2.0  # of free way, in which the asked speed is expected
-FALSE_STOP = 0.3  # below this share of the reachable speed
+FALSE_STOP = 0.3  # below this share of the reachable motion, a turn on the spot included
 REACHABLE = 0.3  # of the asked twist; before that, nothing is judged
 LEAST_MPS, LEAST_RADPS = 0.05, 0.3  # of the asked twist
 STANDS_MPS, STANDS_RADPS = 0.02, 0.05
@@ -93,7 +93,7 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
         if not moment.trying or not was_free or reachable < REACHABLE or not _is_worth_judging(asked):
             continue
         share = _share(moment.sent, asked) / reachable
-        stopped = share < FALSE_STOP
+        stopped = motion_mps(moment.sent) < FALSE_STOP * reachable * motion_mps(asked)
         one = Keeping(free=1, false_stops=int(stopped), stopped_by=_causes(moment, stopped))
         if free_m >= FREE_M:
             one = one._replace(wide=1, wide_share=min(share, 1.0))
@@ -140,6 +140,11 @@ def _stepped(reached: Velocity, asked: Velocity, limits: Limits) -> Velocity:
 def _share(given: Velocity, asked: Velocity) -> float:
     """How much of the asked twist this is: of its speed, or of its turning where nothing else is asked."""
     return given.vx / asked.vx if asked.vx else given.w / asked.w if asked.w else 0.0
+
+
+def motion_mps(twist: Velocity) -> float:
+    """Return the speed of the fastest point of the hull. A robot that turns as it is asked to has not stopped."""
+    return math.hypot(twist.vx, twist.vy) + RADIUS_M * abs(twist.w)
 
 
 def _is_worth_judging(asked: Velocity) -> bool:
