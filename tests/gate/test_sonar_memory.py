@@ -9,6 +9,7 @@ import pytest
 
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.obstacles.depth_camera import frame_of
+from robots.bridge.gate.obstacles.sonar_memory import MOST
 from robots.bridge.gate.values import STILL, DepthView, LaserScan, Pose, Velocity
 from tests.gate.conftest import LASER, SONARS, tiago_profile
 from tests.gate.test_depth import FLOOR, LOOK_AHEAD, camera, picture
@@ -200,3 +201,16 @@ def test_an_odometry_that_trembles_goes_no_way():
             heard = step == 0 and name == "base_sonar_02_link"
             gate.observe_range(name, now_s, now_s, 0.1 if heard else math.inf, 1.0)
     assert len(gate.obstacles(now_s).points), "the rim of its cone"
+
+
+def test_much_that_is_heard_farther_off_does_not_push_a_leg_near_by_out():
+    """On the spot between table legs the table of places fills within half a turn, and fuller than full."""
+    places = [
+        (0.9 * math.cos(yaw), 0.9 * math.sin(yaw), 0.03) for yaw in np.linspace(-2.6, 2.6, 13)
+    ]  # none behind the leg
+    world = World(tiago_profile(has_depth=True), leg(-0.55, 0.0) + legs(*places), 1, sonar_noise_m=0.03)
+    world.drive(STILL, 3.0)
+    world.drive(Velocity(0.0, 0.0, 0.4), 13.0)
+    kept = world.gate._echoes.places()
+    assert len(kept) == MOST
+    assert np.hypot(kept[:, 0] + 0.55, kept[:, 1]).min() < 0.06

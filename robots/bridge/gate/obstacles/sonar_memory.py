@@ -50,7 +50,7 @@ HEARD_BETWEEN_M = (0.15, 0.6)  # heights: sonars are mounted at knee height and 
 GRAIN_M = 0.04  # places nearer to each other are one
 REACH_M = 2.0  # from the robot; what is farther away is out of every sonar's reach
 TRAVEL_M = 4.0  # after which the odometry no longer knows well where it was
-MOST = 300  # places; those heard last are kept
+MOST = 300  # places; those heard now and the nearest are kept
 
 # The rows of the table.
 X, Y, SONAR, FROM_X, FROM_Y, FROM_YAW, HEARD_S, HEARD_M, THING, PASSES, TIMES = range(11)
@@ -267,4 +267,7 @@ class SonarMemory:
         added = np.vstack((x[fresh], y[fresh], np.repeat(news[:, None], int(fresh.sum()), axis=1)))
         self._table = np.concatenate((table[:, kept], added), axis=1)
         if self._table.shape[1] > MOST:
-            self._table = self._table[:, np.argsort(self._table[HEARD_S], kind="stable")[-MOST:]]
+            here = self._base or eye
+            away = np.hypot(self._table[X] - here.x, self._table[Y] - here.y)
+            away[self._lately()] = 0.0
+            self._table = self._table[:, np.argsort(away, kind="stable")[:MOST]]
