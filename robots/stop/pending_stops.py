@@ -160,7 +160,7 @@ def _read(path: Path) -> Waiting | None:
         return msgspec.json.decode(path.read_bytes(), type=Waiting)
     except FileNotFoundError:
         return None
-    except (OSError, msgspec.DecodeError) as error:
+    except (OSError, msgspec.DecodeError, UnicodeError) as error:
         log.error("%s cannot be read: %s", path, error)
     try:
         name, press = path.stem.split("-")

@@ -243,11 +243,12 @@ async def test_a_disk_that_hangs_keeps_no_link_from_coming_up(
         await link.close()
 
 
-def test_a_damaged_file_is_a_stop_all_the_same(run_dir: Path) -> None:
+@pytest.mark.parametrize("content", [b"\0" * 100, b'{"name":"\xff"}'])
+def test_a_damaged_file_is_a_stop_all_the_same(run_dir: Path, content: bytes) -> None:
     stops, stop = PendingStops(run_dir), Waiting("0123456789ab", uuid4(), None, "Ann")
     stops.keep(stop)
     (path,) = waiting(run_dir)
-    path.write_bytes(b"\0" * 100)
+    path.write_bytes(content)
     (found,) = stops.all()
     assert (found.name, found.press) == (stop.name, stop.press)
     (run_dir / FOLDER / "what.json").touch()

@@ -31,8 +31,9 @@ def test_a_lost_file_counts_as_a_pressed_stop(store):
     assert "missing" in left.reason
 
 
-def test_a_spoilt_file_counts_as_a_pressed_stop(store, tmp_path):
-    (tmp_path / "robot.json").write_bytes(b'{"latched": false')
+@pytest.mark.parametrize("content", [b'{"latched": false', b'{"latched": false, "by": "\xff"}'])
+def test_a_spoilt_file_counts_as_a_pressed_stop(store, tmp_path, content):
+    (tmp_path / "robot.json").write_bytes(content)
     assert store.load(3).latched
 
 

@@ -113,9 +113,10 @@ def test_saved_stop_survives_and_a_damaged_file_is_a_stop(tmp_path: Path) -> Non
         assert time.monotonic() < end_s
         time.sleep(0.01)
     assert StopFile(str(tmp_path), robot).load() == StopPress(100, "Ann", "smoke")
-    found[0].write_bytes(b"\0" * 100)
-    damaged = StopFile(str(tmp_path), robot).load()
-    assert damaged is not None and damaged.by == "somebody"
+    for content in (b"\0" * 100, b'{"t": "press", "number": 1, "by": "\xff"}'):
+        found[0].write_bytes(content)
+        damaged = StopFile(str(tmp_path), robot).load()
+        assert damaged is not None and damaged.by == "somebody"
 
 
 def test_latch_in_the_state_file_is_not_an_unheard_stop(tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ class StateStore:
             if last_fence == 0:
                 return SavedState(False, "", "", 0)
             return SavedState(True, "", "the bridge’s state file is missing", last_fence)
-        except (OSError, msgspec.DecodeError) as error:
+        except (OSError, msgspec.DecodeError, UnicodeError) as error:
             log.error("state file %s cannot be read: %s", self._path, error)
             return SavedState(True, "", "the bridge’s state file cannot be read", last_fence)
         return msgspec.structs.replace(found, fence=max(found.fence, last_fence))

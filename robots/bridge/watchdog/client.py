@@ -99,7 +99,7 @@ class WatchdogClient:
             return
         try:
             press = _decoder.decode(message)
-        except msgspec.DecodeError:
+        except (msgspec.DecodeError, UnicodeError):
             log.exception("a message of the watchdog could not be handled")
             return
         # compare for equality only: the clock may have been set back since the last watchdog began

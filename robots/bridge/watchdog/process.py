@@ -155,7 +155,7 @@ def _understood(message: bytes) -> LinkStop | Heartbeat | None:
     """Decode a message; None: unknown. Never refuse a stop for its form."""
     try:
         return _decoder.decode(message)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
         kind, seq = wire.heading(message)
         if kind == "link_stop":
             return LinkStop("somebody", "the message was damaged", seq or 0)

@@ -31,7 +31,7 @@ class StopFile:
             self._newest = msgspec.json.decode(self._path.read_bytes(), type=StopPress)
         except FileNotFoundError:
             return None
-        except (OSError, msgspec.DecodeError) as error:
+        except (OSError, msgspec.DecodeError, UnicodeError) as error:
             log.error("%s cannot be read: %s", self._path, error)
             self._newest = StopPress(1, "somebody", "the file of this stop is damaged")
         return self._newest
