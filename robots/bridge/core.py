@@ -328,7 +328,7 @@ class Core:
             return
         if run != self._run:
             self._run = run
-            self._gate.forget(anew=True)
+            self._gate.forget(restarted=True)
         if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
             return  # repeated or out of order: ignore it
         self._reported.odometry = (arrival_s, pose, velocity)

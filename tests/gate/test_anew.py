@@ -55,7 +55,7 @@ def test_when_odometry_begins_anew_so_does_the_memory(haunted, silent_s, clock_s
     haunted.now_s += silent_s
     pose = haunted.pose._replace(x=x)
     if run:
-        gate.forget(anew=True)
+        gate.forget(restarted=True)
     gate.observe_odometry(haunted.now_s + clock_s, haunted.now_s, pose, STILL)
     assert known(haunted) == {}
     assert gate.latency.in_force_s(haunted.now_s) == pytest.approx(0.2)

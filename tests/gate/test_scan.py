@@ -204,14 +204,14 @@ class TestTrail:
     )
     def test_a_jump_a_clock_set_back_or_a_hole_is_another_frame(self, stamp_s, x, silent_s):
         trail = self.trail()
-        assert not trail.goes_on(stamp_s, Pose(x, 0.0, 0.0), silent_s)
+        assert not trail.is_continuous(stamp_s, Pose(x, 0.0, 0.0), silent_s)
         trail.forget()
         trail.add(stamp_s, Pose(x, 0.0, 0.0), STILL)
         assert trail.pose_at(5.1) is None and trail.pose_at(stamp_s).x == x and trail.resets == 1
 
     @pytest.mark.parametrize(("stamp_s", "silent_s"), [(5.2, 0.02), (5.45, 0.29), (3605.0, 0.02), (5.2, 3.0)])
     def test_it_goes_on_also_where_a_clock_is_set_on_or_messages_come_all_at_once(self, stamp_s, silent_s):
-        assert self.trail().goes_on(stamp_s, Pose(0.25, 0.0, 0.0), silent_s)
+        assert self.trail().is_continuous(stamp_s, Pose(0.25, 0.0, 0.0), silent_s)
 
     def test_a_hole_in_the_odometry_is_not_bridged(self):
         trail = self.trail()

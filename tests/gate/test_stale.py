@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from robots.bridge.gate.holds import late_share
+from robots.bridge.gate.speed_limits import late_share
 from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity
 from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
 

@@ -105,9 +105,9 @@ def test_two_lasers_are_told_apart_by_name():
 
 def test_turning_has_words_of_its_own():
     still, turning = Velocity(0.0, 0.0, 0.0), Velocity(0.0, 0.0, -0.3)
-    assert words.what_is_left(Velocity(0.0, 0.0, -1.0), turning) == "turning slowed from 1.0 to 0.3 rad/s"
-    assert words.what_is_left(Velocity(0.0, 0.0, 1.0), still) == "not turning"
+    assert words.reduction(Velocity(0.0, 0.0, -1.0), turning) == "turning slowed from 1.0 to 0.3 rad/s"
+    assert words.reduction(Velocity(0.0, 0.0, 1.0), still) == "not turning"
 
 
 def test_speeds_that_look_the_same_are_named_once():
-    assert words.what_is_left(Velocity(0.32, 0.0, 0.0), Velocity(0.28, 0.0, 0.0)) == "slowed to 0.3 m/s"
+    assert words.reduction(Velocity(0.32, 0.0, 0.0), Velocity(0.28, 0.0, 0.0)) == "slowed to 0.3 m/s"

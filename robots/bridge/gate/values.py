@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from msgspec import Struct
 
-if TYPE_CHECKING:  # the web process knows profiles too, and need not carry numpy
+if TYPE_CHECKING:  # the web process uses profiles too, but not numpy
     import numpy as np
     from numpy.typing import NDArray
 
@@ -35,7 +35,7 @@ class Pose(NamedTuple):
 
 
 class LaserScan(NamedTuple):
-    """A sensor_msgs/LaserScan as it came, unchecked: which laser's, its stamp, when it arrived; m, rad."""
+    """An unchecked sensor_msgs/LaserScan: name of its laser, stamp, time of arrival; m, rad."""
 
     source: str
     stamp_s: float
@@ -54,12 +54,12 @@ class Parameters(Struct, frozen=True):
     front_margin_m: float = 0.08  # m_front
     hard_margin_m: float = 0.01  # m_hard
     deceleration_share: float = 0.65  # a = share x limit
-    latency_s: float = 0.20  # T, until it is measured
-    latency_spare_s: float = 0.1  # that T may grow by from one moment to the next: always reckoned with
-    operator_delay_s: float = 0.30  # to the page and back; a longer one limits speed
+    latency_s: float = 0.20  # T, before the first measurement
+    latency_spare_s: float = 0.1  # T may suddenly grow by this; always included
+    operator_delay_s: float = 0.30  # round trip to the page; a longer one limits speed
     creep_mps: float = 0.10  # v_creep
     near_miss_s: float = 0.08  # c_lat
-    between_sonars_mps: float = 0.10  # where sonars alone look: between and above them nobody does
+    between_sonars_mps: float = 0.10  # where only sonars look: nothing watches between and above them
 
 
 class Limits(Struct, frozen=True):
@@ -76,9 +76,9 @@ class Limits(Struct, frozen=True):
 class DepthView(Struct, frozen=True):
     """The gate's data about a depth camera on the robot's head, and the robot below it."""
 
-    height_m: float  # of the robot, with everything that lifts at its lowest
-    own_m: float = 0.05  # what is no farther than this from the footprint is the robot itself
-    blind_m: float = 0.5  # along its axis; what is nearer it cannot measure
+    height_m: float  # of the robot with its torso at the lowest
+    own_m: float = 0.05  # points nearer to the footprint are the robot itself
+    blind_m: float = 0.5  # along its axis; it cannot measure nearer points
 
 
 class GateProfile(Struct, frozen=True):
@@ -96,11 +96,11 @@ class GateProfile(Struct, frozen=True):
     sonar_poses: dict[str, tuple[float, float, float]]
     sonar_fov: dict[str, float]
     has_depth: bool
-    blind_mps: float  # speed in directions, or heights, that nobody watches
+    blind_mps: float  # speed in directions or heights without a sensor
     parameters: Parameters = Parameters()
     discs: tuple[tuple[float, float, float], ...] | None = None
-    has_arm: bool = False  # which may reach out of the footprint: `Gate.observe_posture` tells
-    depth: DepthView | None = None  # None with `has_depth`: there is one, and it is not used
+    has_arm: bool = False  # it may reach out of the footprint: see `Gate.observe_posture`
+    depth: DepthView | None = None  # None with `has_depth`: the camera exists but is not used yet
 
 
 # Sources of obstacles; a memory (of a laser, of the depth camera) holds earlier points that no sensor sees now.
@@ -108,7 +108,7 @@ Kind = Literal["scan", "sonar", "depth", "memory", "depth memory"]
 
 
 class Obstacles(NamedTuple):
-    """Points to keep clear of, base frame of now. `points` (N, 2) float64; `source` (N,) index into `names`."""
+    """Points to avoid, current base frame. `points` (N, 2) float64; `source` (N,) index into `names`."""
 
     points: NDArray[np.float64]
     source: NDArray[np.intp]
@@ -122,12 +122,12 @@ Sector = tuple[float, float]
 # The eighth of the compass round the robot.
 Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right"]
 
-# bend: out of what is seen; turn: of corners
+# bend: the way leaves the depth picture; turn: corners swing
 Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
 
 
 class SpeedLimit(NamedTuple):
-    """A limit on speed: a verdict's code, words, m/s. `way`: the one that it holds for; None: for all."""
+    """A limit on speed: a verdict's code, words, m/s. `way`: its direction; None: every direction."""
 
     code: str
     text: str
@@ -139,8 +139,8 @@ class Verdict(NamedTuple):
     """The allowed twist, and the reason if it is less than asked.
 
     `code`: "idle" (nothing asked), "free", or the rule that holds back; `way` as in `SpeedLimit`, if one holds back.
-    `limits` hold whatever is asked; `Gate.decide` leaves them out, `Gate.limits` returns them. `neutral`: this stop is
-    of the kind after which the stick must return to neutral (stale or missing data).
+    `limits` hold for any command; `Gate.decide` leaves them empty, `Gate.limits` returns them. `neutral`: after this
+    stop (stale or missing data) the stick must return to neutral.
     """
 
     velocity: Velocity
@@ -158,7 +158,7 @@ class Verdict(NamedTuple):
 
 
 class SensorHealth(NamedTuple):
-    """How a sensor is. `age_s` None: never seen. `text` is empty while `ok`."""
+    """State of a sensor. `age_s` None: no message yet. `text` is empty while `ok`."""
 
     name: str
     kind: Literal["scan", "sonar", "odometry", "depth"]

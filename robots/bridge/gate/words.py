@@ -36,14 +36,14 @@ def figure(number: float) -> str:
 
 
 def age(age_s: float) -> str:
-    """How old, or how long: "0.6 s", "75 s", "14 min"."""
+    """Return a duration in words: "0.6 s", "75 s", "14 min"."""
     if age_s < 60.0:
         return f"{age_s:.1f} s"
     return f"{age_s:.0f} s" if age_s < 120.0 else f"{age_s / 60.0:.0f} min"
 
 
-def what_is_left(asked: Velocity, allowed: Velocity) -> str:
-    """How the allowed twist differs from the one asked for: "slowed from 0.8 to 0.2 m/s"."""
+def reduction(asked: Velocity, allowed: Velocity) -> str:
+    """Return the difference between asked and allowed twist: "slowed from 0.8 to 0.2 m/s"."""
     speed, allowed_speed = math.hypot(asked.vx, asked.vy), math.hypot(allowed.vx, allowed.vy)
     if speed == 0.0:
         return (

@@ -1,9 +1,9 @@
-"""How far the robot turned, by two scans of one laser: wheels that slip tell of turns that were not made.
+"""Correct the heading by comparing two scans of one laser: slipping wheels report turns that did not happen.
 
-What the older scan hit is laid out as the newer one should see it, for each turn that may have been made, and compared
-with what it sees. Only a turn that explains the newer scan well, and far better than the odometry does, is believed:
-where somebody walks by the rest of the room outvotes him, and in a round or an empty room nothing is corrected. A share
-of the turn that two looks in a row found holds on while the laser sees too little to tell.
+The points of the older scan are rotated by each possible turn and compared with the newer scan. A turn is accepted
+only if it explains the newer scan well, and far better than the odometry does: a walking person is outvoted by the
+rest of the room, and in a round or empty room nothing is corrected. If two comparisons in a row found the same share
+of the reported turn, that share stays in force while the laser sees too little to compare.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import Pose
 
-LEAST_TURN_RAD = 0.26  # told between two scans that are compared
-MOST_TURN_RAD = 1.0  # after more they have too little in common
-MOST_WAY_M = 0.5  # and after that
-ORDINARY_RAD, ORDINARY_SHARE = 0.026, 0.1  # odometry that is off by less is left alone
-MOST_OFF_SHARE = 0.6  # of the turn; a laser that tells the same again and again is off by all of it
-HOLDS_LOOKS = 12  # that tell nothing, half a turn in all: then the wheels are trusted again
+LEAST_TURN_RAD = 0.26  # reported between two scans that are compared
+MOST_TURN_RAD = 1.0  # after a larger turn they have too little in common
+MOST_WAY_M = 0.5  # the same for distance
+ORDINARY_RAD, ORDINARY_SHARE = 0.026, 0.1  # smaller errors of the odometry are ignored
+MOST_OFF_SHARE = 0.6  # of the turn; a laser that repeats one scan would be wrong by the whole turn
+HELD_FOR = 12  # comparisons without a result, half a turn in all; then the wheels are trusted again
 MOST_POINTS = 120
-LEAST_POINTS, LEAST_THINGS = 40, 3  # one of both is enough; one or two small things may be somebody who walks
-APART_M = 0.2  # neighbouring points of two things
+LEAST_POINTS, LEAST_THINGS = 40, 3  # either is enough; one or two small things may be a walking person
+APART_M = 0.2  # neighbouring points farther apart belong to two things
 COARSE_RAD, FINE_RAD = 0.0175, 0.0035
-SAME_M = 0.15  # what is farther apart is something else, by however much
-FITS_M = 0.05  # on average over all points: the noise of two scans, and a few points that moved
-EVEN_M = 0.002  # turns that fit as well as the best but for this: the middle of them is taken
+SAME_M = 0.15  # points farther apart are different things; larger distances count as this
+FITS_M = 0.05  # average distance: noise of two scans, and a few moved points
+EVEN_M = 0.002  # the result is the middle of all turns that fit as well within this
 BETTER = 2.0  # times
 
 Floats = NDArray[np.float64]
 
 
-class _Look(NamedTuple):
+class _PastScan(NamedTuple):
     sweep: Sweep
     stamp_s: float
     base: Pose
@@ -47,44 +47,44 @@ class _Look(NamedTuple):
 
 
 class Heading:
-    """Corrects the trail's yaw by the scans of one laser. It costs something only while the robot turns."""
+    """Corrects the trail's yaw by the scans of one laser. It costs processor time only while the robot turns."""
 
     def __init__(self, laser: Laser) -> None:
         self.laser = laser
-        self._then: _Look | None = None
-        self._share = 1.0  # of the told turn that the robot made, by the last look that told something
-        self._silent = 0  # looks since
+        self._then: _PastScan | None = None
+        self._share = 1.0  # real turn / reported turn, by the last comparison with a result
+        self._silent = 0  # comparisons without a result since
 
     def correct(self, trail: Trail) -> None:
-        """The laser's newest scan has come. One that does not match the odometry tells nothing."""
+        """Use the laser's newest scan. A scan without a pose is ignored."""
         sweep, stamp_s = self.laser.sweep, self.laser.freshness.stamp_s
         base = None if stamp_s is None else trail.pose_at(stamp_s)
         if sweep is None or stamp_s is None or base is None:
             return
-        then, self._then = self._then, _Look(sweep, stamp_s, base, trail.resets)
+        then, self._then = self._then, _PastScan(sweep, stamp_s, base, trail.resets)
         if then is None or then.resets != trail.resets or stamp_s <= then.stamp_s:
             self._share = trail.turn_share = 1.0
             return
         way = seen_from(base, then.base)
-        told = way.yaw / trail.turn_share
+        reported = way.yaw / trail.turn_share
         is_far = math.hypot(way.x, way.y) > MOST_WAY_M
-        if abs(told) < LEAST_TURN_RAD:
-            if is_far:  # the floor may be another one
+        if abs(reported) < LEAST_TURN_RAD:
+            if is_far:  # the floor may have changed
                 self._share = trail.turn_share = 1.0
             else:
                 self._then = then
             return
-        off = None if is_far or abs(told) > MOST_TURN_RAD else self._off(then.sweep, sweep, way)
-        if off is not None and (trail.turn_share != 1.0 or abs(off) > _ordinary(told)):
+        off = None if is_far or abs(reported) > MOST_TURN_RAD else self._off(then.sweep, sweep, way)
+        if off is not None and (trail.turn_share != 1.0 or abs(off) > _ordinary(reported)):
             trail.turn(then.stamp_s, stamp_s, off)
             self._then = self._then._replace(base=trail.pose_at(stamp_s) or base)
-        self._learn(trail, None if off is None else (way.yaw + off) / told)
+        self._learn(trail, None if off is None else (way.yaw + off) / reported)
 
     def _learn(self, trail: Trail, share: float | None) -> None:
-        """The robot made this share of the turn that was told; None: the look told nothing."""
+        """Learn real turn / reported turn from a comparison; None: it had no result."""
         if share is None:
             self._silent += 1
-            if self._silent > HOLDS_LOOKS:
+            if self._silent > HELD_FOR:
                 self._share = trail.turn_share = 1.0
             return
         off, before = share - 1.0, self._share - 1.0
@@ -94,7 +94,7 @@ class Heading:
         self._share, self._silent = share, 0
 
     def _off(self, then: Sweep, now: Sweep, way: Pose) -> float | None:
-        """How much farther than `way` the base turned between the scans, radians; None if they do not tell."""
+        """Return by how many radians more than `way` the base turned between the scans; None if that is unclear."""
         points = then.points()
         things = 1 + np.count_nonzero(np.hypot(*np.diff(points, axis=0).T) > APART_M)
         if len(points) < LEAST_POINTS and things < LEAST_THINGS:
@@ -105,12 +105,12 @@ class Heading:
         x, y, yaw = self.laser.pose
 
         def apart_m(turns: Floats) -> Floats:
-            """How far the scans are apart on average, for each turn of the base. A beam to either side is no matter."""
+            """Return the average distance of the scans for each turn of the base; neighbouring beams count as well."""
             rays = (ahead * np.exp(-1j * turns)[:, None] - complex(x, y)) * np.exp(-1j * yaw)
             far, beams = np.abs(rays), beams_at(now, np.angle(rays)) + 1
             apart = np.full(far.shape, SAME_M)
-            for beside in (beams - 1, beams, np.minimum(beams + 1, len(ends) - 1)):
-                np.minimum(apart, np.abs(ends[beside] - far), out=apart)
+            for near in (beams - 1, beams, np.minimum(beams + 1, len(ends) - 1)):
+                np.minimum(apart, np.abs(ends[near] - far), out=apart)
             known = ends[beams] > -math.inf
             seen = known.sum(axis=1)
             means = (apart * known).sum(axis=1) / np.maximum(seen, 1)
@@ -133,5 +133,5 @@ def _ordinary(turn: float) -> float:
 
 
 def _complex(points: Floats) -> NDArray[np.complex128]:
-    """The points as complex numbers, which a turn multiplies."""
+    """Return the points as complex numbers: a turn is a multiplication."""
     return points[:, 0] + 1j * points[:, 1]

@@ -1,7 +1,4 @@
-"""Sources give points, the gate takes points.
-
-Whatever knows of obstacles (a laser, a sonar, a memory, a depth camera) is one `Source`.
-"""
+"""Sources of obstacle points: laser, sonar, memory, depth camera."""
 
 from __future__ import annotations
 
@@ -23,20 +20,20 @@ SONAR_WATCHES_RAD = math.pi / 3.0  # a sonar this near to the direction of trave
 
 
 class Source(Protocol):
-    """Something that knows where obstacles are."""
+    """A source of obstacle points."""
 
     name: str
     kind: Kind
     word: str  # for the operator: "laser"
 
     def revision(self, now_s: float) -> int:
-        """Differs whenever `points` may differ, for a trail that did not change."""
+        """Return a number that changes whenever `points` may change while the trail stays the same."""
 
     def points(self, trail: Trail, now_s: float) -> Points:
-        """Obstacles (N, 2) in the base frame of the newest odometry."""
+        """Return obstacles (N, 2) in the base frame of the newest odometry."""
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
-        """How the sensor behind it is."""
+        """Return the state of its sensor."""
 
 
 class Laser:
@@ -54,19 +51,23 @@ class Laser:
         self.seen = NO_POINTS  # its points outside the hull, base frame of its stamp
         self._complaint = ""
         self._revision = 0
-        self._covered: dict[float, bool] = {}  # the directions of which the newest scan was asked
+        self._covered: dict[float, bool] = {}  # answers for the newest scan, by direction
 
-    def observe(self, told: LaserScan) -> bool:
-        """Take a scan; whether it is news. One that makes no sense is none; its complaint is kept for `health`."""
+    def observe(self, message: LaserScan) -> bool:
+        """Take a scan; return whether it is new. A malformed scan is ignored; `health` reports it."""
         try:
-            check_times(told.stamp_s, told.arrival_s)
+            check_times(message.stamp_s, message.arrival_s)
             sweep = scan.Sweep(
-                told.ranges, told.angle_min, told.angle_increment, told.range_min_m, told.range_max_m
+                message.ranges,
+                message.angle_min,
+                message.angle_increment,
+                message.range_min_m,
+                message.range_max_m,
             )
         except scan.Malformed as error:
             self._complaint = str(error)
             return False
-        if not self.freshness.advances(told.stamp_s, told.arrival_s):
+        if not self.freshness.advances(message.stamp_s, message.arrival_s):
             return False
         self.sweep = sweep
         self._covered.clear()
@@ -76,11 +77,11 @@ class Laser:
         return True
 
     def measured(self, sweep: scan.Sweep) -> Points:
-        """The points of a scan of this laser as `seen`, but with all their noise."""
+        """Return the points of a scan like `seen`, but not smoothed."""
         return scan.outside_hull(placed(sweep.points(), self.pose), self.footprint)
 
     def covers(self, direction: float) -> bool:
-        """Whether its newest scan looks in a direction of the base frame; one that is half covered may not."""
+        """Return whether the newest scan watches a direction of the base frame; a half-covered laser may not."""
         if direction not in self._covered:
             sweep = self.sweep
             covered = sweep is not None and sweep.looks_to(direction - self.pose.yaw, LASER_WATCHES_RAD)
@@ -89,13 +90,13 @@ class Laser:
 
     @property
     def sector(self) -> Sector | None:
-        """Where it looks, of the way round the base; None before its first scan."""
+        """Its sector around the base; None before the first scan."""
         if self.sweep is None:
             return None
         return sector_of(self.pose, self.sweep.middle - self.sweep.span / 2.0, self.sweep.span)
 
     def is_paired(self, trail: Trail) -> bool:
-        """Whether the odometry tells where the robot was when the newest scan was taken."""
+        """Return whether the pose at the newest scan is known."""
         stamp_s = self.freshness.stamp_s
         return stamp_s is not None and trail.pose_at(stamp_s) is not None
 
@@ -113,7 +114,7 @@ class Laser:
 
 
 class Sonar:
-    """A range sensor. `memory` keeps what it heard."""
+    """A range sensor. `memory` keeps its echoes."""
 
     kind: Kind = "sonar"
 
@@ -131,7 +132,7 @@ class Sonar:
     def observe(
         self, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float, trail: Trail
     ) -> None:
-        """Take a range. One that makes no sense is none; its complaint is kept for `health`."""
+        """Take a range. A malformed range is ignored; `health` reports it."""
         try:
             check_times(stamp_s, arrival_s)
             arc = scan.cone_points(range_m, max_range_m, self._pose, self._fov)
@@ -142,7 +143,7 @@ class Sonar:
             return
         self._range_m = max(range_m, 0.0) if len(arc) else None
         self._complaint = ""
-        base = trail.pose_at(stamp_s) or trail.newest  # an echo with a wrong stamp still is one
+        base = trail.pose_at(stamp_s) or trail.newest  # an echo with a wrong stamp still counts
         if base is not None:
             free_m = max(min(range_m, max_range_m), 0.0)
             self._memory.take(
@@ -151,15 +152,15 @@ class Sonar:
 
     @property
     def sector(self) -> Sector:
-        """Where it looks, of the way round the base."""
+        """Its sector around the base."""
         return sector_of(self._pose, -self._fov / 2.0, self._fov)
 
     def watches(self, direction: float) -> bool:
-        """Whether it looks out for a direction of travel in the base frame."""
+        """Return whether it watches a direction of travel in the base frame."""
         return abs(wrapped(direction - self._pose.yaw)) <= SONAR_WATCHES_RAD
 
     def range_m(self, now_s: float) -> float | None:
-        """The newest range, None if nothing is in range or nothing new came."""
+        """Return the newest range in metres; None if nothing is in range or the sonar is silent."""
         return self._range_m if self.freshness.within(SONAR_STALE_S, now_s) else None
 
     def revision(self, now_s: float) -> int:
@@ -174,7 +175,7 @@ class Sonar:
 
 
 def carried(points: Points, stamp_s: float | None, trail: Trail) -> Points:
-    """Points in the base frame of `stamp_s`, brought to the newest one; none if the odometry cannot tell how."""
+    """Transform points from the base frame at `stamp_s` to the newest one; none if a pose is unknown."""
     newest = trail.newest
     then = None if stamp_s is None else trail.pose_at(stamp_s)
     if newest is None or then is None or not len(points):
@@ -183,6 +184,6 @@ def carried(points: Points, stamp_s: float | None, trail: Trail) -> Points:
 
 
 def check_times(stamp_s: float, arrival_s: float) -> None:
-    """Malformed unless both are numbers."""
+    """Raise Malformed unless both are finite."""
     if not (math.isfinite(stamp_s) and math.isfinite(arrival_s)):
         raise scan.Malformed("its stamps are not numbers")

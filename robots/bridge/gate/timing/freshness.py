@@ -1,7 +1,7 @@
-"""How old is too old (docs/gate.md, 9).
+"""Age of sensor data and its limits (docs/gate.md, 9).
 
-Age counts from arrival on the bridge's monotonic clock, and only what carries a newer stamp counts as arrived.
-A stamp is never compared with the console's clock: a robot whose clock is an hour off is not stale.
+Age counts from arrival on the bridge's monotonic clock. Only a message with a newer stamp counts as an arrival.
+Stamps are never compared with the console's clock: the robot's clock may be wrong by an hour.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ ODOMETRY_STALE_S = 0.2
 SONAR_STALE_S = 0.5
 DEPTH_STALE_S = 0.5
 SONAR_STALE_MPS = 0.1
-CLOCK_SET_BACK_S = 1.0  # stamps this much older than the last mean a clock that was set, not a late message
+CLOCK_SET_BACK_S = 1.0  # an older stamp by this much means that the clock was set back, not a late message
 
 
 class Freshness:
-    """When something new last came."""
+    """Time of the last new message of one source."""
 
     def __init__(self) -> None:
         self.stamp_s: float | None = None
         self._arrival_s: float | None = None
 
     def advances(self, stamp_s: float, arrival_s: float) -> bool:
-        """Take note of an arrival; whether it is new. A frozen stamp, or a message that was overtaken, is not."""
+        """Note an arrival; return whether it is new. A repeated or older stamp is not new."""
         if self.stamp_s is not None and self.stamp_s - CLOCK_SET_BACK_S < stamp_s <= self.stamp_s:
             return False
         self.stamp_s = stamp_s
@@ -34,15 +34,15 @@ class Freshness:
         return True
 
     def age_s(self, now_s: float) -> float | None:
-        """Seconds since the last new arrival; None if there never was one."""
+        """Return the seconds since the last new arrival; None before the first."""
         return None if self._arrival_s is None else max(now_s - self._arrival_s, 0.0)
 
     def within(self, limit_s: float, now_s: float) -> bool:
-        """Whether something new came within `limit_s`."""
+        """Return whether a new message came within `limit_s`."""
         return self._arrival_s is not None and now_s - self._arrival_s <= limit_s
 
     def silence(self, limit_s: float, now_s: float, why: str = "") -> str:
-        """Reason text if nothing new came within `limit_s`: `why` if it is known; "" if data came."""
+        """Return a reason if no new message came within `limit_s` (`why` if given), else ""."""
         if self.within(limit_s, now_s):
             return ""
         age_s = self.age_s(now_s)

@@ -1,4 +1,4 @@
-"""Where the robot has been lately, by the stamps of its odometry, so that older points can be carried to now."""
+"""Recent poses by the stamps of the odometry, to transform older points to the present."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from robots.bridge.gate.geometry.planar import ORIGIN, put, seen_from, wrapped
 from robots.bridge.gate.values import Pose, Velocity
 
 KEPT = 200  # poses: 4 s at 50 Hz, and no sensor is used for longer than 0.5 s
-LARGEST_HOLE_S = 0.2  # between two poses that are interpolated, and beyond the newest
-JUMP_M = 0.3  # more than the base can have moved: the odometry was reset
+LARGEST_HOLE_S = 0.2  # longest interpolation between two poses, and extrapolation beyond the newest
+JUMP_M = 0.3  # beyond the possible motion of the base: the odometry was reset
 JUMP_RAD = 0.5
-SILENT_S = 0.3  # the dead-man's time: what is silent for longer may be another robot when it is back
+SILENT_S = 0.3  # the dead-man's time: after a longer silence it may be another robot
 
 
 class Trail:
@@ -24,46 +24,46 @@ class Trail:
         self._stamps: list[float] = []
         self._poses: list[Pose] = []
         self._velocity = Velocity(0.0, 0.0, 0.0)
-        self._frame = ORIGIN  # of the odometry, where turns that it told wrongly were put right
-        self._told_yaw = 0.0
-        self.turn_share = 1.0  # of the turns that the odometry tells from now on
+        self._frame = ORIGIN  # of the odometry, after corrections of wrongly reported turns
+        self._reported_yaw = 0.0
+        self.turn_share = 1.0  # correction factor for turns that the odometry reports from now on
         self.revision = 0
-        self.resets = 0  # how often the frame became another one
+        self.resets = 0  # number of changes of the frame
 
     @property
     def newest(self) -> Pose | None:
-        """The pose of now, as far as is known."""
+        """The newest pose."""
         return self._poses[-1] if self._poses else None
 
     def add(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
-        """Take the newest pose, which goes on from the last one."""
-        righted = self._righted(pose)
+        """Take the newest pose, which continues the last one."""
+        corrected = self._corrected(pose)
         if self.turn_share != 1.0 and self._poses:
-            off = (self.turn_share - 1.0) * wrapped(pose.yaw - self._told_yaw)
-            turned = righted._replace(yaw=wrapped(righted.yaw + off))
-            self._frame = put(seen_from(self._frame, righted), turned)
-            righted = turned
-        self._told_yaw = pose.yaw
+            off = (self.turn_share - 1.0) * wrapped(pose.yaw - self._reported_yaw)
+            turned = corrected._replace(yaw=wrapped(corrected.yaw + off))
+            self._frame = put(seen_from(self._frame, corrected), turned)
+            corrected = turned
+        self._reported_yaw = pose.yaw
         self._stamps.append(stamp_s)
-        self._poses.append(righted)
+        self._poses.append(corrected)
         self._velocity = velocity._replace(w=self.turn_share * velocity.w)
         self.revision += 1
         if len(self._stamps) > 2 * KEPT:
             del self._stamps[:KEPT], self._poses[:KEPT]
 
-    def goes_on(self, stamp_s: float, pose: Pose, silent_s: float = math.inf) -> bool:
-        """Whether a pose that came `silent_s` after the last one is in the same frame.
+    def is_continuous(self, stamp_s: float, pose: Pose, silent_s: float = math.inf) -> bool:
+        """Return whether a pose that came `silent_s` after the last one is in the same frame.
 
-        It is not after a jump, a stamp that went back, or a hole: of a clock that was set on nobody heard a silence,
-        and of messages that came late all at once the stamps show none.
+        It is not after a jump, a stamp that went back, or a hole. A hole must show in stamps and in arrivals: a clock
+        that was set forward leaves no silence, and a burst of late messages leaves no hole in the stamps.
         """
         if not self._stamps:
             return True
         passed_s = min(stamp_s - self._stamps[-1], silent_s)
-        return 0.0 <= passed_s <= SILENT_S and not self._jumped(self._righted(pose), passed_s)
+        return 0.0 <= passed_s <= SILENT_S and not self._jumped(self._corrected(pose), passed_s)
 
     def forget(self) -> None:
-        """The frame is another one: what was known before is anywhere."""
+        """Begin a new frame: places in the old one are unknown now."""
         self._stamps.clear()
         self._poses.clear()
         self._frame = ORIGIN
@@ -71,9 +71,9 @@ class Trail:
         self.resets += 1
 
     def turn(self, since_s: float, stamp_s: float, off: float) -> None:
-        """From `since_s` to `stamp_s` the robot turned by `off` radians farther than the odometry told.
+        """Correct the yaw: from `since_s` to `stamp_s` the robot turned `off` radians more than the odometry reported.
 
-        What comes later goes on from there; ValueError if the odometry does not tell where the robot was then.
+        Later poses follow. Raises ValueError if the pose at `stamp_s` is unknown.
         """
         about = self.pose_at(stamp_s)
         if about is None:
@@ -89,12 +89,12 @@ class Trail:
         self.revision += 1
 
     def pose_at(self, stamp_s: float) -> Pose | None:
-        """The pose at a stamp, None if the odometry does not tell."""
+        """Return the pose at a stamp; None if it is unknown."""
         if not self._stamps or stamp_s < self._stamps[0]:
             return None
         after = bisect_left(self._stamps, stamp_s)
         if after == len(self._stamps):
-            return self._foretold(stamp_s - self._stamps[-1])
+            return self._extrapolated(stamp_s - self._stamps[-1])
         if self._stamps[after] == stamp_s:
             return self._poses[after]
         hole = self._stamps[after] - self._stamps[after - 1]
@@ -102,8 +102,8 @@ class Trail:
             return None
         return between(self._poses[after - 1], self._poses[after], (stamp_s - self._stamps[after - 1]) / hole)
 
-    def _foretold(self, ahead_s: float) -> Pose | None:
-        """The newest pose moved on with its velocity: a scan is often stamped after the newest odometry."""
+    def _extrapolated(self, ahead_s: float) -> Pose | None:
+        """Move the newest pose on with its velocity: a scan is often stamped after the newest odometry."""
         if ahead_s > LARGEST_HOLE_S:
             return None
         pose, velocity = self._poses[-1], self._velocity
@@ -115,7 +115,7 @@ class Trail:
             wrapped(pose.yaw + velocity.w * ahead_s),
         )
 
-    def _righted(self, pose: Pose) -> Pose:
+    def _corrected(self, pose: Pose) -> Pose:
         return pose if self._frame is ORIGIN else put(pose, self._frame)
 
     def _jumped(self, pose: Pose, passed_s: float) -> bool:
@@ -129,7 +129,7 @@ class Trail:
 
 
 def between(first: Pose, second: Pose, share: float) -> Pose:
-    """The pose a share of the way from one to the other, turning the short way."""
+    """Interpolate between two poses, turning the short way."""
     return Pose(
         first.x + share * (second.x - first.x),
         first.y + share * (second.y - first.y),

@@ -1,6 +1,6 @@
-"""Limits on speed by how the sensors are and where they look, whatever is in the way (docs/gate.md, 9).
+"""Speed limits from the state and view of the sensors, apart from obstacles (docs/gate.md, 9).
 
-A `Fault` is data without which the robot does not move at all; a `SpeedLimit` lets it move, no faster than so.
+A `Fault` is missing data that forbids any motion; a `SpeedLimit` allows motion up to a speed.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from robots.bridge.gate.timing.freshness import (
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import GateProfile, Sector, SpeedLimit, Velocity, Way
 
-REVERSE_RAD = 0.75 * math.pi  # a way that begins farther round than this goes in reverse
+REVERSE_RAD = 0.75 * math.pi  # directions beyond this angle count as reverse
 AHEAD = Velocity(1.0, 0.0, 0.0)
-ALONG = (0.0, math.pi)  # where a differential base goes
+ALONG = (0.0, math.pi)  # the directions of a differential base
 EVERY_WAY = (*ALONG, math.pi / 2.0, -math.pi / 2.0)
 AROUND = tuple(math.radians(degrees) for degrees in range(0, 360, 30))
 
 
 class Fault(NamedTuple):
-    """Data without which the robot does not move: a verdict's code, words, and the source's name."""
+    """Missing data that forbids motion: a verdict's code, words, and the source's name."""
 
     code: str
     text: str
     sensor: str
 
 
-class Held(NamedTuple):
-    """A twist within all limits but obstacles, with code, words and way of the last that took something away."""
+class LimitedTwist(NamedTuple):
+    """A twist within all speed limits, with code, words and way of the last limit that reduced it."""
 
     velocity: Velocity
     code: str
@@ -53,7 +53,7 @@ class Held(NamedTuple):
     way: Way | None = None
 
 
-class Holds:
+class SpeedLimits:
     """Speed limits from a robot's sensors, arm and latency."""
 
     def __init__(
@@ -65,7 +65,7 @@ class Holds:
         sonars: Collection[Sonar],
         depth: DepthCamera | None,
     ) -> None:
-        self.operator_delay_s: float | None = None  # to the page and back; None: not known
+        self.operator_delay_s: float | None = None  # round trip to the page; None: unknown
         self._profile = profile
         self._odometry = odometry
         self._trail = trail
@@ -74,16 +74,21 @@ class Holds:
         self._depth = depth
         self._posture = arm_discs.UNKNOWN
         self._posture_s = -math.inf
-        self._arm_moved: tuple[arm_discs.Disc, float] | None = None  # within which reach, and when last
+        self._arm_moved: tuple[arm_discs.Disc, float] | None = (
+            None  # its reach, and the time of the last motion
+        )
 
     def observe_posture(self, arm: arm_discs.Posture, arrival_s: float) -> None:
-        """Take where the arm is."""
+        """Take the arm's posture."""
         self._posture, self._posture_s = arm, arrival_s
         if arm.reach is not None:
             self._arm_moved = arm.reach, arrival_s
 
     def arm_reach(self, now_s: float) -> arm_discs.Disc | None:
-        """Where what is seen may be the arm: it moved a moment ago, or nobody tells where it is. None: nowhere."""
+        """Return the disc in which a depth point may be the arm; None if the arm is at a known place and still.
+
+        The arm may be anywhere in its reach while it moves, shortly after, and while its posture is unknown.
+        """
         if not self._profile.has_arm:
             return None
         arm = self._posture
@@ -94,11 +99,11 @@ class Holds:
         return None
 
     def forget_posture(self) -> None:
-        """Where the arm is nobody has told yet."""
+        """Treat the arm's posture as unknown."""
         self._posture, self._posture_s = arm_discs.UNKNOWN, -math.inf
 
     def fault(self, now_s: float) -> Fault | None:
-        """Data without which the robot must not move."""
+        """Return the missing data that forbids motion, if any."""
         age_s = self._odometry.age_s(now_s)
         if age_s is None:
             return Fault("odometry_missing", "no odometry has come yet", "odometry")
@@ -116,80 +121,80 @@ class Holds:
         return None
 
     def everywhere(self, latency_s: float, now_s: float) -> list[SpeedLimit]:
-        """The limits that hold in every direction, for a robot that answers after `latency_s`."""
-        return [*self._arm_hold(now_s), *self._delay_holds(latency_s)]
+        """Return the limits for every direction, for a robot with this latency (s)."""
+        return [*self._arm_limit(now_s), *self._delay_limits(latency_s)]
 
     def standing(self, everywhere: list[SpeedLimit], now_s: float) -> tuple[SpeedLimit, ...]:
-        """Every limit that holds whatever is asked: those `everywhere`, and those of the base's directions."""
+        """Return all limits that are independent of the command: those `everywhere` and those of each direction."""
         ways = ALONG if self._profile.limits.lateral_mps == 0.0 else EVERY_WAY
-        by_way = [hold for direction in ways for hold in self._direction_hold(direction, now_s)]
-        return (*everywhere, *self._depth_hold(AHEAD, now_s), *by_way)
+        by_way = [limit for direction in ways for limit in self._direction_limit(direction, now_s)]
+        return (*everywhere, *self._depth_limit(AHEAD, now_s), *by_way)
 
-    def held(
+    def limited(
         self,
         asked: Velocity,
         possible: Velocity,
         everywhere: list[SpeedLimit],
         footprint: Footprint,
         now_s: float,
-    ) -> Held:
+    ) -> LimitedTwist:
         """Limit the `possible` part of `asked`, for a robot with this footprint."""
-        left = Held(possible, "free", "")
+        left = LimitedTwist(possible, "free", "")
         if possible != asked:
-            left = Held(possible, "robot_limit", "held to what the robot can do")
+            left = LimitedTwist(possible, "robot_limit", "held to what the robot can do")
         speed = arc.speed(possible)
         if speed > 0.0:
             direction = math.atan2(possible.vy, possible.vx)
-            holds = [
+            limits = [
                 *everywhere,
-                *self._depth_hold(possible, now_s),
-                *self._direction_hold(direction, now_s),
+                *self._depth_limit(possible, now_s),
+                *self._direction_limit(direction, now_s),
             ]
-            hold = min(holds, key=lambda hold: hold.mps, default=None)
-            if hold is not None and hold.mps < speed:
-                left = Held(possible.scaled(hold.mps / speed), hold.code, hold.text, hold.way)
+            limit = min(limits, key=lambda limit: limit.mps, default=None)
+            if limit is not None and limit.mps < speed:
+                left = LimitedTwist(possible.scaled(limit.mps / speed), limit.code, limit.text, limit.way)
         swing = abs(left.velocity.w) * footprint.reach(0.0)
         if swing > self._profile.blind_mps and self._swings_unwatched(footprint):
             slowed = left.velocity.scaled(self._profile.blind_mps / swing)
             text = f"turning held to {words.figure(abs(slowed.w))} rad/s: no sensor looks where the corners swing"
-            left = Held(slowed, "blind_direction", text, "turn")
+            left = LimitedTwist(slowed, "blind_direction", text, "turn")
         for laser in self._lasers:
             age_s = laser.freshness.age_s(now_s) or 0.0
             share = late_share(age_s)
             if share < 1.0:
                 slowed = left.velocity.scaled(share)
-                text = f"{words.what_is_left(left.velocity, slowed)}: {laser.word} is {words.age(age_s)} old"
-                left = Held(slowed, "scan_late", text)
+                text = f"{words.reduction(left.velocity, slowed)}: {laser.word} is {words.age(age_s)} old"
+                left = LimitedTwist(slowed, "scan_late", text)
         return left
 
-    def _arm_hold(self, now_s: float) -> list[SpeedLimit]:
-        """The limit while the arm may be anywhere."""
-        told = now_s - self._posture_s <= arm_discs.KNOWN_S
-        known = told and (self._posture.at_home or self._posture.discs is not None)
+    def _arm_limit(self, now_s: float) -> list[SpeedLimit]:
+        """Return the limit while the arm's posture is unknown."""
+        is_recent = now_s - self._posture_s <= arm_discs.KNOWN_S
+        known = is_recent and (self._posture.at_home or self._posture.discs is not None)
         if known or not self._profile.has_arm:
             return []
-        why = "the arm is away from home" if told else "nothing tells where the arm is"
+        why = "the arm is away from home" if is_recent else "nothing tells where the arm is"
         text = f"held to {words.figure(arm_discs.AWAY_MPS)} m/s: {why}"
         return [SpeedLimit("arm_away", text, arm_discs.AWAY_MPS)]
 
-    def _delay_holds(self, latency_s: float) -> list[SpeedLimit]:
-        """Limits for a robot, or an operator, that answers later than was assumed: it stops as short as assumed."""
+    def _delay_limits(self, latency_s: float) -> list[SpeedLimit]:
+        """Return the limits for a late robot or operator; it then stops within the usual distance."""
         parameters, full_mps = self._profile.parameters, self._profile.limits.forward_mps
         linear, _ = braking.deceleration(self._profile)
-        holds = []
+        limits = []
         for code, delay_s, assumed_s, who in (
             ("robot_late", latency_s, parameters.latency_s, "the robot answers"),
             ("operator_late", self.operator_delay_s or 0.0, parameters.operator_delay_s, "the page answers"),
         ):
             if delay_s > assumed_s:
                 mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)
-                holds.append(
+                limits.append(
                     SpeedLimit(code, f"held to {words.figure(mps)} m/s: {who} after {delay_s:.2f} s", mps)
                 )
-        return holds
+        return limits
 
-    def _depth_hold(self, wanted: Velocity, now_s: float) -> list[SpeedLimit]:
-        """The limit for a way that the depth camera does not show, so that table tops in it may be news."""
+    def _depth_limit(self, wanted: Velocity, now_s: float) -> list[SpeedLimit]:
+        """Return the limit for a way outside the depth picture: table tops on it may be unknown."""
         if not self._profile.has_depth:
             return []
         age_s = self._depth.freshness.age_s(now_s) if self._depth else None
@@ -200,10 +205,10 @@ class Holds:
             return [self._blind("depth_missing", f"no picture of the depth camera has come yet{why}")]
         if age_s > DEPTH_STALE_S:
             return [self._blind("depth_stale", f"the depth camera’s picture is {words.age(age_s)} old{why}")]
-        return self._head_hold(self._depth, wanted)
+        return self._head_limit(self._depth, wanted)
 
-    def _head_hold(self, depth: DepthCamera, wanted: Velocity) -> list[SpeedLimit]:
-        """The limit for a way that leaves the depth camera's picture. No head turns far enough to look behind."""
+    def _head_limit(self, depth: DepthCamera, wanted: Velocity) -> list[SpeedLimit]:
+        """Return the limit for a way that leaves the depth picture. No head turns far enough for reverse."""
         direction = math.atan2(wanted.vy, wanted.vx)
         if abs(direction) > REVERSE_RAD:
             return []
@@ -224,7 +229,7 @@ class Holds:
         return SpeedLimit(code, f"held to {words.figure(mps)} m/s: {why}", mps)
 
     def _swings_unwatched(self, footprint: Footprint) -> bool:
-        """Whether turning takes corners to where neither laser nor sonar looks. A disc has none."""
+        """Return whether a turn moves corners to a place without laser and sonar. A disc has no corners."""
         if footprint.turns_freely:
             return False
         return any(
@@ -240,13 +245,13 @@ class Holds:
         return limits.lateral_mps
 
     def unseen(self, now_s: float) -> list[Sector]:
-        """Where round the base neither laser nor sonar looks."""
+        """Return the sectors around the base without laser and sonar."""
         heard = [sonar.sector for sonar in self._sonars if sonar.freshness.within(SONAR_STALE_S, now_s)]
         lasers = [laser.sector for laser in self._lasers if laser.freshness.within(LASER_STALE_S, now_s)]
         return gaps_between([*heard, *(sector for sector in lasers if sector is not None)])
 
-    def _direction_hold(self, direction: float, now_s: float) -> list[SpeedLimit]:
-        """The limit for a direction of travel: lasers watch it, or sonars, or nobody."""
+    def _direction_limit(self, direction: float, now_s: float) -> list[SpeedLimit]:
+        """Return the limit for a direction of travel that no laser watches."""
         if any(laser.covers(direction) for laser in self._lasers):
             return []
         sonars = [sonar for sonar in self._sonars if sonar.watches(direction)]
@@ -269,5 +274,5 @@ class Holds:
 
 
 def late_share(age_s: float) -> float:
-    """Share of a twist by the age of the newest scan: all until 0.22 s, nothing from 0.28 s on."""
+    """Return the allowed share of a twist by the age of the newest scan: 1 until 0.22 s, 0 from 0.28 s."""
     return min(max((LASER_HALT_S - age_s) / (LASER_HALT_S - LASER_LATE_S), 0.0), 1.0)
