@@ -13,8 +13,7 @@ from django.views.defaults import server_error
 
 from fleet.accounts.hashing import HashingBusy
 from fleet.accounts.requests import wants_json
-from fleet.audit import AuditUnavailable
-from fleet.audit.errors import cause_of
+from fleet.audit.errors import AuditUnavailable, cause_of
 
 logger = logging.getLogger(__name__)
 

@@ -8,7 +8,8 @@ from django.db import connection
 from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.backends.signals import connection_created
 
-from fleet.audit import AuditUnavailable, record
+from fleet.audit.errors import AuditUnavailable
+from fleet.audit.services import record
 
 # Characters. Large records take the free pages, small ones what is left in others.
 FILLERS = (100_000, 1_000, 0)

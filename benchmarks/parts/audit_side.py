@@ -31,9 +31,11 @@ from django.urls import reverse
 
 from benchmarks.parts import lab, past
 from fleet.accounts.models import User
-from fleet.audit import AuditUnavailable, exports, record
+from fleet.audit import exports
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.listing import CONSOLE, Selection, Wanted
 from fleet.audit.models import Record
+from fleet.audit.services import record
 from fleet.audit.verify import verify_all
 from robots.registry.models import Robot
 from teleop.models import ControlSession

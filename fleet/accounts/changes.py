@@ -3,21 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from fleet.audit import actor_renamed, record
+from django.contrib.auth.models import AbstractUser
+from django.db import transaction
+
 from fleet.audit.command_line import here
-
-if TYPE_CHECKING:
-    from fleet.accounts.models import User
+from fleet.audit.services import actor_renamed, record
 
 SHOWN = ("username", "full_name", "email", "is_active", "is_staff", "is_superuser")
 RECORDED = (*SHOWN, "password")  # of a password only that it changed
 RIGHTS = ("is_active", "is_staff", "is_superuser")  # on record for ever; all else says who somebody is
 
 
-def between(before: User, person: User, fields: Collection[str]) -> list[dict[str, Any]]:
-    """Which of these fields have other values than before. To be asked before they are saved."""
+class RecordedUser(AbstractUser):
+    """An account whose changes are recorded. A change that cannot be recorded is not saved."""
+
+    changed_by: AbstractUser | None = None  # the person who saves this next; None: the command line
+
+    class Meta(AbstractUser.Meta):
+        abstract = True
+
+    def save(self, **options: Any) -> None:
+        """Save, and record what that changes."""
+        fields = options.get("update_fields") or RECORDED
+        if set(fields).isdisjoint(RECORDED):  # a sign-in notes its time
+            super().save(**options)
+            return
+        with transaction.atomic():
+            new = self._state.adding
+            before = type(self)() if new else type(self).objects.select_for_update().get(pk=self.pk)
+            changes = _changes(before, self, fields)
+            super().save(**options)
+            if new:
+                _record("account.create", self, changes)  # what differs from a blank account
+            elif changes:
+                _record("account.change", self, changes)
+                if {"username", "full_name"} & {change["field"] for change in changes}:
+                    actor_renamed(self)
+
+    def record_deletion(self) -> None:
+        """Record that the account is deleted. The admin deletes none; a program may."""
+        _record("account.delete", self, [])
+
+
+def _changes(before: AbstractUser, person: AbstractUser, fields: Collection[str]) -> list[dict[str, Any]]:
+    """Which of these fields have other values than before."""
     changes: list[dict[str, Any]] = [
         {"field": name, "from": getattr(before, name), "to": getattr(person, name)}
         for name in SHOWN
@@ -28,26 +59,7 @@ def between(before: User, person: User, fields: Collection[str]) -> list[dict[st
     return changes
 
 
-def made(person: User, changes: list[dict[str, Any]]) -> None:
-    """Record a new account, by what differs from a blank one."""
-    _record("account.create", person, changes)
-
-
-def changed(person: User, changes: list[dict[str, Any]]) -> None:
-    """Record a change, if it is one."""
-    if not changes:
-        return
-    _record("account.change", person, changes)
-    if {"username", "full_name"} & {change["field"] for change in changes}:
-        actor_renamed(person)
-
-
-def deleted(person: User) -> None:
-    """Record an account that goes. The admin deletes none; a program may."""
-    _record("account.delete", person, [])
-
-
-def _password_changed(before: User, person: User) -> bool:
+def _password_changed(before: AbstractUser, person: AbstractUser) -> bool:
     """Whether it is another password, and not the same one under a newer hash, which Django writes at sign-in."""
     if person.password == before.password:
         return False
@@ -55,7 +67,7 @@ def _password_changed(before: User, person: User) -> bool:
     return typed or not person.has_usable_password() or not before.has_usable_password()
 
 
-def _record(kind: str, person: User, changes: list[dict[str, Any]]) -> None:
+def _record(kind: str, person: RecordedUser, changes: list[dict[str, Any]]) -> None:
     """Which fields, and of rights the values, are kept for ever; names and addresses are not."""
     kept = [change if change["field"] in RIGHTS else {"field": change["field"]} for change in changes]
     told: dict[str, Any] = {"changes": kept} if changes else {}
@@ -64,5 +76,5 @@ def _record(kind: str, person: User, changes: list[dict[str, Any]]) -> None:
         kind,
         actor=person.changed_by or here(),
         parameters={"user": str(person.pk), **told},
-        private={"name": person.display_name, **whole},
+        private={"name": str(person), **whole},
     )

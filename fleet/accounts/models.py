@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import uuid
-from typing import Any
 
-from django.contrib.auth.models import AbstractUser
 from django.contrib.sessions.models import Session
-from django.db import models, transaction
+from django.db import models
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
-from fleet.accounts import changes
+from fleet.accounts.changes import RecordedUser
 from fleet.accounts.devices import device_of
 
 
-class User(AbstractUser):
+class User(RecordedUser):
     """A person. `is_staff` makes them staff on every robot; other roles are given robot by robot."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -23,26 +21,11 @@ class User(AbstractUser):
     last_name = None  # type: ignore[assignment]
     full_name = models.CharField(_("name"), max_length=150, blank=True, help_text=_("As others see it."))
 
-    changed_by: User | None = None  # who saves this next, for the record; None: the command line
-
-    class Meta(AbstractUser.Meta):
+    class Meta(RecordedUser.Meta):
         ordering = ["username"]
 
     def __str__(self) -> str:
         return self.display_name
-
-    def save(self, **options: Any) -> None:
-        """Save, and put on record what that changes; what cannot be recorded is not done."""
-        fields = options.get("update_fields") or changes.RECORDED
-        if set(fields).isdisjoint(changes.RECORDED):  # a sign-in notes its time
-            super().save(**options)
-            return
-        with transaction.atomic():
-            new = self._state.adding
-            before = User() if new else User.objects.select_for_update().get(pk=self.pk)
-            differences = changes.between(before, self, fields)
-            super().save(**options)
-            (changes.made if new else changes.changed)(self, differences)
 
     @property
     def display_name(self) -> str:

@@ -14,9 +14,10 @@ from django.utils import timezone
 
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.selectors import sign_ins_of
-from fleet.audit import SystemAccount, record
+from fleet.audit.command_line import SystemAccount
 from fleet.audit.erasure import erase, pseudonym
 from fleet.audit.models import Record
+from fleet.audit.services import record
 
 FROM_THE_LIST = "ended from the session list"
 NAMES = ("username", "full_name", "email")  # the fields of an account that say who it is

@@ -9,9 +9,9 @@ from django.db.models.signals import pre_delete
 from django.dispatch import receiver
 from django.http import HttpRequest
 
-from fleet.accounts import changes, services, throttle
+from fleet.accounts import services, throttle
 from fleet.accounts.models import User
-from fleet.audit import record
+from fleet.audit.services import record
 
 
 @receiver(user_logged_in)
@@ -39,4 +39,4 @@ def _sign_in_failed(*, credentials: dict[str, Any], request: HttpRequest | None,
 
 @receiver(pre_delete, sender=User)  # within the transaction of the deletion
 def _account_deleted(*, instance: User, **_: Any) -> None:
-    changes.deleted(instance)
+    instance.record_deletion()

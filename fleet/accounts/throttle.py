@@ -17,8 +17,8 @@ from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
 from fleet.accounts.models import SignInAttempt, User
-from fleet.audit import record
 from fleet.audit.models import Record
+from fleet.audit.services import record
 
 FAILURES = 10  # of one name from one address
 FAILURES_OF_ADDRESS = 50  # of all names: a whole lab may sit behind one address

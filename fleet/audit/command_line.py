@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import os
 import pwd
+from typing import NamedTuple
 
-from fleet.audit import SystemAccount
+
+class SystemAccount(NamedTuple):
+    """A person at the command line of this computer, who has no other name."""
+
+    name: str
 
 
 def here() -> SystemAccount:

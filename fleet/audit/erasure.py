@@ -16,10 +16,10 @@ from django.db.models import Max, Q, QuerySet, TextField
 from django.db.models.functions import Cast
 from django.utils import timezone
 
-from fleet.audit import SystemAccount, record
+from fleet.audit.command_line import SystemAccount
 from fleet.audit.models import Actor, Content, Record
 from fleet.audit.retention import empty_wal, take_out
-from fleet.audit.services import wait_for_writers
+from fleet.audit.services import record, wait_for_writers
 
 PAUSE_S = 0.02  # between two steps: other writers come in
 

@@ -18,9 +18,11 @@ from django.http import StreamingHttpResponse
 from django.utils import timezone
 from msgspec.structs import asdict
 
-from fleet.audit import AuditUnavailable, record, wording
+from fleet.audit import wording
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.listing import Row, Selection, Wanted
 from fleet.audit.models import Record
+from fleet.audit.services import record
 
 log = logging.getLogger(__name__)
 

@@ -17,11 +17,11 @@ from django.contrib.auth.models import AbstractUser
 from django.db import connection, transaction
 from django.db.models import Max, Min
 
-from fleet.audit import SystemAccount, record
 from fleet.audit.canonical import NO_ROBOT
+from fleet.audit.command_line import SystemAccount
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Chain, Content, Record
-from fleet.audit.services import lock_chain
+from fleet.audit.services import lock_chain, record
 
 # Whatever the settings say: verification believes no other checkpoint.
 RECORDS_KEPT_AT_LEAST = timedelta(days=365)

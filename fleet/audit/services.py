@@ -1,4 +1,4 @@
-"""Writing to the audit log. Callers use `fleet.audit.record` and `fleet.audit.actor_renamed`.
+"""Writing to the audit log.
 
 A record is appended to the chain of its robot, or to that of no robot. Who appends holds the chain until the commit: on
 PostgreSQL by a lock on its row, on SQLite as the one writer. So chains never fork, however many processes write.
@@ -17,7 +17,6 @@ from django.contrib.auth.models import AbstractUser
 from django.db import InterfaceError, InternalError, OperationalError, connection, transaction
 from django.utils import timezone
 
-from fleet.audit import SystemAccount
 from fleet.audit.canonical import (
     NO_ROBOT,
     bounded_text,
@@ -27,6 +26,7 @@ from fleet.audit.canonical import (
     plain,
     plain_text,
 )
+from fleet.audit.command_line import SystemAccount
 from fleet.audit.errors import AuditUnavailable, UnknownKind
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Actor, Chain, Content, Record
@@ -35,23 +35,35 @@ NAME_LENGTH = 200  # characters of a name or an outcome; the rest is cut off
 SALT_BYTES = 16
 
 
-def write(
+def record(
     kind: str,
     *,
-    actor: AbstractUser | SystemAccount | None,
-    real_actor: AbstractUser | SystemAccount | None,
-    robot_id: uuid.UUID | None,
-    robot_name: str,
-    session_id: uuid.UUID | None,
-    fence: int | None,
-    request_id: uuid.UUID | None,
-    of: Record | int | None,
-    outcome: str,
-    parameters: dict[str, Any],
-    text: str,
-    private: dict[str, Any],
+    actor: AbstractUser | SystemAccount | None = None,
+    real_actor: AbstractUser | SystemAccount | None = None,
+    robot_id: uuid.UUID | None = None,
+    robot_name: str = "",
+    session_id: uuid.UUID | None = None,
+    fence: int | None = None,
+    request_id: uuid.UUID | None = None,
+    of: Record | int | None = None,
+    outcome: str = "",
+    parameters: dict[str, Any] | None = None,
+    text: str = "",
+    private: dict[str, Any] | None = None,
 ) -> Record:
-    """Append one record, or raise `AuditUnavailable`."""
+    """Append one record. It is committed on return, or with the transaction around the call.
+
+    `kind` is one of `fleet.audit.kinds`. `actor` None means the console itself; `real_actor` is the person who really
+    did it, if that is somebody else. `session_id` is the control session, `fence` the fence of its lease. `of` is
+    the earlier record whose outcome this is; robot, session, fence and request are copied from it unless given.
+
+    `parameters` are kept for ever: plain facts, persons by their identifier, no free text. `text` is what a person
+    wrote or a robot said; it can be searched. `private` has other details. Both expire, and go when a person is erased.
+    Of a text of more than 4 KiB the beginning is kept, and its length.
+
+    Raises `AuditUnavailable` when the database cannot be written: the caller must not do what it wanted to record.
+    `ValueError` for an unknown kind or a value that is no JSON.
+    """
     if kind not in KINDS:
         raise UnknownKind(kind)
     people = {_id_of(person): person for person in (actor, real_actor) if person is not None}
@@ -64,9 +76,9 @@ def write(
         session_id=session_id,
         fence=fence,
         outcome=_short(outcome),
-        parameters=plain(parameters, bounded_text),
+        parameters=plain(parameters or {}, bounded_text),
     )
-    content = _content(text, private)
+    content = _content(text, private or {})
     if content is not None:
         new.content_digest = content_digest(content.salt, content.text, content.data)
     with _in_words(), transaction.atomic(savepoint=False):
@@ -78,8 +90,8 @@ def write(
     return new
 
 
-def rename_actor(person: AbstractUser) -> None:
-    """Show a person's records under their present name; an erased person has none."""
+def actor_renamed(person: AbstractUser) -> None:
+    """Show a person's records under their present name; an erased person has none. Raises `AuditUnavailable`."""
     with _in_words():
         Actor.objects.filter(pk=_id_of(person), erased_at=None).update(name=_name(person))
 

@@ -27,9 +27,9 @@ from django.db.models import Exists, Max, OuterRef
 from django.utils import timezone
 
 from fleet.accounts.models import User
-from fleet.audit import AuditUnavailable, record
-from fleet.audit.errors import cause_of
+from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
+from fleet.audit.services import record
 from robots.bridge.audit.drive_path import Sample
 from robots.bridge.audit.record_sink import (
     BadRecord,

@@ -15,9 +15,8 @@ from uuid import UUID
 from django.db import transaction
 from django.utils import timezone
 
-from fleet.audit import record
 from fleet.audit.models import Record
-from fleet.audit.services import lock_chain
+from fleet.audit.services import lock_chain, record
 from robots.bridge.config import LinkAddress
 from robots.link.client import LinkRefused, state_once
 from robots.registry.models import BridgeStatus, Robot

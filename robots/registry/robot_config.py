@@ -1,6 +1,6 @@
 """Effective configuration of one robot: its profile with the robot's own entries on top; see `of`.
 
-Everything here raises `described.Problems` where the JSON of profile or robot is wrong; what was saved
+Everything here raises `profile_schema.Problems` where the JSON of profile or robot is wrong; what was saved
 through the admin or `robots.registry.services` never is.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import msgspec
 from msgspec import Struct
@@ -33,17 +33,43 @@ from robots.registry.profile_schema import (
     unknown_steps,
 )
 
-if TYPE_CHECKING:
-    from robots.registry.models import Robot, RobotProfile
-
 BEGINNER_MPS = 0.4  # the fastest that a full stick may mean before a person raises the speed share
 MAY_BE_ZERO = {"reverse_mps", "lateral_mps"}  # a robot may be held from reversing, not from moving at all
+
+
+class ProfileFields(Protocol):
+    """Fields of `models.RobotProfile` that are read here, and those of `Limits`."""
+
+    forward_mps: float
+    reverse_mps: float
+    lateral_mps: float
+    default_share: float
+    drive_topic: str
+    drive_type: str
+    footprint: Any
+    topics: Any
+    gate: Any
+    stick: Any
+
+
+class RobotFields(Protocol):
+    """Fields of `models.Robot` that are read here."""
+
+    @property
+    def profile(self) -> ProfileFields: ...
+
+    enabled: bool
+    drive_topic: str
+    default_share: float | None
+    max_share: float
+    overrides: Any
+    stick: Any
 
 
 # --- of a profile --------------------------------------------------------------------------------
 
 
-def footprint(profile: RobotProfile) -> Footprint:
+def footprint(profile: ProfileFields) -> Footprint:
     """The footprint; an outline goes counter-clockwise, whichever way it was written."""
     given = first_of(footprint_problems, parsed(Footprint, profile.footprint))
     if given.outline is not None and _clockwise(given.outline):
@@ -56,17 +82,17 @@ def _clockwise(outline: list[tuple[float, float]]) -> bool:
     return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(outline, following, strict=True)) < 0.0
 
 
-def profile_topics(profile: RobotProfile) -> Topics:
+def profile_topics(profile: ProfileFields) -> Topics:
     """The ROS interface of this kind of robot."""
     return _topics(profile, profile.drive_topic, profile.topics)
 
 
-def profile_parameters(profile: RobotProfile) -> Parameters:
+def profile_parameters(profile: ProfileFields) -> Parameters:
     """The gate's parameters for this kind of robot."""
     return first_of(parameter_problems, parsed(Parameters, profile.gate))
 
 
-def profile_stick(profile: RobotProfile) -> tuple[StickStep, ...]:
+def profile_stick(profile: ProfileFields) -> tuple[StickStep, ...]:
     """Input filters of this kind of robot."""
     return _stick(profile.stick)
 
@@ -76,7 +102,7 @@ def _stick(given: object) -> tuple[StickStep, ...]:
     return first_of(stick_problems, parsed(StickChain, {"stick": given})).stick
 
 
-def _topics(profile: RobotProfile, drive_topic: str, rest: object) -> Topics:
+def _topics(profile: ProfileFields, drive_topic: str, rest: object) -> Topics:
     if not isinstance(rest, dict):
         raise Problems(["Write an object with odometry, scans and so on."])
     if "drive" in rest:
@@ -97,7 +123,7 @@ class Effective(Struct, frozen=True):
     default_share: float  # the speed share that a page begins with
 
 
-def of(robot: Robot) -> Effective:
+def of(robot: RobotFields) -> Effective:
     """Effective configuration; of limits and parameters the more careful of profile and robot."""
     profile, own = robot.profile, overrides(robot)
     expected = profile_topics(profile)
@@ -120,17 +146,17 @@ def of(robot: Robot) -> Effective:
     return Effective(interface, gate, stick(robot), _default_share(robot, gate.limits))
 
 
-def overrides(robot: Robot) -> Overrides:
+def overrides(robot: RobotFields) -> Overrides:
     """The robot's own entries."""
     return parsed(Overrides, robot.overrides)
 
 
-def topics(robot: Robot) -> Topics:
+def topics(robot: RobotFields) -> Topics:
     """The robot's ROS interface alone, whatever the rest of its entry says."""
     return _own_topics(robot, overrides(robot), profile_topics(robot.profile))
 
 
-def _own_topics(robot: Robot, own: Overrides, expected: Topics) -> Topics:
+def _own_topics(robot: RobotFields, own: Overrides, expected: Topics) -> Topics:
     merged = {**robot.profile.topics, **own.topics}
     given = _topics(robot.profile, robot.drive_topic or robot.profile.drive_topic, merged)
     return first_of(lambda given: _taken_away(given, expected), given)
@@ -175,33 +201,33 @@ def _careful(own: Parameters, theirs: Parameters) -> Parameters:
     return Parameters(**careful)
 
 
-def _own_parameters(robot: Robot, own: Overrides) -> Parameters:
+def _own_parameters(robot: RobotFields, own: Overrides) -> Parameters:
     return first_of(parameter_problems, parsed(Parameters, {**robot.profile.gate, **own.gate}))
 
 
-def _limits(profile: RobotProfile, own: Overrides) -> Limits:
+def _limits(profile: ProfileFields, own: Overrides) -> Limits:
     return Limits(**{name: _lower(profile, own, name) for name in Limits.__struct_fields__})
 
 
-def _lower(profile: RobotProfile, own: Overrides, name: str) -> float:
+def _lower(profile: ProfileFields, own: Overrides, name: str) -> float:
     """The lower of the two, so that lowering a profile later reaches robots with entries of their own."""
     theirs: float = getattr(profile, name)
     mine: float | None = getattr(own.limits, name)
     return theirs if mine is None else min(mine, theirs)
 
 
-def _default_share(robot: Robot, limits: Limits) -> float:
+def _default_share(robot: RobotFields, limits: Limits) -> float:
     """Above neither the largest share of this robot nor `BEGINNER_MPS`."""
     fastest_mps = _fastest_mps(limits)
     beginner = BEGINNER_MPS / fastest_mps if fastest_mps > BEGINNER_MPS else 1.0
     return min(_asked_share(robot), robot.max_share, beginner)
 
 
-def _asked_share(robot: Robot) -> float:
+def _asked_share(robot: RobotFields) -> float:
     return robot.profile.default_share if robot.default_share is None else robot.default_share
 
 
-def _fastest_mps(given: Limits | RobotProfile) -> float:
+def _fastest_mps(given: Limits | ProfileFields) -> float:
     return max(given.forward_mps, given.reverse_mps, given.lateral_mps)
 
 
@@ -209,7 +235,7 @@ def _depth_view(source: DepthSource | None) -> DepthView | None:
     return DepthView(source.height_m, source.own_m, source.blind_m) if source else None
 
 
-def stick(robot: Robot) -> tuple[StickStep, ...]:
+def stick(robot: RobotFields) -> tuple[StickStep, ...]:
     """Input filters: the robot's own, or its profile's."""
     return profile_stick(robot.profile) if robot.stick is None else _stick(robot.stick)
 
@@ -217,7 +243,7 @@ def stick(robot: Robot) -> tuple[StickStep, ...]:
 # --- checks at the door --------------------------------------------------------------------------
 
 
-def check_overrides(robot: Robot) -> None:
+def check_overrides(robot: RobotFields) -> None:
     """A robot's own entries are well formed and tighten; `Problems` if not. One out of service may stay as it is:
     an edit of its profile must not keep anybody from disabling it.
     """
@@ -243,7 +269,7 @@ def _under(field: str) -> Iterator[None]:
         raise Problems([f"{field}.{line}" for line in problems.lines]) from problems
 
 
-def _loosened_limits(own: Tightening, profile: RobotProfile) -> Iterator[str]:
+def _loosened_limits(own: Tightening, profile: ProfileFields) -> Iterator[str]:
     for name in Tightening.__struct_fields__:
         mine: float | None = getattr(own, name)
         theirs: float = getattr(profile, name)
@@ -255,12 +281,12 @@ def _loosened_limits(own: Tightening, profile: RobotProfile) -> Iterator[str]:
             yield f"limits.{name}: must not be negative, {mine:g} is"
 
 
-def check_profile_share(profile: RobotProfile) -> None:
+def check_profile_share(profile: ProfileFields) -> None:
     """Nobody begins faster than `BEGINNER_MPS` on this kind of robot."""
     _check_share(profile.default_share, _fastest_mps(profile))
 
 
-def check_robot_share(robot: Robot) -> None:
+def check_robot_share(robot: RobotFields) -> None:
     """Nobody begins faster than `BEGINNER_MPS` on this robot. One out of service may stay as it is."""
     if robot.enabled:
         limits = _limits(robot.profile, overrides(robot))

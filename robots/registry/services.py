@@ -13,8 +13,8 @@ from django.db import models, transaction
 from django.utils import timezone
 from msgspec import convert, to_builtins
 
-from fleet.audit import SystemAccount, record
-from fleet.audit.command_line import here
+from fleet.audit.command_line import SystemAccount, here
+from fleet.audit.services import record
 from robots.registry import shipped
 from robots.registry.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile, RobotRole, Role
 from robots.registry.phrases import Line, tags_text

@@ -11,9 +11,10 @@ from uuid import UUID, uuid4
 
 from django.db import DatabaseError
 
-from fleet import audit
 from fleet.accounts.models import User
-from fleet.audit import SystemAccount
+from fleet.audit import services as audit
+from fleet.audit.command_line import SystemAccount
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from robots.bridge.config import LinkAddress
 from robots.link.connections import LinkRefused
@@ -116,7 +117,7 @@ def record_press(
             parameters={"through": through, "times": times} if times > 1 else {"through": through},
             text=reason,
         )
-    except (audit.AuditUnavailable, DatabaseError) as error:
+    except (AuditUnavailable, DatabaseError) as error:
         by = actor.name if isinstance(actor, SystemAccount) else actor.pk
         log.error("a stop of robot %s by %s was sent, but not recorded: %s", robot_id, by, error)
         return None
@@ -132,5 +133,5 @@ def record_outcome(record: Record | None, *, actor: User | SystemAccount, result
     words = {"words": result.text} if isinstance(result, Refusal) else {}
     try:
         audit.record(record.kind, actor=actor, of=record, outcome=outcome, private=words)
-    except (audit.AuditUnavailable, DatabaseError) as error:
+    except (AuditUnavailable, DatabaseError) as error:
         log.error("the outcome %s of record %s was not recorded: %s", outcome, record.pk, error)

@@ -18,9 +18,9 @@ from django.conf import settings
 from django.db import DatabaseError, transaction
 from django.db.models import QuerySet
 
-from fleet import audit
 from fleet.accounts.models import User
-from fleet.audit.errors import cause_of
+from fleet.audit import services as audit
+from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import role_on, supervises
@@ -55,7 +55,7 @@ def recorded_change() -> Iterator[None]:
     try:
         with transaction.atomic():
             yield
-    except audit.AuditUnavailable as error:
+    except AuditUnavailable as error:
         raise NotStored(Refusal(error.code, error.text, error.rule)) from error
     except DatabaseError as error:
         raise NotStored(database_refusal(error)) from error

@@ -9,9 +9,10 @@ import msgspec
 from django.db import DatabaseError
 from msgspec import Struct
 
-from fleet import audit
 from fleet.accounts.models import User
+from fleet.audit import services as audit
 from fleet.audit.canonical import TEXT_BYTES
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from robots import wire
 from robots.link.client import LinkRefused
@@ -79,7 +80,7 @@ def _record_outcome(begun: Record, user: User, refusal: Refusal | None) -> None:
     outcome, words = (refusal.code, {"words": refusal.text}) if refusal else ("done", {})
     try:
         audit.record(begun.kind, actor=user, of=begun, outcome=outcome, private=words)
-    except (audit.AuditUnavailable, DatabaseError) as error:
+    except (AuditUnavailable, DatabaseError) as error:
         log.error("The outcome %s of record %s was not recorded: %s", outcome, begun.pk, error)
 
 

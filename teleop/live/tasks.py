@@ -10,8 +10,9 @@ from typing import Protocol
 
 from django.db import DatabaseError
 
-from fleet import audit
 from fleet.accounts.models import User
+from fleet.audit import services as audit
+from fleet.audit.errors import AuditUnavailable
 from robots import wire
 from robots.bridge.drive import twists
 from robots.link.client import LinkRefused
@@ -154,5 +155,5 @@ def _record_cancel(what: str, hub: RobotHub, user: User, answer: Accepted | Refu
             fence=held.fence if held else None,
             outcome=answer.refusal.code if isinstance(answer, Refused) else "accepted",
         )
-    except (audit.AuditUnavailable, DatabaseError) as error:
+    except (AuditUnavailable, DatabaseError) as error:
         log.error("A cancel by %s of a %s was not recorded: %s", user.pk, what, error)

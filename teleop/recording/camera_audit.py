@@ -20,8 +20,9 @@ from django.db import DatabaseError
 from django.db.models import Exists, OuterRef
 from msgspec import Struct
 
-from fleet import audit
 from fleet.accounts.models import User
+from fleet.audit import services as audit
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from robots.wire import Refusal
 from teleop.background.database import in_database
@@ -122,7 +123,7 @@ class CameraAudit:
                 robot_name=self._robot_name,
                 parameters={"camera": camera},
             )
-        except (audit.AuditUnavailable, DatabaseError) as error:
+        except (AuditUnavailable, DatabaseError) as error:
             log.error("The start of a viewing by %s of %s was not recorded: %s", self._user.pk, camera, error)
             return None
 
@@ -132,7 +133,7 @@ def _record_end(start: Record, user: User, duration_s: float, outcome: str) -> N
         if not Record.objects.filter(of=start, kind="camera.end").exists():
             figures = {"duration_s": duration_s}
             audit.record("camera.end", actor=user, of=start, outcome=outcome, parameters=figures)
-    except (audit.AuditUnavailable, DatabaseError) as error:
+    except (AuditUnavailable, DatabaseError) as error:
         log.error("The end of record %s was not recorded: %s", start.pk, error)
 
 

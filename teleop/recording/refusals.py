@@ -14,8 +14,9 @@ from uuid import UUID
 
 from django.db import DatabaseError, close_old_connections
 
-from fleet import audit
 from fleet.accounts.models import User
+from fleet.audit import services as audit
+from fleet.audit.errors import AuditUnavailable
 from robots.wire import Refusal
 from teleop.recording.repeat_suppression import RepeatSuppressor
 
@@ -84,7 +85,7 @@ def write_record(refused: RefusedRequest, times: int) -> None:
             parameters=facts,
             private={"words": refusal.text, **whole},
         )
-    except (audit.AuditUnavailable, DatabaseError) as error:
+    except (AuditUnavailable, DatabaseError) as error:
         who = refused.person.pk
         logger.error("%d refusals (%s) for %s were not recorded: %s", times, refusal.code, who, error)
     finally:

@@ -3,8 +3,8 @@
 import pytest
 
 from fleet.accounts.models import User
-from fleet.audit import record
 from fleet.audit.models import Record
+from fleet.audit.services import record
 from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db

@@ -12,8 +12,9 @@ from django.contrib.auth import authenticate
 from django.core.management import call_command
 
 from fleet.accounts.models import User
-from fleet.audit import AuditUnavailable, record
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
+from fleet.audit.services import record
 from tests.conftest import PASSWORD
 
 NEW = "another long walk"

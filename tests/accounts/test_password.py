@@ -8,7 +8,7 @@ from django.db import connection
 
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in as still_signed_in
-from fleet.audit import AuditUnavailable
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from tests.conftest import PASSWORD
 

@@ -14,7 +14,7 @@ from django.utils import timezone
 
 from fleet.accounts import throttle
 from fleet.accounts.models import SignIn, SignInAttempt, User
-from fleet.audit import AuditUnavailable
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from tests.conftest import PASSWORD
 from tests.settings import PRODUCTION_PASSWORD_HASHERS

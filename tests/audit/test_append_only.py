@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from django.db import DatabaseError, connection, transaction
 
-from fleet.audit import actor_renamed, record
 from fleet.audit.errors import AppendOnly
 from fleet.audit.models import Actor, Chain, Content, Record
+from fleet.audit.services import actor_renamed, record
 from tests.audit.support import refused_by_the_database
 
 pytestmark = pytest.mark.django_db

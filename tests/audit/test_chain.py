@@ -17,10 +17,10 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from fleet.accounts.models import User
-from fleet.audit import record
 from fleet.audit.canonical import canonical, plain
 from fleet.audit.errors import NotPlain
 from fleet.audit.models import Chain, Record
+from fleet.audit.services import record
 from fleet.audit.verify import verify_all
 
 ROBOT = uuid.UUID("7b0c1d9e-0000-4000-8000-000000000001")
@@ -28,7 +28,8 @@ ROOT = Path(__file__).parents[2]
 WRITER = """
 import sys, uuid, django
 django.setup()
-from fleet.audit import AuditUnavailable, record
+from fleet.audit.errors import AuditUnavailable
+from fleet.audit.services import record
 robots = [uuid.UUID(word) if word != "none" else None for word in sys.argv[2:]]
 
 def write(robot, number):

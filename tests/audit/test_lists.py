@@ -10,11 +10,11 @@ from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 
-from fleet.audit import record
 from fleet.audit.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS, Listing, kinds_listed
 from fleet.audit.listing import CONSOLE, COUNTED, Selection, Wanted, seen
 from fleet.audit.models import Chain, Record
+from fleet.audit.services import record
 
 pytestmark = pytest.mark.django_db
 

@@ -4,9 +4,9 @@ import pytest
 
 from benchmarks.parts.lab import RARE_OUTCOME
 from benchmarks.parts.past import Past
-from fleet.audit import record
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
+from fleet.audit.services import record
 from fleet.audit.verify import verify_all
 from robots.registry.models import Robot
 from teleop.models import ControlSession

@@ -13,10 +13,11 @@ from django.core.management import call_command
 from django.db import DatabaseError, connection, transaction
 from django.utils import timezone as django_timezone
 
-from fleet.audit import record, retention
+from fleet.audit import retention
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Content, Record
 from fleet.audit.retention import expire, remove
+from fleet.audit.services import record
 from fleet.audit.verify import compare, verify_all
 
 pytestmark = pytest.mark.django_db

@@ -3,10 +3,10 @@
 import pytest
 from django.db import connection
 
-from fleet.audit import record
 from fleet.audit.listing import Selection, Wanted
 from fleet.audit.models import Content
 from fleet.audit.search import words_of
+from fleet.audit.services import record
 
 pytestmark = pytest.mark.django_db
 

@@ -13,8 +13,9 @@ import pytest
 from django.db import connection
 
 from fleet.accounts.models import User
-from fleet.audit import AuditUnavailable, record
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
+from fleet.audit.services import record
 from robots.bridge.audit.drive_path import Sample
 from robots.bridge.audit.record_sink import (
     BadRecord,

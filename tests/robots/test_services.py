@@ -14,7 +14,7 @@ from django.core.exceptions import ValidationError
 from django.db import connections
 
 from fleet.accounts.models import User
-from fleet.audit import AuditUnavailable
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from robots.registry import services
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role

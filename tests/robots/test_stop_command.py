@@ -18,7 +18,7 @@ from django.db import OperationalError
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, unix_serve
 
-from fleet.audit import AuditUnavailable
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from robots import wire
 from robots.bridge.link_handler import OTHER_ROBOT
@@ -147,7 +147,7 @@ def test_a_stop_that_cannot_be_recorded_is_made_all_the_same(
 ) -> None:
     stopped, errors = bridge(robot), StringIO()
     full = AuditUnavailable("audit_disk_full", "the disk is full")
-    with mock.patch("fleet.audit.record", autospec=True, side_effect=full):
+    with mock.patch("fleet.audit.services.record", autospec=True, side_effect=full):
         call_command("stop", "tiago-1", stdout=StringIO(), stderr=errors)
     assert len(stopped.stops) == 1
     assert "tiago-1: not recorded" in errors.getvalue()

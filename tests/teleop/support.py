@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import msgspec
 from channels.testing import WebsocketCommunicator
 
-from fleet import audit
+from fleet.audit.errors import AuditUnavailable
 from fleet.site.asgi import application
 from robots import wire
 from robots.bridge.server.link_server import Link, LinkServer
@@ -57,7 +57,7 @@ async def eventually(find: Callable[[], T]) -> T:
 
 def unavailable(*_args: Any, **_kwargs: Any) -> None:
     """Replaces `audit.record` when the database cannot be written."""
-    raise audit.AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+    raise AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
 
 
 class FakeBridge:

@@ -7,8 +7,8 @@ from django.urls import reverse
 from django.utils import timezone
 
 from fleet.accounts.services import account_erase
-from fleet.audit import record
 from fleet.audit.models import Record
+from fleet.audit.services import record
 from teleop.models import ControlSession, EndReason
 
 pytestmark = pytest.mark.django_db

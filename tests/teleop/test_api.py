@@ -4,8 +4,8 @@ import pytest
 from django.db import connection
 from django.test.utils import CaptureQueriesContext
 
-from fleet.audit import record
 from fleet.audit.models import Content
+from fleet.audit.services import record
 from robots import wire
 from robots.registry.models import Phrase, RobotRole
 from teleop.background.database import in_database

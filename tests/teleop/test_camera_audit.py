@@ -8,8 +8,8 @@ import pytest
 from django.core.management import call_command
 from django.utils import timezone
 
-from fleet.audit import record
 from fleet.audit.models import Record
+from fleet.audit.services import record
 from robots import wire
 from robots.registry.models import RobotRole
 from teleop.background.database import in_database

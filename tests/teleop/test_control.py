@@ -12,7 +12,7 @@ from django.utils import timezone
 from msgspec import structs
 
 import robots.link.client
-from fleet import audit
+from fleet.audit import services as audit
 from fleet.audit.models import Record
 from robots import wire
 from robots.link.client import BridgeLink

@@ -7,7 +7,7 @@ from uuid import uuid4
 import pytest
 from django.db import OperationalError, connection
 
-from fleet import audit
+from fleet.audit import services as audit
 from fleet.audit.models import Record
 from robots.registry.models import Robot, RobotRole
 from robots.wire import Refusal

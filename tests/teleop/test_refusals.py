@@ -10,7 +10,7 @@ from uuid import uuid4
 import pytest
 
 from fleet.accounts.models import User
-from fleet.audit import AuditUnavailable
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from robots import wire
 from robots.wire import Refusal
@@ -182,7 +182,7 @@ def test_refusal_that_cannot_be_recorded_is_logged(operator, monkeypatch, caplog
     def fail(*_args, **_kwargs):
         raise full
 
-    monkeypatch.setattr("fleet.audit.record", fail)
+    monkeypatch.setattr("fleet.audit.services.record", fail)
     write_record(denied(operator), 3)
     assert "3 refusals (stopped)" in caplog.text
 

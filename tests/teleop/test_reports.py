@@ -14,9 +14,9 @@ from django.test.utils import CaptureQueriesContext
 from django.urls import reverse
 from django.utils.timezone import now
 
-from fleet.audit import record
 from fleet.audit.models import Record
 from fleet.audit.retention import take_out
+from fleet.audit.services import record
 from robots.registry.models import RobotRole, Role
 from robots.registry.services import role_set
 from teleop.models import ControlSession, EndReason

@@ -13,7 +13,7 @@ from django.core.management import call_command
 from django.urls import reverse
 from django.utils import timezone as django_timezone
 
-from fleet.audit import record
+from fleet.audit.services import record
 from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.gate.values import Pose
 from robots.registry.maps import map_seen

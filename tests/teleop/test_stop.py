@@ -9,8 +9,8 @@ from uuid import uuid4
 import pytest
 
 import robots.link.client
-from fleet import audit
 from fleet.accounts.models import User
+from fleet.audit import services as audit
 from fleet.audit.models import Record
 from robots import wire
 from robots.link.client import LinkRefused, links

@@ -18,7 +18,8 @@ from django.core.management.base import BaseCommand, CommandParser
 from django.db import DatabaseError, close_old_connections
 from django.utils import timezone
 
-from fleet.audit import AuditUnavailable, retention
+from fleet.audit import retention
+from fleet.audit.errors import AuditUnavailable
 from robots.processes.shutdown import told_to_end
 from robots.recording.faults import RobotWatch
 from teleop.control import rules, services

@@ -7,8 +7,9 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
-from fleet.audit import AuditUnavailable, retention
+from fleet.audit import retention
 from fleet.audit.command_line import here
+from fleet.audit.errors import AuditUnavailable
 
 
 class Command(BaseCommand):

@@ -13,8 +13,9 @@ import msgspec
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import DatabaseError
 
-from fleet import audit
+from fleet.audit import services as audit
 from fleet.audit.command_line import here
+from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Chain
 from fleet.audit.verify import Head, Verified, compare, verify_all, verify_one
 
@@ -72,7 +73,7 @@ class Command(BaseCommand):
             audit.record(
                 "audit.verify", actor=here(), outcome=outcome, parameters=parameters, private=private
             )
-        except (audit.AuditUnavailable, DatabaseError) as error:  # somebody who may only read verifies too
+        except (AuditUnavailable, DatabaseError) as error:  # somebody who may only read verifies too
             self.stderr.write(f"That it was verified is not on record: {error}")
 
 

@@ -21,7 +21,7 @@ from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import DatabaseError, connection
 
-from fleet.audit import AuditUnavailable
+from fleet.audit.errors import AuditUnavailable
 from robots.bridge.watchdog.config import watchdog_config
 from robots.processes.shutdown import leave_within
 from robots.recording.faults import bridge_is
