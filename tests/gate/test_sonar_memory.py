@@ -214,3 +214,29 @@ def test_much_that_is_heard_farther_off_does_not_push_a_leg_near_by_out():
     kept = world.gate._echoes.places()
     assert len(kept) == MOST
     assert np.hypot(kept[:, 0] + 0.55, kept[:, 1]).min() < 0.06
+
+
+class Trembling(World):
+    """A parked robot whose odometry, fused with other sensors, is never at rest."""
+
+    @property
+    def odometry(self):
+        x, y, yaw = np.random.default_rng(self.steps).normal(0.0, 0.001, 3)
+        return Pose(self.pose.x + x, self.pose.y + y, self.pose.yaw + yaw)
+
+
+def test_who_has_left_does_not_hold_a_robot_whose_odometry_trembles():
+    world = Trembling(tiago_profile(has_depth=True), shins(-0.8, 0.04))
+    full_reverse(world)
+    at = world.pose.x
+    world.put(FAR)
+    world.drive(REVERSE, 10.0)
+    assert world.pose.x < at - 0.5
+
+
+@pytest.mark.parametrize("degrees", [15, 28.6, 60])
+@pytest.mark.parametrize("thing", BEHIND)
+def test_trembling_odometry_takes_nothing_out_of_memory(thing, degrees):
+    world = Trembling(tiago_profile(), BEHIND[thing], sonar_cone=math.radians(degrees))
+    if full_reverse(world):
+        assert world.least_gap_m > 0.0

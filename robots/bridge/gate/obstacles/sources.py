@@ -143,7 +143,7 @@ class Sonar:
             return
         self._range_m = max(range_m, 0.0) if len(arc) else None
         self._complaint = ""
-        base = trail.pose_at(stamp_s) or trail.newest  # an echo with a wrong stamp still counts
+        base = trail.steadied_at(stamp_s) or trail.newest  # an echo with a wrong stamp still counts
         if base is not None:
             free_m = max(min(range_m, max_range_m), 0.0)
             self._memory.take(
