@@ -124,7 +124,7 @@ def delays(name: str, delays_s: Sequence[float]) -> list[Figure]:
 def times(
     name: str, delays_s: Sequence[float], bare_s: Sequence[float], share: float, limit: float | None
 ) -> Figure:
-    """How many times as long as bare rospy."""
+    """Return how many times as long as bare rospy."""
     return Figure(f"{name} / bare rospy", quantile(delays_s, share) / quantile(bare_s, share), "times", limit)
 
 

@@ -22,7 +22,7 @@ class Attack(NamedTuple):
 
     @property
     def quick(self) -> int:
-        """How many quick presses each of its slots has."""
+        """Return how many quick presses each of its slots has."""
         return QUICK if self.limits.times else 0
 
     @property

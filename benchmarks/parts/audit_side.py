@@ -109,7 +109,7 @@ def pages(newest: datetime, each: int) -> Iterator[tuple[str, str, float]]:
 
 
 def _opened(client: Client, address: str) -> float:
-    """How long a page took, in ms."""
+    """Return how long a page took, in ms."""
     began_s = time.perf_counter()
     response = client.get(address)
     took_ms = 1000.0 * (time.perf_counter() - began_s)

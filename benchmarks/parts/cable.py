@@ -129,11 +129,11 @@ class Cable:
         self.thawed.set()
 
     def transmission_s(self, count: int) -> float:
-        """How long so many bytes occupy the line."""
+        """Return how long so many bytes occupy the line."""
         return count * 8 / (self.profile.kbit_s * 1000.0) if self.profile else 0.0
 
     def way_s(self) -> float:
-        """How long a segment travels; a lost one waits for its repetition."""
+        """Return how long a segment travels; a lost one waits for its repetition."""
         if self.profile is None:
             return 0.0
         way_s = self.profile.round_trip_ms / 2000.0

@@ -2,8 +2,8 @@
 
 What the hand means is a chain of minimum-jerk movements (Flash and Hogan, 1985) with rests between them: to another
 direction and deflection, to the opposite one, or letting go. What the stick measures is that, with the physiological
-tremor of a held hand (8 to 12 Hz, on both axes, none once it is let go) and the sensor's resolution, 60 times a second.
-Tremor and resolution are shares of the stick's way: 0.01 to 0.025 rms, and one pixel of 60.
+tremor of a held hand (8 to 12 Hz, on both axes, none once it is let go) and the sensor's resolution, 60 times a
+second. Tremor and resolution are shares of the stick's way: 0.01 to 0.025 rms, and one pixel of 60.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Movement(NamedTuple):
 
     @property
     def lets_go(self) -> bool:
-        """Whether the hand leaves the stick, which springs back."""
+        """Return whether the hand leaves the stick, which springs back."""
         return self.x == 0.0 == self.w
 
 
@@ -69,7 +69,7 @@ def meant(movements: Sequence[Movement], times_s: Array) -> Array:
 
 
 def minimum_jerk(share: Array) -> Array:
-    """How much of a movement is done after a share of its time."""
+    """Return how much of a movement is done after a share of its time."""
     share = np.clip(share, 0.0, 1.0)
     done: Array = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     return done

@@ -80,7 +80,7 @@ def unfinished(log: Iterable[Entry], before_s: float) -> list[str]:
 
 
 def counts(received: Iterable[Received]) -> Counter[str]:
-    """How much of each kind reached the robot."""
+    """Return how much of each kind reached the robot."""
     return Counter(one.kind for one in received)
 
 

@@ -62,7 +62,7 @@ def measure_drawn(_: int) -> list[Figure]:
 
 
 def full_of(seed: int) -> Full:
-    """Which object stands where: each kind, way and start comes as often, one after the other."""
+    """Return which object stands where: each kind, way and start comes as often, one after the other."""
     kind, rest = seed % len(objects.OBJECTS), seed // len(objects.OBJECTS)
     way, rest = rest % len(objects.ANGLES), rest // len(objects.ANGLES)
     share = objects.SHARES[rest // 2 % 2]

@@ -24,7 +24,7 @@ class Fault(NamedTuple):
     angle: int = 0
 
     def is_told_by(self, moment: Moment) -> bool:
-        """Whether this is what the page shows at that moment."""
+        """Return whether this is what the page shows at that moment."""
         return moment.code in self.codes or any(self.limit == limit.code for limit in moment.limits)
 
 

@@ -107,7 +107,7 @@ def kept(trace: Trace, truth: Truth, limits: Limits) -> Keeping:
 
 
 def is_stuck(moment: Moment, truth: Truth, limits: Limits) -> bool:
-    """Whether a standing robot is held though it could go a little way, or turn as it is asked to."""
+    """Return whether a standing robot is held though it could go a little way, or turn as it is asked to."""
     moves = abs(moment.moving.vx) > STANDS_MPS or abs(moment.moving.w) > STANDS_RADPS
     if moves or moment.sent != STILL:
         return False
@@ -138,7 +138,7 @@ def _stepped(reached: Velocity, asked: Velocity, limits: Limits) -> Velocity:
 
 
 def _share(given: Velocity, asked: Velocity) -> float:
-    """How much of the asked twist this is: of its speed, or of its turning where nothing else is asked."""
+    """Return how much of the asked twist this is: of its speed, or of its turning where nothing else is asked."""
     return given.vx / asked.vx if asked.vx else given.w / asked.w if asked.w else 0.0
 
 

@@ -3,10 +3,10 @@
 It counts from the moment when nothing is nearer to the hull than half a metre any more. A run in which the robot was
 not held, or touched something before, says nothing of this.
 
-Behind the robot no sensor looks as high as what laser and camera saw of a thing before, and a leg that leaves a sonar's
-cone by its rim is heard no more, though it stands there. So what was seen before has no limit behind, and what was only
-heard does not keep the limit in every run. Away from both the robot must drive at once: the same cases are played with
-a stick that goes ahead in the end.
+Behind the robot no sensor looks as high as what laser and camera saw of a thing before, and a leg that leaves a
+sonar's cone by its rim is heard no more, though it stands there. So what was seen before has no limit behind, and
+what was only heard does not keep the limit in every run. Away from both the robot must drive at once: the same cases
+are played with a stick that goes ahead in the end.
 
 In `GLANCED` the head is turned aside before the thing goes, so that no sensor sees all of the place, until somebody
 presses *Look ahead*: from then on it counts.
@@ -145,7 +145,7 @@ def play(left: Left) -> Outcome:
 
 
 def until_again(trace: Trace, since_s: float) -> Outcome:
-    """How long the robot was held after the way was free. `since_s` is when what is in the way began to go."""
+    """Return how long the robot was held after the way was free. `since_s` is when what is in the way began to go."""
     if trace.touches:
         return Outcome(None)
     gone_s, was_held = math.inf, False

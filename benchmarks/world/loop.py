@@ -468,7 +468,7 @@ class Loop:
 
 
 def _is_due(ticks: int, hz: float) -> bool:
-    """Whether a sensor of this rate measures at the end of this tick."""
+    """Return whether a sensor of this rate measures at the end of this tick."""
     return math.floor(ticks * hz * TICK_S + 1e-9) > math.floor((ticks - 1) * hz * TICK_S + 1e-9)
 
 

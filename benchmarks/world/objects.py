@@ -290,7 +290,7 @@ def _outwards(radius_m: float, overlap_m: float, turned: float) -> Spot:
 
 
 def _turned(radius_m: float, random: Random) -> float:
-    """How far round the arc the object is met, radians: a tight arc must not begin at the object."""
+    """Return how far round the arc the object is met, radians: a tight arc must not begin at the object."""
     if radius_m > 1.0:
         return float(random.uniform(1.2, 2.2)) / radius_m
     return float(random.uniform(1.3, 1.9))

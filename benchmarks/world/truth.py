@@ -1,7 +1,7 @@
 """The true geometry around the robot, from MuJoCo's model: how far the way of a twist is free.
 
-Independent of everything in `robots.bridge.gate`: poses are laid along the arc and their distance to the true outlines
-is taken.
+Independent of everything in `robots.bridge.gate`: poses are laid along the arc and their distance to the true
+outlines is taken.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Truth:
         self.points: Floats = np.concatenate(outlines) if outlines else np.zeros((0, 2))
 
     def free_m(self, pose: Pose, twist: Velocity, longest_m: float, *, from_near: bool = False) -> float:
-        """How far the robot could go on with `twist` before it comes near something. A turn goes nowhere.
+        """Return how far the robot could go on with `twist` before it comes near something. A turn goes nowhere.
 
         With `from_near`, a way is free as well that begins near something and comes no nearer.
         """

@@ -5,7 +5,8 @@ robot's top. It was seen if a point of it was in the field of view, the range an
 nothing before it, at two measurements before the contact. A sonar's echo tells of nothing behind it, and a lost echo
 of nothing. The depth camera counts up to 4 m and above 5 cm: beyond, and below, obstacles and floor are one to any
 method. The laser counts up to 4 m as well: farther off a leg is thinner than the gap between its beams. What was seen
-for less than half a second is counted apart: a leg that comes between two sonars' cones is heard when it is beside one.
+for less than half a second is counted apart: a leg that comes between two sonars' cones is heard when it is beside
+one.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class Seen(NamedTuple):
 
     @property
     def in_time(self) -> bool:
-        """Whether there was time to stop."""
+        """Return whether there was time to stop."""
         return self.before_s >= IN_TIME_S
 
     def __str__(self) -> str:
@@ -112,7 +113,7 @@ def _surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
 
 
 def _in_view(loop: Loop, onlooker: Onlooker, look: Look, points: Floats) -> bool:
-    """Whether the sensor had any of the points before it."""
+    """Return whether the sensor had any of the points before it."""
     if look.sensor == LASER:
         origin, shown = _before_laser(loop, onlooker, points)
     elif look.sensor == DEPTH:
@@ -195,12 +196,12 @@ class Count(NamedTuple):
 
 
 def known_in_time(contact: Contact | None) -> bool:
-    """Whether there was a contact with what a sensor had seen in time."""
+    """Return whether there was a contact with what a sensor had seen in time."""
     return contact is not None and contact.seen is not None and contact.seen.in_time
 
 
 def count(contacts: Iterable[Contact | None]) -> Count:
-    """How many there were."""
+    """Return how many there were."""
     met = [contact for contact in contacts if contact]
     known = sum(known_in_time(contact) for contact in met)
     unseen = sum(contact.seen is None for contact in met)

@@ -34,7 +34,7 @@ class ListedLookups(RecordedAdmin):
     """
 
     def lookup_allowed(self, lookup: str, value: str, request: HttpRequest | None = None) -> bool:
-        """Whether an address may filter by this."""
+        """Return whether an address may filter by this."""
         return lookup in {f"{name}__exact" for name in self.list_filter}
 
 

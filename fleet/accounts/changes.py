@@ -60,7 +60,7 @@ def _changes(before: AbstractUser, person: AbstractUser, fields: Collection[str]
 
 
 def _password_changed(before: AbstractUser, person: AbstractUser) -> bool:
-    """Whether it is another password, and not the same one under a newer hash, which Django writes at sign-in."""
+    """Return whether the password changed. At sign-in Django may only write a newer hash of the same password."""
     if person.password == before.password:
         return False
     typed = person._password is not None  # type: ignore[attr-defined]  # from `set_password` until it is saved

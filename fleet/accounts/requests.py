@@ -16,5 +16,5 @@ def person_of(request: HttpRequest) -> User:
 
 
 def wants_json(request: HttpRequest) -> bool:
-    """Whether a script asks: browsers name HTML, scripts anything else or nothing."""
+    """Return whether a script asks: browsers name HTML, scripts anything else or nothing."""
     return request.get_preferred_type(["application/json", "text/html"]) == "application/json"

@@ -82,7 +82,7 @@ class FilterForm(forms.Form):
 
     @property
     def is_filtered(self) -> bool:
-        """Whether it asks for less than everything."""
+        """Return whether it asks for less than everything."""
         return any(self.data.get(name) for name in self.fields)
 
     def offer(self, name: str, choices: Sequence[tuple[str, Any]]) -> None:

@@ -1,7 +1,7 @@
 """Reading the log page by page: what is wanted, which records that is, and each request with what came of it.
 
-However many records there are, a page costs a few seeks: every filter has an index that ends in the record's number and
-carries the columns of the other filters, and pages are cut by number ("older than 4711"), not by counting rows.
+However many records there are, a page costs a few seeks: every filter has an index that ends in the record's number
+and carries the columns of the other filters, and pages are cut by number ("older than 4711"), not by counting rows.
 An index serves one kind and one person at a time, so several are read side by side and merged.
 """
 
@@ -207,7 +207,7 @@ class Selection:
         return [self._wanted.kind] if self._kinds is None or self._wanted.kind in self._kinds else []
 
     def _telling(self) -> list[tuple[str, str]]:
-        """Which outcomes records of the wanted kinds have, and those that tell how these ended."""
+        """Return which outcomes records of the wanted kinds have, and those that tell how these ended."""
         return seen(KINDS if self._wanted_kinds is None else with_ends(self._wanted_kinds))
 
     def _whats(self) -> list[Q]:
@@ -234,7 +234,7 @@ class Selection:
 
 
 def seen(kinds: Iterable[str]) -> list[tuple[str, str]]:
-    """Which outcomes records of these kinds have: pairs of kind and outcome. From one to the next by the index."""
+    """Return the outcomes of records of these kinds, as pairs of kind and outcome; the index skips repetitions."""
     kinds = list(kinds)
     if not kinds:
         return []

@@ -56,7 +56,7 @@ def keep_house(now: datetime) -> Iterator[None]:
 
 
 def clock_is_doubted(today: date) -> bool:
-    """Whether the log's days leapt, it goes on since less than `SILENCE`, and nobody has said that the clock is right.
+    """Return whether the log's days leapt less than `SILENCE` ago and nobody has confirmed the clock.
 
     By a clock that is years ahead everything looks old. A laboratory that was closed looks the same, so this waits:
     until the log has gone on for as long (that there is doubt is on record day by day), or until somebody says so.
@@ -74,7 +74,7 @@ def clock_is_doubted(today: date) -> bool:
 
 
 def is_doubt_on_record(today: date) -> bool:
-    """Whether housekeeping took nothing out lately because it doubts the clock: for pages, by the last that it said."""
+    """Return whether housekeeping doubts the clock at present, by its last record."""
     said = Record.objects.filter(kind="audit.clock").order_by("-pk").values_list("outcome", "day").first()
     return said is not None and said[0] == "doubted" and abs(today - said[1]) <= CLOCKS_DIFFER
 

@@ -34,7 +34,7 @@ def words_of(asked: str) -> tuple[str, ...]:
 
 
 def indexed(words: tuple[str, ...]) -> bool:
-    """Whether these words, if there are any, are looked up rather than looked for in all texts."""
+    """Return whether these words, if there are any, are looked up rather than looked for in all texts."""
     return not words or any(len(word) >= TRIGRAM for word in words)
 
 

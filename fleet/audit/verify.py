@@ -124,7 +124,7 @@ class Taken(Struct):
     misdated: dict[int, date] = msgspec.field(default_factory=dict)
 
     def covers(self, record: Any) -> bool:
-        """Whether it is right that the content of a record is gone."""
+        """Return whether it is right that the content of a record is gone."""
         return (
             record.day < self.before.get(record.kind, date.min)
             or record.id in self.erased
@@ -261,7 +261,7 @@ class _Walk:
         return ""
 
     def _counts(self, checkpoint: Any) -> bool:
-        """Whether what it says was removed is believed."""
+        """Return whether what it says was removed is believed."""
         if checkpoint.id not in self._removals:  # also one that was appended meanwhile
             self._removals = _removals(self._records)
         return checkpoint.id in self._removals
@@ -335,7 +335,7 @@ def _told(row: Any, kind: type[T]) -> T | None:
 
 
 def _is_to_come(day: date) -> bool:
-    """Whether it is a day that no clock that is right can have shown."""
+    """Return whether it is a day that no clock that is right can have shown."""
     return day > django_timezone.now().date() + CLOCKS_DIFFER
 
 

@@ -68,7 +68,7 @@ def subject(record: Record) -> str:
 
 
 def expired(record: Record) -> bool:
-    """Whether there was more than is still kept."""
+    """Return whether there was more than is still kept."""
     return bool(record.content_digest) and record.content_kept is None
 
 

@@ -67,7 +67,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         return super().create_application(protocol, scope)
 
     def entered(self, connection: channel.Channel) -> bool:
-        """Whether there is a place for a new connection; the oldest that only waits leaves for it."""
+        """Return whether there is a place for a new connection; the oldest that only waits leaves for it."""
         address = getattr(connection.transport.getPeer(), "host", None)
         if self.proxy_forwarded_address_header:
             address = None

@@ -29,7 +29,7 @@ class Connections(Generic[K]):
     _of_address: Counter[str] = field(default_factory=Counter)
 
     def admit(self, key: K, address: str | None) -> tuple[bool, K | None]:
-        """Whether this one may come in, and which waiting one must leave for it."""
+        """Return whether this one may come in, and which waiting one must leave for it."""
         leaves = None
         if address is not None and self._of_address[address] >= self.most_of_address:
             leaves = next((waiting for waiting in self._waiting if self._open[waiting] == address), None)

@@ -13,7 +13,7 @@ _thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sessions", initi
 
 
 def look_up(key: str) -> asyncio.Future[bool]:
-    """Whether there is such a session. A database that does not answer is Django's to put into words: yes."""
+    """Return whether there is such a session. A database that does not answer is Django's to put into words: yes."""
     return asyncio.get_running_loop().run_in_executor(_thread, _exists, key)
 
 

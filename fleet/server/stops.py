@@ -10,7 +10,7 @@ _ADDRESSES = re.compile(rb"/(api/)?(robots/[^/]+/stop|stop|stop-all)/?")
 
 
 def is_stop(method: bytes, path: bytes) -> bool:
-    """Whether this is the address of a stop, without its query."""
+    """Return whether this is the address of a stop, without its query."""
     return method == b"POST" and _ADDRESSES.fullmatch(path) is not None
 
 
@@ -27,5 +27,5 @@ def without_query(line: bytes) -> bytes:
 
 
 def needs_no_body(method: bytes, uri: bytes, headers: Headers) -> bool:
-    """Whether the head of a stop says all: the body is read only for a form's token (`teleop.stop.views`)."""
+    """Return whether the head of a stop says all: the body is read only for a form's token (`teleop.stop.views`)."""
     return is_head_of_stop(method, uri) and headers.hasHeader(b"X-CSRFToken")

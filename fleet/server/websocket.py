@@ -68,7 +68,7 @@ class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  #
             super().sendData(data, sync, chopsize)
 
     def _written_now(self, data: bytes) -> int:
-        """How many bytes went out. None overtake those that wait; an encrypted connection writes by itself."""
+        """Return how many bytes went out. None overtake those that wait; an encrypted connection writes by itself."""
         transport = self.transport
         if (
             not isinstance(transport, Connection)

@@ -58,7 +58,7 @@ def guarded(inner: Any) -> Any:
 
 
 def origin_allowed(headers: list[tuple[bytes, bytes]]) -> bool:
-    """Whether the handshake's Origin equals the console's own, by its Host header, or is a trusted one."""
+    """Return whether the handshake's Origin equals the console's own, by its Host header, or is a trusted one."""
     origins = _values(headers, b"origin")
     hosts = _values(headers, b"host")
     if len(origins) != 1 or len(hosts) != 1:

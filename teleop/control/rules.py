@@ -35,7 +35,7 @@ class Tab(Struct, frozen=True):
     connection: str  # its present WebSocket; "" when that is lost
 
     def is_same_tab(self, other: Tab) -> bool:
-        """Whether both are the same tab of the same sign-in. Their connections may differ."""
+        """Return whether both are the same tab of the same sign-in. Their connections may differ."""
         return self.token == other.token and self.sign_in == other.sign_in
 
 

@@ -31,7 +31,7 @@ class Rights(Struct, frozen=True):
 
     @property
     def supervises(self) -> bool:
-        """Whether this person is a supervisor of the robot or staff."""
+        """Return whether this person is a supervisor of the robot or staff."""
         return self.role is not None and self.role >= Role.SUPERVISOR
 
 

@@ -218,7 +218,7 @@ class ControlHolder:
             )
 
     def _is_mine(self, status: ControlStatus) -> bool:
-        """Whether this connection has the lease, by the database."""
+        """Return whether this connection has the lease, by the database."""
         lease = status.lease
         return (
             lease is not None

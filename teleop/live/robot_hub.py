@@ -1,8 +1,8 @@
 """The hub of one robot: its link, its feeds, and all its connections in this web process.
 
-The hub reads the database for all of them together: every 0.5 s for the holder of control and for connections that ask
-for it (`checked_often`), every 2 s for all. Control is renewed at the bridge only while these reads confirm it, so a
-stale read never prolongs control.
+The hub reads the database for all of them together: every 0.5 s for the holder of control and for connections that
+ask for it (`checked_often`), every 2 s for all. Control is renewed at the bridge only while these reads confirm it,
+so a stale read never prolongs control.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Member(Protocol):
 
     @property
     def checked_often(self) -> bool:
-        """Whether its person's rights are read every time, not only at full reads."""
+        """Return whether its person's rights are read every time, not only at full reads."""
 
     async def follow(self, status: ControlStatus) -> None:
         """Take over the status of control, which the hub has just read."""

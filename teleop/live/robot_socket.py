@@ -47,7 +47,7 @@ class RobotSocket(MessageSocket):
 
     @property
     def joined(self) -> bool:
-        """Whether the robot was found and its hub joined."""
+        """Return whether the robot was found and its hub joined."""
         return hasattr(self, "hub")
 
     def refused_request(self, of: str, refusal: Refusal) -> RefusedRequest | None:
@@ -85,7 +85,7 @@ class RobotSocket(MessageSocket):
 
     @property
     def checked_often(self) -> bool:
-        """Whether this person's rights are read every time."""
+        """Return whether this person's rights are read every time."""
         return self.held_session is not None
 
     async def follow(self, status: ControlStatus) -> None:
@@ -98,7 +98,7 @@ class RobotSocket(MessageSocket):
 
     @property
     def may_see(self) -> bool:
-        """Whether this person may still see the robot."""
+        """Return whether this person may still see the robot."""
         return self.rights.active and self.rights.role is not None
 
     async def robot_edited(self, entry: RobotEntry) -> None:

@@ -110,7 +110,7 @@ class TopicViewer:
         return None if due_s is None else max(due_s - time.monotonic(), 0.0)
 
     def _is_ready(self, topic: str) -> bool:
-        """Whether there is a new sample and the previous one is acknowledged."""
+        """Return whether there is a new sample and the previous one is acknowledged."""
         subscription = self.subscriptions.get(topic)
         if (
             subscription is None

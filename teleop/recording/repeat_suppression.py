@@ -42,7 +42,7 @@ class Event(Protocol):
 
     @property
     def deferrable(self) -> bool:
-        """Whether its first record also waits for the budget."""
+        """Return whether its first record also waits for the budget."""
 
 
 class RecordBudgets:

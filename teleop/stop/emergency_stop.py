@@ -89,7 +89,7 @@ class StopButton:
         asyncio.get_running_loop().call_soon(log.add, pressed)  # only after the press is sent
 
     def _is_cleared(self, link: BridgeLink) -> bool:
-        """Whether a press now is no repeat. The stop's number shows if the state is older than the last press."""
+        """Return whether a press now is no repeat. The stop's number shows a state older than the last press."""
         if self._answer is not None or link.state is None:
             return False
         stop = link.state.stop

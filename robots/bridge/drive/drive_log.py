@@ -1,9 +1,10 @@
 """The drive log: the start of a drive is recorded before the robot moves; the drive ends at standstill.
 
-The control loop calls `may_move` and never waits. A gate intervention gets one record at its begin and one at its end.
-An intervention ends when its rule has limited nothing for `MERGE_S`; shorter pauses belong to it. The end's record
-names other rules that limited meanwhile; such a rule gets its own records after the first intervention has ended. So
-there are at most two records a second. One exception: a stop that requires a neutral stick is always recorded at once.
+The control loop calls `may_move` and never waits. A gate intervention gets one record at its begin and one at its
+end. An intervention ends when its rule has limited nothing for `MERGE_S`; shorter pauses belong to it. The end's
+record names other rules that limited meanwhile; such a rule gets its own records after the first intervention has
+ended. So there are at most two records a second. One exception: a stop that requires a neutral stick is always
+recorded at once.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ class DriveLog:
 
     @property
     def under_way(self) -> bool:
-        """Whether a drive is in progress, recorded or not."""
+        """Return whether a drive is in progress, recorded or not."""
         return self._drive is not None
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
@@ -174,7 +175,7 @@ class DriveLog:
 
     @property
     def _committed(self) -> bool:
-        """Whether the start of the drive in progress is recorded."""
+        """Return whether the start of the drive in progress is recorded."""
         number = self._drive.number if self._drive else None
         return number is not None and number.done() and number.exception() is None
 

@@ -49,7 +49,7 @@ class LeaseGuard:
         return ended
 
     def expired(self, now_s: float) -> bool:
-        """Whether the grant in force has expired by the bridge's own clock."""
+        """Return whether the grant in force has expired by the bridge's own clock."""
         return self.current is not None and now_s >= self.ends_s
 
     def refuse_drive(self, fence: int, link: int, now_s: float) -> Refusal | None:

@@ -31,15 +31,15 @@ class StopLatch:
 
     @property
     def latched(self) -> bool:
-        """Whether the robot is stopped."""
+        """Return whether the robot is stopped."""
         return self.state.state != "clear"
 
     def was_handled(self, press: UUID | None) -> bool:
-        """Whether this press arrived before. None: a press without identity is always new."""
+        """Return whether this press arrived before. None: a press without identity is always new."""
         return press in self._handled
 
     def is_stopped_by(self, by: str, reason: str) -> bool:
-        """Whether the present stop has this name and reason."""
+        """Return whether the present stop has this name and reason."""
         return self.latched and (self.state.by or "", self.state.reason) == (by, reason)
 
     def press(

@@ -71,7 +71,7 @@ class Goals(ABC, Generic[What]):
 
     @property
     def begun(self) -> bool:
-        """Whether this console's goal was sent and has not ended."""
+        """Return whether this console's goal was sent and has not ended."""
         return self._current is not None and self._current.id is not None
 
     @property

@@ -95,7 +95,7 @@ def _recorded(parameters: Any) -> Motion | None:
 
 
 def _possible(position: float) -> bool:
-    """Whether a joint can be there; False if it is not a number."""
+    """Return whether a joint can be there; False if it is not a number."""
     return abs(position) <= FARTHEST
 
 
@@ -197,7 +197,7 @@ class Motions(Goals[MotionGoal]):
 
     @property
     def due(self) -> bool:
-        """Whether a motion waits for nothing: its record is written, and its points are known or not needed."""
+        """Return whether a motion waits for nothing: its record is written, and its points are known or not needed."""
         goal = self._current
         if goal is None or goal.id is not None or not goal.number.done():
             return False

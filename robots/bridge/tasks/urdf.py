@@ -53,7 +53,7 @@ class Tree:
         return {joint.name for link in links for joint in self._chain(link) if joint.kind != "fixed"}
 
     def __contains__(self, link: object) -> bool:
-        """Whether this link has a parent."""
+        """Return whether this link has a parent."""
         return link in self._above
 
     def moved_by(self, joints: Collection[str]) -> list[str]:

@@ -1,11 +1,10 @@
 """When the hull first touches a point, if the twist stays as it is (docs/gate.md, 1).
 
-A robot with a constant twist turns about the centre of rotation C = (-vy/w, vx/w); in its own base frame
-each point of the world then runs on a circle about C, the other way round. `Line` and `Circle` hold these courses, seen
-along the way on which the twist sets out: x in its direction, y to the left of it, and so C = (0, v/w). What
-belongs to a twist, a disc or an edge is a plain number, what belongs to points an array (N,): calling numpy costs
-more than the arithmetic does. Contact times are in seconds, infinity for never; they are those of points outside
-the hull.
+A robot with a constant twist turns about the centre of rotation C = (-vy/w, vx/w); in its own base frame each point
+of the world then runs on a circle about C, the other way round. `Line` and `Circle` hold these courses, seen along
+the way on which the twist sets out: x in its direction, y to the left of it, and so C = (0, v/w). What belongs to a
+twist, a disc or an edge is a plain number, what belongs to points an array (N,): calling numpy costs more than the
+arithmetic does. Contact times are in seconds, infinity for never; they are those of points outside the hull.
 """
 
 from __future__ import annotations
@@ -32,12 +31,12 @@ _HAIR_M = 1e-9  # added to both ends of an edge: between two nothing slips throu
 
 
 def speed(twist: Velocity) -> float:
-    """How fast the base origin moves, m/s."""
+    """Return how fast the base origin moves, m/s."""
     return math.hypot(twist.vx, twist.vy)
 
 
 def is_straight(twist: Velocity) -> bool:
-    """Whether the turning is too little to tell the arc from a line."""
+    """Return whether the turning is too little to tell the arc from a line."""
     return abs(twist.w) <= STRAIGHT_PER_M * speed(twist)
 
 
@@ -201,7 +200,7 @@ class Edges:
         self.corner_stretch = 1.0 / np.cos(bends / 2.0)
 
     def gaps(self, points: Points) -> NDArray[np.float64]:
-        """How far each point lies beyond the edge it is farthest beyond; negative inside.
+        """Return how far each point lies beyond the edge it is farthest beyond; negative inside.
 
         So the points with gap m are the outline grown by m.
         """
@@ -209,7 +208,7 @@ class Edges:
         return gaps
 
     def beyond(self, points: Points) -> NDArray[np.float64]:
-        """How far each point lies beyond each edge's line, (edges, N).
+        """Return how far each point lies beyond each edge's line, (edges, N).
 
         Written out, since BLAS might start threads, which cost more than this.
         """

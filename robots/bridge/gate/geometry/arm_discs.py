@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SPACING = 1.5  # between the middles of two discs, in radii of the arm
-AWAY_MPS = 0.2  # while the arm is away from home and nobody knows where
+AWAY_MPS = 0.2  # while the arm is away from home at an unknown place
 UNDER_M = 0.05  # deeper within an arm's disc than this: below or above the arm
 KNOWN_S = 0.5  # a posture older than this is unknown
 LATELY_S = 1.0  # a picture that comes now may show where the arm was so long ago
@@ -31,13 +31,13 @@ class Posture(NamedTuple):
     reach: Disc | None = None
 
 
-ANYWHERE: Disc = (0.0, 0.0, 1.2)  # an arm of which nothing is told
+ANYWHERE: Disc = (0.0, 0.0, 1.2)  # an arm with unknown posture
 AT_HOME = Posture(at_home=True, discs=())
 UNKNOWN = Posture(at_home=False)
 
 
 def is_home(positions: Mapping[str, float], home: Mapping[str, float], tolerance: float) -> bool | None:
-    """Whether every joint is where it is at home, within `tolerance` (rad or m); None if one of them is not told."""
+    """Return whether every joint is at home within `tolerance` (rad or m); None if a joint is unknown."""
     if not home.keys() <= positions.keys():
         return None
     return all(abs(positions[joint] - at) <= tolerance for joint, at in home.items())

@@ -1,4 +1,4 @@
-"""The space that the arm sweeps in a motion, seen from above, and what stands in it. Base frame, metres, radians."""
+"""The space that the arm sweeps in a motion, seen from above, and obstacles in it. Base frame, metres, radians."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robots.bridge.gate.geometry.arm_discs import UNDER_M, Disc, covering_m, middles_along
 from robots.bridge.gate.values import Obstacles
 
-STEP = 0.05  # rad and m, of all joints together, between two looks at the arm on its way
+STEP = 0.05  # rad and m, of all joints together, between two checked postures
 CELL_M = 0.05
 _CORNER_M = CELL_M * math.sqrt(0.5)  # no disc's middle is farther than this from the middle of its cell
 
@@ -95,7 +95,7 @@ def intruder(
 
 
 def _depth(discs: Sequence[Disc], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How deep each point is within the union of the discs; negative: that far outside."""
+    """Return how deep each point is within the union of the discs; negative: that far outside."""
     deepest = np.full(len(points), -math.inf)
     for x, y, radius in discs:
         np.maximum(deepest, radius - np.hypot(points[:, 0] - x, points[:, 1] - y), out=deepest)

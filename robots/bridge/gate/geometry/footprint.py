@@ -1,4 +1,4 @@
-"""The hull, as a disc, several discs or a convex polygon: gaps, contacts, what it passes by, and where it goes."""
+"""The hull as a disc, several discs or a convex polygon: gaps, contacts and clearances."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Footprint(Protocol):
     """Interface of a hull. Points are (N, 2) in the base frame.
 
     `demanded_share`: the part of a gap narrower than the margin that must stay free while the robot gets away.
-    `pose_spacing_m`: how far it may move between two poses that are looked at; what stands between is missed by little.
+    `pose_spacing_m`: way between two checked poses of a roll-out; what stands between them is missed by little.
     `turns_freely`: turning on the spot, it touches nothing new.
-    `sharpness`: how many times its gap a point may be away, since beyond a corner gaps are told by the edges.
+    `sharpness`: the largest ratio of a point's distance to its gap, since edges give the gaps beyond a corner.
     """
 
     demanded_share: float
@@ -37,7 +37,7 @@ class Footprint(Protocol):
         """Radius about the base origin that holds the hull grown by `growth_m`."""
 
     def gaps(self, points: Points) -> Metres:
-        """How far each point lies outside the hull; negative inside."""
+        """Return how far each point lies outside the hull; negative inside."""
 
     def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
         """When each part of the hull, grown, first touches one of the points, which lie outside.
@@ -46,7 +46,7 @@ class Footprint(Protocol):
         """
 
     def bands(self, twist: Velocity) -> list[Band]:
-        """Which tracks the hull sweeps on this arc: to the left of a straight way, or distances from C."""
+        """Return which tracks the hull sweeps on this arc: to the left of a straight way, or distances from C."""
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
         """The least gap that each point has on each row of a path, (rows, N).
@@ -198,7 +198,7 @@ class Polygon:
 
 
 def clearances(tracks: Metres, twist: Velocity, footprint: Footprint) -> Metres:
-    """How far points on these tracks stay outside of what the hull sweeps on the arc; negative if they are swept."""
+    """Return the clearance of points on these tracks from the area that the hull sweeps; negative inside."""
     beside = [np.maximum(low - tracks, tracks - high) for low, high in footprint.bands(twist)]
     return reduce(np.minimum, beside)
 

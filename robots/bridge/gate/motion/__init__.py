@@ -1,1 +1,1 @@
-"""How much of a twist is safe: braking, corridors, restraint and the played-out stop."""
+"""The safe share of a twist: braking, corridors, restraint and roll-out."""

@@ -1,4 +1,4 @@
-"""How much of a twist is left if braking must end in time (docs/gate.md, 2 and 3).
+"""The share of a twist with which braking ends in time (docs/gate.md, 2 and 3).
 
 Scaling a twist keeps its arc. A twist scaled by s needs s T of its own time to take effect and s^2 T_b / 2 to brake.
 """

@@ -1,19 +1,18 @@
-"""Empty boxes about the robot certify that no point takes anything from a twist, without a look at every arc and pose.
+"""Empty boxes around the robot certify that no point limits a twist, without a check of every arc and pose.
 
-The gate looks at points twice: `restraint.restrain` (methods 1 to 5), then `rollout.safe_share` (method 6). Each look
-has a certificate: if its boxes hold no point, the look would take nothing away, so it is left out. If there is a point
-in a box, this says nothing, and the look decides. So a box that is too large costs time, and nothing else.
+The gate checks points twice: `restraint.restrain` (methods 1 to 5), then `rollout.safe_share` (method 6). Each check
+has a certificate: if its boxes hold no point, the check would change nothing, so it is skipped. If a box holds a
+point, the check decides. So a box that is too large costs time only.
 
-Nothing about the past is assumed: the points are those of this moment. `ObstacleCache` carries them to the newest pose
-when odometry comes, renews them when a scan, a picture or an echo came, or went by time alone, and makes the
-`Corridors` in which boxes are looked up with the points, never apart. All that does not
-depend on points was decided before: missing and stale data, posture, blind directions, depth camera, latency, the
-operator's delay, rate limits.
+The certificate assumes nothing about the past: the points are current. `ObstacleCache` transforms them to the newest
+pose when odometry comes, renews them with each scan, picture, echo or expiry, and computes the `Corridors` together
+with the points. All rules without points are decided before: missing and stale data, posture, blind directions, depth
+camera, latency, the operator's delay, rate limits.
 
 A box lies about the base origin, x ahead along the way and y to the left. Let the wanted twist have vy = 0 and
 v = |vx|, and let radius(m) be the radius about the base origin that holds the hull, arm and all, grown by m.
 
-*Braking* (first look). It follows arcs with the speed v and the turn rates wanted, measured and sent last. It takes
+*Braking* (first check). It follows arcs with the speed v and the turn rates wanted, measured and sent last. It takes
 nothing away if on each of them the hull, grown by at most m_lat, touches nothing within T + T_b / 2, with m_front left
 along the path of the point. With R = v / |w| and r = radius(m_lat), a point that can be touched is at least R - r away
 from the centre of rotation, so this reserve is an angle of at most m_front / (R - r). Until then the base turns by
@@ -22,12 +21,12 @@ R theta^2 / 2 aside; all that it touches is within r of there. With theta <= pi 
 that is v (T + T_b / 2) + m_front ahead and nothing aside. The largest |w| gives the largest box. Turning on the spot
 (v = 0), only what is within radius(m_lat) + m_front is considered at all.
 
-*Passing* (first look). Above v_creep it considers points ahead with a gap below `slowing` + `harmless`; they are within
-L = radius(slowing + harmless). Of these it considers, on each arc, those that the hull passes by less than `harmless`;
-they are within q = radius(0) + harmless of the arc's circle. From (R - q)^2 < x^2 + (y - R)^2 < (R + q)^2 and
-x^2 + y^2 < L^2 follows |y| < q + L^2 / 2R.
+*Passing* (first check). Above v_creep it considers points ahead with a gap below `slowing` + `harmless`; they are
+within L = radius(slowing + harmless). Of these it considers, on each arc, those that the hull passes by less than
+`harmless`; they are within q = radius(0) + harmless of the arc's circle. From (R - q)^2 < x^2 + (y - R)^2 < (R +
+q)^2 and x^2 + y^2 < L^2 follows |y| < q + L^2 / 2R.
 
-*Playing* (second look). It plays what was sent lately and the candidate for T and one period, then full braking. A base
+*Playing* (second check). It plays recent commands and the candidate for T and one period, then full braking. A base
 brings each of its speeds monotonically towards what is commanded. So no speed is ever beyond the extremes of its axis
 among the measured twist, what was sent lately and the candidate: V forward, N backward, S sideways (wheels slip), W
 turning. Let P(u) be u (T + period) + u^2 / 2a. Without S the base goes at most P(V) ahead and, while its heading is at
@@ -35,8 +34,8 @@ most Theta = W (T + period) + W^2 / 2 alpha <= pi / 2 off, at most P(N) back; as
 Theta (P(V) + P(N)). S adds at most P(S), whichever way. What is farther from all of this than radius(m_hard) is clear.
 
 Where the proof would need more, nothing is certified: a wanted way sideways, an arc so tight that R <= r, points that
-move (second look), a command from the future (a clock was set). `SLACK_M` is far above what rounding does to these
-sums, also to the 32 bits of the second look, within `LONGEST_M`.
+move (second check), a command from the future (a clock was set). `SLACK_M` is far above what rounding does to these
+sums, also to the 32 bits of the second check, within `LONGEST_M`.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ def restrains_nothing(
     footprint: Footprint,
     profile: GateProfile,
 ) -> bool:
-    """Whether `restraint.restrain`, told the same, surely leaves `wanted` as it is."""
+    """Return whether `restraint.restrain`, with the same arguments, surely returns `wanted` unchanged."""
     if wanted.vy != 0.0:
         return False
     v, w = abs(wanted.vx), max(abs(wanted.w), *map(abs, turn_rates))
@@ -82,7 +81,7 @@ def plays_clear(
     profile: GateProfile,
     period_s: float,
 ) -> bool:
-    """Whether `rollout.safe_share`, told the same of points that stand, surely leaves `candidate` as it is."""
+    """Return whether `rollout.safe_share`, with the same standing points, surely leaves `candidate` unchanged."""
     if any(sent.age_s < 0.0 for sent in queue):
         return False
     twists = (candidate, measured, *(sent.velocity for sent in queue))
@@ -96,7 +95,7 @@ def _are_clear(corridors: Corridors, box: Box | None, *, reverse: bool = False) 
 
 
 def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
-    """The space that the hull may touch before it stands."""
+    """Return the space that the hull may touch before it stands."""
     radius = footprint.reach(profile.parameters.lateral_margin_m)
     if v == 0.0:
         around_m = radius + profile.parameters.front_margin_m
@@ -111,7 +110,7 @@ def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> B
 
 
 def _passed(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
-    """The space beside the hull in which points slow it down."""
+    """Return the space next to the hull in which points slow it down."""
     parameters = profile.parameters
     if v <= parameters.creep_mps:
         return Box(0.0, 0.0, 0.0)

@@ -1,7 +1,7 @@
-"""How far the nearest point ahead and behind is, for corridors of every width: made once, asked in no time.
+"""Distance of the nearest point ahead and behind, for corridors of every width: computed once, read quickly.
 
-A command finds the processor's caches cold, so that a look at all points costs ten times what it costs in a loop. So
-the points are looked at when they come, and a command reads two numbers.
+A command finds the processor's caches cold: a pass over all points then costs ten times as much as in a loop. So
+the points are processed on arrival, and a command reads two numbers.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Corridors(NamedTuple):
 
     @classmethod
     def among(cls, points: Points) -> Corridors:
-        """All corridors among these points (base frame). A point that is nowhere (NaN) is in none, as for the looks."""
+        """All corridors among these points (base frame). A NaN point is in none."""
         x, y = points.T
         strips = (np.fmin(np.abs(y), 2.0 * STRIPS * STRIP_M) * _PER_M).astype(np.intp)
         np.minimum(strips, STRIPS, out=strips)
@@ -44,7 +44,7 @@ class Corridors(NamedTuple):
         return cls(front, rear)
 
     def are_clear(self, box: Box, *, reverse: bool = False) -> bool:
-        """Whether no point is in the box, or on its border; in reverse its way points backwards."""
+        """Return whether no point is in the box, or on its border; in reverse its way points backwards."""
         strip = int(box.aside * _PER_M)
         if strip >= STRIPS:
             return False

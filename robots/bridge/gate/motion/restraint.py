@@ -1,6 +1,6 @@
 """The largest part of a wanted twist that is safe among known points (docs/gate.md, 1-5).
 
-Pure: everything is an argument, nothing is kept.
+Pure: no state.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Surroundings(NamedTuple):
     profile: GateProfile
 
     def growth_of(self, rows: Rows) -> Growth:
-        """How far the hull is grown for some of the points."""
+        """Return how far the hull is grown for some of the points."""
         return self.growth if isinstance(self.growth, float) else self.growth.take(rows)
 
     def only(self, rows: Rows) -> Surroundings:
@@ -77,7 +77,7 @@ class Surroundings(NamedTuple):
 
 
 class Restraint(NamedTuple):
-    """The safe twist, and what takes the rest away."""
+    """The safe twist, and the cause of its reduction."""
 
     velocity: Velocity
     cause: Cause | None = None
@@ -117,7 +117,7 @@ def restrain(
 
 
 def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Growth:
-    """How far the hull is grown: by the lateral margin, but never demand more clearance than there is.
+    """Return how far the hull is grown: by the lateral margin, but never demand more clearance than there is.
 
     Beside a wall the margin shrinks for all points alike, else the wall's next metre would hold the robot; it
     does not shrink below the hull itself, except for points that are inside already: only then it is not the same
@@ -269,7 +269,7 @@ def _within_reach(
 
 
 def is_still(twist: Velocity) -> bool:
-    """Whether the twist asks for nothing at all."""
+    """Return whether the twist asks for nothing at all."""
     return twist.vx == 0.0 and twist.vy == 0.0 and twist.w == 0.0
 
 
@@ -285,5 +285,5 @@ def clamped(asked: Velocity, profile: GateProfile) -> Velocity:
 
 
 def is_finite(twist: Velocity) -> bool:
-    """Whether all three numbers are numbers."""
+    """Return whether all three numbers are numbers."""
     return all(math.isfinite(axis) for axis in twist)

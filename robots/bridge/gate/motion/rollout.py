@@ -170,7 +170,7 @@ def _raised(sent: float, wanted: float, step: float) -> float:
 def _only_turns_a_disc(
     candidate: Velocity, queue: Sequence[Sent], velocity: Velocity, footprint: Footprint
 ) -> bool:
-    """Whether a disc stands or turns on the spot, and nothing on its way to it says otherwise."""
+    """Return whether a disc stands or turns on the spot, and nothing on its way to it says otherwise."""
     if not footprint.turns_freely:
         return False
     twists = (candidate, velocity, *(sent.velocity for sent in queue))
@@ -257,13 +257,13 @@ def _stopped(begun: list[_State], rates: _Rates, footprint: Footprint) -> Path:
 
 
 def _still_s(velocity: Velocity, rates: _Rates) -> float:
-    """How long full braking takes."""
+    """Return how long full braking takes."""
     vx, vy, w = map(abs, velocity)
     return max(max(vx, vy) / rates.linear_down, w / rates.angular_down)
 
 
 def _poses_until_still(velocity: Velocity, rates: _Rates, footprint: Footprint) -> int:
-    """How many poses are close enough together, though no more than `MOST_POSES`."""
+    """Return how many poses are close enough together, though no more than `MOST_POSES`."""
     vx, vy, w = map(abs, velocity)
     still_s = _still_s(velocity, rates)
     swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
@@ -297,9 +297,10 @@ def _keeps_off(
     footprint: Footprint,
     profile: GateProfile,
 ) -> bool:
-    """Whether one look, from where braking begins, tells that nothing is met: all is farther off than the hull moves.
+    """Return whether one check at the begin of braking shows no contact: all points are farther than the hull moves.
 
-    Until then and from then on, each part of the hull is at most as far from there as the base goes and its rim swings.
+    Until then and from then on, each part of the hull is at most as far from there as the base goes and its rim
+    swings.
     """
     swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
     until_m = max(
@@ -333,7 +334,7 @@ def _moving(drift: Points) -> NDArray[np.bool_]:
 
 
 def _margins(count: int, drift: Points | None, profile: GateProfile) -> Metres:
-    """How far the hull must stay from each point."""
+    """Return how far the hull must stay from each point."""
     hard = np.full(count, profile.parameters.hard_margin_m)
     return hard if drift is None else np.where(_moving(drift), MOVER_MARGIN_M, hard)
 

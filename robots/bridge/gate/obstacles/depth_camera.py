@@ -1,8 +1,8 @@
-"""The depth camera as two more sources of obstacles: what its newest picture shows, and what earlier ones showed.
+"""The depth camera as two sources of obstacles: the newest picture, and the memory of earlier ones.
 
-What a picture shows stays remembered until a later picture sees through the place: the edge of a table leaves the
-picture by its lower border long before the robot is there. Memory fades with the odometry's errors, so while the robot
-moves: who stands before a table for minutes still knows of it.
+A point stays in memory until a later picture sees through its place: the edge of a table leaves the picture by its
+lower border long before the robot is there. Memory fades with the odometry's errors, so only while the robot moves: a
+robot that stands at a table for minutes still knows it.
 """
 
 from __future__ import annotations
@@ -47,29 +47,29 @@ from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
 
 Flags = NDArray[np.bool_]
 
-# A head that looks ahead shows table height at one of these distances at least.
+# A head that looks ahead sees table height at one of these distances at least.
 TABLE_M = 0.7
 AHEAD_M = (1.2, 1.6, 2.0, 2.5)
-# Half the robot's width at 1.2 m: so far from the picture's edge, the whole of the path is in it.
+# Half the robot's width at 1.2 m: with this margin to the edge, the whole path is in the picture.
 EDGE_RAD = 0.24
 # A moving person is missing in one of this many earlier pictures: within a second they left their earlier place.
 LOOKS_BACK = 3
 LOOK_EVERY_S = 0.33
-CAME_M = 2.0  # from the robot: of what is farther off, enough is seen before it is near
+CAME_M = 2.0  # from the robot: farther objects are seen often enough before they are near
 FOOT_M = 0.1
 NEAR_CELLS = 2
 FEET_CELLS = 128  # 12.8 m, twice as far as the memory reaches
-PASSED_S = 2.0  # so long somebody who walks by is remembered, as by a laser
-MET_M = 0.03  # a laser that sees farther behind a column did not meet it
-MISSES_COUNT = 3  # times as much as meeting it
-HANGS = 3  # sightings without feet; fewer show no more than that the thing moved between scan and picture
-JOINED_M = 0.12  # two columns that are so near are of one thing
-MOVED_M = 0.005  # less is standing
+PASSED_S = 2.0  # a walking person is remembered for this time, as by a laser
+MET_M = 0.03  # a beam that ends farther behind a column did not meet it
+MISSES_COUNT = 3  # a miss weighs this many times as much as a hit
+HANGS = 3  # sightings without feet; with fewer the obstacle may have moved between scan and picture
+JOINED_M = 0.12  # nearer columns belong to one thing
+MOVED_M = 0.005  # less motion counts as standing
 MOVED_RAD = 0.01
 
 
 class Frame(NamedTuple):
-    """A picture with the camera's pose, and what stands there (base frame of the picture's stamp)."""
+    """A picture with the camera's pose and its obstacle columns (base frame of the picture's stamp)."""
 
     picture: Picture
     to_base: Transform
@@ -77,9 +77,7 @@ class Frame(NamedTuple):
 
 
 def frame_of(picture: Picture, to_base: Transform, view: DepthView) -> Frame:
-    """All that needs no odometry; Malformed if the picture shows nothing. It is the costly part, and may be done on
-    another thread.
-    """
+    """Do the costly part, without odometry, on any thread. Raises Malformed if the picture shows nothing."""
     check_shown(picture, to_base)
     return Frame(picture, to_base, columns_of(picture, to_base, top_m(to_base, view.height_m)))
 
@@ -93,35 +91,35 @@ class DepthCamera:
 
     def __init__(self, view: DepthView, footprint: Footprint) -> None:
         self.footprint = footprint
-        self.body = footprint  # with the arm, if it reaches out: the camera sees it
-        self.arm_reach: Disc | None = None  # where what is seen may be the arm, and is not remembered
+        self.body = footprint  # with the parts of the arm outside the base: the camera sees them
+        self.arm_reach: Disc | None = None  # points in here may be the arm and are not remembered
         self.freshness = Freshness()
         self.remembered = DepthMemory(self)
         self._view = view
         self._memory = Memory(DEPTH_LAYER)
         self._spans = _Spans(self._memory)
         self._frame: Frame | None = None
-        self._shows_tables = False  # the newest picture does
+        self._shows_tables = False  # of the newest picture
         self._seen = NO_POINTS  # odometry frame
         self._near_side = NearSide(view.blind_m)
-        self._hidden = NO_POINTS  # what may be too near to be measured, odometry frame
+        self._hidden = NO_POINTS  # possible obstacles in the blind range, odometry frame
         self._feet = _Feet()
         self._looks: deque[tuple[Frame, Pose]] = deque(maxlen=LOOKS_BACK)
         self._looked_s = -math.inf
         self._clock = _MotionClock()
         self._resets = 0
-        self.complaint = ""  # about the newest picture, in words
+        self.complaint = ""  # about the newest picture
         self._frames = 0
-        self._scans = 0  # that overruled others than the scan before
-        # for which revision, in the odometry frame, and how far off each may be
+        self._scans = 0  # that changed which points are overruled
+        # revision, points in the odometry frame, possible error of each
         self._unseen: tuple[int, Points, NDArray[np.float64]] = (-1, NO_POINTS, np.empty(0))
         self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
         self._revision = 0
 
-    # --- what comes in --------------------------------------------------------------------------
+    # --- input ----------------------------------------------------------------------------------
 
     def observe(self, frame: Frame, stamp_s: float, arrival_s: float, trail: Trail) -> None:
-        """Take a picture; one that the odometry cannot place is none."""
+        """Take a picture; without a pose it is ignored."""
         self._forget_another_frame(trail)
         base = trail.pose_at(stamp_s) if math.isfinite(stamp_s) else None
         if base is None:
@@ -139,11 +137,11 @@ class DepthCamera:
             self._looked_s = stamp_s
 
     def complain(self, why: str) -> None:
-        """A picture came that cannot be used, and why."""
+        """Note why a picture cannot be used."""
         self.complaint = why
 
     def forget(self) -> None:
-        """Forget what earlier pictures showed; what the newest one shows stays."""
+        """Forget earlier pictures; the newest one stays."""
         self._memory.clear()
         self._near_side.clear()
 
@@ -168,7 +166,7 @@ class DepthCamera:
         )
 
     def _came(self, shown: Columns, new: Flags, base: Pose) -> Flags:
-        """Which of the `new` columns came by themselves, as an earlier picture tells."""
+        """Return which of the `new` columns moved there, because an earlier picture saw their place free."""
         came = np.zeros(len(new), dtype=np.bool_)
         asked = np.flatnonzero(new & (np.abs(shown.points).max(axis=1, initial=0.0) < CAME_M))
         for then, there in self._looks:
@@ -181,8 +179,9 @@ class DepthCamera:
         return came
 
     def observe_scan(self, sweep: Sweep, sensor: Pose, laser: int = 0) -> None:
-        """Take the scan of a laser, by its number, and where it was (odometry frame): what has feet is gone when they
-        are. Of what it cannot see, it changes nothing that another laser told.
+        """Take a scan of a laser at `sensor` (odometry frame): an obstacle on feet is gone when its feet are.
+
+        The scan changes no result of another laser about places that it cannot see.
         """
         self._feet.see(sweep, sensor, laser)
         remembered = self._memory.points(self._clock.now_s)
@@ -210,7 +209,7 @@ class DepthCamera:
             self._memory.forget(gone & ~held)
 
     def _without_robot(self, columns: Columns) -> Columns:
-        """Within its body, and a little about it, the camera sees the robot itself."""
+        """Leave out columns within the robot's body and a small margin: they are the robot."""
         if not len(columns.points):
             return columns
         return columns.only(self.body.gaps(columns.points) >= self._view.own_m)
@@ -223,7 +222,7 @@ class DepthCamera:
         return far
 
     def _forget_another_frame(self, trail: Trail) -> None:
-        """After a jump of the odometry what was remembered is anywhere."""
+        """Forget everything after a jump of the odometry: remembered places are unknown."""
         if self._resets != trail.resets:
             self._resets = trail.resets
             self._memory.clear()
@@ -233,15 +232,16 @@ class DepthCamera:
             self._near_side.clear()
             self._seen = self._hidden = NO_POINTS
 
-    # --- what is known --------------------------------------------------------------------------
+    # --- state ----------------------------------------------------------------------------------
 
     def is_fresh(self, now_s: float) -> bool:
-        """Whether a usable picture came within half a second."""
+        """Return whether a usable picture came within half a second."""
         return self.freshness.within(DEPTH_STALE_S, now_s)
 
     def sight_m(self, direction: float, curvature: float) -> float:
-        """How far a way is in the picture that begins in `direction` (base frame) and bends by `curvature` (1/m, left
-        positive): metres along it, infinite if all of it, 0 if the camera looks elsewhere.
+        """Return the visible length of a way in metres: infinite if all is visible, 0 if the camera looks elsewhere.
+
+        The way begins in `direction` (base frame) and bends by `curvature` (1/m, left positive).
         """
         if self._frame is None or not self._shows_tables:
             return 0.0
@@ -314,7 +314,7 @@ class DepthMemory:
         return self._camera.unseen(trail, now_s)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
-        """As good as the camera."""
+        """Return the camera's state."""
         return self._camera.health(trail, now_s)._replace(name=self.name)
 
 
@@ -326,7 +326,7 @@ class _MotionClock:
         self._last: tuple[Pose, float] | None = None
 
     def pass_to(self, pose: Pose, now_s: float) -> float:
-        """The robot is at `pose` now. Returns all seconds so far."""
+        """Move the robot to `pose`; return all seconds so far."""
         if self._last is None:
             self._last = pose, now_s
         there, since_s = self._last
@@ -338,28 +338,28 @@ class _MotionClock:
 
 
 class _Feet:
-    """How near the newest scans met something to a place: a rolling grid of cells as wide as a foot."""
+    """Places near hits of the newest scans: a rolling grid of cells as wide as a foot."""
 
     def __init__(self) -> None:
-        self._made: tuple[Flags, Flags] | None = None  # once somebody asked what the newest scans met
+        self._made: tuple[Flags, Flags] | None = None  # computed on demand from the newest scans
         self._scans: dict[int, tuple[Sweep, Pose]] = {}  # the newest of each laser
 
     def forget(self) -> None:
-        """No scan is known."""
+        """Forget all scans."""
         self._scans.clear()
         self._made = None
 
     def see(self, sweep: Sweep, sensor: Pose, laser: int) -> None:
-        """A scan came, of a laser that was at `sensor` (odometry frame)."""
+        """Take a scan of a laser at `sensor` (odometry frame)."""
         self._scans[laser], self._made = (sweep, sensor), None
 
     def near(self, points: Points) -> Flags:
-        """Whether it met something within 0.2 to 0.3 m of these places."""
+        """Return whether a scan hit something within 0.2 to 0.3 m of these places."""
         near: Flags = self._grids[0][self._cells(points)]
         return near
 
     def past(self, points: Points) -> Past:
-        """How far behind these places any laser saw."""
+        """Return how far behind these places any laser saw."""
         surely, likely = np.full((2, len(points)), -math.inf)
         for sweep, sensor in self._scans.values():
             one = past(sweep, placed(points, seen_from(ORIGIN, sensor)))
@@ -367,13 +367,13 @@ class _Feet:
         return Past(surely, likely)
 
     def about(self, points: Points) -> Flags:
-        """Whether it met something within 0.3 to 0.4 m: so far a person's arms are from the feet."""
+        """Return whether a scan hit something within 0.3 to 0.4 m, the distance of a person's arms from the feet."""
         about: Flags = self._grids[1][self._cells(points)]
         return about
 
     @property
     def _grids(self) -> tuple[Flags, Flags]:
-        """The cells near to what the newest scans met, and those about it."""
+        """Cells near hits of the newest scans, and cells around those."""
         if self._made is None:
             near = np.zeros((FEET_CELLS, FEET_CELLS), dtype=np.bool_)
             for sweep, sensor in self._scans.values():
@@ -390,7 +390,7 @@ class _Feet:
 
 
 def _widened(grid: Flags) -> Flags:
-    """A rolling grid with all cells that touch a marked one."""
+    """Return a rolling grid with all cells that touch a marked one."""
     for _ in range(2):  # along one axis, then along the other
         wide = grid.copy()
         wide[1:] |= grid[:-1]
@@ -402,7 +402,7 @@ def _widened(grid: Flags) -> Flags:
 
 
 class _Spans:
-    """At which heights something was seen, for each cell of a memory; what is forgotten leaves nothing."""
+    """Heights at which something was seen, and more, for each cell of a memory."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
@@ -415,20 +415,20 @@ class _Spans:
         self._marked = np.zeros(CELLS * CELLS, dtype=np.bool_)
 
     def note(self, points: Points, shown: Columns, new: Flags) -> None:
-        """These columns are seen, at `points` (odometry frame); of the `new` ones nothing is known yet."""
+        """Note that these columns are seen at `points` (odometry frame); for the `new` ones nothing is known yet."""
         entries = self._memory.entries(points)
-        anew = entries[new]
-        self._low[anew], self._high[anew], self._levels[anew] = np.inf, -np.inf, 0
+        fresh = entries[new]
+        self._low[fresh], self._high[fresh], self._levels[fresh] = np.inf, -np.inf, 0
         np.minimum.at(self._low, entries, shown.low)
         np.maximum.at(self._high, entries, shown.high)
         if shown.levels is not None:
             np.bitwise_or.at(self._levels, entries, shown.levels)
 
     def note_feet(self, points: Points, new: Flags, came: Flags, feet: _Feet) -> None:
-        """Whether the laser sees feet below these columns, and whether they came by themselves."""
+        """Note whether the laser sees feet below these columns, and whether they moved there."""
         entries = self._memory.entries(points)
-        anew = entries[new]
-        self._footed[anew], self._came[anew], self._hung[anew], self._met[anew] = False, False, 0, 0
+        fresh = entries[new]
+        self._footed[fresh], self._came[fresh], self._hung[fresh], self._met[fresh] = False, False, 0, 0
         self._overruled[entries] = 0
         behind = feet.past(points)
         footed = feet.about(points)
@@ -441,10 +441,10 @@ class _Spans:
         self._passes[entries] = 0
 
     def is_met(self, points: Points) -> Flags:
-        """Which remembered columns the laser met where the camera saw them: tall ones, such as walls and legs.
+        """Return which remembered columns the laser met where the camera saw them: tall ones, such as walls and legs.
 
-        They are where the laser meets them now: the odometry may have moved what is remembered. What stands back at
-        the floor, as a counter does, or hangs over its feet, is none of them.
+        The laser's place counts for them, because remembered places suffer from the odometry. A column that stands
+        back at the floor (a counter) or hangs over its feet is not among them.
         """
         entries = self._memory.entries(points)
         met = np.flatnonzero(self._met[entries] > 0)
@@ -454,13 +454,13 @@ class _Spans:
         return is_met
 
     def note_time(self, points: Points, new: Flags, now_s: float) -> None:
-        """These columns are seen now."""
+        """Note the time at which these columns are seen."""
         entries = self._memory.entries(points)
         self._first_s[entries[new]] = now_s
         self._last_s[entries] = now_s
 
     def have_passed(self, points: Points, now_s: float) -> Flags:
-        """Which remembered columns came by themselves, were there for a moment, and have not been seen for a while."""
+        """Return which remembered columns moved there, stayed briefly, and have not been seen for a while."""
         entries = self._memory.entries(points)
         last_s = self._last_s[entries]
         briefly = last_s - self._first_s[entries] < BRIEFLY_S
@@ -468,15 +468,15 @@ class _Spans:
         return passed
 
     def stands(self, points: Points) -> Flags:
-        """Which remembered points have feet: of what came by itself they were seen, of all else always."""
+        """Return which remembered points have feet; for points that moved there one sighting is enough."""
         entries = self._memory.entries(points)
         stands: Flags = self._footed[entries] & (self._came[entries] | (self._hung[entries] < HANGS))
         return stands
 
     def hold_together(self, points: Points, gone: Flags) -> Flags:
-        """Which of the columns that should be `gone` hang together with others that have no feet: they hang as well.
+        """Return which of the `gone` columns are connected with columns without feet: they hang as well.
 
-        So the edge of a desk stays when somebody leaves who stood before it.
+        So the edge of a desk stays when a person in front of it leaves.
         """
         entries = self._memory.entries(points)
         left = np.flatnonzero(gone & ~self._came[entries])
@@ -492,12 +492,12 @@ class _Spans:
         return held
 
     def hangs(self, points: Points) -> Flags:
-        """Which remembered columns no laser will ever put right: those below which it saw nothing far and wide."""
+        """Return which remembered columns no laser can correct: it saw nothing below them."""
         hangs: Flags = self._hung[self._memory.entries(points)] == HANGS
         return hangs
 
     def overrule(self, points: Points, overruled: Flags, laser: int) -> bool:
-        """A scan tells of these remembered points what there is now; whether others than before are overruled."""
+        """Note which remembered points a scan overrules; return whether that changed."""
         entries = self._memory.entries(points)
         before, bit = self._overruled[entries], np.uint8(1 << laser % 8)
         after = np.where(overruled, before | bit, before & ~bit)
@@ -505,12 +505,12 @@ class _Spans:
         return bool((before != after).any())
 
     def is_overruled(self, points: Points) -> Flags:
-        """Which of these remembered points the newest scan of a laser overrules."""
+        """Return which of these remembered points the newest scan of a laser overrules."""
         overruled: Flags = self._overruled[self._memory.entries(points)] > 0
         return overruled
 
     def pass_below(self, points: Points, free: Flags, tells: Flags) -> Flags:
-        """One scan sees no feet at those that are `free`, of those of which it `tells`; which ones that makes gone."""
+        """Note one scan: of the points that it `tells` about, the `free` ones have no feet. Return which are gone."""
         entries = self._memory.entries(points)
         passes = self._passes[entries]
         self._passes[entries] = np.where(free, passes + 1, np.where(tells, 0, passes))
@@ -518,12 +518,12 @@ class _Spans:
         return gone
 
     def columns(self, points: Points, from_base: Points) -> Columns:
-        """The memory's points (odometry frame), carried to the base frame."""
+        """Return the columns of these remembered points, at `from_base` (base frame)."""
         entries = self._memory.entries(points)
         return Columns(from_base, self._low[entries], self._high[entries], self._levels[entries])
 
     def share_cells(self, points: Points, others: Points) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Which of `points` lie in a cell with one of `others`."""
+        """Return which of `points` lie in a cell with one of `others`."""
         theirs = self._memory.entries(others)
         self._marked[theirs] = True
         shared = self._marked[self._memory.entries(points)]
@@ -532,9 +532,9 @@ class _Spans:
 
 
 def _shows_tables(frame: Frame) -> bool:
-    """Whether the picture's middle column shows table height at a distance that matters."""
+    """Return whether the picture's middle column shows table height at a distance that matters."""
     to_base, down = frame.to_base, frame.picture.down
-    level = math.hypot(to_base[0, 2], to_base[1, 2])  # what of the optical axis lies in the floor's plane
+    level = math.hypot(to_base[0, 2], to_base[1, 2])  # length of the optical axis in the floor's plane
     if level < 1e-3:
         return False
     tilt = math.atan2(-to_base[2, 2], level)  # downwards

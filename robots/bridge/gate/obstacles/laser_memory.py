@@ -37,7 +37,7 @@ class LaserMemory:
         base = None if stamp_s is None else trail.pose_at(stamp_s)
         if sweep is None or base is None:
             return
-        if self._resets != trail.resets:  # after a jump of the odometry what was remembered is anywhere
+        if self._resets != trail.resets:  # after a jump of the odometry remembered places are unknown
             self._resets = trail.resets
             self._memory.clear()
         self._memory.see(placed(self._laser.seen, base), base, now_s)

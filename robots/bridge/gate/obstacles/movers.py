@@ -26,9 +26,9 @@ MOVER = "mover"
 LOOK_BACK_S = 0.4
 OLDEST_LOOK_S = 0.6
 LEAST_POINTS = 3
-NEAR_M = 5.0  # what is farther from the sensor cannot get here before the robot stands
+NEAR_M = 5.0  # an object farther from the sensor cannot arrive before the robot stands
 APART_M = 0.20  # between two neighbouring points of different objects
-LARGEST_M = 1.0  # what is wider is no person: of a wall only what appeared at it counts
+LARGEST_M = 1.0  # a wider object is no person: only newly appeared parts count
 LEAST_MPS = 0.2
 MOST_MPS = 2.0
 SLACK_M = 0.15  # of an object's middle, of which now another part is seen
@@ -40,7 +40,7 @@ Flags = NDArray[np.bool_]
 
 
 class _Look:
-    """One scan: where the sensor was, and what it hit."""
+    """One scan: pose of the sensor, and points."""
 
     def __init__(self, stamp_s: float, sensor: Pose, sweep: Sweep, hit: Callable[[], Points]) -> None:
         self.stamp_s = stamp_s
@@ -63,7 +63,7 @@ class _Mover(NamedTuple):
 
 
 class _Thing(NamedTuple):
-    """The rows of an object that tell where it is, and their middle."""
+    """Return the rows that locate an object, and their middle."""
 
     rows: NDArray[np.intp]
     middle: NDArray[np.float64]
@@ -79,12 +79,12 @@ class Movers:
 
     @property
     def any(self) -> bool:
-        """Whether anything moves."""
+        """Return whether anything moves."""
         return bool(self._movers)
 
     @property
     def _movers(self) -> list[_Mover]:
-        """Looked for once a scan, and only if somebody asks: while nobody drives, nobody does."""
+        """Computed once per scan and only on demand: nobody needs it while nobody drives."""
         if self._found is None:
             then, now = self._looks[0], self._looks[-1]
             known = LOOK_BACK_S / 2.0 <= now.stamp_s - then.stamp_s <= OLDEST_LOOK_S
@@ -94,7 +94,7 @@ class Movers:
     def observe(
         self, points: Callable[[], Points], sweep: Sweep, sensor: Pose, stamp_s: float, frame: int = 0
     ) -> None:
-        """Take a scan; `points` in the order of its beams, told when asked for, from a sensor that was at `sensor`.
+        """Take a scan; `points` in the order of its beams, computed on demand, from a sensor at `sensor`.
 
         Another `frame` than before says that the odometry has jumped: what was seen before tells nothing then.
         """
@@ -140,7 +140,7 @@ def _movers(then: _Look, now: _Look) -> Iterator[_Mover]:
 
 
 def _velocity(thing: _Thing, before: list[_Thing], passed_s: float) -> tuple[float, float] | None:
-    """From the nearest of what was there before; None if none of it can have come so far, or it hardly moved."""
+    """Return the motion from the nearest earlier point; None if none can have come so far, or it hardly moved."""
     shifts = [thing.middle - other.middle for other in before]
     shift = min(shifts, key=lambda shift: math.hypot(*shift), default=None)
     if shift is None or math.hypot(*shift) > MOST_MPS * passed_s + SLACK_M:
@@ -153,7 +153,7 @@ def _velocity(thing: _Thing, before: list[_Thing], passed_s: float) -> tuple[flo
 
 
 def _things(points: Points, marked: Flags) -> Iterator[_Thing]:
-    """The objects with enough marked points: whole, or of what is too large only what is marked."""
+    """Return the objects with enough marked points: whole, or the marked part of one that is too large."""
     if not len(points):
         return
     steps = np.hypot(*np.diff(points, axis=0).T)
@@ -167,13 +167,13 @@ def _things(points: Points, marked: Flags) -> Iterator[_Thing]:
 
 
 def _seen_through(observer: _Look, other: _Look, places: Points) -> Flags:
-    """Whether one scan saw free space at places that another hit, however inexactly the yaw in between is known."""
+    """Return whether one scan saw free space where another hit, with the uncertain yaw between them."""
     passed_s = abs(other.stamp_s - observer.stamp_s)
     turned = abs(wrapped(other.sensor.yaw - observer.sensor.yaw))
     tolerance = TOLERANCE_RAD + SWEEP_S * turned / passed_s
     rows = np.arange(
         len(places)
-    )  # of what every look so far went through: of what stands, the first leaves little
+    )  # of points that every check so far passed through: few standing points pass the first
     for aside in (0.0, -tolerance, tolerance):
         sensor = observer.sensor._replace(yaw=observer.sensor.yaw + aside)
         rows = rows[seen_free(observer.sweep, _seen_by(sensor, chosen(places, rows)))]

@@ -1,7 +1,7 @@
-"""All points that the sources know, carried to the newest pose, ready before a command asks for them.
+"""All points of the sources at the newest pose, ready before a command needs them.
 
-A source is asked again only if the pose changed or something came to it, or left it. So a sonar's reading, which comes
-between two scans, costs no more than its own few points.
+A source is read again only if the pose or its points changed. So a sonar's reading between two scans costs only its
+few points.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class ObstacleCache:
         return self._newest
 
     def newest(self, now_s: float) -> tuple[Obstacles, Corridors]:
-        """The same, and the corridors among them: who shows a picture needs none."""
+        """Return the same with corridors, which only decisions need."""
         obstacles = self.obstacles(now_s)
         if self._corridors is None:
             self._corridors = Corridors.among(obstacles.points)

@@ -2,8 +2,8 @@
 
 Two clocks of forgetting: seconds since a point was last seen, and the way since, because the odometry drifts with it:
 metres, and turns as so many metres more. Until then a point comes nearer by what the odometry may be off. Points that
-were watched for long live long; what was seen in passing (a ghost, a person who walks by) lives for the shortest life.
-Evidence of free space forgets at once.
+were watched for long live long; what was seen in passing (a ghost, a person who walks by) lives for the shortest
+life. Evidence of free space forgets at once.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ BRIEFLY_S = 0.6  # watched no longer than this is seen in passing: shortest life
 LONG_S = 2.0  # watched for this long: longest life
 STANDS_M = 0.005  # an odometry that trembles goes no way
 TURN_M = 0.5  # of way, for each radian turned
-SURE_M = 0.5  # of way after which the odometry is not off yet: what passes out of view beside the hull
+SURE_M = 0.5  # of way without odometry error: points that leave the view next to the hull
 DOUBT_SHARE = 0.03  # of all way more
 MOST_DOUBT_M = 0.10
 KEEP_OFF_M = 0.03  # from the hull: doubt brings nothing nearer
-NEAR_LASTS = 2.0  # times as much way as the rest, what is near
+NEAR_LASTS = 2.0  # near points stay for this many times as much way
 NEWEST_SHARE = 0.2  # of the newest place in the mean of those seen in a cell
 
 
 class Layer(NamedTuple):
-    """How long one kind of sensor's points are remembered, and how finely.
+    """Duration and resolution of the memory of one kind of sensor.
 
     Lives are counted from when a point was last seen, or near.
     """
@@ -49,7 +49,7 @@ class Layer(NamedTuple):
 
 
 LASER_LAYER = Layer(2.0, 30.0, 6.0)
-# How far the robot has driven tells how far off a remembered place is; time tells nothing of a table behind it.
+# Distance driven bounds the error of a remembered place; time says nothing about a table behind the robot.
 DEPTH_LAYER = Layer(
     20.0, 90.0, 6.0, near_m=1.2
 )  # a table top is out of view for long before the robot is past it
@@ -94,7 +94,7 @@ class Memory:
         self._first_expiry_s = math.inf
         self._revision = 0
 
-    # --- what is known ------------------------------------------------------------------------
+    # --- state ----------------------------------------------------------------------------------
 
     def revision(self, now_s: float) -> int:
         """Differs whenever `points` differ."""
@@ -109,7 +109,7 @@ class Memory:
         return self._points
 
     def doubts_m(self) -> NDArray[np.float64]:
-        """How far off each of `points` may be since it was seen last, metres."""
+        """Return the possible error of each of `points` since it was last seen, metres."""
         way_m = self._travelled_m + self._layer.travel_m - self._expires_m[self._cells]
         doubts_m: NDArray[np.float64] = np.clip(DOUBT_SHARE * (way_m - SURE_M), 0.0, MOST_DOUBT_M)
         return doubts_m
@@ -124,10 +124,10 @@ class Memory:
         entries: NDArray[np.intp] = column * CELLS + row
         return entries
 
-    # --- what comes in ------------------------------------------------------------------------
+    # --- input ----------------------------------------------------------------------------------
 
     def follow(self, pose: Pose, now_s: float) -> None:
-        """The robot is at `pose` (odometry frame): forget what is too old, too long a way ago, too far away."""
+        """Move the robot to `pose` (odometry frame): forget points that are old, far, or seen long ago on the way."""
         there = self._robot or pose
         way_m = math.hypot(pose.x - there.x, pose.y - there.y) + TURN_M * abs(wrapped(pose.yaw - there.yaw))
         if self._robot is None or way_m > STANDS_M:
@@ -144,8 +144,8 @@ class Memory:
     def see(self, points: Points, pose: Pose, now_s: float) -> None:
         """Something is at `points` (odometry frame), seen now by the robot at `pose`.
 
-        A cell keeps the mean of the places seen in it, the newer ones weighing more: what leaves the view must not stay
-        where noise had it last, or a wall that is passed closely blocks the way.
+        A cell keeps the mean of the places seen in it, the newer ones weighing more: what leaves the view must not
+        stay where noise had it last, or a wall that is passed closely blocks the way.
         """
         self.follow(pose, now_s)
         x, y = points.T

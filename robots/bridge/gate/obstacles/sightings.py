@@ -12,7 +12,7 @@ from robots.bridge.gate.geometry.planar import Points, wrapped
 from robots.bridge.gate.sensing.scan import Sweep
 
 BEHIND_M = 0.12  # beams that end this far behind a place passed through it
-SAME_M = 0.10  # a beam that ends this little before a place may have met what was there
+SAME_M = 0.10  # a beam that ends this little before a place may have met its obstacle
 
 
 class Sight(NamedTuple):
@@ -23,7 +23,7 @@ class Sight(NamedTuple):
 
 
 class Past(NamedTuple):
-    """How far behind each place the nearest three beams end at least, metres: -inf where one of them tells nothing.
+    """How far behind each place the nearest three beams end at least, metres: -inf if one of them is unknown.
 
     In `surely`, a beam that hit something single counts as any other.
     """

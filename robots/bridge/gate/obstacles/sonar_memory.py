@@ -35,20 +35,20 @@ from robots.bridge.gate.values import Kind, Pose, SensorHealth
 
 Flags = NDArray[np.bool_]
 
-LIVE_S = 0.5  # what was heard no longer ago is heard now
+LIVE_S = 0.5  # an echo counts as current for this time
 NOISE_M = 0.08  # ranges that differ by less may be of one thing
 SURE_SHARE = 0.6  # of the cone about its axis, where whatever stands is surely heard
 SAME_PLACE_M = 0.001  # a sensor that moved less stands; 5 mm may take a leg out of its cone
 SAME_PLACE_RAD = 0.002
 UNSTEADY_S = 20.0  # a sonar that lost an echo lately and had it again: then its silences count half
-SURELY_HEARD = 3  # times from one place: what stands there is no echo of the rim
-GONE = 6.0  # what shows a place free, in all and in a row, until it is forgotten:
+SURELY_HEARD = 3  # times from one place: then it is no echo of the cone's rim
+GONE = 6.0  # evidence, in a row, after which a free place is forgotten:
 FARTHER_COUNTS, NOTHING_COUNTS = 2.0, 1.5
-SAME_THING_S = 1.0  # what is heard again within this time, at a place where it may be, is the same thing
+SAME_THING_S = 1.0  # an echo within this time at a possible place is the same obstacle
 SAME_THING_M = 0.5  # as far from one place of a thing are others: a person with a stride
 HEARD_BETWEEN_M = (0.15, 0.6)  # heights: sonars are mounted at knee height and hear little below and above
 GRAIN_M = 0.04  # places nearer to each other are one
-REACH_M = 2.0  # from the robot; what is farther away is out of every sonar's reach
+REACH_M = 2.0  # from the robot; farther places are out of every sonar's reach
 TRAVEL_M = 4.0  # after which the odometry no longer knows well where it was
 MOST = 300  # places; those heard now and the nearest are kept
 
@@ -87,7 +87,7 @@ class SonarMemory:
         self._resets = 0
         self._revision = 0
 
-    # --- what is known ------------------------------------------------------------------------
+    # --- state ----------------------------------------------------------------------------------
 
     def heard(self, sonar: int, trail: Trail) -> Points:
         """The present echo, base frame of the newest odometry."""
@@ -100,7 +100,7 @@ class SonarMemory:
         return self._points(~self._lately(), trail)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
-        """Memory does not fail; each sonar tells of itself."""
+        """Memory does not fail; each sonar has its own state."""
         return SensorHealth(self.name, "sonar", True, None, "")
 
     def places(self) -> Points:
@@ -118,7 +118,7 @@ class SonarMemory:
         x, y = self._table[:2, chosen]
         return placed(from_columns(x, y), seen_from(ORIGIN, newest))
 
-    # --- what comes in ------------------------------------------------------------------------
+    # --- input ----------------------------------------------------------------------------------
 
     def take(self, reading: Reading, base: Pose, trail: Trail, now_s: float) -> None:
         """Take a reading that was made when the robot was at `base` (odometry frame)."""
@@ -152,7 +152,7 @@ class SonarMemory:
         self._keep(self._table[PASSES] < GONE)
 
     def forget(self) -> None:
-        """Forget what is heard no longer."""
+        """Forget places that are no longer heard."""
         self._keep(self._lately())
 
     def clear(self) -> None:
@@ -168,7 +168,7 @@ class SonarMemory:
             self._revision += 1
 
     def _follow(self, base: Pose, trail: Trail, now_s: float) -> None:
-        """The robot is at `base`: forget what is far off, or long ago on the way, or where its hull is now."""
+        """Move the robot to `base`: forget places that are far away, after too much way, or inside the hull."""
         if trail.resets != self._resets:
             self._resets = trail.resets
             self.clear()
@@ -188,7 +188,7 @@ class SonarMemory:
         self._keep(near & lasting & outside)
 
     def _seen_from(self, eye: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How far each place is, and how far off the sensor's axis."""
+        """Return the distance of each place, and its angle from the sensor's axis."""
         dx, dy = self._table[X] - eye.x, self._table[Y] - eye.y
         off = np.abs(np.remainder(np.arctan2(dy, dx) - eye.yaw + math.pi, math.tau) - math.pi)
         return np.hypot(dx, dy), off
@@ -209,7 +209,7 @@ class SonarMemory:
         same_place: Flags,
         counts: float,
     ) -> None:
-        """Forget what this reading, with those before it, shows free."""
+        """Forget places that this reading and earlier ones show free."""
         table, half = self._table, reading.fov / 2.0
         same_place &= table[TIMES] >= SURELY_HEARD
         free = (distance < reading.free_m - NOISE_M) & (same_place | (off < SURE_SHARE * half))

@@ -1,7 +1,7 @@
-"""From what a depth camera measured to columns that the robot must not run into (docs/gate.md, 7 and 8).
+"""From depth pictures to obstacle columns (docs/gate.md, 7 and 8).
 
-A picture is thinned out before anything else: one measurement for each square of pixels, in a view of the message's own
-bytes. Clouds become pictures, so that all that follows is the same for both. A camera's frame is the optical one:
+A picture is thinned out before anything else: one measurement for each square of pixels, in a view of the message's
+own bytes. Clouds become pictures, so that all that follows is the same for both. A camera's frame is the optical one:
 x right, y down, z ahead. Floor and ceiling are taken away by the camera's pose alone, the robot's own body by its
 footprint.
 """
@@ -24,25 +24,25 @@ Transform = NDArray[np.float64]  # (4, 4), from the camera's frame to the base f
 
 COLUMNS = 160  # of a thinned picture, about
 MOST_PIXELS = 4096  # along a side
-LEAST_WIDE, LEAST_HIGH = 3, 2  # a place is looked up in a column of the picture and the two beside it
+LEAST_WIDE, LEAST_HIGH = 3, 2  # a place is checked in a pixel column and its two neighbours
 NEAREST_M = 0.25
-LEAST_AHEAD_M = 0.05  # what is nearer to the lens than this is not in its picture
-FARTHEST_M = 4.0  # twice what is needed to stop from 1 m/s; beyond, tilt errors make obstacles of the floor
-FLOOR_M = 0.05  # what is lower than this passes for floor; the laser sees most of it
+LEAST_AHEAD_M = 0.05  # nearer points are not in its picture
+FARTHEST_M = 4.0  # twice the stopping distance from 1 m/s; beyond, tilt errors turn the floor into obstacles
+FLOOR_M = 0.05  # lower points count as floor; the laser sees most of them
 TILT_ERROR = 0.01  # metres of height for each metre of distance: half a degree
 NOISE_PER_M = 0.0015  # sigma of a structured-light camera, by the square of the distance
-NOISE_SIGMAS = 1.5  # of what noise along the ray leaves in the height
-ABOVE_CAMERA_M = 0.08  # the head's top, and a margin: what hangs higher than this is passed below
+NOISE_SIGMAS = 1.5  # of the height error from noise along the ray
+ABOVE_CAMERA_M = 0.08  # the head's top and a margin: the robot passes below higher things
 CELL_M = 0.05
 HITS = 3  # in one cell; fewer are noise
 LEAST_SHOWN_SHARE = 0.3  # of the floor within reach; shiny and dark floors are measured in parts
 LEAST_FLOOR_SHARE = 0.05  # of a picture; one with less floor within reach is not judged by it
-BEHIND_M = 0.10  # what is measured this far behind a place passed through it
-FLOOR_BEHIND_M = 0.03  # the same for the floor: behind what lies low it is near, and it is no other thing
+BEHIND_M = 0.10  # a measurement this far behind a place passed through it
+FLOOR_BEHIND_M = 0.03  # the same for the floor, which is near behind low things
 WIDEST_SHARE = 0.4  # cosine of the angle to the side at which the corner of a lowered camera's picture looks
 HEIGHTS = 6  # of a column that are looked at to see through it
-LEVEL_M = 0.1  # what was seen at every level from end to end is one thing, so that a part of it tells of all
-TALL_M = 0.25  # less than this is no part and whole, but all ends
+LEVEL_M = 0.1  # a column seen at every level is one thing: a part of it shows the whole
+TALL_M = 0.25  # shorter columns have no inner part
 END_M = 0.08  # of a thing; noise may have made it longer
 
 _HALF = math.ceil((FARTHEST_M + 1.0) / CELL_M)  # cells from the base to the edge of the counting grid
@@ -59,7 +59,7 @@ class Lens(NamedTuple):
 
     @property
     def makes_sense(self) -> bool:
-        """Whether a camera can have it: one that nobody has calibrated tells zeros."""
+        """Return whether a camera can have it: an uncalibrated one reports zeros."""
         return all(map(math.isfinite, self)) and self.fx > 0.0 and self.fy > 0.0
 
     @classmethod
@@ -115,7 +115,7 @@ class Columns(NamedTuple):
     levels: Levels | None = None
 
     def only(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> Columns:
-        """Some of them."""
+        """Return some of them."""
         levels = None if self.levels is None else self.levels[kept]
         return Columns(self.points.T[:, kept].T, self.low[kept], self.high[kept], levels)
 
@@ -124,7 +124,7 @@ class Columns(NamedTuple):
 
 
 def picture_of_image(image: DepthImage, lens: Lens) -> Picture:
-    """A thinned depth image. Malformed if it cannot be one."""
+    """Return a thinned depth image. Raises Malformed."""
     kinds = {"32FC1": "f4", "16UC1": "u2"}
     if image.encoding not in kinds:
         raise Malformed(f"its pictures are {image.encoding[:20]!r}, only 32FC1 and 16UC1 are understood")
@@ -138,7 +138,7 @@ def picture_of_image(image: DepthImage, lens: Lens) -> Picture:
         raise Malformed("its pictures are shorter than they say")
     thin = _thinning(image.width, image.height)
     rows, columns = image.height // thin, image.width // thin
-    first = thin // 2  # the middle of each square stands for it
+    first = thin // 2  # the middle of each square represents it
     start = first * (image.step + kind.itemsize)
     strides = (thin * image.step, thin * kind.itemsize)
     pixels = _view(image.data, (rows, columns), kind, start, strides)
@@ -152,7 +152,7 @@ def picture_of_image(image: DepthImage, lens: Lens) -> Picture:
 
 
 def picture_of_cloud(cloud: Cloud, fov: float) -> Picture:
-    """The nearest points of a cloud, as a camera in its place would see them. Malformed if it is none."""
+    """Return a cloud's nearest points as a picture of a camera in its place. Raises Malformed."""
     x, y, z = _coordinates(cloud)
     columns, rows = COLUMNS, COLUMNS * 3 // 4
     lens = Lens.seeing(fov, columns, rows)
@@ -221,14 +221,14 @@ def _parts(pixels: NDArray[Any], centre: float, focal: float) -> Floats:
 
 
 def top_m(to_base: Transform, height_m: float) -> float:
-    """Up to where the robot reaches: at least `height_m`; the head rises with the camera, which stands in the head."""
+    """Return the robot's top in metres: at least `height_m`; the head rises with its camera."""
     return max(height_m, float(to_base[2, 3]) + ABOVE_CAMERA_M)
 
 
 def check_shown(picture: Picture, to_base: Transform) -> None:
-    """Malformed if of the floor that is within reach neither itself nor something before it is shown.
+    """Raise Malformed if the picture shows neither the floor within reach nor anything in front of it.
 
-    Else a covered lens, a picture of nothing but NaN, or a camera whose pose is wrong would be a free way.
+    Otherwise a covered lens, a picture of NaN, or a wrong camera pose would count as a free way.
     """
     per_metre = _rise(picture, to_base)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
@@ -259,21 +259,21 @@ def columns_of(picture: Picture, to_base: Transform, highest_m: float) -> Column
 
 
 def _rise(picture: Picture, to_base: Transform) -> Floats:
-    """How much higher each pixel's ray gets for each metre ahead."""
+    """Return by how much each pixel's ray rises per metre ahead."""
     up = to_base[2].astype(np.float32)
     rise: Floats = up[0] * picture.right + (up[1] * picture.down + up[2])[:, None]
     return rise
 
 
 def _floor_error(ahead: Floats) -> Floats:
-    """How far from the floor what is measured of it may seem to be, metres."""
+    """Return the largest apparent height of the floor at these distances, metres."""
     return (ahead * (TILT_ERROR + NOISE_SIGMAS * NOISE_PER_M * ahead) + FLOOR_M).astype(
         np.float32, copy=False
     )
 
 
 def _counted(x: Floats, y: Floats, height: Floats) -> Columns:
-    """The middle of the hits in each cell that has enough of them."""
+    """Return the middle of the hits in each cell with enough of them."""
     near = np.maximum(np.abs(x), np.abs(y)) < _HALF * CELL_M
     x, y, height = x[near], y[near], height[near]
     cells = _cell(x) * _SIDE + _cell(y)
@@ -297,7 +297,7 @@ def _level(height: Floats) -> Levels:
 
 
 def is_one_thing(columns: Columns, gaps: bool = False) -> NDArray[np.bool_]:
-    """Which columns are tall, and something was seen at each level between their ends.
+    """Return which columns are tall, and something was seen at each level between their ends.
 
     With `gaps`, two levels in a row may lack.
     """
@@ -319,7 +319,7 @@ def _cell(along: Floats) -> NDArray[np.intp]:
 
 
 def _rim(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """The cells that have a free one beside them: nothing comes to the inside of a table top but over its edge."""
+    """Return the occupied cells with a free neighbour: the inside of a table top is reached only over its edge."""
     grid = occupied.reshape(_SIDE, _SIDE)
     inside = np.zeros_like(grid)
     inside[1:-1, 1:-1] = grid[:-2, 1:-1] & grid[2:, 1:-1] & grid[1:-1, :-2] & grid[1:-1, 2:]
@@ -329,8 +329,8 @@ def _rim(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
 # --- evidence of free space ------------------------------------------------------------------------
 
 
-class _Look(NamedTuple):
-    """Check columns against a picture: the `heights` seen through, and whether one height denies that."""
+class _Evidence(NamedTuple):
+    """Evidence of a picture about columns: at which `heights` it sees through, and whether a height denies that."""
 
     heights: Floats  # (HEIGHTS, columns)
     through: NDArray[np.bool_]
@@ -338,30 +338,30 @@ class _Look(NamedTuple):
 
 
 def came_since(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
-    """Which columns (base frame of the picture) an earlier picture did not find there: they came by themselves."""
-    look = _look(picture, to_base, columns)
-    came: NDArray[np.bool_] = ~look.denied & look.through.any(axis=0)
+    """Return which columns (base frame of the picture) an earlier picture did not show there: they moved there."""
+    evidence = _evidence(picture, to_base, columns)
+    came: NDArray[np.bool_] = ~evidence.denied & evidence.through.any(axis=0)
     return came
 
 
 def seen_through(picture: Picture, to_base: Transform, columns: Columns) -> NDArray[np.bool_]:
-    """Which columns (base frame) have gone: where something was, something well behind is measured, or the floor.
+    """Return which columns (base frame) are gone: the picture shows the floor, or a point well behind, at their place.
 
-    Of one tall thing a height between its ends suffices, of all else each height must be free. A height at which
-    something is still measured denies both. What is out of view, not measured, or hidden tells nothing.
+    For one tall thing a height between its ends is enough; otherwise each height must be free. A height that
+    still measures something denies both. Heights out of view, unmeasured or hidden give no evidence.
     """
     gone = np.zeros(len(columns.points), dtype=np.bool_)
     before = np.flatnonzero(_may_be_in_view(to_base, columns.points))
     columns = columns.only(before)
-    look = _look(picture, to_base, columns)
-    inner = (look.heights > columns.low + END_M) & (look.heights < columns.high - END_M)
-    part, whole = (look.through & inner).any(axis=0), look.through.all(axis=0)
-    gone[before] = ~look.denied & np.where(is_one_thing(columns), part, whole)
+    evidence = _evidence(picture, to_base, columns)
+    inner = (evidence.heights > columns.low + END_M) & (evidence.heights < columns.high - END_M)
+    part, whole = (evidence.through & inner).any(axis=0), evidence.through.all(axis=0)
+    gone[before] = ~evidence.denied & np.where(is_one_thing(columns), part, whole)
     return gone
 
 
 def _may_be_in_view(to_base: Transform, points: Points) -> NDArray[np.bool_]:
-    """Leaves out most of what is beside and behind a camera, at little cost."""
+    """Leave out most points next to and behind a camera, at little cost."""
     x, y = points[:, 0] - to_base[0, 3], points[:, 1] - to_base[1, 3]
     level = math.hypot(to_base[0, 2], to_base[1, 2])
     ahead = to_base[0, 2] * x + to_base[1, 2] * y
@@ -369,7 +369,7 @@ def _may_be_in_view(to_base: Transform, points: Points) -> NDArray[np.bool_]:
     return may
 
 
-def _look(picture: Picture, to_base: Transform, columns: Columns) -> _Look:
+def _evidence(picture: Picture, to_base: Transform, columns: Columns) -> _Evidence:
     share = np.linspace(0.0, 1.0, HEIGHTS, dtype=np.float32)[:, None]
     height = columns.low + share * (columns.high - columns.low)
     x, y = columns.points.T
@@ -396,10 +396,10 @@ def _look(picture: Picture, to_base: Transform, columns: Columns) -> _Look:
         met = ~free & ~shows_floor & (behind > -BEHIND_M - 2.0 * noise)
     through = in_view & free.all(axis=0)
     denied = (in_view & met.any(axis=0)).any(axis=0)
-    return _Look(height, through, denied)
+    return _Evidence(height, through, denied)
 
 
 def _pixel(looks: Floats, part: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The number of the row or column that looks where `part` of the distance says; they are evenly spaced."""
+    """Return the number of the evenly spaced row or column in direction `part`."""
     pixels: NDArray[np.float64] = np.rint((part - looks[0]) / (looks[1] - looks[0]))
     return pixels

@@ -1,4 +1,4 @@
-"""From what a laser or a sonar measured to points in the base frame (docs/gate.md, 8)."""
+"""From laser and sonar measurements to points in the base frame (docs/gate.md, 8)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from robots.bridge.gate.values import Pose
 
 NEIGHBOUR_BEAMS = 2
 NEIGHBOUR_M = 0.10
-SAME_SURFACE_M = 0.05  # two beams beside each other that differ by less met the same surface
-INSIDE_HULL_M = 0.03  # what lies deeper than this in the hull is the robot itself
+SAME_SURFACE_M = 0.05  # neighbouring beams that differ by less hit the same surface
+INSIDE_HULL_M = 0.03  # points deeper than this in the hull are the robot itself
 MOST_BEAMS = 20_000
-FINEST_RAD = 1e-5  # between two beams; with less, the number of the beam that looks somewhere overflows
+FINEST_RAD = 1e-5  # between two beams; with less, beam numbers overflow
 LEAST_KNOWN_SHARE = 0.5  # a scan, or a part of it, that mostly measures nothing vouches for nothing
 CONE_POINTS = 9  # over a cone of 0.5 rad at 1 m they stand 6 cm apart
 
@@ -66,12 +66,12 @@ class Sweep:
 
     @property
     def is_full_circle(self) -> bool:
-        """Whether the last beam is next to the first."""
+        """Return whether the last beam is next to the first."""
         return self.span + 1.5 * abs(self.increment) > math.tau
 
     @cached_property
     def ends(self) -> NDArray[np.float64]:
-        """How far each beam surely reached: +inf is free; NaN and what is out of range reached nowhere, -inf.
+        """Return how far each beam surely reached: +inf is free; NaN and what is out of range reached nowhere, -inf.
 
         -inf is closer than `range_min_m` and taken to be right there.
         """
@@ -88,7 +88,7 @@ class Sweep:
         return ~np.isneginf(self.ends)
 
     def looks_to(self, angle: float, half_width: float) -> bool:
-        """Whether the field of view holds an angle (sensor's frame), and most beams about it measured something."""
+        """Return whether an angle (sensor's frame) is in view and most beams around it measured something."""
         beams = (wrapped(angle - self.middle) + self.span / 2.0) / abs(self.increment)
         half = half_width / abs(self.increment)
         if not -0.5 <= beams <= len(self.ranges) - 0.5:
@@ -101,22 +101,22 @@ class Sweep:
 
     @cached_property
     def _known_before(self) -> NDArray[np.intp]:
-        """How many of the beams before each one are known, and how many of all."""
+        """Return how many of the beams before each one are known, and how many of all."""
         return np.concatenate(([0], np.cumsum(self.known)))
 
     @cached_property
     def alone(self) -> NDArray[np.bool_]:
-        """Beams that hit something where no beam beside them did: noise, as far as one scan tells."""
+        """Beams with a hit that no neighbour shares: probably noise."""
         return np.isfinite(self.ends) & ~has_neighbour(self._hits, self._steps)
 
     @cached_property
     def _hits(self) -> NDArray[np.float64]:
-        """How far each beam reached that hit something, NaN for the others."""
+        """Return how far each beam reached that hit something, NaN for the others."""
         return np.where(np.isfinite(self.ends), self.ends, np.nan)
 
     @cached_property
     def _steps(self) -> list[NDArray[np.float64]]:
-        """How much the beams differ."""
+        """Return how much the beams differ."""
         return differences(self._hits)
 
     @cached_property
@@ -173,7 +173,7 @@ class Sweep:
 
 
 def differences(hits: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """How much each beam differs from the next one, from the one after that, and so on."""
+    """Return how much each beam differs from the next one, from the one after that, and so on."""
     return [np.abs(hits[beams:] - hits[:-beams]) for beams in range(1, NEIGHBOUR_BEAMS + 1)]
 
 

@@ -1,4 +1,4 @@
-"""Which parts of the way round the base are in some sensor's field of view, and which in nobody's."""
+"""Sectors around the base with and without a sensor."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from robots.bridge.gate.geometry.planar import wrapped
 from robots.bridge.gate.values import Pose, Sector
 
-AT_M = 1.0  # the distance for which a sensor's field is told
-LEAST_RAD = math.radians(3.0)  # narrower is no gap
+AT_M = 1.0  # sectors are computed for this distance
+LEAST_RAD = math.radians(3.0)  # a narrower sector is no gap
 
 
 def sector_of(mount: Pose, first: float, span: float) -> Sector:

@@ -1,4 +1,4 @@
-"""How long the robot's machine takes to acknowledge what is sent to it, told without its clock.
+"""The time in which the robot's computer acknowledges sent bytes, without its clock.
 
 Between two looks an acknowledgement may have come at any moment, so what is told is the least that it can have taken.
 """
@@ -25,7 +25,7 @@ class Echo:
         self._unheard.append((total, now_s))
 
     def took_s(self, acknowledged: int, now_s: float) -> float | None:
-        """How long an acknowledgement takes, now that so many bytes are; None if nothing new shows it."""
+        """Return the duration of an acknowledgement (s), after so many acknowledged bytes; None without news."""
         newest_s = None
         while self._unheard and self._unheard[0][0] <= acknowledged:
             newest_s = self._unheard.popleft()[1]

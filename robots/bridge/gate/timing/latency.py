@@ -1,17 +1,18 @@
-"""How long the robot takes from a command to odometry that shows it, measured while it is driven (docs/gate.md, 11).
+"""The latency from a command to odometry that shows it, measured while the robot drives (docs/gate.md, 11).
 
 Each time the commands change by enough, what the odometry did after it is set beside what a base with the profile's
 accelerations would have done with these commands, each of them late by d; the d that fits best is one measurement. A
-base that is slower than its profile says counts as later, which errs on the safe side; one that does something else (a
-joystick in somebody's hand has the say, wheels slip) fits badly and is no measurement.
+base that is slower than its profile says counts as later, which errs on the safe side; one that does something else
+(a joystick in somebody's hand has the say, wheels slip) fits badly and is no measurement.
 
 Until the robot has answered once, and while it lets us wait for longer than it was measured to take, any delay fits
-what was seen, so the longest is reckoned with. The answer itself, late as it was, counts until the measurement is done.
+what was seen, so the longest is reckoned with. The answer itself, late as it was, counts until the measurement is
+done.
 
 Between two such changes a link may grow slow: every message still comes, one a period, but each of them later. That
 shows in the stamps, whatever the robot's clock says: arrival less stamp rises above the least that it was. Where
-commands alone come later, their acknowledgements do too: they take longer than the least that they took. The age of the
-newest odometry, by its stamp, counts at every moment: what is seen is so much older, be it late or silent.
+commands alone come later, their acknowledgements do too: they take longer than the least that they took. The age of
+the newest odometry, by its stamp, counts at every moment: what is seen is so much older, be it late or silent.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 
 from robots.bridge.gate.values import Limits, Velocity
 
-ADDED_S = 0.05  # on top of what 95 % of the measurements keep: one period of the gate
+ADDED_S = 0.05  # added to the 95 % quantile of the measurements: one period of the gate
 LEAST_S = 0.10  # however quick the robot is: a period of the gate, and one of the laser's that is carried by odometry
 KEPT = 12  # measurements
 FADES_S = 0.015  # each later measurement takes so much off an earlier one, down to the median
@@ -36,18 +37,18 @@ ENOUGH = 8  # with fewer the assumed latency is kept, if it is longer
 LONGEST_S = 0.8  # delays are looked for up to this
 _STEP_S = 0.01
 _WINDOW_S = 1.2  # of odometry that is compared
-_CHANGE = (0.12, 0.30)  # m/s, rad/s: what is enough of a change
+_CHANGE = (0.12, 0.30)  # m/s, rad/s: the smallest change that is measured
 _RESPONSE = (0.03, 0.08)  # m/s, rad/s: from here on the base has begun to obey
-_SURPRISE_S = 0.05  # who waits for so much longer than was measured does not know for how long
-_ASKED = 3.0  # responses: of less nobody need wait for an answer
-_ASTRAY = 2.0  # responses: the base does something else than what it was told for long, and had begun to do
-_MISFIT = 0.2  # of the change: a worse fit is no measurement
+_SURPRISE_S = 0.05  # a wait longer than measured by this has an unknown end
+_ASKED = 3.0  # responses: smaller changes need no answer
+_ASTRAY = 2.0  # responses: the base does something other than commanded, for long
+_MISFIT = 0.2  # of the change: a worse fit is ignored
 
-LATELY_S = 0.2  # of these the quickest message counts: one that is late by itself is jitter
+LATELY_S = 0.2  # the quickest message in this time counts: a single late one is jitter
 LEAST_MESSAGES = 3
 JITTER_S = 0.02  # of the quickest
-USUAL = 0.1  # what the newest gap between two stamps counts for in the usual one
-# Seconds a second: so slowly a lasting delay is taken for what is usual, and a clock that runs slow for one in step.
+USUAL = 0.1  # weight of the newest gap between two stamps in the usual gap
+# Seconds per second: a lasting delay becomes the usual one this slowly, and so does a slow clock.
 ACCEPTED = 0.002
 MOST_BACKLOG_S = 1.0
 BOTH_WAYS = 2.0  # commands go the way that messages come
@@ -65,7 +66,7 @@ class Latency:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew: the robot was restarted, so its delays, its clock and what was sent before say nothing."""
+        """Forget all: after a restart of the robot its delays, its clock and earlier commands say nothing."""
         self._axes = (
             _Axis(self._limits.linear_mps2, _CHANGE[0], _RESPONSE[0]),
             _Axis(self._limits.angular_radps2, _CHANGE[1], _RESPONSE[1]),
@@ -149,7 +150,7 @@ class Latency:
         return max(axis.waited_s(now_s) for axis in self._axes)
 
     def _expected_s(self, now_s: float) -> float:
-        """By what it did before."""
+        """Decide by the earlier behaviour."""
         return max(self._from_measurements(now_s), self._answer_s)
 
     def _lateness_s(self, now_s: float) -> float:
@@ -198,7 +199,7 @@ class Backlog:
         self.took(arrival_s - stamp_s, arrival_s)
 
     def age_s(self, now_s: float) -> float:
-        """How much older than usual at this moment the newest message is, by its stamp."""
+        """Return the age of the newest message beyond the usual, by its stamp."""
         return min(max(now_s - self._stamp_s - self._best_s - self._gap_s - JITTER_S, 0.0), MOST_BACKLOG_S)
 
     def took(self, after_s: float, now_s: float) -> None:
@@ -216,7 +217,7 @@ class _Seen(NamedTuple):
     """Evidence of one odometry sample for one axis."""
 
     answer_s: float | None = None  # so long after the command the base began to obey, or longer
-    is_exact: bool = False  # nothing sent before can have been what it obeyed
+    is_exact: bool = False  # the response cannot belong to an earlier command
     measured_s: float | None = None  # the delay of which this sample completes the measurement
 
 
@@ -273,7 +274,7 @@ class _Axis:
         return answer._replace(measured_s=delay_s)
 
     def waited_s(self, now_s: float) -> float:
-        """How long the base has done nothing yet about a change. One that goes on for too long is not obeyed at all."""
+        """Return the time since a change that the base has not obeyed yet. A change that lasts too long is ignored."""
         if (
             self._asked_s is None
             or self._steady is None
@@ -292,7 +293,7 @@ class _Axis:
             return
         if self._asked_s is None:
             self._asked_s = now_s
-            rests = abs(self._steady) <= self._response  # a base that moves may brake by itself
+            rests = abs(self._steady) <= self._response  # a moving base may brake by itself
             self._is_exact = rests and now_s - self._other_s > LONGEST_S
         self._other_s = now_s
 
