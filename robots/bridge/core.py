@@ -213,10 +213,12 @@ class Core:
         is_first = not self._latch.latched
         stands = is_first and self._passed == self._sent == STILL and self._gate.standstill(now_s) is True
         self._latch.press(by, reason, now_s, press, stands=stands, waited=waited)
-        self.halt("stopped", "the robot was stopped", now_s)
         self._cancelling = True
-        self._cancel_all(now_s)
-        self.tasks.stopped(by, now_s)
+        try:
+            self.halt("stopped", "the robot was stopped", now_s)
+        finally:  # also if this zero fails: the same press is not handled again
+            self._cancel_all(now_s)
+            self.tasks.stopped(by, now_s)
         self._verdict = Verdict(STILL, STILL, "stopped", f"Stopped by {by}.")
         if is_first:
             grant, stop = self.lease.current, self.stop_state

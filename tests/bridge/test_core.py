@@ -260,6 +260,19 @@ def test_stop_cleared_while_master_is_away_cancels_later(bench):
     assert cancels(bench.online(), 2.0) >= 2
 
 
+def test_a_stop_cancels_although_its_zero_fails(monkeypatch):
+    """The press counts as handled, and the same press on another way cancels nothing."""
+    bench = ObedientBench()
+    bench.ask(ORDERS["motion"])
+    bench.obeys()
+    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="closed topic"):
+        patch.setattr(bench.base, "publish", lambda _velocity: fails())
+        bench.core.stop("Bob", "", bench.now_s, uuid4())
+    assert len(bench.base.cancelled_goals) == 1
+    assert bench.base.cancelled == 1
+    assert cancels(bench, 2.0) >= 2
+
+
 def test_a_stop_is_a_stop_although_its_cancel_fails():
     bench = ObedientBench()
     bench.base.cancel_all = fails
