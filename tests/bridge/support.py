@@ -86,8 +86,8 @@ class OpenGate:
         self.operator_delay_s: float | None = None
         self.forgot: list[bool] = []  # how often it was told to forget, and whether the robot began anew
 
-    def forget(self, anew: bool = False) -> None:
-        self.forgot.append(anew)
+    def forget(self, restarted: bool = False) -> None:
+        self.forgot.append(restarted)
 
     def observe_operator(self, delay_s: float | None) -> None:
         self.operator_delay_s = delay_s
