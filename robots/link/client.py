@@ -432,9 +432,11 @@ class BridgeLink:
     async def _talk(self, socket: ClientConnection) -> None:
         try:
             hello = wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")
-            with suppress(asyncio.TimeoutError):  # then it is delivered later
-                for stop in (await asyncio.wait_for(self._waiting(), _DISK_S))[-1:]:
-                    await socket.send(wire.encode(stop.message()), text=True)
+            reading = asyncio.ensure_future(self._waiting())
+            # Not `wait_for`: before Python 3.12 it may swallow a cancellation, and `close` would wait for ever.
+            read, _ = await asyncio.wait({reading}, timeout=_DISK_S)
+            for stop in reading.result()[-1:] if read else []:  # else it is delivered later
+                await socket.send(wire.encode(stop.message()), text=True)
             await socket.send(wire.encode(hello), text=True)
             self._open = socket
             while True:

@@ -84,7 +84,7 @@ class OpenGate:
         self.latency = Latency(LIMITS, 0.2)
         self.arm_discs: tuple[tuple[float, float, float], ...] = ()
         self.operator_delay_s: float | None = None
-        self.forgot: list[bool] = []  # how often it was told to forget, and whether the robot began anew
+        self.forgot: list[bool] = []  # how often it was told to forget, and whether the robot restarted
 
     def forget(self, restarted: bool = False) -> None:
         self.forgot.append(restarted)

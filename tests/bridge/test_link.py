@@ -394,6 +394,25 @@ async def test_a_link_that_nobody_follows_any_more_is_closed(bridge, address, mo
     await links.close()
 
 
+@pytest.mark.parametrize("turns", range(6))
+async def test_a_link_closed_just_as_waiting_stops_are_read_ends(bridge, address, monkeypatch, turns):
+    asked, answer = asyncio.Event(), asyncio.get_running_loop().create_future()
+
+    async def waiting(_link):
+        asked.set()
+        return await answer
+
+    monkeypatch.setattr(BridgeLink, "_waiting", waiting)
+    link = BridgeLink(ROBOT, address)
+    await asked.wait()
+    answer.set_result([])
+    for _ in range(turns):
+        await asyncio.sleep(0)
+    closing = asyncio.get_running_loop().create_task(link.close())
+    await asyncio.wait({closing}, timeout=2)
+    assert closing.done()
+
+
 async def test_stop_command_gives_up_on_a_bridge_without_answer(bridge, address):
     bridge.silent = True
 
