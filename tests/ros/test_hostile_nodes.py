@@ -168,11 +168,11 @@ def test_a_node_that_comes_and_goes_has_the_robots_motions_read_no_faster(monkey
     monkeypatch.setattr(node, "JOINED_GAP_S", 0.5)
     base = RosBase(CONFIG)
     readings: queue.SimpleQueue[float] = queue.SimpleQueue()
-    base._motions = SimpleNamespace(read=lambda: readings.put(time.monotonic()))
+    base._motions = SimpleNamespace(read=lambda _tell: readings.put(time.monotonic()))
     began_s = time.monotonic()
-    base.motions_joined()
+    base._joined.do()
     readings.get(timeout=10)
-    base.motions_joined()
+    base._joined.do()
     assert readings.get(timeout=10) - began_s >= 0.5
 
 

@@ -8,6 +8,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
 from xmlrpc.client import ServerProxy
 
 import pytest
@@ -17,6 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from robots.bridge.config import Topic
+from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.message_types.classes import message_class, service_class
 from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.node import RosBase
@@ -153,20 +155,12 @@ def test_motions_stand_on_the_parameter_server():
     assert len(wave["points"][0]["positions"]) == len(wave["joints"])
 
 
-class Listed:
-    """Hears what an action offers (motions.Watcher), and nothing else."""
-
-    def __init__(self) -> None:
-        self.offers = []
-
-    def motions_running(self, action, goal_ids) -> None: ...
-
-    def motion_ended(self, goal_id, outcome, text) -> None: ...
-
-    def motions_read(self, action, motions, text) -> None:
-        self.offers.append(motions)
-
-    def motions_joined(self) -> None: ...
+def motion_topics(actions, uri):
+    """Topics whose news nobody hears."""
+    mail, deaf = Mailboxes(lambda call: None), SimpleNamespace()
+    return MotionTopics(
+        actions, "play_motion_msgs/PlayMotionAction", Master(uri, "/test"), mail, deaf, lambda: None
+    )
 
 
 @pytest.fixture
@@ -174,13 +168,11 @@ def reads(rosmaster):
     """Ask an action for its motions."""
 
     def read(action: str):
-        told = Listed()
-        topics = MotionTopics(
-            {action}, "play_motion_msgs/PlayMotionAction", Master(rosmaster.uri, "/test"), told
-        )
-        topics.read()
+        told = []
+        topics = motion_topics({action}, rosmaster.uri)
+        topics.read(lambda _action, offers, _text: told.append(offers))
         topics.close()
-        return told.offers[0]
+        return told[0]
 
     return read
 
@@ -237,15 +229,10 @@ def test_an_action_that_hangs_is_let_go_of(reads, rosmaster):
 
 
 def test_a_topic_that_is_just_being_left_hides_no_cancel_behind_it(ros, rosmaster):
-    told = Listed()
     base = RosBase(CONFIG)
-    base._motions = MotionTopics(
-        ["/left_play", "/kept_play"],
-        "play_motion_msgs/PlayMotionAction",
-        Master(rosmaster.uri, "/test"),
-        told,
-    )
-    base._speech = SpeechTopics(Topic("/left_tts", "pal_interaction_msgs/TtsAction"), told)
+    base._motions = motion_topics(["/left_play", "/kept_play"], rosmaster.uri)
+    tts = Topic("/left_tts", "pal_interaction_msgs/TtsAction")
+    base._speech = SpeechTopics(tts, Mailboxes(lambda call: None), SimpleNamespace())
     base._speech.attend({"/left_tts", "/kept_tts"})
     try:
         with (

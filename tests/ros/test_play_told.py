@@ -10,9 +10,11 @@ import rospy
 from actionlib_msgs.msg import GoalStatus
 
 from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.message_types.classes import message_class, service_class
 from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.tasks.motions import ERRORS, MotionTopics
+from robots.bridge.tasks.goals import OURS
 from robots.wire import MotionOffer
 from tests.ros.meddling import CUT_SHORT, meddled
 from tests.ros.support import PATIENCE_S, until
@@ -24,23 +26,26 @@ ODD_NAME = "grüß <b>你好 & Co."
 
 
 class Heard:
-    """Everything that a bridge would hear (motions.Watcher)."""
+    """Everything that a bridge would hear, in the place of its `Motions`."""
 
     def __init__(self):
         self.ends = queue.SimpleQueue()
         self.lists = queue.SimpleQueue()
         self.joined = queue.SimpleQueue()
 
-    def motions_running(self, action, goal_ids): ...
+    def running(self, action, goal_ids, now_s): ...
 
-    def motion_ended(self, goal_id, outcome, text):
+    def ended(self, goal_id, outcome, text, now_s):
         self.ends.put((goal_id, outcome, text))
 
-    def motions_read(self, action, motions, text):
+    def offers(self, action, motions, text):
         self.lists.put(motions)
 
-    def motions_joined(self):
-        self.joined.put(True)
+    def topics(self, uri):
+        mail, joined = Mailboxes(lambda call: call()), lambda: self.joined.put(True)
+        return MotionTopics(
+            {ACTION}, "play_motion_msgs/PlayMotionAction", Master(uri, "/test"), mail, self, joined
+        )
 
 
 @pytest.fixture
@@ -50,9 +55,7 @@ def heard():
 
 @pytest.fixture
 def motions(ros, rosmaster, heard):
-    topics = MotionTopics(
-        {ACTION}, "play_motion_msgs/PlayMotionAction", Master(rosmaster.uri, "/test"), heard
-    )
+    topics = heard.topics(rosmaster.uri)
     yield topics
     topics.close()
 
@@ -93,9 +96,9 @@ def result(status, code, words=""):
 )
 def test_each_error_code_is_told_in_words_before_the_robots_own(motions, heard, code, words):
     with action(result(GoalStatus.ABORTED, code, "arm_controller")):
-        motions.play("one", "wave", ACTION)
+        motions.play(f"{OURS}one", "wave", ACTION)
         told = f"{words[0].upper()}{words[1:]}: arm_controller"
-        assert heard.ends.get(timeout=PATIENCE_S) == ("one", "failed", told)
+        assert heard.ends.get(timeout=PATIENCE_S) == (f"{OURS}one", "failed", told)
 
 
 def test_every_code_of_the_definition_has_words():
@@ -114,19 +117,17 @@ def test_a_goal_has_the_name_as_the_robot_spells_it_and_planning_is_never_skippe
 def test_a_master_that_does_not_answer_takes_no_motion_from_the_list(ros, rosmaster, heard):
     rospy.set_param(f"{ACTION}/motions", {"nod": {"joints": ["a"], "points": [{"positions": [0.5]}]}})
     with meddled(rosmaster) as master:
-        topics = MotionTopics(
-            {ACTION}, "play_motion_msgs/PlayMotionAction", Master(master.uri, "/test"), heard
-        )
+        topics = heard.topics(master.uri)
         try:
-            topics.read()
+            topics.read(heard.offers)
             assert [offer.name for offer in heard.lists.get(timeout=PATIENCE_S)] == ["nod"]
             master.spoiled["getParam"] = CUT_SHORT
-            topics.read()
+            topics.read(heard.offers)
             assert [offer.name for offer in heard.lists.get(timeout=PATIENCE_S)] == ["nod"]
             assert topics.repertoire[ACTION] == {"nod": Motion(("a",), ((0.5,),))}
             del master.spoiled["getParam"]
             rospy.delete_param(f"{ACTION}/motions")
-            topics.read()
+            topics.read(heard.offers)
             assert heard.lists.get(timeout=PATIENCE_S) == []
         finally:
             topics.close()
@@ -144,11 +145,11 @@ def test_odd_names_are_listed_as_the_robot_spells_them_and_their_points_are_foun
     )
     rospy.set_param(f"{ACTION}/motions", {ODD_NAME: told, "unlisted": told})
     try:
-        motions.read()
+        motions.read(heard.offers)
         assert heard.lists.get(timeout=PATIENCE_S) == [MotionOffer(ODD_NAME, "<i>Hi</i>", duration_s=1.0)]
         assert motions.look_up(ACTION, ODD_NAME) == (Motion(("a",), ((0.5,),)), False)
         service.shutdown()
-        motions.read()
+        motions.read(heard.offers)
         offers = heard.lists.get(timeout=PATIENCE_S)
         assert {offer.name for offer in offers} == {ODD_NAME, "unlisted"}, "those that have parameters"
     finally:

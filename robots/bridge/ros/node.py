@@ -25,7 +25,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.gate.geometry.arm_discs import Disc, Posture
-from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.values import STILL, Pose, Velocity
 from robots.bridge.probe_findings import BRIDGE, watchdog_name
 from robots.bridge.ros.bounds.board import BOARD
@@ -50,12 +49,11 @@ from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.tasks.speech import SpeechTopics
-from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.head import Aim
 from robots.bridge.tasks.input_routing import goal_topic
 from robots.bridge.tasks.speech import Utterance
 from robots.bridge.tasks.tasks import Swept
-from robots.wire import MotionOffer, SpeechStatus, Use
+from robots.wire import MotionOffer, Use
 
 log = logging.getLogger(__name__)
 
@@ -69,7 +67,6 @@ SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to twists is not full
 ODOMETRY_WAITS = 20  # messages: the gate pairs scans with those between
 RESTS_S = 0.08  # between reads of odometry, while the robot stands and nobody drives
 RESTS = 0.005  # m/s or rad/s: less is standing
-EVENTS_WAIT = 50  # of one action: goals that ended, words that were said
 MOST_PROBLEMS = 10  # that are told at once
 MOST_LOOKED_UP = 8  # nodes whose address is asked for in one survey
 
@@ -188,11 +185,17 @@ class RosBase:
         """Ask the robot for its motions."""
         motions = self._motions
         if motions is not None:
-            self._reading.do(motions.read)
+            self._reading.do(lambda: motions.read(self._offer))
         elif self._config.topics.motions:
-            self.motions_read(
-                self._config.topics.motions.name, [], "The robot’s ROS master was not there yet."
-            )
+            self._offer(self._config.topics.motions.name, [], "The robot’s ROS master was not there yet.")
+
+    def _offer(self, action: str, motions: list[MotionOffer], text: str) -> None:
+        self._post(lambda: self._core.tasks.capabilities.read(action, motions, text))
+
+    def _read_joined(self) -> None:
+        """Somebody began to perform motions, maybe others than before. On a thread of `_joined`."""
+        if self._motions is not None:  # else they are being joined, and read after that
+            self.read_motions()
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
         """Pass a text on to the robot's voice. Whether the robot tells what becomes of it."""
@@ -293,9 +296,16 @@ class RosBase:
             self._head = rospy.Publisher(topics.head.topic, JointTrajectory, queue_size=1)
         if topics.motions:
             actions = self._core.tasks.routing.connected("motions")  # all that may be chosen
-            self._motions = MotionTopics(actions, topics.motions.type, self._master, self)
+            self._motions = MotionTopics(
+                actions,
+                topics.motions.type,
+                self._master,
+                self._mail,
+                self._core.tasks.motions,
+                self._joined.do,
+            )
         if topics.speech:
-            self._speech = SpeechTopics(topics.speech, self)
+            self._speech = SpeechTopics(topics.speech, self._mail, self._core.tasks.speech)
         if topics.arm and topics.joint_states:
             self._arm = PostureTopics(topics.arm, self._on_posture)
             self._describe()
@@ -303,7 +313,7 @@ class RosBase:
         depth, view = topics.depth, self._config.gate.depth
         if depth and view:
             self._tf = TfTopics(depth.base_frame)
-            pictures = DepthTopics(depth, view, self._tf.frames, self)
+            pictures = DepthTopics(depth, view, self._tf.frames, self._mail, self._core)
             self._costly = OnDemandTopics(self._connecting, self._tf, pictures)
         elif topics.map:
             self._tf = TfTopics()
@@ -464,66 +474,6 @@ class RosBase:
 
     def _on_charging(self, message: Any) -> None:
         self._mail.post("charging", lambda: self._core.charging(bool(message.data)), can_wait=True)
-
-    def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
-        """A picture of the depth camera."""
-        self._mail.post("depth", lambda: self._core.depth(frame, stamp_s, arrival_s))
-
-    def bad_depth(self, why: str) -> None:
-        """A picture of the depth camera that cannot be used."""
-        self._mail.post("bad depth", lambda: self._core.bad_depth(cut(why, SENTENCE)))
-
-    # --- motions and speech (motions.Watcher, speech.Ears) ----------------------------------------------
-
-    def motions_running(self, action: str, goal_ids: Collection[str]) -> None:
-        """The goals under way, whoever sent them."""
-        self._mail.post(
-            ("motions", action), lambda: self._core.tasks.motions.running(action, goal_ids, time.monotonic())
-        )
-
-    def motion_ended(self, goal_id: str, outcome: str, text: str) -> None:
-        """A goal has ended."""
-        if goal_id.startswith(OURS):  # of others' goals only those under way count
-            self._mail.post(
-                "motions ended",
-                lambda: self._core.tasks.motions.ended(goal_id, outcome, text, time.monotonic()),
-                EVENTS_WAIT,
-            )
-
-    def motions_read(self, action: str, motions: list[MotionOffer], text: str) -> None:
-        """Present motions of an action."""
-        self._post(lambda: self._core.tasks.capabilities.read(action, motions, text))
-
-    def motions_joined(self) -> None:
-        """The robot's motions began anew, maybe with others."""
-        self._joined.do()
-
-    def _read_joined(self) -> None:
-        """On a thread for it."""
-        if self._motions is not None:  # else they are being joined, and read after that
-            self._reading.do(self._motions.read)
-
-    def speech_running(self, topic: str, goals: dict[str, SpeechStatus]) -> None:
-        """The goals under way on a topic, whoever sent them."""
-        self._mail.post(
-            ("speech", topic), lambda: self._core.tasks.speech.running(topic, goals, time.monotonic())
-        )
-
-    def speech_said(self, goal_id: str, said: str) -> None:
-        """A word was begun."""
-        if goal_id.startswith(OURS):
-            self._mail.post(
-                "said", lambda: self._core.tasks.speech.said(goal_id, said, time.monotonic()), EVENTS_WAIT
-            )
-
-    def speech_ended(self, goal_id: str, outcome: str, text: str) -> None:
-        """A goal has ended."""
-        if goal_id.startswith(OURS):
-            self._mail.post(
-                "speech ended",
-                lambda: self._core.tasks.speech.ended(goal_id, outcome, text, time.monotonic()),
-                EVENTS_WAIT,
-            )
 
     def _post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():

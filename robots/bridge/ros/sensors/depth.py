@@ -7,14 +7,15 @@ megabyte of pixels is copied by nobody but rospy.
 from __future__ import annotations
 
 import time
-from typing import Any, Protocol
+from typing import Any
 
 import genpy
 import rospy
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 
 from robots.bridge.config import DepthSource
-from robots.bridge.gate.obstacles.depth_camera import Frame, frame_of
+from robots.bridge.core import Core
+from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.sensing.depth import (
     Cloud,
     DepthImage,
@@ -25,30 +26,25 @@ from robots.bridge.gate.sensing.depth import (
 )
 from robots.bridge.gate.sensing.scan import Malformed
 from robots.bridge.gate.values import DepthView
+from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.ros.bounds.texts import SENTENCE, cut
 from robots.bridge.ros.on_demand_topics import listen
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
 
 EARLY_SHARE = 0.8  # of the time between two pictures: one that comes a little early is not too many
 
 
-class DepthListener(Protocol):
-    """Receiver of pictures. Called on rospy's threads."""
-
-    def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
-        """A picture."""
-
-    def bad_depth(self, why: str) -> None:
-        """One that cannot be used."""
-
-
 class DepthTopics:
-    """The topics of one depth camera."""
+    """The topics of one depth camera. Pictures go to `core` through `mail`, on the event loop."""
 
-    def __init__(self, source: DepthSource, view: DepthView, frames: Frames, taker: DepthListener) -> None:
+    def __init__(
+        self, source: DepthSource, view: DepthView, frames: Frames, mail: Mailboxes, core: Core
+    ) -> None:
         self._source = source
         self._view = view
         self._frames = frames
-        self._taker = taker
+        self._mail = mail
+        self._core = core
         self._info: tuple[int, int, Lens] | None = None  # width and height of the pictures that it is for
         self._taken_s = float("-inf")
 
@@ -82,11 +78,15 @@ class DepthTopics:
             stamp_s = message.header.stamp.to_sec()
             picture = self._cloud(message) if self._is_cloud else self._image(message)
             to_base = self._frames.place(message.header.frame_id.lstrip("/"), stamp_s)
-            self._taker.depth(frame_of(picture, to_base, self._view), stamp_s, arrival_s)
+            frame = frame_of(picture, to_base, self._view)
+            self._mail.post("depth", lambda: self._core.depth(frame, stamp_s, arrival_s))
         except (Malformed, PoseUnknown) as error:
-            self._taker.bad_depth(str(error))
+            self._cannot_use(str(error))
         except genpy.DeserializationError as error:
-            self._taker.bad_depth(f"its messages cannot be read ({error})")
+            self._cannot_use(f"its messages cannot be read ({error})")
+
+    def _cannot_use(self, why: str) -> None:
+        self._mail.post("bad depth", lambda: self._core.bad_depth(cut(why, SENTENCE)))
 
     @property
     def _is_cloud(self) -> bool:

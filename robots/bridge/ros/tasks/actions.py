@@ -14,6 +14,7 @@ from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.tasks.publishing import Sender, publish
 from robots.bridge.tasks.goals import OURS
 
+EVENTS_WAIT = 50  # messages of one kind that wait for the event loop: ended goals, spoken words
 RUNNING = (GoalStatus.PENDING, GoalStatus.ACTIVE, GoalStatus.PREEMPTING, GoalStatus.RECALLING)
 OUTCOMES = {  # others: "failed"
     GoalStatus.SUCCEEDED: "succeeded",

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from msgspec import structs
 
 from robots.bridge.config import Topic
 from robots.bridge.gate.geometry.arm_sweep import Motion
 from robots.bridge.messages.packing import Detail
+from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.bounds.texts import MOST_MOTIONS, PARAGRAPH, SENTENCE, TITLE, cut
 from robots.bridge.ros.inspector import services
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.network.master import Master, MasterError
-from robots.bridge.ros.tasks.actions import ActionTopics
-from robots.bridge.tasks.motions import offered, recorded
+from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
+from robots.bridge.tasks.goals import OURS
+from robots.bridge.tasks.motions import Motions, offered, recorded
 from robots.wire import MotionOffer
 
 WHOLE = Detail(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
@@ -33,42 +36,40 @@ ERRORS = {  # PlayMotionResult's codes in words
 }
 
 
-class MotionListener(Protocol):
-    """Receiver of motion results. Called on rospy's threads."""
-
-    def motions_running(self, action: str, goal_ids: Collection[str]) -> None:
-        """The goals under way, whoever sent them."""
-
-    def motion_ended(self, goal_id: str, outcome: str, text: str) -> None:
-        """A goal has ended."""
-
-    def motions_read(self, action: str, motions: list[MotionOffer], text: str) -> None:
-        """Present motions of an action, or the reason why there are none."""
-
-    def motions_joined(self) -> None:
-        """Somebody began to perform motions: maybe others than those before."""
-
-
 class MotionTopics:
-    """The motion actions of one robot: the default, and those that may be chosen instead, of one type."""
+    """The motion actions of one robot: the default, and those that may be chosen instead, of one type.
 
-    def __init__(self, names: Collection[str], type: str, master: Master, watcher: MotionListener) -> None:
+    What happens to goals is told to `tasks` through `mail`, on the event loop. `joined` is called whenever somebody
+    begins to perform motions, which may be others than before.
+    """
+
+    def __init__(
+        self,
+        names: Collection[str],
+        type: str,
+        master: Master,
+        mail: Mailboxes,
+        tasks: Motions,
+        joined: Callable[[], None],
+    ) -> None:
         self._master = master
-        self._watcher = watcher
+        self._mail = mail
+        self._tasks = tasks
         self._errors = _errors(message_class(f"{type.removesuffix('Action')}Result"))
         self.repertoire: dict[str, Mapping[str, Motion | None]] = {}  # by action; None: points unknown
         self._offers: dict[str, tuple[list[MotionOffer], str]] = {}  # by action; why there is none
-        self._actions = {
-            name: ActionTopics(Topic(name, type), self, joined=watcher.motions_joined) for name in names
-        }
+        self._actions = {name: ActionTopics(Topic(name, type), self, joined=joined) for name in names}
 
     def close(self) -> None:
         """Leave them."""
         for action in self._actions.values():
             action.close()
 
-    def read(self) -> None:
-        """Ask the robot what it offers: its service for the names, its parameters for the rest."""
+    def read(self, tell: Callable[[str, list[MotionOffer], str], None]) -> None:
+        """Ask the robot what it offers: its service for the names, its parameters for the rest.
+
+        `tell` gets the motions of each action, or the reason why there are none.
+        """
         for action in self._actions:
             try:
                 parameters, listed = self._parameters(action), self._listed(f"{action}/list_motions")
@@ -81,7 +82,7 @@ class MotionTopics:
                 if len(offers) > MOST_MOTIONS:
                     words = f"{action} offers {len(offers)} motions; {MOST_MOTIONS} are shown."
                 self._offers[action] = [_cut(offer) for offer in offers[:MOST_MOTIONS]], words
-            self._watcher.motions_read(action, *self._offers[action])
+            tell(action, *self._offers[action])
 
     def look_up(self, action: str, motion: str) -> tuple[Motion | None, bool]:
         """A motion as the robot has it now, None if no points are known; and whether `read` had it otherwise.
@@ -132,19 +133,24 @@ class MotionTopics:
     # --- on rospy's threads (actions.Hearer) ----------------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        """The goals under way."""
-        self._watcher.motions_running(action, goals.keys())
+        """The goals under way, whoever sent them."""
+        self._mail.post(
+            ("motions", action), lambda: self._tasks.running(action, goals.keys(), time.monotonic())
+        )
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
         """It is empty."""
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """A goal has ended: in the robot's own words, with its error code in ours."""
+        if not goal_id.startswith(OURS):  # of others' goals only those under way count
+            return
         told = [self._code_words(result.error_code), cut(result.error_string, SENTENCE) or text]
         if outcome in {"succeeded", "cancelled"}:
             told = told[1:]
-        self._watcher.motion_ended(
-            goal_id, outcome, cut(_sentence([words for words in told if words]), SENTENCE)
+        words = cut(_sentence([part for part in told if part]), SENTENCE)
+        self._mail.post(
+            "motions ended", lambda: self._tasks.ended(goal_id, outcome, words, time.monotonic()), EVENTS_WAIT
         )
 
     def _code_words(self, code: int) -> str:

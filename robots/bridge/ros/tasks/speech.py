@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Collection
 from typing import Any, Protocol
 
 from actionlib_msgs.msg import GoalStatus
 
 from robots.bridge.config import Topic
+from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.bounds.texts import SAID, SENTENCE, cut
 from robots.bridge.ros.message_types.classes import message_class
-from robots.bridge.ros.tasks.actions import ActionTopics
+from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
 from robots.bridge.ros.tasks.publishing import Sender
-from robots.bridge.tasks.speech import Utterance
+from robots.bridge.tasks.goals import OURS
+from robots.bridge.tasks.speech import SpeechTasks, Utterance
 from robots.wire import SpeechStatus
 
 STATUSES: dict[int, SpeechStatus] = {GoalStatus.PENDING: "accepted", GoalStatus.RECALLING: "accepted"}
-
-
-class SpeechListener(Protocol):
-    """Receiver of speech progress. Called on rospy's threads."""
-
-    def speech_running(self, topic: str, goals: dict[str, SpeechStatus]) -> None:
-        """The goals under way on a topic: accepted, or speaking."""
-
-    def speech_said(self, goal_id: str, said: str) -> None:
-        """A word was begun: `said` ends with it."""
-
-    def speech_ended(self, goal_id: str, outcome: str, text: str) -> None:
-        """A goal has ended."""
 
 
 class _Voice(Protocol):
@@ -48,18 +38,22 @@ class _Voice(Protocol):
 
 
 class SpeechTopics:
-    """The topics of one robot's voice: the default, and those chosen instead, all of one type."""
+    """The topics of one robot's voice: the default, and those chosen instead, all of one type.
 
-    def __init__(self, default: Topic, ears: SpeechListener) -> None:
+    What happens to goals is told to `tasks` through `mail`, on the event loop.
+    """
+
+    def __init__(self, default: Topic, mail: Mailboxes, tasks: SpeechTasks) -> None:
         self._type = default.type
-        self._ears = ears
+        self._mail = mail
+        self._tasks = tasks
         self._voices: dict[str, _Voice] = {}
         self.attend({default.name})
 
     def attend(self, topics: Collection[str]) -> None:
         """Be connected to these and no others. Asks the master."""
         for name in set(topics) - set(self._voices):
-            self._voices[name] = _KINDS[self._type](Topic(name, self._type), self._ears)
+            self._voices[name] = _KINDS[self._type](Topic(name, self._type), self._mail, self._tasks)
         for name in set(self._voices) - set(topics):
             self._voices.pop(name).close()
 
@@ -81,8 +75,9 @@ class SpeechTopics:
 class _ActionVoice:
     """pal_interaction_msgs/TtsAction, or one with the same fields."""
 
-    def __init__(self, action: Topic, ears: SpeechListener) -> None:
-        self._ears = ears
+    def __init__(self, action: Topic, mail: Mailboxes, tasks: SpeechTasks) -> None:
+        self._mail = mail
+        self._tasks = tasks
         self._topics = ActionTopics(action, self)
         feedback = message_class(f"{action.type.removesuffix('Action')}Feedback")
         self._word_begins = feedback.TTS_EVENT_STARTED_PLAYING_WORD
@@ -108,21 +103,28 @@ class _ActionVoice:
 
     def running(self, action: str, goals: dict[str, int]) -> None:
         told = {goal_id: STATUSES.get(status, "speaking") for goal_id, status in goals.items()}
-        self._ears.speech_running(action, told)
+        self._mail.post(("speech", action), lambda: self._tasks.running(action, told, time.monotonic()))
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
-        if feedback.event_type & self._word_begins:
-            self._ears.speech_said(goal_id, cut(feedback.text_said, SAID))
+        if goal_id.startswith(OURS) and feedback.event_type & self._word_begins:
+            said = cut(feedback.text_said, SAID)
+            self._mail.post("said", lambda: self._tasks.said(goal_id, said, time.monotonic()), EVENTS_WAIT)
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
-        outcome = "done" if outcome == "succeeded" else outcome
-        self._ears.speech_ended(goal_id, outcome, cut(result.msg, SENTENCE) or text)
+        if goal_id.startswith(OURS):
+            outcome = "done" if outcome == "succeeded" else outcome
+            words = cut(result.msg, SENTENCE) or text
+            self._mail.post(
+                "speech ended",
+                lambda: self._tasks.ended(goal_id, outcome, words, time.monotonic()),
+                EVENTS_WAIT,
+            )
 
 
 class _PlainVoice:
     """A topic that takes each text as one message, and tells nothing of it."""
 
-    def __init__(self, topic: Topic, _ears: SpeechListener) -> None:
+    def __init__(self, topic: Topic, _mail: Mailboxes, _tasks: SpeechTasks) -> None:
         self._sender = Sender(topic.name, message_class(topic.type))
 
     def say(self, _goal_id: str, utterance: Utterance) -> bool:
@@ -156,7 +158,7 @@ class _SoundVoice(_PlainVoice):
         self._sender.send(kind(sound=kind.ALL, command=kind.PLAY_STOP))
 
 
-_KINDS: dict[str, Callable[[Topic, SpeechListener], _Voice]] = {
+_KINDS: dict[str, Callable[[Topic, Mailboxes, SpeechTasks], _Voice]] = {
     "pal_interaction_msgs/TtsAction": _ActionVoice,
     "std_msgs/String": _PlainVoice,
     "sound_play/SoundRequest": _SoundVoice,
