@@ -59,7 +59,7 @@ def known() -> dict[str, str]:
 
 
 def module_of(name: str) -> str:
-    """What the module of a benchmark is called."""
+    """Return the name of a benchmark's module."""
     return name.replace("-", "_")
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import psycopg
 
 from benchmarks.harness import Figure, progress
-from benchmarks.parts import recording
+from benchmarks.parts.audit import recording_cost
 from script.stack.places import REPOSITORY
 from tests.script.servers import postgresql, postgresql_installed
 
@@ -30,7 +30,7 @@ VERIFIED_COUNT = 100_000  # records, at most, in that time
 WRITTEN_S = 5.0
 WRITERS = 4  # processes: two web processes and two bridges
 GROWN_MB = 50.0  # of memory, for an export of everything
-SIDE = "import django; django.setup(); from benchmarks.parts.audit_side import main; main()"
+SIDE = "import django; django.setup(); from benchmarks.parts.audit.database_side import main; main()"
 TITLES = {
     "speechrecord": "Speech history",
     "motionrecord": "Motion history",
@@ -54,7 +54,7 @@ def measure() -> list[Figure]:
 def latency() -> Iterator[Figure]:
     """A driver with and without the log."""
     with tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory:
-        yield from recording.latency(Path(directory))
+        yield from recording_cost.latency(Path(directory))
 
 
 def on_sqlite() -> Iterator[Figure]:

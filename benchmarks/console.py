@@ -12,7 +12,7 @@ import msgspec
 from websockets.asyncio.client import ClientConnection, connect
 
 from benchmarks.harness import Figure, progress, quantile
-from benchmarks.parts import proc
+from benchmarks.parts import process_stats
 from benchmarks.parts.chromium import topics_shown_s
 from benchmarks.parts.observer import Observer, start_ros_side
 from robots import wire
@@ -90,11 +90,11 @@ async def play(driver: Driver, observer: Observer) -> list[Figure]:
 
 
 async def look(stack: Stack, cookie: str) -> list[Figure]:
-    """What ten browsers cost that look at one topic, beside one browser; and how many messages are decoded for them."""
+    """Measure the cost of ten browsers that read one topic, next to one browser, and the decoded messages."""
     [supervised] = [
         child
-        for child in proc.children(stack.supervisor.pid)
-        if proc.arguments(child)[-2:] == ["run_bridge", stack.robots[ROBOT].plan.slug]
+        for child in process_stats.children(stack.supervisor.pid)
+        if process_stats.arguments(child)[-2:] == ["run_bridge", stack.robots[ROBOT].plan.slug]
     ]
     figures: list[Figure] = []
     for browsers in (0, 1, BROWSERS):
@@ -104,12 +104,12 @@ async def look(stack: Stack, cookie: str) -> list[Figure]:
             shown = [next(counter) for counter in counters]
             began_s, bridge_s, inspector_s = (
                 time.monotonic(),
-                proc.cpu_s(supervised),
+                process_stats.cpu_s(supervised),
                 inspector_cpu_s(supervised),
             )
             await asyncio.sleep(MEASURED_S)
             spent_s = time.monotonic() - began_s
-            bridge = 100.0 * (proc.cpu_s(supervised) - bridge_s) / spent_s
+            bridge = 100.0 * (process_stats.cpu_s(supervised) - bridge_s) / spent_s
             inspector = 100.0 * (inspector_cpu_s(supervised) - inspector_s) / spent_s
             figures += [
                 Figure(f"{browsers} browsers: bridge", bridge, "%"),
@@ -126,7 +126,7 @@ async def look(stack: Stack, cookie: str) -> list[Figure]:
 
 def inspector_cpu_s(bridge: int) -> float:
     """Processor time of the bridge's child that decodes messages; 0 while there is none."""
-    return sum(proc.cpu_s(child) for child in proc.children(bridge))
+    return sum(process_stats.cpu_s(child) for child in process_stats.children(bridge))
 
 
 @asynccontextmanager

@@ -1,4 +1,4 @@
-"""What the safety gate costs per decision, with few and many points in reach, and adds to the drive path."""
+"""Cost of a gate decision with few and many points in reach, and its share of the drive path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from benchmarks.harness import Figure, progress, quantile
-from benchmarks.world import clutter
+from benchmarks.world.cases import clutter
 from benchmarks.world.play import loop_of, recorded
 from robots import wire
 from robots.bridge.audit.record_sink import (
@@ -143,7 +143,7 @@ def moved(turn: int) -> Pose:
 
 
 class Cost(NamedTuple):
-    """Of one decision: with all that new odometry asks for before it, and what a command waits for."""
+    """Cost of one decision: with the work for new odometry before it, and the part that a command waits for."""
 
     whole_us: float
     command_us: float
@@ -177,7 +177,7 @@ class _GateWithoutMemory(_TimedGate):
 
 
 def _decisions(outline: Outline | None, points: int, nearest_m: float, farthest_m: float) -> list[Cost]:
-    """What each decision costs, none of them cut short; the base does what is sent 0.1 s later."""
+    """Return the cost of each decision, none cut short; the base obeys 0.1 s later."""
     clutter = _Clutter(outline, points, nearest_m, farthest_m, _TimedGate)
     gate = cast(_TimedGate, clutter.gate)
     on_its_way = deque([STILL] * 5)
@@ -262,7 +262,7 @@ class _Base:
 
 
 class _NoTopics:
-    """Nothing is published but velocities."""
+    """Publishes velocities only."""
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None: ...
 
@@ -344,7 +344,7 @@ class _Path:
         self._core.grant(Grant(1, 2.0 * DECISIONS, "session", "Ann", "ann", 1.0), 1, 0.0)
 
     def step(self, turn: int, now_s: float) -> None:
-        """What the robot measured, then the stick: in the middle at first, and then where a decision costs most."""
+        """Feed sensor data, then the stick: first the middle, then the most expensive positions."""
         self._core.odometry(now_s, now_s, moved(turn), self._on_its_way.popleft(), now_s)
         self._core.prepare(now_s)
         self._clutter.scan(turn, now_s)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from benchmarks import gate
 from benchmarks.harness import Figure, progress
-from benchmarks.world import clutter, crossing, doors, drawn, faults, late, leaving, objects, parked
+from benchmarks.world.cases import clutter, crossing, doors, drawn, faults, late, leaving, objects, parked
 
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "1"))
 PARTS: dict[str, Callable[[int], list[Figure]]] = {

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from benchmarks.harness import Figure, progress
-from benchmarks.parts import proc
+from benchmarks.parts import process_stats
 from tests.ros.support import Master, SimulatorProcess
 
 ROBOTS = 3
@@ -25,15 +25,15 @@ def measure() -> list[Figure]:
         time.sleep(SETTLED_S)
         progress(f"{ROBOTS} simulators for {MEASURED_S:.0f} s ...")
         began_s = time.monotonic()
-        before_s = [proc.cpu_s(pid) for pid in pids]
+        before_s = [process_stats.cpu_s(pid) for pid in pids]
         time.sleep(MEASURED_S)
-        after_s = [proc.cpu_s(pid) for pid in pids]
+        after_s = [process_stats.cpu_s(pid) for pid in pids]
         passed_s = time.monotonic() - began_s
         figures = []
         for number, (pid, before, after) in enumerate(zip(pids, before_s, after_s, strict=True), 1):
             used = 100.0 * (after - before) / passed_s
             figures.append(Figure(f"simulator {number}", used, "%", CORE_PERCENT))
-            figures.append(Figure(f"simulator {number}: memory", proc.resident_mb(pid), "MB"))
+            figures.append(Figure(f"simulator {number}: memory", process_stats.resident_mb(pid), "MB"))
         return figures
 
 

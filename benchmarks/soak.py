@@ -28,8 +28,8 @@ from collections import Counter
 from benchmarks.attacks.catalogue import ATTACKS
 from benchmarks.attacks.run import soak_attacks
 from benchmarks.harness import progress
-from benchmarks.parts.killed import PARTS as WRITERS
-from benchmarks.parts.killed import Database, Embedded, LostError, Person, Rounds, Witness
+from benchmarks.parts.audit.killed import PARTS as WRITERS
+from benchmarks.parts.audit.killed import Database, Embedded, LostError, Person, Rounds, Witness
 from benchmarks.stop import ROBOT, STILL_RADPS, Scene, bridges, scene_on
 from script.stack.client import sign_in
 from script.stack.processes import Ended, ended_by_signals
@@ -165,7 +165,7 @@ def soak_audit(rounds: int, seed: int) -> None:
 
 
 async def audit_rounds(stack: Stack, database: Database, number: int, seed: int, where: str) -> Counter[str]:
-    """What reached the robot in all of them."""
+    """Sum of all that reached the robot."""
     reached = Counter[str]()
     person = Person(stack, await asyncio.to_thread(sign_in, stack, "operator"), seed)
     async with Witness(stack) as witness:

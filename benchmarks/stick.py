@@ -1,15 +1,15 @@
-"""What steadying does to a hand on the stick: none, the mean of similar inputs (the former scheme), One-Euro.
+"""Effect of smoothing on a hand at the stick: none, the mean of similar inputs (the former scheme), One-Euro.
 
-Two things are measured. First the recorded hands (`benchmarks.parts.hand`), thinned to the page's 30 commands a second
-and to the 20 at which docs/gate.md judged:
+Two things are measured. First the recorded hands (`benchmarks.parts.hand_model`), thinned to the page's 30 commands a
+second and to the 20 at which docs/gate.md judged:
 
 * jitter: how far a resting hand's output strays from its own middle, rms, percent of the stick's way;
 * lag: by how much the output must be shifted in time to lie on what the hand meant;
 * stop lag: from the first zero of a stick that was let go of to zero, the worst.
 
-Then the former system's table, at the page's rate. The stick's direction goes from 0 to 45, 90, 135 and 180 degrees in
-2 and in 5 s; the mean difference is that between the directions of two commands in a row. The improvement says by how
-much the difference without steadying is larger than with it; the former system reached 0 to 232 %. Where the hand
+Then the former system's table, at the page's rate. The stick's direction goes from 0 to 45, 90, 135 and 180 degrees
+in 2 and in 5 s; the mean difference is that between the directions of two commands in a row. The improvement says by
+how much the difference without steadying is larger than with it; the former system reached 0 to 232 %. Where the hand
 itself turns far from one command to the next little can be gained, for no filter may take that away.
 
 What holds, and what does not. Over the recorded hands One-Euro lags by less than half of what the mean does, and in
@@ -29,8 +29,8 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.harness import Figure, progress
-from benchmarks.parts import hand
-from benchmarks.parts.hand import Array, Movement, Trace
+from benchmarks.parts import hand_model
+from benchmarks.parts.hand_model import Array, Movement, Trace
 from robots.bridge.drive.input_filters import Mean, Memory, OneEuro, StickPosition, StickStep, apply_filters
 
 PAGE_HZ = 30
@@ -65,7 +65,7 @@ def measure() -> list[Figure]:
 
 
 def through(steps: Sequence[StickStep], positions: Array, rate_hz: float) -> Array:
-    """What a chain makes of a hand."""
+    """Result of a chain of steps for a hand."""
     memory: Memory | None = None
     given = np.empty_like(positions)
     for index, (x, w) in enumerate(positions.tolist()):
@@ -84,7 +84,7 @@ def lag_ms(given: Array, times_s: Array, meant: Callable[[Array], Array]) -> flo
 
 
 def _hands(rate_hz: int) -> list[Figure]:
-    traces = [_thinned(trace, rate_hz) for trace in hand.recorded()]
+    traces = [_thinned(trace, rate_hz) for trace in hand_model.recorded()]
     figures: list[Figure] = []
     jitter_without = math.nan
     for name, steps in SCHEMES.items():
@@ -106,7 +106,7 @@ def _hands(rate_hz: int) -> list[Figure]:
 
 
 def _thinned(trace: Trace, rate_hz: int) -> Trace:
-    every = hand.RATE_HZ // rate_hz
+    every = hand_model.RATE_HZ // rate_hz
     return Trace(trace.movements, trace.times_s[::every], trace.measured[::every])
 
 
@@ -125,7 +125,7 @@ def _between(times_s: Array, begin_s: float, end_s: float) -> np.ndarray[tuple[i
 
 
 def _lag_of(trace: Trace, given: Array) -> float:
-    return lag_ms(given, trace.times_s, lambda times_s: hand.meant(trace.movements, times_s))
+    return lag_ms(given, trace.times_s, lambda times_s: hand_model.meant(trace.movements, times_s))
 
 
 def _stop_lag_ms(traces: Sequence[Trace], given: Sequence[Array]) -> float:
@@ -162,7 +162,7 @@ def _past_no_zero(step: Mean, positions: Array, rate_hz: float) -> Array:
 
 
 class Row(NamedTuple):
-    """What a scheme makes of one range and transition time: the mean difference (degrees), and lag (ms)."""
+    """Return mean difference (degrees) and lag (ms) of a scheme for one range and transition time."""
 
     difference: float
     lag: float
@@ -198,13 +198,13 @@ def _sweep(degrees: int, transition_s: float, seed: int) -> tuple[Array, Callabl
     """Times, what the hand means at a time, what is measured: the stick's direction goes from 0 to `degrees`."""
 
     def meant(times_s: Array) -> Array:
-        angle = math.radians(degrees) * hand.minimum_jerk((times_s - AROUND_S) / transition_s)
+        angle = math.radians(degrees) * hand_model.minimum_jerk((times_s - AROUND_S) / transition_s)
         return DEFLECTION * np.column_stack([np.cos(angle), np.sin(angle)])
 
-    every = hand.RATE_HZ // PAGE_HZ
-    times_s = np.arange(round((transition_s + 2.0 * AROUND_S) * hand.RATE_HZ)) / hand.RATE_HZ
-    tremor = hand.TREMORS[seed % len(hand.TREMORS)]
-    measured = hand.measured(meant(times_s), times_s, tremor, np.random.default_rng(seed))
+    every = hand_model.RATE_HZ // PAGE_HZ
+    times_s = np.arange(round((transition_s + 2.0 * AROUND_S) * hand_model.RATE_HZ)) / hand_model.RATE_HZ
+    tremor = hand_model.TREMORS[seed % len(hand_model.TREMORS)]
+    measured = hand_model.measured(meant(times_s), times_s, tremor, np.random.default_rng(seed))
     return times_s[::every], meant, measured[::every]
 
 
@@ -224,7 +224,7 @@ def survey() -> None:
     none, mean = (
         [_played(SCHEMES[name], *kind, SURVEY_SWEEPS) for kind in kinds] for name in ("none", "mean")
     )
-    traces = [_thinned(trace, PAGE_HZ) for trace in hand.recorded()]
+    traces = [_thinned(trace, PAGE_HZ) for trace in hand_model.recorded()]
     print("min_hz  beta  speed_hz | hands: jitter %  lag ms | worst row: lag ms  / none  / mean")
     for setting in product(*SETTINGS):
         steps = (OneEuro(*setting),)

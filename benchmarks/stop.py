@@ -18,10 +18,10 @@ from typing import NamedTuple
 from websockets.exceptions import ConnectionClosed
 
 from benchmarks.harness import Figure, progress
-from benchmarks.parts import proc
-from benchmarks.parts.apart import UNSHARE, RobotApart
+from benchmarks.parts import process_stats
 from benchmarks.parts.cable import Cable
 from benchmarks.parts.observer import Observer
+from benchmarks.parts.separate_network import UNSHARE, RobotApart
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
@@ -110,7 +110,7 @@ class Scene:
         return len(last) == 10 and all(seen.w > MOVING_RADPS for seen in last)
 
     async def timing(self, fault_s: float) -> Timing:
-        """What was seen since; the stick is let go once the base stands."""
+        """Return the observations since then; the stick is released once the base stands."""
         steady = max(seen.w for seen in self.observer.odometry[-10:])
         seen = self.observer
         with suppress(TimeoutError):
@@ -255,7 +255,7 @@ def cutting(cable: Cable) -> Fault:
 
 
 def thawing(cable: Cable) -> Repair:
-    """What hung is closed, new connections pass."""
+    """Close hanging connections; new ones pass."""
 
     async def thaw(scene: Scene) -> None:
         cable.cut()
@@ -300,7 +300,11 @@ async def kill_bridge(scene: Scene, _driver: Driver) -> float:
 
 def bridges(stack: Stack) -> list[int]:
     """The processes of the bridges."""
-    return [child for child in proc.children(stack.supervisor.pid) if "run_bridge" in proc.arguments(child)]
+    return [
+        child
+        for child in process_stats.children(stack.supervisor.pid)
+        if "run_bridge" in process_stats.arguments(child)
+    ]
 
 
 async def kill_supervisor(scene: Scene, _driver: Driver) -> float:

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from websockets.asyncio.client import unix_connect
 
 from benchmarks.harness import Figure, progress, quantile
-from benchmarks.parts import proc
-from benchmarks.parts.bare import BareRospy
-from benchmarks.parts.looking import Crowd
+from benchmarks.parts import process_stats
+from benchmarks.parts.bare_rospy import BareRospy
 from benchmarks.parts.observer import Observer
 from benchmarks.parts.priority import prefer_loops_or_say
+from benchmarks.parts.viewer_crowd import Crowd
 from robots import wire
 from script.stack.client import sign_in
 from script.stack.stack import Stack, temporary_stack
@@ -106,15 +106,18 @@ class Bench:
         slug = stack.robots[ROBOT].plan.slug
         [self._bridge] = [
             child
-            for child in proc.children(stack.supervisor.pid)
-            if proc.arguments(child)[-2:] == ["run_bridge", slug]
+            for child in process_stats.children(stack.supervisor.pid)
+            if process_stats.arguments(child)[-2:] == ["run_bridge", slug]
         ]
 
     def cost(self) -> Cost:
         """Now."""
         web = self._stack.web.pid
         return Cost(
-            proc.cpu_s(web), proc.cpu_s(self._bridge), proc.resident_mb(web), proc.resident_mb(self._bridge)
+            process_stats.cpu_s(web),
+            process_stats.cpu_s(self._bridge),
+            process_stats.resident_mb(web),
+            process_stats.resident_mb(self._bridge),
         )
 
     async def idle(self) -> tuple[float, float]:

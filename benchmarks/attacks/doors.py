@@ -31,7 +31,7 @@ FAULTS = (OSError, ConnectionClosed, WebSocketException, asyncio.TimeoutError, h
 
 
 def door(number: int) -> str:
-    """That of press `number`."""
+    """Return the door of press `number`."""
     return COMMAND_LINE if number % EVERY == EVERY - 1 else NAMES[number % len(NAMES)]
 
 
@@ -77,7 +77,7 @@ class Doors:
         await self._command_line.wait()
 
     def press(self, name: str) -> float:
-        """Press there; returns when. What the door answers is counted whenever it does."""
+        """Press there; return the time. Answers are counted when they come."""
         csrf = next((value for key, _, value in self._cookies() if key.startswith("fleet_csrf")), "")
         pressed_s = time.monotonic()
         match name:

@@ -1,4 +1,4 @@
-"""What was measured under an attack, beside the same run as usual, and what breaks a limit. Pure."""
+"""Figures under an attack next to the same run as usual, and broken limits. Pure."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Taken:
 
 @dataclass(frozen=True)
 class Limits:
-    """What must hold under one attack. None: shown only."""
+    """Limits under one attack. None: no limit."""
 
     zero_s: float = ZERO_S
     gap_s: float | None = GAP_S
@@ -78,7 +78,7 @@ class Limits:
 
 
 def _least_and_most(ours: tuple[float, float], theirs: tuple[float, float]) -> tuple[float, float]:
-    """Of two slots: before the first, and the most in both."""
+    """Combine two slots: start of the first, and the maximum of both."""
     if math.isnan(theirs[0]):
         return ours
     return theirs if math.isnan(ours[0]) else (ours[0], max(ours[1], theirs[1]))

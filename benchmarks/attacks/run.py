@@ -20,14 +20,14 @@ from benchmarks.attacks.incidents import INCIDENTS
 from benchmarks.attacks.scene import LostError, Scene, scene_on
 from benchmarks.drive import BARE_STICKS
 from benchmarks.harness import Figure, machine, progress, quantile
-from benchmarks.parts import proc
+from benchmarks.parts import process_stats
 from benchmarks.parts.priority import LIMIT_OF_UNIT
 from benchmarks.stop import ROBOT, bridges
 from script.stack.client import sign_in
 from script.stack.processes import Child, end_all
 from script.stack.stack import Stack, StartError, temporary_stack
 
-# Of each attack: slots, presses in each, and in the slot as usual before it.
+# For each attack: slots, presses in each, and presses in the slot as usual before it.
 LONG = 2, 10, 2
 SHORT = 1, 5, 2
 IN_FORCE_S = 1.5  # from an attacker's start
@@ -129,7 +129,7 @@ class Bench:
         self._usual_doors = map(door, itertools.count())
 
     async def usual(self, presses: int, quick: int = 0) -> Taken:
-        """Nobody attacks."""
+        """Measure a slot without an attack."""
         taken = Taken()
         try:
             await self._measured(taken, list(itertools.islice(self._usual_doors, presses)), quick, calm=True)
@@ -157,11 +157,11 @@ class Bench:
             taken.attacker = (child.last_lines().splitlines() or [""])[-1]
 
     async def _calm(self) -> None:
-        """What was left to do of an attack is done: it must not count as usual."""
+        """Wait until the rest of an attack is done: it must not count as usual."""
         end_s = time.monotonic() + CALM_S
         while time.monotonic() < end_s:
             web = self._stack.web.pid
-            pids = [web, *proc.children(web), *bridges(self._stack)]
+            pids = [web, *process_stats.children(web), *bridges(self._stack)]
             before_s = sum(map(_cpu_s, pids))
             await asyncio.sleep(LOOK_S)
             if sum(map(_cpu_s, pids)) - before_s < BUSY * LOOK_S:
@@ -234,7 +234,7 @@ async def _watched(stack: Stack, taken: Taken) -> AsyncIterator[None]:
 async def _sample(stack: Stack, taken: Taken) -> None:
     while True:
         bridge = _resident_mb(bridges(stack))
-        web = _resident_mb([stack.web.pid, *proc.children(stack.web.pid)])
+        web = _resident_mb([stack.web.pid, *process_stats.children(stack.web.pid)])
         one = Taken(bridge_mb=(bridge, bridge), web_mb=(web, web))
         if bridge and web:
             taken.add(one)
@@ -245,13 +245,13 @@ def _resident_mb(pids: Sequence[int]) -> float:
     total = 0.0
     for pid in pids:
         with suppress(OSError):
-            total += proc.resident_mb(pid)
+            total += process_stats.resident_mb(pid)
     return total
 
 
 def _cpu_s(pid: int) -> float:
     with suppress(OSError):
-        return proc.cpu_s(pid)
+        return process_stats.cpu_s(pid)
     return 0.0
 
 

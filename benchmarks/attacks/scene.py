@@ -138,7 +138,7 @@ class Scene:
     # --- a press -------------------------------------------------------------------------------------
 
     async def press(self, door: str, number: int) -> None:
-        """Drive, press there, hold, clear. What was measured goes to `taken`."""
+        """Drive, press there, hold, clear. Results go to `taken`."""
         before = await self._drive(READY_S if self.calm else ATTACKED_S)
         pressed_s = self._doors.press(door)
         zero_s, confirmed_s = await asyncio.gather(
@@ -290,7 +290,7 @@ class Scene:
         return len(last) == HOPELESS and all(math.isinf(press.zero_s) for press in last)
 
     def end(self) -> Taken:
-        """What was measured in it."""
+        """Return the measurements of the slot."""
         self.taken.answers = dict(self._doors.answers)
         self.taken.answered_s = list(self._doors.answered_s)
         return self.taken

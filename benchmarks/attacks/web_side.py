@@ -277,7 +277,7 @@ async def _read_all(reader: asyncio.StreamReader) -> None:
 
 
 def _text_frame(text: bytes) -> bytes:
-    """Of fewer than 126 bytes, masked with zeros."""
+    """Return a frame of fewer than 126 bytes, masked with zeros."""
     return bytes((0x81, 0x80 | len(text))) + bytes(4) + text
 
 

@@ -1,1 +1,1 @@
-"""What benchmarks share: processes that watch, publish, look and carry bytes."""
+"""Shared parts of benchmarks: processes that observe, publish, read and carry bytes."""

@@ -121,11 +121,11 @@ class Cable:
             connection.close()
 
     def freeze(self) -> None:
-        """Nothing arrives any more, and nobody is told."""
+        """Deliver nothing any more, without a sign."""
         self.thawed.clear()
 
     def thaw(self) -> None:
-        """What is on its way arrives, all at once."""
+        """Deliver everything that is on its way, at once."""
         self.thawed.set()
 
     def transmission_s(self, count: int) -> float:

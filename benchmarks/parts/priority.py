@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from benchmarks.harness import progress
-from benchmarks.parts import proc
+from benchmarks.parts import process_stats
 from robots.processes.scheduling import REAL_TIME
 from script.stack.stack import Stack
 
@@ -17,7 +17,9 @@ LIMIT_OF_UNIT = {"PYTHONPATH": str(Path(__file__).parent / "allowed")}
 def prefer_loops(stack: Stack) -> bool:
     """Set it from outside: here nobody raises the limit by which they would ask. False where that is not allowed."""
     bridges = [
-        child for child in proc.children(stack.supervisor.pid) if "run_bridge" in proc.arguments(child)
+        child
+        for child in process_stats.children(stack.supervisor.pid)
+        if "run_bridge" in process_stats.arguments(child)
     ]
     policy, param = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(REAL_TIME)
     try:

@@ -84,7 +84,7 @@ def pass_on_faults() -> None:
 
 
 def publish() -> None:
-    """What rospy alone can do: the same message, the same rate, no console between."""
+    """Publish with rospy alone: the same message, the same rate, no console between."""
     publisher = rospy.Publisher(BARE_TOPIC, Twist, queue_size=1, tcp_nodelay=True)
     message = Twist()
     due_s = time.monotonic()

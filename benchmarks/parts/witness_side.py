@@ -21,7 +21,7 @@ from actionlib_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import Twist
 from std_msgs.msg import String
 
-from benchmarks.parts.reckoning import Received
+from benchmarks.parts.audit.reconciliation import Received
 from robots.bridge.ros.message_types.classes import message_class
 
 DRIVE_TOPICS = ("/key_vel", "/phone_vel")

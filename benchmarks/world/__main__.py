@@ -7,7 +7,7 @@ import math
 import sys
 from pathlib import Path
 
-from benchmarks.world import clutter, crossing, doors, drawn, faults, leaving, objects, parked
+from benchmarks.world.cases import clutter, crossing, doors, drawn, faults, leaving, objects, parked
 from benchmarks.world.controllers import CONTROLLERS
 from benchmarks.world.loop import Case, Loop, Trace
 from benchmarks.world.play import loop_of, recorded

@@ -1,4 +1,4 @@
-"""Who stands between the stick and the robot: our gate, two methods to compare it with, and nobody."""
+"""Controllers between stick and robot: our gate, two methods for comparison, and none."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Fan(NamedTuple):
 
 
 class Said(NamedTuple):
-    """What is published, why not more, and the standing limits."""
+    """The published twist, the reason of its reduction, and the speed limits."""
 
     velocity: Velocity
     code: str = ""
@@ -60,7 +60,7 @@ class Controller(Protocol):
         """A depth picture came, with the transform from the camera's optical frame."""
 
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
-        """What of `asked` is published."""
+        """Return the published part of `asked`."""
 
 
 class Ours:
@@ -123,7 +123,7 @@ class Ours:
 
 
 class _LaserOnly:
-    """What the methods to compare with have in common: they know nothing but the newest scan."""
+    """Base of the compared methods: they use only the newest scan."""
 
     looks = False
 
@@ -147,7 +147,7 @@ class _LaserOnly:
         self._ranges = ranges[usable]
 
     def points(self) -> Floats:
-        """What the scan shows, base frame of the scan, (2, N)."""
+        """Return the points of the scan, base frame of the scan, (2, N)."""
         heading = self._angles + self._fan.pose.yaw
         return np.stack(
             (
@@ -219,7 +219,7 @@ class Monitor(_LaserOnly):
 
 
 class Nobody(_LaserOnly):
-    """What is asked is published."""
+    """Publishes every command unchanged."""
 
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
         return Said(asked, "free")

@@ -1,4 +1,4 @@
-"""Who holds the stick."""
+"""Drivers: models of a person at the stick."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is made of a trace."""
+"""Judge a trace: false stops, stuck time, lost speed."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Keeping(NamedTuple):
 
     @property
     def lost_percent(self) -> float:
-        """Of the reachable speed, in the wide."""
+        """Lost share of the reachable speed with free space around, percent."""
         return 100.0 * (1.0 - self.wide_share / self.wide) if self.wide else math.nan
 
     @property
@@ -57,12 +57,12 @@ class Keeping(NamedTuple):
 
     @property
     def false_stop_percent(self) -> float:
-        """Of the moments in which the way is free."""
+        """False stops, percent of the moments with a free way."""
         return 100.0 * self.false_stops / self.free if self.free else math.nan
 
     @property
     def stuck_percent(self) -> float:
-        """Of the time in which the stick asks for something."""
+        """Stuck time, percent of the time in which the stick asks for motion."""
         return 100.0 * self.stuck / self.tried if self.tried else math.nan
 
 
@@ -119,7 +119,7 @@ def is_stuck(moment: Moment, truth: Truth, limits: Limits) -> bool:
 
 
 def _causes(moment: Moment, counts: bool) -> Counter[str]:
-    """What the gate said held it, without figures, and which way the stick was; nothing if the moment is none."""
+    """Return the gate's reason without figures, and the direction of the stick; empty if the moment does not count."""
     if not counts:
         return Counter()
     said = re.sub(r", [\d.]+ m .*| \(.*\)|[\d.]+ ", "", moment.text.partition(": ")[2] or moment.text)

@@ -77,7 +77,7 @@ class Delays(NamedTuple):
 
 @dataclass(frozen=True)
 class Conditions:
-    """What is not as it should be."""
+    """Faults of sensors, robot and network."""
 
     blanked: bool = False  # PAL's /scan: nothing within +-0.30 m of the base
     faults: tuple[tuple[float, Faults], ...] = ()  # from this second on
@@ -94,7 +94,7 @@ class Conditions:
 
 
 class Seen(NamedTuple):
-    """What a driver knows: seconds since the start, and where the robot truly is."""
+    """Knowledge of a driver: seconds since the start, and the robot's true pose."""
 
     time_s: float
     pose: Pose
@@ -113,7 +113,7 @@ RELEASED = Stick(0.0, 0.0, trying=False)
 
 
 class Driver(Protocol):
-    """Who holds the stick."""
+    """A driver: holds the stick."""
 
     def hold(self, seen: Seen) -> Stick | None:
         """The stick now; None: done."""
@@ -146,7 +146,7 @@ class Touch(NamedTuple):
 
 @dataclass
 class Trace:
-    """What happened."""
+    """Events of a run."""
 
     moments: list[Moment] = field(default_factory=list)
     touches: list[Touch] = field(default_factory=list)
@@ -295,7 +295,7 @@ class Loop:
         self._head_turns = abs(turned) > TURNING_RADPS * TICK_S
 
     def _look(self, now_s: float) -> None:
-        """What the robot touches, and how far it came."""
+        """Note contacts and distance driven."""
         moving = self.robot.physics.velocity
         way_m = math.hypot(moving.vx, moving.vy) * TICK_S
         self.trace.way_m += way_m
@@ -438,7 +438,7 @@ class Loop:
         return now_s + delays.command_s + late_s + jitter_s
 
     def _slowed_s(self, now_s: float) -> float:
-        """What a link whose queue fills adds to every delay."""
+        """Return the delay that a filling queue of the link adds."""
         return min(SLOWS * (now_s - STARTS_S), self.case.conditions.slows_to_s)
 
     def _jumped_s(self, now_s: float, *, sensors: bool) -> float:

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 from msgspec import structs
 
-from benchmarks.world import crossing, doors, objects
+from benchmarks.world.cases import crossing, doors, objects
 from benchmarks.world.controllers import Fan, Ours, Ranges, Said
 from benchmarks.world.loop import Case, Loop
 from benchmarks.world.play import SCAN, recorded
@@ -45,7 +45,7 @@ CASES: dict[str, Callable[[], Case]] = {
 
 
 class Witnessed(msgspec.Struct, frozen=True):
-    """What stood where, in the world's frame; metres and radians."""
+    """Objects of a recording, in the world's frame; metres and radians."""
 
     radius_m: float  # of the robot
     outline: list[Point]  # of all that stands, every few centimetres

@@ -12,7 +12,7 @@ from robots.bridge.gate.values import GateProfile
 
 @cache
 def tiago_profile() -> GateProfile:
-    """What the registry would tell the bridge of a TIAGo without entries of its own."""
+    """Return the registry's configuration of a TIAGo without own entries."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
     django.setup()
     from robots.registry import robot_config

@@ -22,7 +22,7 @@ SLIPS = 3  # one draw in so many has wheels that slip
 
 @dataclass(frozen=True)
 class Sensors:
-    """What the robot senses with; radians, metres, hertz, shares."""
+    """Properties of the robot's sensors; radians, metres, hertz, shares."""
 
     sonar_fov: float = TIAGO.sonars[0].fov
     sonar_sigma_m: float = TIAGO.sonars[0].sigma_m
@@ -49,7 +49,7 @@ class Sensors:
         )
 
     def profile(self, known: GateProfile) -> GateProfile:
-        """What the console knows of them beforehand: how wide the sonars' cones are."""
+        """Return the console's knowledge of them: the width of the sonars' cones."""
         return structs.replace(known, sonar_fov=dict.fromkeys(known.sonar_fov, self.sonar_fov))
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Whether any sensor could know of what the robot touched: by geometry, apart from what the gate made of it.
+"""Whether a sensor could see the touched object, by true geometry and independent of the gate.
 
 The place that was touched counts, with all of the same thing that stands within 0.3 m of it, at any height below the
 robot's top. It was seen if a point of it was in the field of view, the range and the height of a working sensor, with

@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks.parts.lab import RARE_OUTCOME
-from benchmarks.parts.past import Past
+from benchmarks.parts.audit.history_writer import Past
+from benchmarks.parts.audit.invented_lab import RARE_OUTCOME
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
 from fleet.audit.services import record

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Locator, WebSocketRoute, expect
 
-from benchmarks.parts import proc
+from benchmarks.parts import process_stats
 from script.stack.stack import Stack
 from tests.browser.people import Person
 from tests.browser.test_pages import SIZES, box_of, found_by_axe, overlap
@@ -316,8 +316,8 @@ def bridge_of(stack: Stack, slug: str) -> int:
     """Its process."""
     [bridge] = [
         child
-        for child in proc.children(stack.supervisor.pid)
-        if {"run_bridge", slug} <= set(proc.arguments(child))
+        for child in process_stats.children(stack.supervisor.pid)
+        if {"run_bridge", slug} <= set(process_stats.arguments(child))
     ]
     return bridge
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from benchmarks.parts.proc import children
+from benchmarks.parts.process_stats import children
 from script.stack.processes import Child
 from tests.script.support import Family, outside, until
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from benchmarks.parts.proc import children
+from benchmarks.parts.process_stats import children
 
 ENDED_S = 30.0
 

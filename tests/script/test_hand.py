@@ -7,25 +7,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.parts import hand
-from benchmarks.parts.hand import Movement
+from benchmarks.parts import hand_model
+from benchmarks.parts.hand_model import Movement
 
 
 def test_the_shipped_traces_are_what_the_generator_makes(tmp_path: Path) -> None:
-    hand.record(tmp_path / "hands.json")
-    assert (tmp_path / "hands.json").read_text() == hand.RECORDED.read_text()
+    hand_model.record(tmp_path / "hands.json")
+    assert (tmp_path / "hands.json").read_text() == hand_model.RECORDED.read_text()
 
 
 def test_a_hand_goes_where_it_means_to_and_rests_there() -> None:
     movements = [Movement(1.0, 0.5, 0.8, 0.0), Movement(2.0, 0.5, 0.0, 0.0)]
     times_s = np.array([0.0, 1.0, 1.25, 1.5, 2.0, 2.5, 9.0])
-    assert hand.meant(movements, times_s)[:, 0] == pytest.approx([0.0, 0.0, 0.4, 0.8, 0.8, 0.0, 0.0])
+    assert hand_model.meant(movements, times_s)[:, 0] == pytest.approx([0.0, 0.0, 0.4, 0.8, 0.8, 0.0, 0.0])
 
 
 def test_a_stick_that_is_let_go_of_measures_zero_and_a_held_one_a_tremor() -> None:
-    for trace in hand.recorded():
-        meant = hand.meant(trace.movements, trace.times_s)
+    for trace in hand_model.recorded():
+        meant = hand_model.meant(trace.movements, trace.times_s)
         let_go = (meant == 0.0).all(axis=1)
         assert not trace.measured[let_go].any()
         shaken = np.std((trace.measured - meant)[~let_go])
-        assert 0.8 * min(hand.TREMORS) < shaken < 1.2 * max(hand.TREMORS)
+        assert 0.8 * min(hand_model.TREMORS) < shaken < 1.2 * max(hand_model.TREMORS)

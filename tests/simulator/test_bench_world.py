@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.world import clutter, doors, drawn, leaving, objects, parked
+from benchmarks.world.cases import clutter, doors, drawn, leaving, objects, parked
 from benchmarks.world.drivers import FullStick, Restless
 from benchmarks.world.judge import is_stuck, kept
 from benchmarks.world.loop import Case, Conditions, Loop, Moment, Seen, Touch, Trace

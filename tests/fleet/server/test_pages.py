@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from benchmarks.parts.proc import children
+from benchmarks.parts.process_stats import children
 from fleet.server import limits
 from tests.fleet.server.conftest import heard
 from tests.script.support import command_line, until

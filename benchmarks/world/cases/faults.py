@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from benchmarks.harness import Figure
-from benchmarks.world import objects
+from benchmarks.world.cases import objects
 from benchmarks.world.loop import Case, Conditions, Moment
 from benchmarks.world.play import loop_of, played
 from robots.simulator.faults import Faults
@@ -16,7 +16,7 @@ THINGS = ("wall", "table leg", "table top")
 
 
 class Fault(NamedTuple):
-    """What fails; the codes, or that of a standing limit, by which the gate may say so; the stick's angle."""
+    """A fault; the codes of verdicts or speed limits that may name it; the stick's angle."""
 
     conditions: Conditions
     codes: frozenset[str]
@@ -73,7 +73,7 @@ class Failing(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of it."""
+    """Result of one run."""
 
     touched: bool
     told: bool  # the reason

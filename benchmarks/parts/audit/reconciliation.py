@@ -1,4 +1,4 @@
-"""What a robot received, held against the audit log: whatever reached it was on record before."""
+"""Compare messages that reached a robot with the audit log: each must have an earlier record."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Entry(Struct, frozen=True):
 
     @property
     def key(self) -> str:
-        """What the robot receives if this is done: see `Received`."""
+        """Return the messages that the robot receives for this request: see `Received`."""
         match self.kind:
             case "speech.start":
                 return str(self.details["text"])
@@ -59,7 +59,7 @@ class Log(Struct, frozen=True):
 
 
 def unrecorded(received: Sequence[Received], log: Sequence[Entry]) -> list[str]:
-    """What reached the robot without having been on record before, in words."""
+    """Return, in words, messages that reached the robot without an earlier record."""
     missing = [
         text
         for kind in ORDERS
@@ -69,7 +69,7 @@ def unrecorded(received: Sequence[Received], log: Sequence[Entry]) -> list[str]:
 
 
 def unfinished(log: Iterable[Entry], before_s: float) -> list[str]:
-    """What was asked for before that time and has no outcome, in words."""
+    """Return, in words, requests before that time without an outcome."""
     log = list(log)
     ended = {(entry.of, entry.kind) for entry in log}
     return [

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.harness import Figure, progress
-from benchmarks.world.drawn import conditions_of
+from benchmarks.world.cases.drawn import conditions_of
 from benchmarks.world.drivers import Restless
 from benchmarks.world.judge import Keeping, kept, together
 from benchmarks.world.loop import Case, Conditions
@@ -46,7 +46,7 @@ class Minute(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of it."""
+    """Result of one run."""
 
     contact: Contact | None
     way_m: float

@@ -1,4 +1,4 @@
-"""What stood in the way goes away while the stick is held: seconds until the robot may drive again.
+"""An obstacle leaves while the stick is held: seconds until the robot may drive again.
 
 It counts from the moment when nothing is nearer to the hull than half a metre any more. A run in which the robot was
 not held, or touched something before, says nothing of this.
@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.harness import Figure, progress, quantile
-from benchmarks.world import crossing, objects
+from benchmarks.world.cases import crossing, objects
 from benchmarks.world.loop import RELEASED, Case, Driver, Glance, Leaving, Seen, Stick, Trace
 from benchmarks.world.play import loop_of, played
 from robots.bridge.gate.geometry.planar import wrapped
@@ -38,7 +38,7 @@ RESTS_S = 0.5  # later
 
 
 class Kind(NamedTuple):
-    """What leaves, in which direction of the stick it stood, from when on it goes, and what was seen of it before."""
+    """A leaving obstacle: its kind, its direction, the time of its departure, and how it was seen before."""
 
     thing: str
     angle: int
@@ -169,7 +169,7 @@ def until_again(trace: Trace, since_s: float) -> Outcome:
 
 
 def build(kind: str, seed: int, *, ahead: bool = False) -> Case:
-    """The case. What stands aside goes aside, or straight away from the robot."""
+    """Build the case. The obstacle leaves sideways, or straight away from the robot."""
     if kind == CROSSED:
         case = crossing.build(objects.SHARES[seed % 2], seed)
         return replace(case, longest_s=case.longest_s + PATIENCE_S - 2.5)

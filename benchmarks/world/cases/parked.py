@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.harness import Figure, progress
-from benchmarks.world import objects
+from benchmarks.world.cases import objects
 from benchmarks.world.drivers import TurnAndGo
 from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import loop_of, played
@@ -59,7 +59,7 @@ def play(parked: Parked) -> Contact | None:
 
 
 def build(thing: str, seed: int) -> Case:
-    """The case. What would begin nearer than it should is drawn again."""
+    """Build the case. An object that would begin too near is drawn again."""
     random = np.random.default_rng([seed, 71, list(objects.OBJECTS).index(thing)])
     start = Pose(0.0, 0.0, 0.0)
     for _ in range(objects.MOST_DRAWS):

@@ -1,4 +1,4 @@
-"""Full stick at one object: what stands where, by kind of object, stick angle, speed and seed.
+"""Full stick at one object, by kind of object, stick angle, speed and seed.
 
 The stick's angle is its direction: 0 is full ahead, 45 ahead and left, 90 a turn on the spot, 180 reverse. A case
 begins with the path that the base takes with that stick, and puts the object where the hull will meet it.
@@ -143,7 +143,7 @@ class Full(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of it."""
+    """Result of one run."""
 
     touched: Contact | None
     least_gap_m: float
@@ -223,7 +223,7 @@ def cases(controller: str, seeds: int, blanked: bool = False) -> list[Full]:
 
 
 def build(full: Full) -> Case:
-    """The case. What would begin nearer to the robot than `NEAREST_M` is drawn again."""
+    """Build the case. An object that would begin nearer than `NEAREST_M` is drawn again."""
     random = np.random.default_rng([full.seed, full.angle, list(OBJECTS).index(full.thing)])
     for _ in range(MOST_DRAWS):
         case = _drawn(full, random)

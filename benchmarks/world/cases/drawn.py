@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.harness import Figure, progress
-from benchmarks.world import objects
+from benchmarks.world.cases import objects
+from benchmarks.world.cases.objects import Full, Outcome
 from benchmarks.world.loop import Case, Conditions
-from benchmarks.world.objects import Full, Outcome
 from benchmarks.world.play import at_most, played
 from benchmarks.world.sensors import SLIPS, Sensors
 from benchmarks.world.witness import count, worst_first
@@ -70,7 +70,7 @@ def full_of(seed: int) -> Full:
 
 
 def conditions_of(seed: int) -> Conditions:
-    """What is drawn."""
+    """One drawn run."""
     random = np.random.default_rng([seed, 13])
     sensors = Sensors.drawn(random)
     brake, late_s = float(random.uniform(*BRAKES)), float(random.uniform(0.0, LATEST_S))

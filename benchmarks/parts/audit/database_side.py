@@ -29,7 +29,7 @@ from django.db.models import Count
 from django.test import Client
 from django.urls import reverse
 
-from benchmarks.parts import lab, past
+from benchmarks.parts.audit import history_writer, invented_lab
 from fleet.accounts.models import User
 from fleet.audit import exports
 from fleet.audit.errors import AuditUnavailable
@@ -45,16 +45,16 @@ from teleop.reports.robot_report import PERIODS_DAYS
 FAST_MS = 100.0  # a page that took no longer is not looked at again
 TIMES = 5  # each of the others, after once that is not counted
 MARKS = (b"audit-bar", b'data-page="robot-report"')  # of a list, of a report
-# Of each list some kinds and outcomes, frequent ones before rare ones.
+# Some kinds and outcomes of each list, frequent ones before rare ones.
 FILTERS = {
     "speechrecord": ([], ["done", "failed"]),
-    "motionrecord": (["drive.start", "motion.start"], ["standstill", lab.RARE_OUTCOME]),
-    "refusalrecord": (["gate.begin", "refusal"], ["obstacle", lab.RARE_REFUSAL]),
-    "record": (["speech.start", "robot.change", "fault"], ["done", lab.RARE_OUTCOME]),
+    "motionrecord": (["drive.start", "motion.start"], ["standstill", invented_lab.RARE_OUTCOME]),
+    "refusalrecord": (["gate.begin", "refusal"], ["obstacle", invented_lab.RARE_REFUSAL]),
+    "record": (["speech.start", "robot.change", "fault"], ["done", invented_lab.RARE_OUTCOME]),
     "controlsession": ([], ["released", "right"]),
 }
 WORDS = (
-    *("the", "word12", "实验室", "the zanzibar", lab.RARE_WORD, "never said"),
+    *("the", "word12", "实验室", "the zanzibar", invented_lab.RARE_WORD, "never said"),
     *("lo", "qq", "你", "the lo"),
 )
 
@@ -63,11 +63,11 @@ Asked = dict[str, Any]
 
 def reading(counts: list[int]) -> None:
     """Grow the log from count to count."""
-    grown = past.Past()
+    grown = history_writer.Past()
     for count in counts:
         began_s = time.monotonic()
         grown.grow(count)
-        past.settle()
+        history_writer.settle()
         _say(count=count, filled_s=round(time.monotonic() - began_s, 1))
         for name, query, ms in pages(grown.newest, 2 if count == max(counts) else 6):
             _say(count=count, page=name, query=query, ms=round(ms, 1))
@@ -78,7 +78,7 @@ def reading(counts: list[int]) -> None:
 
 
 def writing(seconds: float) -> None:
-    """What one process commits; on SQLite one of many may wait in vain, and then goes on."""
+    """Commit records in one process; on SQLite one of many may wait in vain, and then continues."""
     robot_id = uuid.uuid4()
     connection.ensure_connection()
     sys.stdin.read()
@@ -94,7 +94,7 @@ def writing(seconds: float) -> None:
 def pages(newest: datetime, each: int) -> Iterator[tuple[str, str, float]]:
     """The pages that staff open, whole, as the browser gets them: which, with what filters, how long in ms.
 
-    One of `each` filters is tried. What is fast is opened once, after a first page of its kind; what is not several
+    One of `each` filters is tried. Fast pages are opened once, after a first page of their kind; slow ones several
     times, and the median counts.
     """
     client = Client()
@@ -148,7 +148,10 @@ def _places(name: str) -> Iterator[Asked]:
     last = Record.objects.order_by("-pk").values_list("pk", flat=True)[0]
     middle = Record.objects.filter(pk__gte=last // 2).order_by("pk")[0]
     if name == "controlsession":  # its pages are cut by time
-        keys = [int(at.timestamp() * 1e6) for at in (middle.at, past.BEGAN + timedelta(days=3), past.BEGAN)]
+        keys = [
+            int(at.timestamp() * 1e6)
+            for at in (middle.at, history_writer.BEGAN + timedelta(days=3), history_writer.BEGAN)
+        ]
     else:
         keys = [middle.pk, 100, 0]
     yield from ({}, {"before": keys[0]}, {"before": keys[1]}, {"after": keys[2]})

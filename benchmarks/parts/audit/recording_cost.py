@@ -1,4 +1,4 @@
-"""What the audit log costs a driver: the same commands through the same bridge, recorded and not, in turn."""
+"""Cost of the audit log for a driver: the same commands through the same bridge, recorded and not, in turn."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ STANDSTILL_S = 1.5  # by then a drive has ended, on record or not
 def latency(directory: Path) -> list[Figure]:
     """Start a console with one robot, in that directory, and drive it."""
     off = directory / "unrecorded"
-    settings = {"DJANGO_SETTINGS_MODULE": "benchmarks.parts.switched", "FLEET_BENCH_UNRECORDED": str(off)}
+    settings = {
+        "DJANGO_SETTINGS_MODULE": "benchmarks.parts.audit.switchable_recording",
+        "FLEET_BENCH_UNRECORDED": str(off),
+    }
     with Stack(directory, robots=BARE_STICKS[:1], settings=settings) as stack:
         return asyncio.run(_measured(stack, off))
 

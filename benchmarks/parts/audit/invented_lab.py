@@ -1,4 +1,4 @@
-"""What happens in a lab that never was, event by event: each kind as the console and its bridges record it.
+"""Events of an invented lab: each kind as the console and its bridges record it.
 
 What a record says for ever, what may expire and who it is by stand where they do in `robots.recording.bridge_records`,
 `teleop.control.services`
@@ -205,7 +205,7 @@ class Scenes:
     # --- chance -----------------------------------------------------------------------------------
 
     def _path(self) -> list[list[float]]:
-        """Of each sample t, x, y, yaw and speed."""
+        """Return t, x, y, yaw and speed of each sample."""
         x, y, yaw = 0.0, 0.0, 0.0
         path = []
         for number in range(self._chance.randint(*SAMPLES)):

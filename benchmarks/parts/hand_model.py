@@ -1,9 +1,9 @@
-"""A model of a hand on a stick, and the traces recorded of it: ``python -m benchmarks.parts.hand`` writes them anew.
+"""A model of a hand on a stick. ``python -m benchmarks.parts.hand_model`` writes its recorded traces.
 
-What the hand means is a chain of minimum-jerk movements (Flash and Hogan, 1985) with rests between them: to another
-direction and deflection, to the opposite one, or letting go. What the stick measures is that, with the physiological
-tremor of a held hand (8 to 12 Hz, on both axes, none once it is let go) and the sensor's resolution, 60 times a
-second. Tremor and resolution are shares of the stick's way: 0.01 to 0.025 rms, and one pixel of 60.
+The intention of the hand is a chain of minimum-jerk movements (Flash and Hogan, 1985) with rests between them: to
+another direction and deflection, to the opposite one, or letting go. The stick measures the intention with the
+physiological tremor of a held hand (8 to 12 Hz, on both axes, none once it is let go) and the sensor's resolution, 60
+times a second. Tremor and resolution are shares of the stick's way: 0.01 to 0.025 rms, and one pixel of 60.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def minimum_jerk(share: Array) -> Array:
 
 
 def measured(positions: Array, times_s: Array, tremor: float, chance: Generator) -> Array:
-    """What a stick measures of them: with a tremor of this size (rms), in steps of the sensor's resolution."""
+    """Return the measured stick: with a tremor of this size (rms), in steps of the sensor's resolution."""
     held = ~(positions == 0.0).all(axis=1)
     shaken = positions + held[:, None] * tremor * np.column_stack([_tremor(times_s, chance) for _ in "xw"])
     steps: Array = np.clip(np.round(shaken * RESOLUTION), -RESOLUTION, RESOLUTION)
@@ -84,7 +84,7 @@ def measured(positions: Array, times_s: Array, tremor: float, chance: Generator)
 
 
 def _tremor(times_s: Array, chance: Generator) -> Array:
-    """Of 1 rms."""
+    """Return a tremor of 1 rms."""
     frequencies = chance.uniform(*TREMOR_HZ, SINES)
     phases = chance.uniform(0.0, 2.0 * math.pi, SINES)
     waves = np.sin(2.0 * math.pi * frequencies * times_s[:, None] + phases)
@@ -96,7 +96,7 @@ def _tremor(times_s: Array, chance: Generator) -> Array:
 
 
 def _wander(chance: Generator) -> list[Movement]:
-    """What a hand means for `TRACE_S`: half of it moves, a sixth each of reversing and letting go, and rests."""
+    """Return the intention of a hand for `TRACE_S`: half moves, a sixth each reversals, releases and rests."""
     movements: list[Movement] = []
     here = np.zeros(2)
     now_s = 0.5

@@ -22,8 +22,8 @@ from typing import Any, Protocol
 import msgspec
 from websockets.exceptions import ConnectionClosed
 
-from benchmarks.parts import proc
-from benchmarks.parts.reckoning import Log, Received, counts, unfinished, unrecorded
+from benchmarks.parts import process_stats
+from benchmarks.parts.audit.reconciliation import Log, Received, counts, unfinished, unrecorded
 from benchmarks.stop import ROBOT, STILL_RADPS, TURN, bridges
 from robots import wire
 from script.stack.client import Driver
@@ -43,7 +43,7 @@ class LostError(AssertionError):
 
 
 class Database(Protocol):
-    """What holds the log of a stack."""
+    """Holder of a stack's log."""
 
     writers_too: bool  # whether web process and bridge die with it
 
@@ -61,7 +61,7 @@ class Embedded:
 
     def kill(self, stack: Stack) -> None:
         """kill -9 of web process, supervisor, bridge and housekeeping; then SQLite looks at the file."""
-        for pid in (stack.web.pid, stack.supervisor.pid, *proc.children(stack.supervisor.pid)):
+        for pid in (stack.web.pid, stack.supervisor.pid, *process_stats.children(stack.supervisor.pid)):
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         with closing(sqlite3.connect(stack.directory / "fleet.sqlite3", timeout=10.0)) as database:
@@ -266,6 +266,6 @@ class Rounds:
 
 def read_log(stack: Stack) -> Log:
     """The stack's audit log."""
-    command = [sys.executable, "-m", "benchmarks.parts.log_side"]
+    command = [sys.executable, "-m", "benchmarks.parts.audit.log_side"]
     told = subprocess.run(command, env=stack.environment, stdout=subprocess.PIPE, check=True)  # noqa: S603
     return msgspec.json.decode(told.stdout, type=Log)

@@ -1,4 +1,4 @@
-"""Years of a lab that never was: valid records, chained as `fleet.audit` chains them, written many at a time.
+"""Years of an invented lab: valid records, chained as `fleet.audit` chains them, written many at a time.
 
 Some robots are busy and some are not, and so are people; what is rare in a lab is rare here.
 """
@@ -18,7 +18,7 @@ from django.db import connection, transaction
 from django.db.models import Model
 from msgspec import Struct
 
-from benchmarks.parts.lab import Event, Scenes
+from benchmarks.parts.audit.invented_lab import Event, Scenes
 from fleet.accounts.models import User
 from fleet.audit.canonical import NO_ROBOT, content_digest, first_digest, next_digest, plain
 from fleet.audit.models import Actor, Chain, Content, Record
@@ -62,7 +62,7 @@ class Told(Struct):
 
 
 class Kept(Struct):
-    """What may expire of it: the columns of its table."""
+    """Expiring part of a record: the columns of its table."""
 
     record_id: int
     text: str
@@ -313,7 +313,7 @@ def _count_on() -> None:
 
 
 def settle() -> None:
-    """What PostgreSQL does by itself after a while: statistics, and which rows all can see."""
+    """Do PostgreSQL's own later maintenance now: statistics and row visibility."""
     if connection.vendor == "postgresql":
         with connection.cursor() as cursor:
             cursor.execute("VACUUM ANALYZE audit_record, audit_content, teleop_controlsession")

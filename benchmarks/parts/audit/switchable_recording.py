@@ -16,7 +16,7 @@ from django.apps import AppConfig
 from fleet.settings import *  # noqa: F403
 from fleet.settings import INSTALLED_APPS
 
-INSTALLED_APPS = [*INSTALLED_APPS, "benchmarks.parts.switched.Switched"]
+INSTALLED_APPS = [*INSTALLED_APPS, "benchmarks.parts.audit.switchable_recording.Switched"]
 
 
 class Switched(AppConfig):

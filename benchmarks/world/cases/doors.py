@@ -1,4 +1,4 @@
-"""Doors: what a competent driver loses by the gate."""
+"""Doors: time that a competent driver loses by the gate."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.harness import Figure, progress
-from benchmarks.world.drawn import conditions_of, words_of
+from benchmarks.world.cases.drawn import conditions_of, words_of
 from benchmarks.world.drivers import Follower
 from benchmarks.world.loop import Case, Conditions
 from benchmarks.world.play import loop_of, played
@@ -36,7 +36,7 @@ class Passage(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of it: seconds of the course, or the reason why there are none."""
+    """Result of one run: seconds of the course, or the reason for no result."""
 
     touched: bool
     arrived: bool

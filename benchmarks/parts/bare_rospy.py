@@ -1,4 +1,4 @@
-"""What bare rospy takes: one process publishes, another hears it, no console between."""
+"""Delay of bare rospy: one process publishes, another receives, no console between."""
 
 from __future__ import annotations
 

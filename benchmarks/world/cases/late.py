@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import structs
 
 from benchmarks.harness import Figure
-from benchmarks.world import objects
+from benchmarks.world.cases import objects
 from benchmarks.world.controllers import Ours
 from benchmarks.world.drivers import FullStick
 from benchmarks.world.judge import Keeping, kept, together
@@ -55,7 +55,7 @@ class Late(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of it."""
+    """Result of one run."""
 
     crash_mps: float | None
     told: bool  # that the robot is late
@@ -94,7 +94,7 @@ def measure(repeats: int) -> list[Figure]:
 
 
 def _hiccups(repeats: int) -> list[Figure]:
-    """What a radio costs that now and then lets nothing pass for a moment."""
+    """Measure the cost of a radio link with short gaps."""
     sums = together(kept for _, kept in played("hiccups", objects.cases("gate", repeats), play_hiccups))
     return [
         Figure("radio with gaps of 60 to 100 ms: speed lost with 2 m free", sums.lost_percent, "%"),
