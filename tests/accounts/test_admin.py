@@ -31,7 +31,7 @@ def test_nobody_else_does(page, supervisor, signed_in):
     assert signed_in(supervisor).get(page, follow=True).status_code == 403
 
 
-def test_a_record_can_be_read_and_neither_added_changed_nor_deleted(admin):
+def test_a_record_can_only_be_read(admin):
     entry = record("stop.press")
     assert admin.get(f"{RECORDS}{entry.pk}/change/").status_code == 200
     assert admin.post(f"{RECORDS}{entry.pk}/change/", {"kind": "stop.clear"}).status_code == 405
@@ -40,7 +40,7 @@ def test_a_record_can_be_read_and_neither_added_changed_nor_deleted(admin):
     assert Record.objects.get(pk=entry.pk).kind == "stop.press"
 
 
-def test_an_account_made_here_goes_on_record_without_its_password(admin, staff):
+def test_a_new_account_is_recorded_without_its_password(admin, staff):
     form = {
         "username": "new",
         "full_name": "Nia New",

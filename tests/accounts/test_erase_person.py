@@ -95,14 +95,12 @@ def test_who_is_interrupted_repeats_it_and_nothing_is_left(operator, staff, step
     assert verify_all().findings == []
 
 
-def test_it_waits_for_longer_than_refusals_are_folded_and_says_what_to_do_if_it_is_interrupted(operator):
+def test_it_waits_longer_than_the_fold_and_explains_restart(operator):
     assert erase_person.WRITTEN_S > refusals.GAP_S
     assert "interrupted: run it again" in erase()
 
 
-def test_what_was_refused_before_and_is_recorded_a_while_later_names_nobody_either(
-    operator, staff, monkeypatch
-):
+def test_late_records_of_old_refusals_name_nobody(operator, staff, monkeypatch):
     """Refusals are folded for some seconds in the memory of a web process."""
 
     def recorded_meanwhile(_s):

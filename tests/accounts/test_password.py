@@ -91,7 +91,7 @@ def test_another_persons_is_not_changed_without_a_record(operator, staff, signed
 
 
 @pytest.mark.django_db
-def test_staff_who_change_their_own_among_the_accounts_stay_signed_in(staff, signed_in):
+def test_staff_who_edit_themselves_stay_signed_in(staff, signed_in):
     desk = signed_in(staff)
     assert desk.post(f"/admin/accounts/user/{staff.pk}/password/", ADMIN_FORM).status_code == 302
     assert still_signed_in([(staff.pk, desk.session.session_key)])

@@ -76,13 +76,13 @@ def test_nobody_ends_another_persons_sign_in(desk, observer, signed_in):
     assert _alive(theirs, observer)
 
 
-def test_ending_the_sign_in_of_this_very_page_leads_to_the_sign_in_page(desk, operator):
+def test_ending_this_pages_sign_in_leads_to_sign_in(desk, operator):
     answer = desk.post(f"{PAGE}{_sign_in_of(desk).pk}/end/")
     assert (answer.status_code, answer.headers["Location"]) == (302, "/accounts/sign-in/")
     assert not _alive(desk, operator)
 
 
-def test_so_does_ending_another_one_when_this_one_is_ended_meanwhile(desk, phone, monkeypatch):
+def test_ending_another_sign_in_also_works_after_this_ended(desk, phone, monkeypatch):
     ending = _sign_in_of(phone).pk
 
     def ended_meanwhile(**_which):
@@ -143,7 +143,7 @@ def test_it_is_one_persons_only(desk, observer):
     assert not _alive(desk, observer)
 
 
-def test_changing_ones_own_password_keeps_this_sign_in_and_ends_the_others(staff, signed_in):
+def test_a_new_password_keeps_this_sign_in_ends_others(staff, signed_in):
     here, there = signed_in(staff), signed_in(staff)
     form = {
         "old_password": PASSWORD,
@@ -157,7 +157,7 @@ def test_changing_ones_own_password_keeps_this_sign_in_and_ends_the_others(staff
     assert [sign_in.pk for sign_in in sign_ins_of(staff.pk)] == [_sign_in_of(here).pk]
 
 
-def test_a_session_that_was_ended_while_its_page_was_under_way_stays_ended(transactional_db, desk, operator):
+def test_a_session_ended_during_a_page_stays_ended(transactional_db, desk, operator):
     def ended_meanwhile(_request):
         Session.objects.all().delete()
         return HttpResponse()

@@ -44,7 +44,7 @@ def test_a_foreign_address_is_not_followed_after_sign_in(operator):
     assert Client().post(PAGE, form).headers["Location"] == "/"
 
 
-def test_the_session_cookie_is_out_of_reach_of_scripts_and_other_sites(operator, settings):
+def test_the_session_cookie_is_safe_from_scripts_and_sites(operator, settings):
     morsel = _try("operator", PASSWORD).cookies[settings.SESSION_COOKIE_NAME]
     assert morsel["httponly"]
     assert morsel["samesite"] == "Lax"
@@ -102,7 +102,7 @@ def test_neither_name_nor_address_stays_on_record_for_ever(operator):
     assert not {"operator", entry.details["address"]} & set(map(str, entry.parameters.values()))
 
 
-def test_a_name_that_nobody_has_is_not_kept_since_it_may_be_a_password(operator):
+def test_an_unknown_name_is_not_kept_as_it_may_be_a_password(operator):
     _try(PASSWORD, "operator")
     (entry,) = _records("account.sign_in_failed")
     assert entry.details["username"] is None
@@ -151,7 +151,7 @@ def test_after_five_minutes_it_may_be_tried_again(guessed_too_often):
         assert _try("operator", PASSWORD).status_code == 302
 
 
-def test_what_was_tried_while_the_clock_was_ahead_is_waited_for_no_longer(operator):
+def test_work_tried_under_a_wrong_clock_is_not_awaited(operator):
     a_year_ahead = timezone.now() + timedelta(days=365)
     with mock.patch.object(throttle.timezone, "now", return_value=a_year_ahead):
         for number in range(throttle.FAILURES_OF_ADDRESS):

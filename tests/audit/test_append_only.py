@@ -40,7 +40,7 @@ def test_a_query_can_neither_update_nor_delete():
         Record.objects.bulk_update(Record.objects.all(), ["kind"])
 
 
-def test_a_new_object_with_a_known_number_does_not_replace_the_old_record():
+def test_a_new_object_with_an_old_number_replaces_no_record():
     entry = record("stop.press")
     with pytest.raises(DatabaseError), transaction.atomic():
         Record(pk=entry.pk, kind="stop.clear", day=entry.day, seq=99).save()
@@ -123,7 +123,7 @@ def test_truncate_is_refused(table):
 
 
 @pytest.mark.skipif(connection.vendor != "postgresql", reason="SQLite has no roles")
-def test_the_rights_that_the_deployment_notes_grant_are_enough_and_no_more(operator):
+def test_the_documented_database_rights_are_enough(operator):
     """docs/deployment.md, read and carried out."""
     notes = (Path(__file__).parents[2] / "docs/deployment.md").read_text()
     grants = re.findall(r"^    ((?:REVOKE|GRANT) .* audit_.*;)$", notes, re.MULTILINE)
@@ -155,7 +155,7 @@ def test_the_rights_that_the_deployment_notes_grant_are_enough_and_no_more(opera
 
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.parametrize("time", ["first", "second"])
-def test_the_triggers_are_there_again_after_a_test_database_was_made_anew(time):
+def test_a_rebuilt_test_database_has_its_triggers(time):
     assert not Record.objects.filter(kind="stop.press").exists()
     record("stop.press")
     assert "is append-only" in refused_by_the_database("DELETE FROM audit_record")

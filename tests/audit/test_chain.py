@@ -136,7 +136,7 @@ def test_threads_that_write_at_once_fork_no_chain(operator: User, staff: User) -
 
 
 @pytest.mark.django_db(transaction=True)
-def test_two_web_processes_and_five_bridges_that_write_at_once_fork_no_chain() -> None:
+def test_parallel_writers_fork_no_chain() -> None:
     """Each bridge writes of its own robot, the web processes of every robot and of none."""
     robots = [uuid.UUID(int=number) for number in range(1, 6)]
     bridges = [["20", str(robot)] for robot in robots]
@@ -186,7 +186,7 @@ def test_what_was_rolled_back_leaves_no_hole() -> None:
 
 
 @pytest.mark.django_db
-def test_each_robot_has_a_chain_of_its_own_and_what_has_none_another() -> None:
+def test_each_robot_has_a_chain_and_so_has_the_rest() -> None:
     for robot_id in (ROBOT, uuid.UUID(int=2), ROBOT, None):
         record("stop.press", robot_id=robot_id, robot_name="TIAGo")
     assert places(ROBOT) == [1, 2]

@@ -100,7 +100,7 @@ async def test_an_export_is_on_record_with_its_filters_and_its_rows(export, staf
     assert (ended.of_id, ended.outcome, ended.parameters) == (begun.pk, "done", {"rows": 1})
 
 
-async def test_an_export_that_nobody_reads_to_the_end_is_on_record_as_broken_off(staff, monkeypatch):
+async def test_an_unread_export_is_recorded_as_broken_off(staff, monkeypatch):
     monkeypatch.setattr(exports, "CHUNK", 2)
     for number in range(5):
         await exports.sync_to_async(say)(f"text {number}")
@@ -188,7 +188,7 @@ async def test_control_sessions_are_exported_like_records(
     assert "Sam" in text and "Olga" not in text
 
 
-async def test_of_sessions_that_began_in_the_same_moment_none_is_left_out(export, sessions, monkeypatch):
+async def test_sessions_of_the_same_moment_are_all_listed(export, sessions, monkeypatch):
     monkeypatch.setattr(exports, "CHUNK", 1)
     await ControlSession.objects.aupdate(started_at=timezone.now())
     text, _response = await export("jsonl", name=SESSIONS)

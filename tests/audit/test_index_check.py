@@ -48,7 +48,7 @@ def test_an_index_that_was_emptied_is_found():
 
 @sqlite_only
 @pytest.mark.parametrize("instead", ["", "evening good"])
-def test_a_text_that_was_taken_out_of_the_index_or_replaced_there_is_found(texts, instead):
+def test_a_text_removed_or_replaced_in_the_index_is_found(texts, instead):
     out = "INSERT INTO audit_content_search (audit_content_search, rowid, text) VALUES ('delete', %s, %s)"
     execute(out, texts[0], TEXTS[0])
     if instead:
@@ -80,7 +80,7 @@ def test_an_index_of_another_make_is_found():
 @pytest.mark.parametrize(
     "instead", ["", "CREATE INDEX audit_content_said ON audit_content (record_id) WHERE text = 'x'"]
 )
-def test_an_index_for_short_words_that_is_gone_or_of_less_is_found(instead):
+def test_a_missing_or_partial_short_word_index_is_found(instead):
     if connection.vendor == "postgresql":
         execute("SET CONSTRAINTS ALL IMMEDIATE")  # or it makes no index in this transaction
     execute("DROP INDEX audit_content_said")
@@ -127,7 +127,7 @@ def test_a_search_trigger_that_is_gone_or_replaced_is_found(name):
     ],
 )
 @pytest.mark.parametrize("table", ["accounts_signin", "robots_robot", "django_session"])
-def test_a_trigger_of_another_table_that_changes_the_log_is_found(table, harm):
+def test_a_foreign_trigger_that_changes_the_log_is_found(table, harm):
     if table not in connection.introspection.table_names():
         table = "teleop_lease"
     if connection.vendor == "sqlite":

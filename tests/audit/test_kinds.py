@@ -64,7 +64,7 @@ def recorded() -> set[str]:
     return set().union(*INDIRECT.values(), *(written_out(arguments) for _, _, arguments in calls()))
 
 
-def test_the_kinds_that_are_not_written_out_where_they_are_recorded_stand_above():
+def test_indirect_kinds_are_all_listed_above():
     found = {
         (file, ast.unparse(arguments[0]))
         for file, name, arguments in calls()
@@ -73,7 +73,7 @@ def test_the_kinds_that_are_not_written_out_where_they_are_recorded_stand_above(
     assert found == INDIRECT.keys()
 
 
-def test_every_kind_that_is_recorded_is_known_and_every_known_one_is_recorded(recorded):
+def test_recorded_kinds_and_known_kinds_are_the_same(recorded):
     assert recorded == {name for name, kind in KINDS.items() if not kind.former}
 
 

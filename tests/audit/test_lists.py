@@ -107,14 +107,14 @@ def test_without_an_outcome_there_is_none_yet():
     assert (row.end, row.outcome) == (None, "")
 
 
-def test_an_outcome_of_the_same_kind_as_its_request_is_no_row_of_its_own():
+def test_an_outcome_of_its_requests_kind_has_no_own_row():
     pressed = record("stop.press", robot_id=ROBOT)
     record("stop.press", of=pressed, outcome="stopped")
     [row] = Selection(Wanted(), None).page().rows[:1]
     assert (row.record, row.outcome) == (pressed, "stopped")
 
 
-def test_what_the_gate_held_back_in_a_drive_is_a_row_beside_the_drive():
+def test_gate_interventions_have_rows_next_to_their_drive():
     drive = record("drive.start", robot_id=ROBOT)
     held = record("gate.begin", of=drive, outcome="obstacle")
     record("gate.end", of=held)
@@ -133,7 +133,7 @@ def test_each_list_shows_its_kinds_and_everything_shows_all():
     assert set(entries.values()) <= set(shown())
 
 
-def test_filters_are_robot_person_outcome_kind_and_control_session(operator, supervisor):
+def test_filters_are_robot_person_outcome_kind_and_session(operator, supervisor):
     session = uuid.uuid4()
     mine = say("mine", actor=operator, session_id=session)
     other = say("other", actor=supervisor, robot_id=uuid.uuid4(), robot_name="TIAGo 2", outcome="failed")
@@ -150,7 +150,7 @@ def test_filters_are_robot_person_outcome_kind_and_control_session(operator, sup
     assert shown(session=session) == [mine]
 
 
-def test_the_console_itself_and_what_has_no_robot_can_be_filtered_for(operator):
+def test_console_and_robotless_records_can_be_filtered(operator):
     nobody = record("control.expire", robot_id=ROBOT)
     signed_in = record("account.sign_in", actor=operator)
     assert nobody in shown(person=CONSOLE)
@@ -204,7 +204,7 @@ def test_a_clock_that_was_set_wrong_hides_no_record_of_a_day(on_day):
     assert shown(SPEECH, until=datetime.date(2027, 1, 1)) == [right]
 
 
-def test_the_day_before_and_after_are_those_that_have_rows_of_the_filter(on_day, operator):
+def test_days_before_and_after_have_rows_of_the_filter(on_day, operator):
     for day in ("2026-11-02", "2026-11-04", "2026-11-09"):
         on_day(day)
         say(day, actor=operator)
@@ -228,7 +228,7 @@ def test_a_day_beside_is_found_however_far_it_is(on_day):
 
 
 @pytest.mark.parametrize(("word", "far"), [("old", True), ("ol", False)])
-def test_of_words_too_short_for_the_index_only_a_near_day_is_looked_for(on_day, word, far):
+def test_short_words_are_searched_in_a_near_day_only(on_day, word, far):
     for day in ("2020-01-01", "2026-11-04", "2026-11-24"):
         on_day(day)
         say("older")
@@ -343,7 +343,7 @@ def test_a_list_tells_who_what_and_what_came_of_it(admin, operator):
         assert words in page
 
 
-def test_the_address_has_the_filters_and_the_way_to_older_rows_keeps_them(admin, operator):
+def test_the_address_keeps_filters_and_older_rows(admin, operator):
     for number in range(60):
         say(f"text {number}", actor=operator)
     address = f"{reverse('admin:audit_speechrecord_changelist')}?person={operator.pk}&q=text"
@@ -422,7 +422,7 @@ def test_there_is_no_page_of_a_record_that_is_not_there(admin):
     assert admin.get(reverse("admin:audit_record_change", args=[10**9])).status_code == 404
 
 
-def test_pages_of_an_outcome_are_cut_by_the_numbers_of_the_outcomes():
+def test_outcome_pages_are_cut_by_outcome_numbers():
     start = say("hello")
     end = Record.objects.get(of=start)
     rows = Selection(Wanted(outcome="succeeded"), SPEECH).page().rows

@@ -57,7 +57,7 @@ def test_every_record_has_a_request_of_its_own_unless_told():
 
 
 @pytest.mark.django_db
-def test_an_outcome_belongs_to_the_request_and_robot_of_what_it_is_the_outcome_of():
+def test_an_outcome_belongs_to_its_request_and_robot():
     pressed = record("stop.press", robot_id=ROBOT, robot_name="TIAGo 1")
     outcome = record("stop.press", of=pressed, outcome="stopped")
     assert (outcome.of, outcome.request_id) == (pressed, pressed.request_id)
@@ -95,7 +95,7 @@ def test_a_kind_that_nobody_has_described_is_an_error():
 
 
 @pytest.mark.django_db
-def test_text_and_what_may_expire_are_kept_apart_and_read_together():
+def test_texts_and_expiring_parts_are_kept_apart():
     entry = record(
         "speech.start",
         parameters={"language": "en-GB"},
@@ -147,7 +147,7 @@ def test_times_and_numbers_of_a_chain_grow_with_its_places():
 @pytest.mark.django_db
 @pytest.mark.parametrize("letter", ["x", "ß", "न", "🤖"])
 @pytest.mark.parametrize("left", range(4))
-def test_of_a_long_text_the_beginning_is_kept_and_how_long_it_was(letter, left):
+def test_a_long_text_keeps_its_begin_and_length(letter, left):
     long = left * "." + letter * 10_000
     entry = record("refusal", text=long, private={"words": [long]}, parameters={"figures": {"name": long}})
     kept = Record.objects.get(pk=entry.pk)
@@ -194,7 +194,7 @@ def test_what_was_rolled_back_was_not_recorded():
 
 
 @pytest.mark.django_db(transaction=True)
-def test_writers_at_the_same_time_wait_for_each_other_and_lose_nothing():
+def test_parallel_writers_wait_and_lose_nothing():
     def write(writer: int) -> None:
         for number in range(25):
             record("stop.press", parameters={"writer": writer, "number": number})
@@ -268,7 +268,7 @@ def test_each_trouble_has_its_code(said, code):
     assert AuditUnavailable.because(OperationalError(said)).code == code
 
 
-def test_the_database_keeps_what_was_committed_through_a_power_cut():
+def test_the_database_keeps_commits_through_a_power_cut():
     options = settings.DATABASES["default"]["OPTIONS"]
     if connection.vendor == "sqlite":
         assert "synchronous=FULL" in options["init_command"]

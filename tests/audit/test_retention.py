@@ -203,7 +203,7 @@ def test_a_checkpoint_of_another_robot_lets_nothing_go():
         Record.objects.filter(pk=mine.pk)._raw_delete("default")
 
 
-def test_records_of_days_to_come_go_with_what_was_recorded_after_them(ago, five_years, monkeypatch):
+def test_future_records_expire_with_their_successors(ago, five_years, monkeypatch):
     """The clock was ahead for a while; that ends neither removal nor expiry for ever."""
     monkeypatch.setattr(retention, "RECORDS_AT_ONCE", 2)
     days = (1900, -20000, -20000, -20000, 1850, 10, -20000)
@@ -216,7 +216,7 @@ def test_records_of_days_to_come_go_with_what_was_recorded_after_them(ago, five_
     assert verify_all().findings == []
 
 
-def test_also_where_nothing_was_recorded_after_them_of_that_robot(ago, five_years):
+def test_also_if_nothing_was_recorded_later_for_that_robot(ago, five_years):
     """Their contents went long before, and what says so goes, too."""
     with ago(-20000):
         record("speech.start", robot_id=ROBOT, text="the last words of this robot")
@@ -256,7 +256,7 @@ def test_no_other_contents_can_be_said_to_be_of_days_to_come(ago):
     assert (finding.number, finding.what) == (young.pk, "has lost its content before its time.")
 
 
-def test_what_was_of_days_to_come_and_is_removed_fits_heads_of_its_time(ago, five_years):
+def test_removed_future_records_fit_heads_of_their_time(ago, five_years):
     with ago(1900):
         record("stop.press", robot_id=ROBOT)
     with ago(-20000):
@@ -303,7 +303,7 @@ def test_by_a_clock_that_is_years_ahead_nothing_goes(spoken, ago, caplog):
     assert doubt.outcome == "doubted"
 
 
-def test_after_a_silence_it_goes_once_somebody_says_that_the_clock_is_right(spoken):
+def test_expiry_continues_once_somebody_confirms_the_clock(spoken):
     spoken(150, 0)
     words = io.StringIO()
     call_command("confirm_clock", stdout=words)
@@ -332,7 +332,7 @@ def test_no_silence_no_doubt(spoken, days):
     assert f"{days[0]} days ago" not in kept()
 
 
-def test_a_record_of_days_to_come_is_no_sign_that_the_clock_is_right(spoken):
+def test_a_future_record_does_not_confirm_the_clock(spoken):
     spoken(150, -20000)
     keep_house()
     assert "150 days ago" in kept()
@@ -355,7 +355,7 @@ def test_a_clock_that_is_ahead_again_and_again_is_believed_never(spoken, ago, us
     assert verify_all().findings == []
 
 
-def test_nor_is_who_confirmed_it_believed_for_longer_than_it_goes_on(spoken, ago):
+def test_a_confirmed_clock_counts_for_its_time_only(spoken, ago):
     spoken(1000)
     with ago(0):
         call_command("confirm_clock", stdout=io.StringIO())

@@ -150,7 +150,7 @@ def test_of_many_texts_those_with_an_outcome_are_found_each_once(operator, monke
     assert page.count == 3
 
 
-def test_a_text_that_postgresqls_index_has_no_room_for_is_found_in_its_place(said):
+def test_a_text_too_large_for_the_index_is_found(said):
     texts = [record("speech.start", text=text).pk for text in ("good", "很好 good " * 500, "good")]
     for words in ("good", "很", "go"):
         rows = Selection(Wanted(words=words_of(words)), ["speech.start"]).page().rows

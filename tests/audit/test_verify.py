@@ -113,7 +113,7 @@ def test_whatever_is_put_into_one_cell_the_record_is_named(chain, rubbish):
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="PostgreSQL keeps nothing but values of the column")
 @pytest.mark.parametrize("rubbish", [word for word in RUBBISH if word != "'2020-13-45'"])
-def test_whatever_is_put_in_place_of_a_chain_s_identifier_is_told(chain, rubbish):
+def test_a_changed_chain_identifier_is_found(chain, rubbish):
     tamper(f"UPDATE audit_chain SET id = {rubbish} WHERE name = 'TIAGo 1'")
     findings = verify_all().findings
     assert "database: a chain cannot be read: it was changed." in map(str, findings)
@@ -214,7 +214,7 @@ def test_what_was_said_cannot_be_taken_out_before_its_time(chain):
         {},
     ],
 )
-def test_contents_cannot_be_said_to_have_expired_before_their_time(chain, parameters):
+def test_contents_never_expire_before_their_time(chain, parameters):
     today = str(django_timezone.now().date() + timedelta(days=1))
     told = record("audit.expire", parameters=json.loads(json.dumps(parameters).replace("TODAY", today)))
     chain[3].content.delete()
@@ -235,7 +235,7 @@ def test_nor_by_what_is_said_to_be_recorded_some_day(chain):
 
 
 @pytest.mark.parametrize("records", ["all", None, {}])
-def test_an_erasure_accounts_for_nothing_but_earlier_records_that_it_names(chain, records):
+def test_an_erasure_explains_only_earlier_named_records(chain, records):
     record("audit.erase", parameters={} if records is None else {"records": records})
     to_come = range(chain[7].pk + 1, chain[7].pk + 100)
     told = record("audit.erase", parameters={"records": [chain[2].pk, *to_come]})
@@ -277,7 +277,7 @@ def forge(chain, **changes) -> Record:
         {"removed": "all"},
     ],
 )
-def test_a_checkpoint_that_the_console_does_not_make_accounts_for_nothing(chain, changes):
+def test_a_foreign_checkpoint_explains_nothing(chain, changes):
     forged = forge(chain, **changes)
     assert found() == [
         of(forged, "comes too early: records 1 to 8 of this chain are missing."),
@@ -294,7 +294,7 @@ def test_a_checkpoint_goes_on_where_the_one_before_ended(chain):
     assert found() == [of(forged, FORGED)]
 
 
-def test_what_was_removed_before_its_time_shows_against_heads_kept_elsewhere(chain):
+def test_early_removed_records_show_against_kept_heads(chain):
     """Nothing in the database shows that the records were not of before 2020."""
     heads = verify_all().heads
     forge(chain)
@@ -339,7 +339,7 @@ def test_old_records_that_were_removed_fit_heads_of_their_time(chain):
 # --- heads ----------------------------------------------------------------------------------------
 
 
-def test_a_tail_that_was_cut_off_shows_against_heads_kept_elsewhere(chain):
+def test_a_cut_tail_shows_against_heads_kept_elsewhere(chain):
     heads = verify_all().heads
     tamper("DELETE FROM audit_content WHERE record_id = %s", chain[-1].pk)
     tamper("DELETE FROM audit_record WHERE id = %s", chain[-1].pk)
@@ -367,7 +367,7 @@ def test_a_chain_that_has_grown_fits_older_heads(chain, operator):
 # --- the command ----------------------------------------------------------------------------------
 
 
-def test_the_command_writes_heads_compares_with_them_and_puts_itself_on_record(chain, tmp_path):
+def test_the_command_writes_and_compares_heads(chain, tmp_path):
     kept, words = tmp_path / "heads.jsonl", io.StringIO()
     call_command("verify_audit", heads=str(kept), stdout=words)
     assert "All are as written." in words.getvalue()
@@ -378,7 +378,7 @@ def test_the_command_writes_heads_compares_with_them_and_puts_itself_on_record(c
     assert (told.outcome, told.parameters["findings"], told.actor_id[:7]) == ("intact", 0, "system:")
 
 
-def test_the_command_ends_with_status_1_and_the_words_of_each_finding(chain):
+def test_findings_give_exit_status_1_and_words(chain):
     tamper("UPDATE audit_record SET fence = 99 WHERE id = %s", chain[3].pk)
     words = io.StringIO()
     with pytest.raises(SystemExit) as ended:
@@ -396,7 +396,7 @@ def test_of_robots_only_one_is_verified_when_one_is_named(chain):
     assert f"Chains: 2, records: {8 + without_robot}. All are as written." in words.getvalue()
 
 
-def test_with_one_robot_goes_what_tells_which_of_its_contents_were_taken_out(chain):
+def test_a_deleted_robots_expiry_knowledge_goes_too(chain):
     """Whoever writes what is missing into an old record of an erasure is found, whichever robot is asked about."""
     told = record("audit.erase", parameters={"person": "x", "records": [1]})
     later = record("audit.erase", parameters={"person": "x", "records": []})

@@ -57,7 +57,7 @@ def spoken(stack: Stack, browser: Browser) -> Iterator[Person]:
     operator.leave()
 
 
-def test_staff_find_a_sentence_in_three_steps_and_follow_the_path_of_who_said_it(
+def test_staff_find_a_text_in_three_steps_and_its_path(
     person: Arrive, spoken: Person, tmp_path: Path
 ) -> None:
     staff = person("staff")
@@ -142,7 +142,7 @@ def the_robot_is_where_it_was_on_the_map(staff: Person, stands: tuple[float, flo
     assert math.dist(on_the_map, by_odometry) < DRIFT_M
 
 
-def test_a_person_finds_their_own_control_session_by_their_menu_and_takes_their_data_along(
+def test_a_person_finds_their_session_and_exports_their_data(
     spoken: Person,
 ) -> None:
     spoken.open("/")

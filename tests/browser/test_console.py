@@ -35,9 +35,7 @@ def notice(person: Person, text: str | re.Pattern[str]) -> Locator:
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_the_stop_is_in_one_place_on_every_tab_and_the_joystick_where_it_is_used(
-    person: Arrive, width: int, height: int
-) -> None:
+def test_the_stop_keeps_its_place_on_every_tab(person: Arrive, width: int, height: int) -> None:
     operator = person("operator", width=width, height=height, touch=width < 1000)
     operator.take("tiago-2")
     places = []
@@ -96,7 +94,7 @@ def test_a_change_of_tab_stops_the_base_and_latches_nothing(person: Arrive) -> N
     operator.release()
 
 
-def test_a_motion_is_played_seen_everywhere_and_cancelled_and_a_second_one_refused(person: Arrive) -> None:
+def test_a_motion_is_played_shown_cancelled_and_exclusive(person: Arrive) -> None:
     operator, supervisor = person("operator"), person("supervisor")
     operator.take("tiago-2")
     supervisor.watch("tiago-2")
@@ -131,7 +129,7 @@ def test_a_motion_is_played_seen_everywhere_and_cancelled_and_a_second_one_refus
     operator.release()
 
 
-def test_a_sentence_in_spanish_is_said_another_cancelled_a_phrase_said_and_one_repeated(
+def test_texts_are_said_cancelled_chosen_and_repeated(
     person: Arrive,
 ) -> None:
     operator = person("operator")
@@ -170,7 +168,7 @@ def test_a_sentence_in_spanish_is_said_another_cancelled_a_phrase_said_and_one_r
     operator.release()
 
 
-def test_keys_write_in_a_field_and_a_map_of_them_opens_on_a_question_mark(person: Arrive) -> None:
+def test_keys_write_in_a_field_and_a_question_mark_shows_help(person: Arrive) -> None:
     operator = person("operator")
     operator.take("tiago-2")
     go_to(operator, "Speech")
@@ -258,7 +256,7 @@ def test_quick_presses_do_not_give_control_away(person: Arrive) -> None:
     staff.release()
 
 
-def test_what_is_chosen_and_pressed_is_seen_where_the_system_chooses_the_colours(person: Arrive) -> None:
+def test_choices_are_visible_in_forced_colours(person: Arrive) -> None:
     observer = person("observer")
     observer.page.emulate_media(forced_colors="active")
     observer.watch("tiago-2")
@@ -272,9 +270,7 @@ def test_what_is_chosen_and_pressed_is_seen_where_the_system_chooses_the_colours
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_notices_are_kept_in_a_log_and_never_lie_over_stop_or_joystick(
-    person: Arrive, width: int, height: int
-) -> None:
+def test_notices_are_logged_and_never_cover_stop_or_stick(person: Arrive, width: int, height: int) -> None:
     observer = person("observer", width=width, height=height)
     observer.watch("tiago-2")
     play = observer.part("motion-list").get_by_role("button").first
@@ -322,7 +318,7 @@ def bridge_of(stack: Stack, slug: str) -> int:
     return bridge
 
 
-def test_control_that_was_taken_over_while_the_connection_was_lost_is_told(person: Arrive) -> None:
+def test_control_taken_over_during_a_lost_link_is_reported(person: Arrive) -> None:
     operator, supervisor = person("operator", apart=True), person("supervisor")
     sockets: list[WebSocketRoute] = []
     lost = False
@@ -353,7 +349,7 @@ def test_control_that_was_taken_over_while_the_connection_was_lost_is_told(perso
     supervisor.release()
 
 
-def test_a_page_left_open_over_an_upgrade_asks_to_be_loaded_anew_and_still_stops(person: Arrive) -> None:
+def test_an_old_page_after_an_upgrade_can_only_stop(person: Arrive) -> None:
     operator, observer = person("operator", apart=True), person("observer")
     sockets: list[WebSocketRoute] = []
     upgraded = False
@@ -386,7 +382,7 @@ def test_a_page_left_open_over_an_upgrade_asks_to_be_loaded_anew_and_still_stops
     operator.release()
 
 
-def test_while_the_robot_is_silent_that_is_said_and_inputs_give_way(person: Arrive, stack: Stack) -> None:
+def test_a_silent_robot_is_shown_and_inputs_give_way(person: Arrive, stack: Stack) -> None:
     operator = person("operator")
     operator.take("tiago-2")
     go_to(operator, "Motions")
@@ -407,9 +403,7 @@ def test_while_the_robot_is_silent_that_is_said_and_inputs_give_way(person: Arri
     operator.release()
 
 
-def test_while_the_robot_is_out_of_reach_inputs_give_way_but_for_what_one_is_writing(
-    person: Arrive, stack: Stack
-) -> None:
+def test_out_of_reach_inputs_give_way_except_open_fields(person: Arrive, stack: Stack) -> None:
     operator = person("operator")
     operator.take("tiago-2")
     motions, banner, text = (operator.part(name) for name in ("motion-list", "banner", "say-text"))

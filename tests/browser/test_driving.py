@@ -263,7 +263,7 @@ def test_a_gamepad_drives_and_its_button_stops(person: Arrive) -> None:
     operator.release()
 
 
-def test_the_stop_goes_another_way_when_there_is_no_live_connection(person: Arrive) -> None:
+def test_the_stop_goes_another_way_without_a_live_link(person: Arrive) -> None:
     operator, observer = person("operator"), person("observer", apart=True)
     operator.take("tiago-2")
     observer.page.route_web_socket("**/ws/**", lambda socket: socket.close())

@@ -64,7 +64,7 @@ def test_axe_has_nothing_against_any_page_light_or_dark(person: Arrive) -> None:
             assert found_by_axe(staff) == [], (path, theme)
 
 
-def test_axe_has_nothing_against_cards_of_robots_that_are_not_heard(person: Arrive) -> None:
+def test_axe_accepts_cards_of_silent_robots(person: Arrive) -> None:
     staff = person("staff", apart=True)
     staff.page.route_web_socket(re.compile("/ws/fleet/$"), lambda _silent: None)
     staff.open("/")
@@ -75,9 +75,7 @@ def test_axe_has_nothing_against_cards_of_robots_that_are_not_heard(person: Arri
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_axe_has_nothing_against_a_page_in_control_a_stopped_one_or_its_dialogs(
-    person: Arrive, theme: str
-) -> None:
+def test_axe_accepts_control_stopped_page_and_dialogs(person: Arrive, theme: str) -> None:
     staff = person("staff", theme=theme, width=360, height=640)
     staff.take("tiago-1")
     assert found_by_axe(staff) == []
@@ -113,7 +111,7 @@ def test_joystick_and_stop_are_in_sight_whatever_the_window(person: Arrive, widt
     operator.release()
 
 
-def test_nothing_is_too_small_for_a_finger_nor_jumps_under_it_when_control_is_taken(person: Arrive) -> None:
+def test_controls_fit_a_finger_and_do_not_jump(person: Arrive) -> None:
     operator, staff = person("operator", width=360, height=640, touch=True), person("staff")
     operator.take("tiago-2")  # another test may have left it stopped
     operator.release()
@@ -302,7 +300,7 @@ def test_long_names_cover_nothing_and_crush_nothing(person: Arrive, width: int, 
     operator.release()
 
 
-def test_no_page_is_wider_than_a_small_phone_asks_the_internet_or_breaks_a_rule_of_its_own(
+def test_no_page_is_too_wide_or_uses_the_internet(
     person: Arrive,
 ) -> None:
     staff = person("staff", width=360, height=640, touch=True, apart=True)

@@ -87,7 +87,7 @@ def test_driving_goes_elsewhere_and_back_with_one_press(person: Arrive) -> None:
     assert operator.complaints == []
 
 
-def test_who_comes_back_from_another_browser_tab_finds_the_focus_where_it_was(person: Arrive) -> None:
+def test_focus_returns_with_the_browser_tab(person: Arrive) -> None:
     observer = person("observer")
     observer.watch(ROBOT)
     topics_of(observer)
@@ -130,7 +130,7 @@ def test_a_type_that_is_installed_nowhere_is_watched_and_plotted(
     assert observer.complaints == []
 
 
-def test_elements_of_a_list_are_plotted_and_rows_of_many_lines_leave_each_other_room(person: Arrive) -> None:
+def test_list_elements_are_plotted_and_long_rows_fit(person: Arrive) -> None:
     observer = person("observer", width=360, height=640, touch=True)
     observer.watch(ROBOT)
     topics_of(observer)
@@ -151,7 +151,7 @@ def test_elements_of_a_list_are_plotted_and_rows_of_many_lines_leave_each_other_
     assert observer.complaints == []
 
 
-def test_a_nested_message_is_published_and_a_wrong_field_is_named(
+def test_a_nested_message_is_published_and_errors_name_fields(
     person: Arrive, stack: Stack, tmp_path: Path
 ) -> None:
     operator = person("operator")
@@ -188,7 +188,7 @@ def test_a_nested_message_is_published_and_a_wrong_field_is_named(
     operator.release()
 
 
-def test_a_velocity_that_is_published_goes_through_the_gate_and_ends_with_window_and_tab(
+def test_a_published_velocity_passes_the_gate_and_ends_with_tab(
     person: Arrive,
 ) -> None:
     operator = person("operator")
@@ -214,7 +214,7 @@ def test_a_velocity_that_is_published_goes_through_the_gate_and_ends_with_window
     operator.release()
 
 
-def test_staff_call_a_service_and_set_a_parameter_of_the_allow_list(person: Arrive) -> None:
+def test_staff_call_services_and_set_parameters_on_the_list(person: Arrive) -> None:
     staff = person("staff", width=360, height=640)
     staff.watch(ROBOT)
     topics_of(staff)

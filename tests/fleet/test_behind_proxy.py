@@ -83,7 +83,7 @@ def _ask(port, method, path, body=None, **headers):
         connection.close()
 
 
-def test_people_sign_in_through_it_and_are_listed_by_their_own_address(port):
+def test_people_behind_a_proxy_are_listed_by_their_address(port):
     _status, page, cookies = _ask(port, "GET", PAGE)
     token = re.search(r'name="csrfmiddlewaretoken" value="(\w+)"', page)[1]
     form = f"csrfmiddlewaretoken={token}&username=first&password={PASSWORD.replace(' ', '+')}"

@@ -45,7 +45,7 @@ def test_nothing_that_is_written_can_be_read_by_other_accounts(tmp_path):
 
 @pytest.mark.parametrize("variable", ["FLEET_VAR", "FLEET_RUN_DIR"])
 @pytest.mark.parametrize("mode", [0o750, 0o705])
-def test_a_named_directory_that_others_may_open_is_refused_and_left_alone(variable, mode, tmp_path):
+def test_an_open_named_directory_is_refused_unchanged(variable, mode, tmp_path):
     shared = tmp_path / "shared"
     shared.mkdir()
     shared.chmod(mode)
@@ -54,7 +54,7 @@ def test_a_named_directory_that_others_may_open_is_refused_and_left_alone(variab
     assert shared.stat().st_mode & 0o777 == mode
 
 
-def test_a_directory_of_our_own_that_others_may_open_is_closed_to_them(tmp_path):
+def test_an_own_open_directory_is_closed_to_others(tmp_path):
     (tmp_path / "var/run").mkdir(parents=True)
     (tmp_path / "var").chmod(0o700)
     (tmp_path / "var/run").chmod(0o755)
@@ -126,7 +126,7 @@ def test_a_postgresql_url_is_read_whole():
     assert entry["OPTIONS"]["sslmode"] == "require"
 
 
-def test_a_query_of_a_web_process_is_limited_unless_the_url_says_otherwise():
+def test_a_web_processes_query_limit_can_be_set_by_the_url():
     plain, own = (
         environment.database(f"postgresql://db.example/fleet{query}")
         for query in ("", "?options=-c%20statement_timeout%3D5min")

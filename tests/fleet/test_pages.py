@@ -39,12 +39,12 @@ def test_every_page_carries_the_strict_policy(page, who, staff, signed_in):
 
 
 @pytest.mark.parametrize("page", ["/accounts/sessions/", "/admin/", "/admin/accounts/user/"])
-def test_a_page_asks_anonymous_people_to_sign_in_and_brings_them_back(page):
+def test_a_page_makes_people_sign_in_and_brings_them_back(page):
     response = Client().get(page, follow=True, headers={"accept": BROWSER})
     assert response.redirect_chain[-1] == (f"/accounts/sign-in/?next={page}", 302)
 
 
-def test_no_cookie_is_kept_but_the_two_that_the_page_of_cookies_names(staff, robot):
+def test_only_the_two_named_cookies_are_kept(staff, robot):
     client = Client()
     sign_in = {"username": "staff", "password": PASSWORD}
     told = client.post("/accounts/sign-in/", {**sign_in, "password": "wrong"}).text
@@ -117,7 +117,7 @@ def test_health_says_that_migrations_are_missing(monkeypatch):
     assert "manage.py migrate" in response.json()["text"]
 
 
-def test_a_name_that_the_console_does_not_go_by_is_refused_in_words():
+def test_a_foreign_host_name_is_refused_in_words():
     answer = Client().get("/", headers={"host": "elsewhere.example"})
     assert answer.status_code == 400
     assert "which address you used" in answer.text

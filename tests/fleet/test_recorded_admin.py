@@ -17,7 +17,7 @@ def test_every_page_of_the_admin_is_of_those_that_keep_no_log():
     assert [page for page in admin.site._registry.values() if not isinstance(page, RecordedAdmin)] == []
 
 
-def test_what_is_added_changed_and_deleted_there_is_in_the_audit_log_alone(staff, robot, operator, signed_in):
+def test_admin_changes_are_in_the_audit_log_alone(staff, robot, operator, signed_in):
     client = signed_in(staff)
     person = {"username": "olga", "full_name": "Olga New", "usable_password": "false"}
     assert client.post(reverse("admin:accounts_user_add"), person).status_code == 302

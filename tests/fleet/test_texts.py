@@ -112,7 +112,7 @@ def test_a_language_is_there_when_its_texts_are_compiled(tmp_path: Path) -> None
 
 
 @pytest.mark.django_db
-def test_a_browser_gets_its_language_if_that_is_there_and_english_otherwise(settings: Any) -> None:
+def test_a_browser_gets_its_language_or_english(settings: Any) -> None:
     german = Client(headers={"Accept-Language": "de-AT, fr;q=0.5"})
     with translation.override(None):  # a page leaves its language to the thread
         assert '<html lang="en-gb"' in german.get("/cookies/").content.decode()

@@ -111,7 +111,7 @@ def _after(error: Exception) -> int:
         return error_page(request).status_code
 
 
-def test_what_fails_before_a_page_is_reached_is_said_in_words_too():
+def test_errors_before_a_page_are_in_words_too():
     assert _after(OperationalError("connection refused")) == 503
 
 

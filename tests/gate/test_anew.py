@@ -71,7 +71,7 @@ def test_when_odometry_begins_anew_so_does_the_memory(haunted, silent_s, clock_s
 
 
 @pytest.mark.parametrize(("silent_s", "clock_s"), [(0.29, 0.0), (0.05, 3600.0)])
-def test_a_short_silence_or_a_clock_that_is_set_on_forgets_nothing(haunted, silent_s, clock_s):
+def test_a_short_silence_or_a_set_clock_forgets_nothing(haunted, silent_s, clock_s):
     before = known(haunted)["/scan_raw, remembered"]
     haunted.now_s += silent_s
     haunted.gate.observe_odometry(haunted.now_s + clock_s, haunted.now_s, haunted.pose, STILL)
@@ -80,7 +80,7 @@ def test_a_short_silence_or_a_clock_that_is_set_on_forgets_nothing(haunted, sile
     assert known(haunted)["/scan_raw, remembered"] == pytest.approx(before, abs=2)
 
 
-def test_messages_that_were_held_up_and_come_all_at_once_leave_no_hole(haunted):
+def test_a_burst_after_a_delay_leaves_no_hole(haunted):
     before = known(haunted)["/scan_raw, remembered"]
     for late_s in np.arange(0.02, 1.0, 0.02):
         stamp_s = haunted.now_s + late_s

@@ -169,6 +169,6 @@ def test_clearance_is_the_smallest_gap_of_a_whole_turn(twist, point, outline):
         ((0.0, 0.0), (1.0, math.nan), (0.0, 1.0)),
     ],
 )
-def test_an_outline_that_is_not_convex_and_counter_clockwise_is_refused(outline):
+def test_a_concave_or_clockwise_outline_is_refused(outline):
     with pytest.raises(ValueError, match=r"outline"):
         Polygon(outline)

@@ -56,7 +56,7 @@ def test_braking_time_is_that_of_the_slower_axis():
 
 
 @given(st.floats(0.0, 5.0), st.floats(0.05, 1.0))
-def test_the_speed_before_a_narrow_place_can_be_braked_to_the_speed_there(distance, there):
+def test_speed_before_a_narrow_place_can_brake_in_time(distance, there):
     now = braking.speed_before(np.array([distance]), np.array([there]), 0.2, 0.8)[0]
     assert now >= there
     assert now == there or now * 0.2 + (now**2 - there**2) / 1.6 <= distance + 1e-9

@@ -113,7 +113,7 @@ def test_every_way_to_write_a_picture_shows_the_same(encoding, big_endian, paddi
     np.testing.assert_allclose(shown.ahead, depth[2::4, 2::4], atol=0.001)
 
 
-def test_what_is_not_measured_is_not_known_and_infinity_is_nothing_in_reach():
+def test_unmeasured_is_unknown_and_infinity_is_free():
     depth = np.full((HEIGHT, WIDTH), 2.0, dtype=np.float32)
     depth[:120], depth[120:240], depth[240:360] = np.nan, 0.0, np.inf
     shown = picture_of_image(image(depth), LENS).ahead
@@ -245,7 +245,7 @@ def test_a_seat_and_a_parcel_stand_above_the_floor():
     assert (found.points[:, 1] > 0.4).any()
 
 
-def test_what_hangs_above_the_robot_is_passed_below_and_what_it_would_hit_is_not():
+def test_the_robot_passes_below_high_things_only():
     lamp = ((1.5, -0.2, 1.35), (1.9, 0.2, 1.6))
     assert not len(obstacles([FLOOR, lamp], camera()).points)
     shelf = ((1.5, -0.2, 1.20), (1.9, 0.2, 1.6))
@@ -281,7 +281,7 @@ def test_what_is_still_there_is_not_seen_through():
         assert not seen_through(later, camera(-0.3), found).any()
 
 
-def test_what_has_gone_below_and_stands_above_is_not_seen_through():
+def test_a_thing_gone_below_stays_above():
     """A chair's back without its seat: each height where something was must be free."""
     back, seat = ((1.5, -0.3, 0.3), (1.55, 0.3, 0.9)), ((1.5, -0.3, 0.3), (1.55, 0.3, 0.5))
     upper, middle = ((1.5, -0.3, 0.5), (1.55, 0.3, 0.9)), ((1.5, -0.3, 0.45), (1.55, 0.3, 0.75))
@@ -357,7 +357,7 @@ def looker():
     return looker
 
 
-def test_a_table_top_stops_the_robot_at_its_edge_though_the_edge_leaves_the_picture(looker):
+def test_a_table_top_stops_the_robot_at_its_edge(looker):
     for step in range(240):
         looker.now_s += 0.05
         looker.all()
@@ -374,7 +374,7 @@ def test_a_table_top_stops_the_robot_at_its_edge_though_the_edge_leaves_the_pict
     assert verdict.side == "ahead"
 
 
-def test_with_a_clear_view_ahead_speed_is_free_and_what_is_seen_comes_from_the_camera(looker):
+def test_with_a_clear_view_speed_is_free(looker):
     looker.boxes = [FLOOR]
     looker.stand(0.5)
     verdict = looker.decide(1.0)
@@ -382,7 +382,7 @@ def test_with_a_clear_view_ahead_speed_is_free_and_what_is_seen_comes_from_the_c
     assert verdict.limits == () or not any("depth" in limit.text for limit in verdict.limits)
 
 
-def test_a_table_that_is_carried_away_is_forgotten_after_two_pictures(looker):
+def test_a_removed_table_is_forgotten_after_two_pictures(looker):
     assert looker.nearest_by("depth") == pytest.approx(1.6, abs=0.03)
     looker.boxes = [FLOOR]
     looker.stand(0.1)
@@ -392,7 +392,7 @@ def test_a_table_that_is_carried_away_is_forgotten_after_two_pictures(looker):
     assert looker.nearest_by("depth, remembered") > 2.0, "but for what lies deep in the shade of the noise"
 
 
-def test_what_left_the_picture_stays_remembered_while_the_head_looks_elsewhere(looker):
+def test_points_out_of_the_picture_stay_while_the_head_turns(looker):
     looker.to_base = camera(pan=1.2)
     looker.stand(10.0)
     assert looker.nearest_by("depth") == math.inf
@@ -413,7 +413,7 @@ def test_a_silent_camera_leaves_memory_alone_to_tell(looker):
     assert looker.nearest_by("depth, remembered") == pytest.approx(1.6, abs=0.05)
 
 
-def test_nothing_fades_while_the_odometry_only_trembles_nor_while_nobody_looks(looker):
+def test_nothing_fades_while_the_odometry_only_trembles(looker):
     looker.boxes = [FLOOR]
     looker.to_base = camera(LOOK_AHEAD, pan=1.2)
     for n in range(450):
@@ -452,7 +452,7 @@ def test_the_robots_own_arm_is_no_obstacle():
     assert looker.nearest_by("depth") < 0.35, "the camera does see it"
 
 
-def test_what_is_seen_while_the_arm_moves_is_not_remembered_within_its_reach():
+def test_points_in_a_moving_arms_reach_are_not_remembered():
     """The hand that `wave` leaves in the picture, of which nobody knows where it is, held the robot for good."""
     hand, shelf = ((0.55, -0.1, 0.7), (0.65, 0.1, 0.8)), ((1.3, -0.6, 0.2), (1.7, 0.6, 0.3))
     looker = Looker([FLOOR, hand, shelf], has_arm=True)
@@ -472,7 +472,7 @@ def test_what_is_seen_while_the_arm_moves_is_not_remembered_within_its_reach():
     )
 
 
-def test_what_is_seen_once_the_arm_rests_is_remembered_within_its_reach():
+def test_points_seen_after_the_arm_rests_are_remembered():
     looker = Looker([FLOOR, ((0.55, -0.1, 0.7), (0.65, 0.1, 0.8))], has_arm=True)
     looker.to_base = camera(-0.9)
     looker.gate.observe_posture(UNKNOWN._replace(reach=(0.1, 0.0, 0.9)), looker.now_s)
@@ -484,7 +484,7 @@ def test_what_is_seen_once_the_arm_rests_is_remembered_within_its_reach():
     assert looker.nearest_by("depth, remembered") == pytest.approx(0.55, abs=0.1)
 
 
-def test_about_the_ends_of_the_arm_the_camera_sees_the_robot_itself():
+def test_the_camera_sees_the_robot_around_the_arms_ends():
     looker = Looker([FLOOR, ((0.55, -0.1, 0.7), (0.65, 0.1, 0.8))], has_arm=True)
     looker.to_base = camera(-0.9)
     arm = Posture(at_home=False, discs=((0.45, 0.0, 0.09),), ends=((0.45, 0.0, 0.32),))
@@ -509,7 +509,7 @@ def test_until_the_first_picture_speed_is_the_blind_one():
     assert not looker.sensor().ok
 
 
-def test_a_camera_that_falls_silent_means_blind_speed_after_half_a_second():
+def test_a_silent_camera_means_blind_speed_after_half_a_second():
     looker = Looker([FLOOR])
     looker.stand(0.2)
     looker.stand(0.5, looks=False)
@@ -523,7 +523,7 @@ def test_a_camera_that_falls_silent_means_blind_speed_after_half_a_second():
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 0.0, 0.1, 60.0])
-def test_pictures_that_show_neither_floor_nor_anything_on_it_vouch_for_nothing(value):
+def test_pictures_without_floor_and_things_prove_nothing(value):
     with pytest.raises(Malformed, match="neither the floor nor what stands on it"):
         frame_of(picture_of_image(image(np.full((HEIGHT, WIDTH), value)), LENS), camera(), VIEW)
 
@@ -536,7 +536,7 @@ def test_of_a_dark_floor_a_third_is_enough(shown_share, usable):
         frame_of(picture_of_image(image(depth), LENS), camera(-0.3), VIEW)
 
 
-def test_a_wall_before_the_floor_is_shown_and_one_that_fills_the_picture_too():
+def test_a_wall_before_the_floor_is_shown_also_if_it_fills_all():
     for wall in (WALL, ((0.8, -5.0, 0.0), (0.9, 5.0, 2.5))):
         frame_of(picture([FLOOR, wall], camera(-0.3)), camera(-0.3), VIEW)
 
@@ -617,7 +617,7 @@ def test_a_head_that_looks_ahead_frees_the_speed(tilt, height_m):
     assert looker.decide(1.0).velocity.vx == 1.0
 
 
-def test_on_a_bend_the_robot_is_as_fast_as_it_can_stop_in_what_it_sees_of_its_way():
+def test_on_a_bend_speed_fits_the_visible_way():
     looker = Looker([FLOOR])
     looker.stand(0.3)
     allowed = [looker.decide(1.0, w=w) for w in (0.3, 1.0, 2.0)]
@@ -642,7 +642,7 @@ def test_a_picture_costs_less_than_a_millisecond():
     assert sorted(took_s)[5] < 0.001
 
 
-def test_a_recorded_drive_with_depth_gives_the_same_verdicts_again(tmp_path):
+def test_a_recorded_depth_drive_replays_the_same_verdicts(tmp_path):
     looker = Looker([FLOOR, TABLE])
     sent = Velocity(0.0, 0.0, 0.0)
     with Recorder(tmp_path / "drive.gate", looker.gate.profile) as recorder:

@@ -32,7 +32,7 @@ def test_full_stick_at_a_wall_ends_short_of_it(stick, slant_deg, seed):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("stick", [FULL, HALF], ids=["1 m/s", "0.5 m/s"])
 @pytest.mark.parametrize("offset", [0.0, 0.19, 0.26, -0.25, 0.28], ids=lambda y: f"y={y}")
-def test_a_table_leg_is_not_touched_however_far_from_the_middle_it_stands(stick, offset, seed):
+def test_a_table_leg_off_the_middle_is_not_touched(stick, offset, seed):
     world = World(tiago_profile(), leg(2.0, offset), seed)
     world.drive(stick, 8.0)
     assert world.least_gap_m > 0.0
@@ -148,7 +148,7 @@ def test_nose_at_the_wall_the_robot_backs_off(seed):
     assert world.true_gap() > gap + 0.2
 
 
-def test_along_a_wall_that_is_nearer_than_the_margin_the_robot_still_drives():
+def test_the_robot_drives_along_a_wall_within_the_margin():
     """With a laser that sees to all sides: what is beside the hull tells how much room there is."""
     seeing = tiago_profile(scan_poses={LASER: (0.0, 0.0, 0.0)})
     world = World(seeing, wall(-5, 0.285, 15, 0.285), half_view=math.pi * 0.999, beams=720, noise_m=0.0)
@@ -158,7 +158,7 @@ def test_along_a_wall_that_is_nearer_than_the_margin_the_robot_still_drives():
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_along_a_wall_within_the_noise_of_the_laser_the_robot_gets_away(seed):
+def test_the_robot_leaves_a_wall_within_laser_noise(seed):
     world = World(tiago_profile(), wall(-5, 0.29, 15, 0.29), seed)
     world.drive(lambda world: Velocity(0.4, 0.0, -1.0 if world.pose.yaw > -0.4 else 0.0), 5.0)
     assert world.true_gap() > 0.2
@@ -187,7 +187,7 @@ def test_a_box_stops_before_a_wall(w, seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_box_drives_along_a_corridor_but_does_not_turn_its_corners_into_the_walls(seed):
+def test_a_box_drives_a_corridor_without_turning_into_walls(seed):
     corridor = wall(-5, 0.4, 15, 0.4) + wall(-5, -0.4, 15, -0.4)
     world = box_world(corridor, seed)
     verdict = world.drive(Velocity(0.0, 0.0, 1.0), 3.0)

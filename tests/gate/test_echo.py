@@ -35,7 +35,7 @@ class Line:
 
 
 @pytest.mark.parametrize("way_s", [0.001, 0.04, 0.22, 0.43])
-def test_no_more_is_told_than_it_took_and_less_by_a_period_at_most(way_s):
+def test_reported_delay_is_exact_within_a_period(way_s):
     told = Line(way_s).passes(5.0)
     assert len(told) > 80
     assert max(told) <= way_s
@@ -43,7 +43,7 @@ def test_no_more_is_told_than_it_took_and_less_by_a_period_at_most(way_s):
 
 
 @pytest.mark.parametrize("way_s", [0.001, 0.22])
-def test_a_pause_and_a_new_beginning_make_the_line_no_quicker_and_no_slower(way_s):
+def test_a_pause_does_not_change_the_speed_of_the_line(way_s):
     line = Line(way_s)
     told = [*line.passes(2.0), *line.passes(2.0, writes=False), *line.passes(2.0)]
     assert max(told) <= way_s
@@ -59,7 +59,7 @@ def test_a_line_that_grows_slow_is_told_of_while_it_does():
     assert max(line.passes(0.5)) == pytest.approx(0.4, abs=2 * PERIOD_S)
 
 
-def test_of_a_line_that_acknowledges_nothing_more_is_told_as_long_as_that_lasts():
+def test_a_line_without_acknowledgements_is_late_all_the_time():
     line = Line(0.02)
     line.passes(1.0)
     line.way_s = 1e6

@@ -59,7 +59,7 @@ def test_one_disc_about_the_origin_is_a_disc(twist, cloud):
 
 @given(hulls, twists, points)
 @settings(max_examples=200, deadline=None)
-def test_a_point_beside_what_is_swept_stays_as_far_as_its_clearance_and_is_never_touched(kind, twist, point):
+def test_a_point_keeps_its_clearance_from_the_swept_area(kind, twist, point):
     hull = HULLS[kind]
     assume(arc.speed(twist) or not hull.turns_freely)
     clearance = float(clearances_of(hull, point[None], twist)[0])
@@ -79,7 +79,7 @@ def test_no_part_of_a_hull_lies_beyond_its_reach(kind, twist, cloud):
     assert (hull.gaps(beyond) >= 0.05 - 1e-9).all()
 
 
-def test_an_arm_that_reaches_out_touches_when_the_robot_turns_on_the_spot():
+def test_a_reaching_arm_touches_when_the_robot_turns():
     turning = Velocity(0.0, 0.0, 1.0)
     post = np.array([[0.36, 0.36]])
     time = contact_times(HULLS["discs"], post, turning)[0]
@@ -112,7 +112,7 @@ def test_least_gaps_are_those_of_pose_by_pose(kind, several, cloud, drifting):
         np.testing.assert_allclose(gaps[outside], least[outside], atol=2e-5)
 
 
-def test_a_profile_s_footprint_is_its_discs_then_its_outline_then_its_radius():
+def test_a_footprint_is_discs_then_outline_then_radius():
     assert isinstance(footprint_of(tiago_profile()), Disc)
     assert isinstance(footprint_of(box_profile()), Polygon)
     assert isinstance(footprint_of(box_profile(discs=REACHING)), Discs)

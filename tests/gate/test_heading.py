@@ -65,7 +65,7 @@ def test_the_share_holds_on_where_nothing_is_in_view_any_more():
     assert abs(off_rad(world)) < math.radians(12)
 
 
-def test_one_thing_alone_tells_nothing_for_it_may_be_somebody_who_walks():
+def test_one_thing_alone_proves_no_turn():
     world = turned(slipping([]), math.radians(100))
     assert world.gate._trail.newest == world.odometry
 
@@ -96,7 +96,7 @@ def test_in_a_round_hall_nothing_tells_and_nothing_is_changed():
     assert world.gate._trail.newest == world.odometry
 
 
-def test_a_laser_that_tells_the_same_again_and_again_does_not_stop_the_turn():
+def test_a_laser_repeating_one_scan_does_not_stop_the_turn():
     world = slipping(ROOM, slip=0.0)
     seen = world._rays(world.profile.scan_poses["/scan_raw"], np.linspace(-1.65, 1.65, 572))
     world._rays = lambda mount, angles: seen.copy()

@@ -76,14 +76,14 @@ class Base:
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.06, 0.15, 0.30, 0.50])
-def test_the_delay_of_a_robot_is_found_within_two_periods_of_its_odometry(delay_s):
+def test_a_robots_delay_is_found_within_two_odometry_periods(delay_s):
     base = Base(delay_s)
     found_s = base.about()
     assert base.latency.measured_s == pytest.approx(found_s, abs=0.01)
     assert max(delay_s, LEAST_S - ADDED_S) + ADDED_S - 0.011 <= found_s <= max(delay_s, 0.05) + ADDED_S + 0.04
 
 
-def test_however_quick_a_robot_is_a_tenth_of_a_second_is_reckoned_with():
+def test_at_least_a_tenth_of_a_second_of_latency_counts():
     assert Base(0.0).about() >= 0.1
 
 
@@ -94,14 +94,14 @@ def test_until_enough_is_measured_the_assumed_latency_holds():
     assert base.latency.in_force_s(base.now_s) == ASSUMED_S
 
 
-def test_a_robot_later_than_assumed_counts_from_the_first_measurement_on():
+def test_a_late_robot_counts_from_its_first_measurement():
     base = Base(0.40)
     base.drive(0.5, 0.0, 1.5)
     assert base.latency.measured_s is None
     assert base.latency.in_force_s(base.now_s) >= 0.40 + ADDED_S - 0.011
 
 
-def test_while_the_robot_does_nothing_about_a_command_the_wait_itself_is_the_latency():
+def test_an_unanswered_command_makes_the_wait_the_latency():
     base = Base(0.60)
     base.drive(0.5, 0.0, 0.5)
     # of 0.5 s, the first step is too small
@@ -128,7 +128,7 @@ def ramp(base, seconds, step=0.05):
 
 
 @pytest.mark.parametrize("delay_s", [0.05, 0.15, 0.4, 0.6])
-def test_until_a_robot_has_answered_once_the_longest_delay_is_reckoned_with(delay_s):
+def test_before_the_first_answer_the_longest_delay_counts(delay_s):
     base = Base(delay_s)
     base.drive(0.0, 0.0, 1.0)
     assert base.latency.worst_s(base.now_s) == LONGEST_S
@@ -141,7 +141,7 @@ def test_until_a_robot_has_answered_once_the_longest_delay_is_reckoned_with(dela
     assert base.latency.worst_s(base.now_s) >= max(delay_s, ASSUMED_S)
 
 
-def test_a_late_answer_counts_until_the_measurement_is_done_and_from_then_on_the_measurement():
+def test_a_late_answer_counts_until_the_measurement_is_done():
     base = Base(0.48)
     base.drive(0.0, 0.0, 1.0)
     for _ in range(60):
@@ -158,7 +158,7 @@ def test_an_answer_to_what_may_have_been_sent_before_is_none():
         assert base.latency.worst_s(base.now_s) >= 0.5
 
 
-def test_a_robot_that_all_at_once_does_not_answer_is_reckoned_with_at_its_worst():
+def test_a_robot_that_stops_answering_counts_as_latest():
     base = Base(0.1)
     base.about()
     base.drive(0.8, 0.0, 2.0)
@@ -173,7 +173,7 @@ def test_a_robot_that_all_at_once_does_not_answer_is_reckoned_with_at_its_worst(
     assert base.latency.worst_s(base.now_s) >= 0.6 - 0.05
 
 
-def test_a_base_that_leaves_the_speed_that_it_was_told_is_reckoned_with_at_its_worst():
+def test_a_base_that_leaves_its_commanded_speed_counts_as_latest():
     base = Base(0.1)
     base.about()
     base.drive(0.8, 0.0, 3.0)
@@ -187,7 +187,7 @@ def test_a_base_that_leaves_the_speed_that_it_was_told_is_reckoned_with_at_its_w
     assert base.latency.worst_s(base.now_s) < 0.25
 
 
-def test_what_was_measured_in_a_bad_minute_fades_with_each_good_answer_and_with_time():
+def test_a_bad_minutes_measurements_fade():
     base = Base(0.5)
     bad_s = base.about()
     base.drive(0.0, 0.0, 20.0)
@@ -222,14 +222,14 @@ def test_weak_brakes_count_as_latency_and_not_as_nothing():
     assert Base(0.1, share=0.6).about() > Base(0.1).about()
 
 
-def test_the_wait_never_counts_for_more_than_the_longest_delay_that_is_looked_for():
+def test_the_wait_counts_up_to_the_longest_known_delay():
     base = Base(0.1, deaf=True)
     base.drive(0.5, 0.0, 1.15)
     assert base.latency.in_force_s(base.now_s) == pytest.approx(LONGEST_S)
 
 
 @pytest.mark.parametrize("delay_s", [0.05, 0.4])
-def test_the_gate_reckons_with_what_it_measures_and_says_when_a_robot_is_late(tiago, delay_s):
+def test_the_gate_uses_measured_latency_and_names_late_robots(tiago, delay_s):
     base = Base(delay_s)
     base.latency = tiago.gate.latency
     base.now_s = tiago.now_s
@@ -298,12 +298,12 @@ def counted(*delays_s):
     return latency.in_force_s(came(latency, delays_s)) - ASSUMED_S
 
 
-def test_messages_that_come_later_and_later_count_both_ways_though_none_is_missing():
+def test_growing_delays_count_both_ways_without_losses():
     growing = np.linspace(0.03, 0.53, 100)
     assert counted(*growing, *[0.53] * 20) == pytest.approx(2 * (0.5 - JITTER_S), abs=0.03)
 
 
-def test_a_steady_delay_is_none_whatever_the_clock_says_nor_is_one_late_message():
+def test_a_steady_delay_counts_as_none_and_so_does_one_late():
     assert counted(*[0.4] * 100) == 0.0
     assert counted(*[0.03] * 50, 0.3, *[0.03] * 5) == 0.0
 
@@ -313,7 +313,7 @@ def test_jitter_is_no_delay():
     assert counted(*jitter_s) < 0.02
 
 
-def test_a_delay_that_lasts_is_taken_for_usual_after_minutes_and_one_that_ends_at_once():
+def test_a_lasting_delay_becomes_usual_a_short_one_ends():
     lasting = [0.03] * 20 + [0.13] * 1000
     assert counted(*lasting[:100]) > 0.1
     assert counted(*lasting) < 0.1
@@ -329,7 +329,7 @@ def test_each_millisecond_of_silence_counts_beyond_the_usual_gap():
         assert told_s == pytest.approx(ASSUMED_S + later_s, abs=0.001), "from 0.1 s on it counts both ways"
 
 
-def test_messages_that_all_at_once_come_later_count_with_the_first_of_them():
+def test_suddenly_late_messages_count_from_the_first():
     latency = Latency(LIMITS, ASSUMED_S)
     came(latency, [0.03] * 100, period_s=0.02)
     now_s = came(latency, [0.13], begin_s=52.0, period_s=0.02)
@@ -349,7 +349,7 @@ def test_odometry_that_jitters_is_not_late():
     assert max(told) < ASSUMED_S + 0.03
 
 
-def test_the_slowest_source_counts_and_no_backlog_for_more_than_a_second():
+def test_the_slowest_source_counts_for_at_most_a_second():
     latency = Latency(LIMITS, ASSUMED_S)
     came(latency, [0.03] * 100)
     now_s = came(latency, np.linspace(0.03, 4.0, 100), source="laser")
@@ -388,7 +388,7 @@ def answered(latency, *took_s, begin_s=50.0):
     return latency.in_force_s(begin_s + 0.05 * len(took_s)) - ASSUMED_S
 
 
-def test_acknowledgements_that_come_later_and_later_count_once_for_they_go_both_ways():
+def test_growing_acknowledgement_delays_count_once():
     latency = Latency(LIMITS, ASSUMED_S)
     assert answered(latency, *[0.05] * 40) == 0.0
     assert answered(latency, *[0.45] * 20, begin_s=52.0) == pytest.approx(0.4 - JITTER_S, abs=0.01)
@@ -400,7 +400,7 @@ def test_a_link_whose_both_ways_grow_slow_is_not_counted_twice():
     assert answered(latency, *[0.05] * 40, *[0.45] * 20) == pytest.approx(2 * (0.2 - JITTER_S), abs=0.03)
 
 
-def test_acknowledgements_that_are_late_now_and_then_are_no_delay():
+def test_single_late_acknowledgements_are_no_delay():
     assert answered(Latency(LIMITS, ASSUMED_S), *[0.0, 0.04, 0.3, 0.0, 0.15] * 20) == 0.0
 
 

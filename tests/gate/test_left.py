@@ -33,7 +33,7 @@ def gone(boxes, *what, **how):
 
 
 @pytest.mark.parametrize("x", [0.8, 1.0, 1.5])
-def test_low_things_are_gone_where_the_floor_is_seen_though_it_is_near_behind_them(x):
+def test_low_things_go_where_the_near_floor_is_seen(x):
     assert gone([FLOOR], x, 0.06, 0.09)
     there = ((x - 0.03, -0.1, 0.0), (x + 0.03, 0.1, 0.09))
     assert not gone([FLOOR, there], x, 0.06, 0.09)
@@ -49,13 +49,13 @@ def test_a_person_is_gone_though_the_picture_ends_below_the_head(x):
             assert not gone([FLOOR, WALL, rest], x, 0.06, part)
 
 
-def test_noise_above_a_box_that_left_the_picture_does_not_free_it():
+def test_noise_above_a_box_out_of_view_does_not_free_it():
     """Of the box only what noise added is in the picture: the end of a thing tells nothing of the thing."""
     assert not gone([FLOOR], 0.55, 0.06, 0.45)
     assert not gone([FLOOR], 0.55, 0.06, 0.50)
 
 
-def test_a_cupboard_above_the_picture_stays_when_the_box_below_it_goes():
+def test_a_cupboard_stays_when_the_box_below_it_goes():
     assert gone([FLOOR, WALL], 2.0, 0.06, 1.2)
     assert not gone([FLOOR, WALL], 2.0, 0.06, 1.2, without=range(4, 10))
 
@@ -134,7 +134,7 @@ def test_who_crossed_holds_the_robot_for_less_than_a_second():
     assert not watcher.held()
 
 
-def test_a_desk_without_legs_is_not_forgotten_with_who_passed_before_it():
+def test_a_legless_desk_stays_after_a_person_passed():
     desk = ((0.35, -0.7, 0.70), (1.2, 0.7, 0.74))
     watcher = Watcher([FLOOR, desk])
     for x in np.arange(-1.0, 0.001, 0.05):
@@ -146,7 +146,7 @@ def test_a_desk_without_legs_is_not_forgotten_with_who_passed_before_it():
     assert watcher.held()
 
 
-def test_a_chair_that_was_pulled_away_is_gone_when_its_place_is_seen():
+def test_a_chair_pulled_away_is_gone_once_its_place_is_seen():
     chair = [((0.6, -0.2, 0.40), (1.0, 0.2, 0.45)), ((0.95, -0.2, 0.0), (1.0, 0.2, 0.95))]
     watcher = Watcher([FLOOR, *chair])
     for x in np.arange(-1.0, 0.251, 0.05):
@@ -160,7 +160,7 @@ def test_a_chair_that_was_pulled_away_is_gone_when_its_place_is_seen():
     assert watcher.nearest_by("depth, remembered") == math.inf
 
 
-def test_a_desk_without_legs_is_not_forgotten_with_who_stood_before_it():
+def test_a_legless_desk_stays_after_a_person_stood_there():
     desk = ((0.35, -0.7, 0.70), (1.2, 0.7, 0.74))
     watcher = Watcher([FLOOR, desk, *person(0.45, 0.05)])
     for x in np.arange(-1.0, 0.001, 0.05):
@@ -174,7 +174,7 @@ def test_a_desk_without_legs_is_not_forgotten_with_who_stood_before_it():
 
 
 @pytest.mark.parametrize("rear", [False, True])
-def test_who_stood_there_from_the_start_and_leaves_holds_the_robot_for_less_than_a_second(rear):
+def test_a_person_who_leaves_holds_the_robot_below_a_second(rear):
     watcher = Watcher([FLOOR, *person(0.45, 0.05)], rear)
     for x in np.arange(-1.0, 0.051, 0.05):
         watcher.pose = Pose(float(x), 0.0, 0.0)
@@ -187,7 +187,7 @@ def test_who_stood_there_from_the_start_and_leaves_holds_the_robot_for_less_than
 
 
 @pytest.mark.parametrize("rear", [False, True])
-def test_door_posts_that_slipping_wheels_put_beside_live_ones_are_gone(rear):
+def test_posts_moved_by_slipping_wheels_are_gone(rear):
     """The wheels slip, so the odometry moves what is remembered nearer than it is; the laser shows where it is."""
     posts = [((0.62, side * 0.35 - 0.1, 0.0), (0.74, side * 0.35 + 0.1, 2.0)) for side in (-1.3, 1.3)]
     watcher = Watcher([FLOOR, *posts], rear)
@@ -199,7 +199,7 @@ def test_door_posts_that_slipping_wheels_put_beside_live_ones_are_gone(rear):
     assert not (remembered(watcher)[:, 0] < 0.35).any()  # 7 cm before the live ones
 
 
-def test_a_counter_that_stands_back_at_the_floor_stays_though_the_laser_sees_below_it():
+def test_a_counter_standing_back_stays_though_scans_see_below():
     counter = [((0.6, -0.5, 0.12), (1.2, 0.5, 0.9)), ((0.65, -0.5, 0.0), (1.2, 0.5, 0.12))]
     watcher = Watcher([FLOOR, *counter])
     for x in np.arange(-1.0, 0.201, 0.05):
@@ -210,7 +210,7 @@ def test_a_counter_that_stands_back_at_the_floor_stays_though_the_laser_sees_bel
 
 
 @pytest.mark.parametrize(("seconds", "stays"), [(0.3, False), (1.0, True)])
-def test_who_was_there_for_a_moment_only_fades_where_no_sensor_looks(seconds, stays):
+def test_brief_visitors_fade_where_no_sensor_looks(seconds, stays):
     """Also at standstill: an arm that passed beside the laser held the robot for 5 s after a person had gone."""
     looker = Looker([FLOOR])
     looker.stand(1.0)
@@ -223,7 +223,7 @@ def test_who_was_there_for_a_moment_only_fades_where_no_sensor_looks(seconds, st
     assert math.isfinite(looker.nearest_by("depth, remembered")) == stays
 
 
-def test_a_body_that_leans_over_its_feet_stays_though_the_laser_sees_below_it():
+def test_a_body_leaning_over_its_feet_stays_in_memory():
     watcher = Watcher([FLOOR, *person(0.55, 0.05)])
     for x in np.arange(-1.0, 0.051, 0.05):
         watcher.pose = Pose(float(x), 0.0, 0.0)

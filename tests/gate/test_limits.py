@@ -41,7 +41,7 @@ def test_next_to_nothing_is_nothing(tiago, dust):
     assert tiago.decide(dust, dust, dust).code == "idle"
 
 
-def test_a_robot_with_a_depth_camera_is_held_to_its_blind_speed_and_says_why():
+def test_a_depth_robot_keeps_its_blind_speed_and_says_why():
     feeder = fed(tiago_profile(has_depth=True))
     verdict = feeder.decide(0.9, w=0.6)
     assert verdict.velocity == Velocity(pytest.approx(0.3), 0.0, pytest.approx(0.2)), "the arc is kept"
@@ -89,7 +89,7 @@ def test_a_robot_without_any_sensor_crawls_everywhere():
         assert holds.text == verdict.text
 
 
-def test_where_only_sonars_watch_nobody_looks_between_and_above_them():
+def test_sonars_leave_gaps_between_and_above_them():
     feeder = Feeder(tiago_profile(parameters=Parameters()))
     feeder.all()
     verdict = feeder.decide(-0.2, w=0.3)
@@ -104,9 +104,7 @@ def test_where_only_sonars_watch_nobody_looks_between_and_above_them():
 @pytest.mark.parametrize(
     ("trusted_mps", "blind_mps", "left_mps"), [(0.15, 0.3, 0.15), (1.0, 0.12, 0.12), (1.0, 0.3, 0.2)]
 )
-def test_a_profile_may_trust_its_sonars_more_but_no_more_than_its_blind_speed(
-    trusted_mps, blind_mps, left_mps
-):
+def test_a_profile_trusts_sonars_up_to_the_blind_speed(trusted_mps, blind_mps, left_mps):
     parameters = Parameters(between_sonars_mps=trusted_mps)
     feeder = Feeder(tiago_profile(parameters=parameters, blind_mps=blind_mps))
     feeder.all()
@@ -148,7 +146,7 @@ def test_an_obstacle_outweighs_a_standing_limit_in_the_words():
     assert verdict.code == "obstacle" and verdict.limits
 
 
-def test_corners_swing_no_faster_than_the_blind_speed_where_nobody_looks():
+def test_corners_swing_at_blind_speed_where_nothing_looks():
     feeder = Feeder(box_profile())
     feeder.all()
     verdict = feeder.decide(w=2.0)

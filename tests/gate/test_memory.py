@@ -57,7 +57,7 @@ def test_what_was_seen_in_passing_lives_for_the_shortest_life(layer, seconds):
 
 @pytest.mark.parametrize("layer", [LASER_LAYER, DEPTH_LAYER], ids=["laser", "depth"])
 @pytest.mark.parametrize("period_s", [0.025, 0.1])
-def test_what_was_watched_for_long_lives_for_the_longest_life_at_any_rate_of_scans(layer, period_s):
+def test_long_seen_points_live_longest_at_any_scan_rate(layer, period_s):
     memory = watched(layer, 3.0, period_s)
     assert len(memory.points(3.0 + layer.longest_life_s - 0.01)) == 1
     assert len(memory.points(3.0 + layer.longest_life_s + 0.01)) == 0
@@ -69,14 +69,14 @@ def test_life_grows_with_the_time_of_watching():
     assert len(memory.points(1.3 + 16.1)) == 0
 
 
-def test_two_ghosts_in_one_place_do_not_count_as_watching_in_between():
+def test_two_ghosts_in_one_place_do_not_count_as_seen():
     memory = Memory(LASER_LAYER)
     memory.see(SPOT, HERE, 0.0)
     memory.see(SPOT, HERE, 1.9)
     assert len(memory.points(4.0)) == 0
 
 
-def test_after_six_metres_of_travel_everything_older_is_forgotten():
+def test_after_six_metres_older_points_are_forgotten():
     memory = watched(LASER_LAYER, 3.0)
     for step in range(59):  # to and fro, so that it is the way that counts
         memory.follow(Pose(0.1 * ((step + 1) % 2), 0.0, 0.0), 3.0)
@@ -109,7 +109,7 @@ def test_what_is_near_is_remembered_for_twice_the_way():
     assert len(memory.points(0.0)) == 0
 
 
-def test_doubt_grows_with_the_way_and_with_turns_and_not_while_the_odometry_trembles():
+def test_doubt_grows_with_way_and_turns_only():
     memory = Memory(DEPTH_LAYER)
     memory.see(SPOT, HERE, 0.0)
     for step in range(1000):
@@ -131,7 +131,7 @@ def test_doubt_brings_a_point_nearer_but_not_to_the_hull():
     np.testing.assert_allclose(nearer, [[0.95, 0.0], [0.0, -0.30], [-0.28, 0.0]])
 
 
-def test_a_cell_keeps_the_mean_of_what_was_seen_in_it_not_where_noise_had_it_last():
+def test_a_cell_keeps_the_mean_of_its_points():
     memory = Memory(LASER_LAYER)
     memory.see(np.array([[0.501, 0.502], [0.511, 0.512]]), HERE, 0.0)
     np.testing.assert_array_equal(memory.points(0.0), [[0.511, 0.512]])
@@ -144,7 +144,7 @@ def test_a_cell_keeps_the_mean_of_what_was_seen_in_it_not_where_noise_had_it_las
     np.testing.assert_allclose(memory.points(5.0), [[0.521, 0.512]], atol=1e-4)
 
 
-def test_what_is_far_away_is_not_remembered_nor_found_again_where_it_never_was():
+def test_far_points_are_neither_remembered_nor_invented():
     memory = Memory(LASER_LAYER)
     width = 256 * 0.025
     memory.see(np.array([[3.0, 0.0], [3.3, 0.0]]), HERE, 0.0)
@@ -174,7 +174,7 @@ def test_forgotten_is_forgotten_a_new_sighting_begins_anew():
     assert len(memory.points(7.2)) == 0
 
 
-def test_the_revision_changes_when_points_come_and_when_they_expire():
+def test_the_revision_changes_with_new_and_expired_points():
     memory = watched(LASER_LAYER, 0.0)
     first = memory.revision(0.0)
     assert memory.revision(1.9) == first
@@ -300,7 +300,7 @@ def test_a_place_in_full_view_is_vouched_for_and_seen_through():
 
 
 @pytest.mark.parametrize("degrees", [95.5, 120.0, 180.0, -96.0, 94.95])
-def test_nothing_is_known_outside_the_field_of_view_and_at_its_very_edge(degrees):
+def test_nothing_is_known_outside_the_field_of_view(degrees):
     assert told(hall(), 2.0, degrees) == (False, False)
 
 
@@ -325,7 +325,7 @@ def test_a_lost_beam_among_the_three_nearest_tells_nothing(lost, beam):
     assert told(ranges, 2.0, 1.5) == (True, True), "its neighbours still do"
 
 
-def test_a_beam_that_noise_may_have_bent_does_not_vouch_but_three_do_pass_through():
+def test_one_noisy_beam_proves_nothing_three_beams_do():
     ranges = hall(NAN)
     ranges[284:287] = [2.3, 2.0, 2.6]
     assert told(np.where(np.isnan(ranges), INF, ranges), 2.0, 0.0) == (False, False)
@@ -384,7 +384,7 @@ def test_sight_agrees_with_asking_beam_by_beam(bearing, start, sign, beams, shar
     assert (bool(answer.vouched[0]), bool(answer.through[0])) == (through or trusted, through)
 
 
-def test_steadied_ranges_are_averages_over_one_surface_and_never_over_two():
+def test_smoothed_ranges_average_over_one_surface_only():
     ranges = hall()
     ranges[100:105] = [2.00, 2.02, 1.98, 2.01, 1.99]
     ranges[105:108] = [2.5, 2.5, 2.5]
@@ -467,7 +467,7 @@ def test_what_the_laser_lost_sight_of_is_given(lost):
     assert len(bench.remembered) > 0
 
 
-def test_seen_to_be_gone_it_is_not_given_any_more_and_after_two_scans_never_again():
+def test_a_gone_obstacle_is_dropped_after_two_scans():
     for looks, left in ((1, True), (2, False)):
         bench = Bench()
         bench.look(something(2.0), seconds=3.0)
@@ -477,7 +477,7 @@ def test_seen_to_be_gone_it_is_not_given_any_more_and_after_two_scans_never_agai
         assert (len(bench.remembered) > 0) == left
 
 
-def test_a_ghost_of_one_scan_lives_two_seconds_and_only_where_nothing_tells_otherwise():
+def test_a_ghost_of_one_scan_lives_two_seconds():
     bench = Bench()
     bench.look(something(2.0, 80.0, beams=3))
     away = Pose(0.0, 0.0, math.radians(-90))
@@ -618,7 +618,7 @@ def person(x, y):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_who_walked_by_does_not_block_for_longer_than_the_shortest_life(seed):
+def test_a_passer_by_blocks_for_the_shortest_life_only(seed):
     """Somebody walks from the front along the side, close, to behind the robot and away."""
     world = World(half_blind_tiago(), wall(6, -6, 6, 6), seed)
     nobody = world.ends

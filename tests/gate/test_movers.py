@@ -139,7 +139,7 @@ def test_a_wall_does_not_move_with_who_walks_along_it():
         assert np.hypot(points[:, 0] - x, points[:, 1] - y).max(initial=0.0) < 0.5
 
 
-def test_of_a_wall_that_somebody_touches_only_what_came_there_moves():
+def test_only_new_parts_of_a_touched_wall_move():
     scene = Scene(3, wall(-1.0, -1.0, 4.9, -1.0))
     seen = walked(scene, (3.2, -0.84), (-0.9, 0.0), 1.5)
     assert any(len(points) for _, points, _ in seen)
@@ -165,7 +165,7 @@ STANDING = {
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("robot", STANDING.values(), ids=STANDING)
-def test_in_a_standing_world_nothing_moves_whatever_noise_and_drift(robot, seed):
+def test_in_a_standing_world_nothing_moves(robot, seed):
     """Noise of 1 cm, 2% of drop-outs, 5% of the way and 1.2 deg/s wrong."""
     sign = 1 if seed % 2 else -1
     scene = Scene(seed, FURNITURE, drop_out=0.02, yaw_drift=sign * 0.02, way_drift=-sign * 0.05)
@@ -263,7 +263,7 @@ def test_the_robot_stands_when_somebody_walks_into_its_way(seed, early_s):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_from_somebody_who_comes_near_a_standing_robot_it_may_turn_away(seed):
+def test_a_robot_may_turn_away_from_an_approaching_person(seed):
     world = Crossing(seed, (2.0, 0.0), (-0.8, 0.0))
     world.drive(STILL, 1.6)
     world.start, world.walk = (0.72, 0.0), (0.0, 0.0)

@@ -88,7 +88,7 @@ def test_it_may_turn_away_and_back_off():
 
 @pytest.mark.parametrize("gap_m", [0.04, 0.10])
 @pytest.mark.parametrize("why", ["no pictures", "turned round"])
-def test_what_no_picture_can_show_stays_unseen_when_the_pictures_end(gap_m, why):
+def test_an_unseen_near_side_stays_when_pictures_end(gap_m, why):
     looker = NearSighted(gap_m, 1.067)
     looker.turn(math.pi / 2.0)
     looker.stand(0.5)
@@ -98,7 +98,7 @@ def test_what_no_picture_can_show_stays_unseen_when_the_pictures_end(gap_m, why)
     assert looker.gap_m > 0.0
 
 
-def test_what_may_be_too_near_goes_with_the_table_that_it_belongs_to():
+def test_a_hidden_near_side_goes_with_its_table():
     looker = NearSighted(0.06, 1.067)
     looker.turn(math.pi / 2.0)
     looker.stand(0.5)

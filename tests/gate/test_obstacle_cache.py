@@ -24,7 +24,7 @@ class Counting:
         return np.array([(self.x, 0.0)])
 
 
-def test_a_reading_of_one_source_leaves_the_others_and_a_new_pose_asks_all():
+def test_one_new_reading_leaves_other_sources_a_pose_asks_all():
     laser, sonar, trail = Counting("laser", 1.0), Counting("sonar", 2.0), Trail(1.0, 1.0)
     cache = ObstacleCache((laser, sonar), trail)
     first = cache.obstacles(0.0)

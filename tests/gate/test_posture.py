@@ -43,7 +43,7 @@ def test_what_stays_within_the_base_adds_nothing():
     assert beyond(((0.1, 0.0, 0.1), (0.2, 0.0, 0.1)), 0.27) == ((0.2, 0.0, 0.1),)
 
 
-def test_home_is_every_joint_within_tolerance_and_unknown_if_one_is_not_told():
+def test_home_is_every_joint_in_tolerance_or_unknown():
     home = {"a": 0.2, "b": -1.3}
     assert is_home({"a": 0.25, "b": -1.25, "wheel": 9.0}, home, 0.1) is True
     assert is_home({"a": 0.35, "b": -1.3}, home, 0.1) is False
@@ -57,7 +57,7 @@ def test_at_home_the_footprint_is_the_base_and_nothing_is_held(arm):
 
 
 @pytest.mark.parametrize("told", [UNKNOWN, None])
-def test_an_arm_that_may_be_anywhere_holds_the_robot_to_a_fifth_of_a_metre_per_second(arm, told):
+def test_an_arm_anywhere_limits_the_robot_to_0_2_mps(arm, told):
     if told is not None:
         arm.gate.observe_posture(told, arm.now_s)
     verdict = arm.decide(0.8)
@@ -88,7 +88,7 @@ def test_an_arm_that_reaches_ahead_stops_before_the_base_would(arm):
     assert stretched.distance_m == pytest.approx(1.0 - 0.8 - RADIUS_M * math.hypot(1.0, 0.75), abs=0.02)
 
 
-def test_turning_a_stretched_arm_into_something_is_stopped_and_at_home_it_is_free(arm):
+def test_turning_a_stretched_arm_into_a_thing_is_stopped(arm):
     arm.ranges = np.full(571, math.inf)
     arm.ranges[285 + 60 : 285 + 90] = 0.55  # ahead left, within the arm's reach
     arm.now_s += 0.05
@@ -119,7 +119,7 @@ def test_a_robot_without_an_arm_knows_nothing_of_it(tiago):
     assert tiago.decide(0.8).code == "free"
 
 
-def test_a_box_that_its_arm_holds_back_has_nothing_left_for_what_is_under_the_arm_to_take():
+def test_a_box_held_by_its_arm_is_not_limited_again_below_it():
     feeder = Feeder(box_profile(has_arm=True))
     feeder.ranges = np.full(571, math.inf)
     feeder.ranges[255:316] = 0.7  # right before the hand

@@ -116,7 +116,7 @@ def test_a_box_turns_its_corner_out_of_a_wall_but_not_into_it(w):
     assert free == (w < 0.0)
 
 
-def test_the_way_out_never_demands_more_than_there_is_nor_less_than_the_hull_elsewhere():
+def test_the_way_out_demands_no_more_than_there_is():
     gaps = np.array([0.5, 0.01, 0.2])
     np.testing.assert_allclose(way_out(gaps, 0.03, 1.0), [0.0099])
     inside = np.array([0.5, -0.02, 0.2])
@@ -164,7 +164,7 @@ def test_passing_close_by_is_slow(clearance, fastest):
     assert (found.cause is None) == (fastest == 1.0)
 
 
-def test_a_wall_ahead_is_approached_at_braking_speed_not_at_creeping_speed():
+def test_a_wall_is_approached_at_braking_speed():
     """Its flanks are near misses, but only when the robot gets there."""
     wall = [(1.0, y) for y in np.linspace(-1, 1, 400)]
     assert decide("disc", Velocity(1.0, 0.0, 0.0), wall).velocity.vx > 0.75

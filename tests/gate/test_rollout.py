@@ -99,7 +99,7 @@ def least_gaps(kind, candidate, points, queue, velocity, drift=None):
 
 @given(kinds, twists, queues, twists, clouds)
 @settings(max_examples=250, deadline=None)
-def test_what_it_lets_through_stops_clear_or_no_nearer_than_stopping_now(kind, candidate, queue, now, points):
+def test_allowed_twists_stop_clear_or_no_nearer(kind, candidate, queue, now, points):
     share = roll(kind, candidate, points, queue, now).share
     allowed = Velocity(*(share * axis for axis in candidate))
     stopping = least_gaps(kind, STILL, points, queue, now)
@@ -146,7 +146,7 @@ def wall_at(distance_m):
 
 @pytest.mark.parametrize("kind", sorted(PROFILES))
 @pytest.mark.parametrize("stick", [(0.8, 0.0, 0.0), (-0.5, 0.0, 0.0), (0.4, 0.0, 1.5), (0.0, 0.0, -2.0)])
-def test_one_look_from_where_braking_begins_clears_nothing_that_the_whole_play_does_not(kind, stick):
+def test_the_quick_check_never_clears_what_the_play_forbids(kind, stick):
     going = Velocity(*stick)
     queue = [Sent(going, 0.3), Sent(going, 0.1)]
     for distance_m in np.arange(0.28, 0.9, 0.04):
@@ -170,7 +170,7 @@ def test_an_old_command_that_was_overtaken_does_not_count():
     assert roll("disc", Velocity(0.1, 0.0, 0.0), wall_at(0.27 + 0.06), overtaken) == CLEAR
 
 
-def test_turning_in_late_bends_the_arc_into_what_the_twist_alone_would_pass():
+def test_a_late_turn_bends_the_arc_into_an_obstacle():
     """At 1 m/s the base cannot turn at once: what it wants to go round is in its way."""
     fast, post = Velocity(1.0, 0.0, 0.0), [(0.95, 0.0)]
     rushing = [Sent(fast, 0.20), Sent(fast, 0.05)]
@@ -214,7 +214,7 @@ def test_every_hull_backs_off_from_a_wall_but_does_not_go_on(kind, gap):
 
 
 @pytest.mark.parametrize("kind", ["disc", "box"])
-def test_along_a_wall_nearer_than_the_margin_the_robot_still_drives(kind):
+def test_a_robot_drives_along_a_wall_within_its_margin(kind):
     side = 0.27 if kind == "disc" else 0.25
     wall = [(x, side + 0.006) for x in np.linspace(-1, 2, 200)]
     forward = Velocity(0.4, 0.0, 0.0)
@@ -228,7 +228,7 @@ def test_a_box_that_turns_its_corner_into_a_post_is_held():
     assert roll("box", Velocity(0.0, 0.0, 0.1), post) == CLEAR
 
 
-def test_somebody_who_walks_across_is_let_by_and_somebody_who_stands_there_is_passed():
+def test_a_crossing_person_passes_a_standing_one_is_passed():
     forward = Velocity(0.6, 0.0, 0.0)
     driving = [Sent(forward, 0.2), Sent(forward, 0.1)]
     beside = [(0.6, -0.9)]
@@ -246,7 +246,7 @@ def test_what_moves_is_passed_at_a_wider_margin_than_what_stands():
     assert roll("disc", forward, beside, driving, forward, drift=[(0.01, 0.0)]).share < 1.0
 
 
-def test_from_somebody_who_stands_close_and_moves_the_robot_may_get_away():
+def test_a_robot_may_leave_a_near_moving_person():
     close = [(0.32, 0.0)]
     assert roll("disc", Velocity(-0.2, 0.0, 0.0), close, drift=[(0.0, 0.3)]) == CLEAR
     assert roll("disc", Velocity(0.0, 0.0, 1.0), close, drift=[(-1.0, 0.0)]) == CLEAR
@@ -258,7 +258,7 @@ amounts = st.builds(Velocity, *(st.floats(-2.0, 2.0) for _ in range(3)))
 
 
 @given(amounts, amounts, st.floats(0.001, 0.1))
-def test_steps_lead_up_no_faster_than_the_base_can_and_down_at_once(sent, wanted, dt_s):
+def test_steps_rise_slowly_and_fall_at_once(sent, wanted, dt_s):
     profile = PROFILES["box"]
     stepped = stepped_up(sent, wanted, profile, dt_s)
     steps = (profile.limits.linear_mps2 * dt_s,) * 2 + (profile.limits.angular_radps2 * dt_s,)
@@ -271,7 +271,7 @@ def test_steps_lead_up_no_faster_than_the_base_can_and_down_at_once(sent, wanted
             assert abs(after) == pytest.approx((abs(before) if before * goal > 0 else 0.0) + step)
 
 
-def test_from_standstill_the_first_step_is_one_period_of_acceleration():
+def test_the_first_step_is_one_period_of_acceleration():
     stepped = stepped_up(STILL, Velocity(1.0, 0.0, -2.0), PROFILES["box"], 0.05)
     assert stepped == pytest.approx(Velocity(0.05, 0.0, -0.1))
 
@@ -290,7 +290,7 @@ def ticks(feeder, stick, count):
     return verdicts
 
 
-def test_the_gate_sends_no_more_than_the_base_can_follow_and_calls_that_free(tiago):
+def test_acceleration_limits_count_as_free(tiago):
     verdicts = ticks(tiago, Velocity(0.2, 0.0, 0.0), 5)
     assert [verdict.velocity.vx for verdict in verdicts] == pytest.approx([0.1, 0.15, 0.2, 0.2, 0.2])
     assert {verdict.code for verdict in verdicts} == {"free"}
@@ -303,7 +303,7 @@ def test_after_a_pause_the_first_step_is_as_short_as_ever(tiago):
     assert tiago.gate.decide(Velocity(1.0, 0.0, 0.0), STILL, tiago.now_s).velocity.vx == pytest.approx(0.1)
 
 
-def test_the_gate_remembers_what_is_on_its_way_and_names_what_is_in_it():
+def test_the_gate_remembers_obstacles_and_names_them():
     """A post beside the nose of a robot that drives on and is about to turn: the arcs pass it, their blend does not."""
     feeder = Feeder(tiago_profile(scan_poses={LASER: (0.0, 0.0, 0.0)}))
     feeder.velocity = Velocity(0.8, 0.0, 0.0)
@@ -329,7 +329,7 @@ def commands_of(*sent):
     return commands
 
 
-def test_commands_are_kept_for_as_long_as_they_may_be_on_their_way():
+def test_commands_are_kept_while_they_may_be_under_way():
     fast, slow = Velocity(1.0, 0.0, 0.0), Velocity(0.5, 0.0, 0.0)
     commands = commands_of((fast, 1.0), (slow, 1.1), (slow, 1.2), (STILL, 1.3))
     assert commands.lately(1.4, 0.35) == [

@@ -19,7 +19,7 @@ from tests.gate.conftest import LASER, Feeder, tiago_profile
 NAN, INF = math.nan, math.inf
 
 
-def test_a_beam_without_a_neighbour_is_noise_and_the_thinnest_leg_is_not():
+def test_a_beam_without_neighbour_is_noise_unless_a_thin_leg():
     alone = np.array([NAN, NAN, NAN, 1.0, NAN, NAN, NAN, NAN])
     assert not has_neighbour(alone, differences(alone)).any()
     two = np.array([NAN, NAN, 1.0, NAN, 1.05, NAN, NAN, NAN])
@@ -36,7 +36,7 @@ def test_free_unknown_and_too_near_are_three_things():
     np.testing.assert_allclose(np.hypot(*points.T), [0.05, 0.05, 2.0, 2.0])
 
 
-def test_the_robot_itself_is_not_an_obstacle_but_what_grazes_the_hull_is():
+def test_the_hull_is_no_obstacle_but_grazing_points_are():
     points = np.array([[0.1, 0.0], [0.239, 0.0], [0.241, 0.0], [0.3, 0.0]])
     np.testing.assert_allclose(outside_hull(points, Disc(0.27)), points[2:])
 
@@ -126,7 +126,7 @@ def test_unknown_sources_are_ignored(tiago):
     assert tiago.gate.sonar_range("somebody_else", tiago.now_s) is None
 
 
-def test_a_scan_stands_where_it_was_taken_however_late_it_arrives():
+def test_a_scan_counts_at_its_stamp_however_late_it_comes():
     """Paired by stamps: the robot was at x = 1 when the beam came back, and is at x = 1.5 now."""
     feeder = Feeder(tiago_profile())
     for step in range(51):
@@ -139,7 +139,7 @@ def test_a_scan_stands_where_it_was_taken_however_late_it_arrives():
     np.testing.assert_allclose(points[:, 0], 0.202 + 2.0 - 0.5, atol=0.01)
 
 
-def test_points_move_with_odometry_and_are_computed_only_when_something_came(tiago):
+def test_points_move_with_odometry_and_change_only_on_news(tiago):
     tiago.ahead_at(1.0, half_width_beams=2)
     tiago.now_s += 0.1
     tiago.all()
@@ -163,7 +163,7 @@ def test_a_sonar_echo_is_an_arc_across_its_cone():
     assert len(cone_points(-INF, 1.0, Pose(0, 0, 0), 0.5)) > 0, "closer than it can measure is there"
 
 
-def test_a_sonar_echo_stays_until_readings_in_a_row_hear_nothing_there(tiago):
+def test_a_sonar_echo_stays_until_readings_hear_past_it(tiago):
     def hear(range_m):
         tiago.now_s += 0.1
         tiago.odometry()
@@ -210,7 +210,7 @@ class TestTrail:
         assert trail.pose_at(5.1) is None and trail.pose_at(stamp_s).x == x and trail.resets == 1
 
     @pytest.mark.parametrize(("stamp_s", "silent_s"), [(5.2, 0.02), (5.45, 0.29), (3605.0, 0.02), (5.2, 3.0)])
-    def test_it_goes_on_also_where_a_clock_is_set_on_or_messages_come_all_at_once(self, stamp_s, silent_s):
+    def test_a_set_clock_or_a_burst_of_messages_is_continuous(self, stamp_s, silent_s):
         assert self.trail().is_continuous(stamp_s, Pose(0.25, 0.0, 0.0), silent_s)
 
     def test_a_hole_in_the_odometry_is_not_bridged(self):

@@ -55,7 +55,7 @@ def full_reverse(world, seconds=10.0):
 
 @pytest.mark.parametrize("degrees", [15, 28.6, 60])
 @pytest.mark.parametrize("thing", BEHIND)
-def test_what_a_sonar_heard_is_not_touched_though_its_cone_loses_it(thing, degrees):
+def test_a_heard_thing_is_not_touched_after_its_cone_lost_it(thing, degrees):
     world = World(tiago_profile(), BEHIND[thing], sonar_cone=math.radians(degrees))
     if full_reverse(world):
         assert world.least_gap_m > 0.0
@@ -104,7 +104,7 @@ def test_driving_away_and_turning_stay_allowed():
     assert verdict.velocity.vx == pytest.approx(0.3)
 
 
-def test_what_was_heard_is_said_to_be_remembered_once_the_sonar_is_silent_about_it():
+def test_an_echo_is_called_remembered_once_its_sonar_is_silent():
     world = World(tiago_profile(), BEHIND["leg to the side"], sonar_cone=math.radians(15))
     full_reverse(world)
     text = world.drive(REVERSE, 0.1).text
@@ -139,7 +139,7 @@ def test_after_a_jump_of_the_odometry_nothing_is_remembered():
     assert not len(world.gate.obstacles(world.now_s).points)
 
 
-def test_a_laser_clears_what_it_looks_through_on_a_robot_without_depth_camera():
+def test_without_a_camera_the_laser_clears_sonar_echoes():
     """Turn round and look: the laser sees that who stood there has left."""
     world = World(tiago_profile(), shins(-0.9, 0.0))
     world.drive(STILL, 2.0)
@@ -203,7 +203,7 @@ def test_an_odometry_that_trembles_goes_no_way():
     assert len(gate.obstacles(now_s).points), "the rim of its cone"
 
 
-def test_much_that_is_heard_farther_off_does_not_push_a_leg_near_by_out():
+def test_far_echoes_do_not_push_out_a_near_leg():
     """On the spot between table legs the table of places fills within half a turn, and fuller than full."""
     places = [
         (0.9 * math.cos(yaw), 0.9 * math.sin(yaw), 0.03) for yaw in np.linspace(-2.6, 2.6, 13)
@@ -225,7 +225,7 @@ class Trembling(World):
         return Pose(self.pose.x + x, self.pose.y + y, self.pose.yaw + yaw)
 
 
-def test_who_has_left_does_not_hold_a_robot_whose_odometry_trembles():
+def test_a_trembling_odometry_does_not_hold_who_left():
     world = Trembling(tiago_profile(has_depth=True), shins(-0.8, 0.04))
     full_reverse(world)
     at = world.pose.x

@@ -49,7 +49,7 @@ def outline(motion, present, pieces=400):
 @pytest.mark.parametrize(
     "motion", [WAVE, Motion(WAVE.joints, ((2.4, 3.0),)), Motion(WAVE.joints, ((0.0, 0.0), (0.0, 3.0)))]
 )
-def test_the_whole_arm_is_within_the_sweep_at_every_moment_and_the_sweep_near_the_arm(motion):
+def test_the_arm_stays_within_its_sweep(motion):
     discs = np.array(swept(motion, PRESENT, two_links, RADIUS_M))
     rim, middles = outline(motion, PRESENT)
     deepest = np.full(len(rim), -math.inf)
@@ -98,7 +98,7 @@ def test_nothing_in_the_sweep_is_no_intruder():
     assert intruder([(0.6, 0.6, 0.2)], nothing, gaps(nothing)) is None
 
 
-def test_what_is_well_within_the_arm_already_does_not_count_and_what_is_at_its_edge_does():
+def test_points_well_inside_the_arm_do_not_count():
     arm = [(0.5, 0.0, 0.12)]
     below, edge = seen((0.5, 0.02)), seen((0.5, 0.1))
     assert intruder([(0.5, 0.0, 0.3)], below, gaps(below), arm) is None

@@ -46,7 +46,7 @@ def test_sides(degrees, side):
     assert words.side(math.radians(degrees)) == side
 
 
-def test_slowed_says_how_much_is_left_what_saw_it_where_and_how_far():
+def test_slowed_names_rest_sensor_side_and_distance():
     feeder = Feeder(tiago_profile())
     feeder.ahead_at(0.7)
     feeder.all()

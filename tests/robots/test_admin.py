@@ -48,7 +48,7 @@ def test_the_list_shows_how_each_bridge_fares(admin: Client, robot: Robot) -> No
     assert reverse("robot-check", args=[robot.slug]) in page
 
 
-def test_what_a_killed_supervisor_said_last_is_not_shown_as_so_now(admin: Client, robot: Robot) -> None:
+def test_a_killed_supervisors_last_words_are_not_current(admin: Client, robot: Robot) -> None:
     bridge_status_set(robot_id=robot.id, state=BridgeStatus.State.RUNNING, detail="", pid=4711)
     page = admin.get(reverse("admin:robots_robot_changelist")).content.decode()
     assert "no supervisor is running; the last one said: running since" in page
@@ -67,9 +67,7 @@ def test_an_edit_is_saved_and_recorded_under_the_editors_name(
     assert record.parameters["changes"] == [{"field": "advertised_address", "from": "", "to": "10.68.0.2"}]
 
 
-def test_a_form_left_open_does_not_bring_a_robot_back_into_service(
-    admin: Client, robot: Robot, staff: User
-) -> None:
+def test_an_old_form_does_not_put_a_robot_back_into_service(admin: Client, robot: Robot, staff: User) -> None:
     url = reverse("admin:robots_robot_change", args=[robot.pk])
     left_open = filled(admin, url, name="Another name")
     robot.enabled = False
@@ -93,7 +91,7 @@ def test_a_profiles_form_left_open_undoes_nothing_either(
     assert (tiago.name, tiago.blind_mps) == ("PAL TIAGo", 0.1)
 
 
-def test_a_wrong_entry_comes_back_with_its_path_and_changes_nothing(admin: Client, robot: Robot) -> None:
+def test_a_wrong_entry_is_refused_with_its_path(admin: Client, robot: Robot) -> None:
     url = reverse("admin:robots_robot_change", args=[robot.pk])
     page = admin.post(url, filled(admin, url, overrides='{"limits": {"forward_mps": 9}}')).content.decode()
     assert "limits.forward_mps: 9 is above the profile’s 1" in page

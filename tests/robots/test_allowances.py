@@ -72,7 +72,7 @@ def complaint(owner: Robot | RobotProfile, staff: User, **fields: Any) -> dict[s
         "/power/is_emergency",
     ],
 )
-def test_no_allow_list_has_names_that_go_around_the_chain_or_blind_it(tiago: RobotProfile, name: str) -> None:
+def test_no_allow_list_bypasses_or_blinds_the_chain(tiago: RobotProfile, name: str) -> None:
     assert why_denied("publish", name, "std_msgs/String", profile_topics(tiago))
 
 
@@ -103,7 +103,7 @@ def test_nor_types_whatever_the_topic_is_called(tiago: RobotProfile, type_name: 
     assert why_denied("publish", "/demo/notes", type_name, profile_topics(tiago))
 
 
-def test_what_the_robots_own_description_names_is_not_published_whatever_it_is_called(
+def test_topics_of_the_description_are_never_published(
     tiago: RobotProfile,
 ) -> None:
     tiago.topics["battery"] = {"name": "/juice", "type": "std_msgs/Float32"}
@@ -227,7 +227,7 @@ def test_entries_are_on_record(tiago: RobotProfile, staff: User) -> None:
 # --- what holds for a robot ----------------------------------------------------------------------
 
 
-def test_a_robot_has_its_kinds_entries_and_its_own_which_go_before(
+def test_a_robots_own_entries_come_before_its_profiles(
     robot: Robot, other_robot: Robot, tiago: RobotProfile, staff: User
 ) -> None:
     allow(tiago, staff)
@@ -268,7 +268,7 @@ def test_a_robot_whose_entry_is_wrong_has_a_page_all_the_same(robot: Robot, staf
     assert known is not None and known.allowed == ()
 
 
-def test_the_robots_languages_and_what_speaks_are_part_of_its_description(robot: Robot) -> None:
+def test_languages_and_speech_are_in_the_description(robot: Robot) -> None:
     robot.overrides = {
         "topics": {
             "languages": ["it-IT"],
@@ -337,7 +337,7 @@ def test_one_name_is_there_once(admin: Client, robot: Robot, staff: User) -> Non
     assert robot.allowances.count() == 1
 
 
-def test_the_list_of_all_says_which_entries_count_for_nothing_and_why(
+def test_the_list_says_which_entries_count_not_and_why(
     admin: Client, robot: Robot, tiago: RobotProfile, staff: User
 ) -> None:
     allow(robot, staff)

@@ -47,7 +47,7 @@ def begin() -> Iterator[object]:
         yield begin
 
 
-def test_a_signal_is_heard_also_by_a_thread_that_is_just_about_to_wait(begin) -> None:
+def test_a_signal_wakes_a_thread_about_to_wait(begin) -> None:
     # Each of these would hang more often than not if a handler of the main thread set the event.
     for process in [begin(NO_LIFE_LINE, ALWAYS_ABOUT_TO_WAIT) for _ in range(6)]:
         process.terminate()

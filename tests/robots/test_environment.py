@@ -30,9 +30,7 @@ def resolved(environment: dict[str, str], name: str) -> str:
     ).stdout.strip()
 
 
-def test_an_alias_resolves_for_the_robots_processes_and_other_names_as_ever(
-    config: BridgeConfig, tmp_path: Path
-) -> None:
+def test_an_alias_resolves_only_for_the_robots_processes(config: BridgeConfig, tmp_path: Path) -> None:
     aliased = msgspec.structs.replace(config, host_aliases={"tiago-42c": "10.68.0.1"})
     environment = ros_environment(aliased, tmp_path)
     assert resolved(environment, "tiago-42c") == "10.68.0.1"

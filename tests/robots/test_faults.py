@@ -89,7 +89,7 @@ def test_a_bridge_that_does_not_answer_is_a_fault_too(robot: Robot, monkeypatch:
     assert condition_of(robot.id, link_address(robot)) == Condition("bridge_down", "It is not running.")
 
 
-def test_only_a_robot_that_stays_away_is_at_fault_and_one_that_hangs_holds_nobody_up(
+def test_only_an_absent_robot_is_at_fault_a_hung_one_is_not(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers = [OFFLINE, WELL, *[OFFLINE] * SURE_AFTER, WELL]

@@ -55,14 +55,12 @@ def supervised(programs: FakePrograms, robot: Robot, other_robot: Robot) -> Iter
     supervised.fleet.end()
 
 
-def test_every_enabled_robot_gets_a_bridge_and_the_fleet_a_housekeeper(supervised: Supervised) -> None:
+def test_every_robot_gets_a_bridge_the_fleet_a_housekeeper(supervised: Supervised) -> None:
     for name in ("tiago-1", "tiago-2", "run_housekeeping"):
         supervised.until_started(name, 1)
 
 
-def test_an_edit_restarts_that_robots_bridge_within_3_s_and_no_other(
-    supervised: Supervised, robot: Robot
-) -> None:
+def test_an_edit_restarts_only_its_bridge_within_3_s(supervised: Supervised, robot: Robot) -> None:
     supervised.until_started("tiago-1", 1)
     supervised.until_started("tiago-2", 1)
     robot.drive_topic = "/phone_vel"
@@ -105,9 +103,7 @@ def test_a_robot_added_while_running_gets_a_bridge(supervised: Supervised, robot
     supervised.until_started("tiago-3", 1)
 
 
-def test_a_robot_whose_entry_is_wrong_is_refused_in_words_and_the_others_run(
-    supervised: Supervised, robot: Robot
-) -> None:
+def test_a_wrong_robot_is_refused_and_the_others_run(supervised: Supervised, robot: Robot) -> None:
     supervised.until_started("tiago-1", 1)
     robot.overrides = {"topics": {"odometry": None}}
     robot.save()
@@ -117,9 +113,7 @@ def test_a_robot_whose_entry_is_wrong_is_refused_in_words_and_the_others_run(
     assert len(supervised.programs.pids("tiago-2")) == 1
 
 
-def test_a_full_disk_keeps_one_edit_out_of_force_and_ends_no_bridge(
-    supervised: Supervised, robot: Robot
-) -> None:
+def test_a_full_disk_blocks_one_edit_and_ends_no_bridge(supervised: Supervised, robot: Robot) -> None:
     supervised.until_started("tiago-1", 1)
     supervised.until_started("tiago-2", 1)
     full = OSError(errno.ENOSPC, "No space left on device")
@@ -145,7 +139,7 @@ def test_a_falling_bridge_is_shown_with_its_reason(supervised: Supervised, robot
 
 
 @pytest.mark.parametrize("query", [(Robot.objects, "select_related"), (Allowance.objects, "filter")])
-def test_a_database_that_does_not_answer_leaves_the_fleet_as_it_is(
+def test_a_silent_database_leaves_the_fleet_unchanged(
     supervised: Supervised, robot: Robot, query: tuple[object, str], caplog: pytest.LogCaptureFixture
 ) -> None:
     supervised.until_started("tiago-1", 1)
@@ -173,9 +167,7 @@ def test_the_end_lets_every_program_go(supervised: Supervised, robot: Robot) -> 
 ELSEWHERE = "wss://other-host:7443"
 
 
-def test_a_robot_whose_bridge_runs_elsewhere_is_left_to_its_own_host(
-    supervised: Supervised, other_robot: Robot
-) -> None:
+def test_a_remote_bridge_is_left_to_its_own_host(supervised: Supervised, other_robot: Robot) -> None:
     Robot.objects.filter(pk=other_robot.pk).update(bridge_address=ELSEWHERE)
     supervised.until_started("tiago-1", 1)
     supervised.until_started("run_housekeeping", 1)
@@ -184,9 +176,7 @@ def test_a_robot_whose_bridge_runs_elsewhere_is_left_to_its_own_host(
 
 
 @override_settings(FLEET_LINK_CERT="bridge.pem", FLEET_LINK_KEY=None, FLEET_LINK_SECRET=None)
-def test_a_bridge_on_the_network_without_its_settings_is_refused_by_their_names(
-    programs: FakePrograms, other_robot: Robot
-) -> None:
+def test_a_network_bridge_names_its_missing_settings(programs: FakePrograms, other_robot: Robot) -> None:
     Robot.objects.filter(pk=other_robot.pk).update(bridge_address=ELSEWHERE)
     fleet = Fleet(frozenset({"tiago-2"}), programs.script)
     fleet.step(time.monotonic())

@@ -110,7 +110,7 @@ def test_a_name_with_a_wrong_address_is_told_apart(config: BridgeConfig, well: F
         ("10.68.0.2", "Does a firewall on this computer keep the robot out?"),
     ],
 )
-def test_a_robot_that_cannot_call_back_is_told_which_address_to_use(
+def test_a_robot_that_cannot_call_back_names_the_address(
     config: BridgeConfig, well: Findings, advertised: str, advice: str
 ) -> None:
     deaf = msgspec.structs.replace(well, callback=CallbackFound(advertised, False, "10.68.0.2"))

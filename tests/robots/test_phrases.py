@@ -162,7 +162,7 @@ def test_an_import_adds_what_is_not_there_yet_after_the_rest(robot: Robot, staff
 
 
 @pytest.mark.django_db
-def test_a_replacing_import_leaves_nothing_else_and_says_what_went(robot: Robot, staff: User) -> None:
+def test_a_replacing_import_leaves_nothing_else_and_says_so(robot: Robot, staff: User) -> None:
     entry_save(entry=make(robot=robot), actor=staff)
     lines = [Line("Good day.", "en-GB")]
     assert phrases_import(owner=robot, lines=lines, actor=staff, replace=True) == 1
@@ -201,7 +201,7 @@ def test_a_file_with_a_bad_line_is_not_imported_at_all(robot: Robot, file: Path)
 
 
 @pytest.mark.django_db
-def test_lines_without_a_language_are_in_the_robots_first_or_the_one_that_is_named(
+def test_lines_without_language_use_the_robots_first_or_named(
     robot: Robot, tiago: RobotProfile, file: Path
 ) -> None:
     robot.overrides = {"topics": {"languages": ["ca-ES", "es-ES"]}}

@@ -97,9 +97,7 @@ def test_what_is_asked_of_the_robot_is_a_request_and_its_outcome(
     assert end.content.data == {"words": "Cancelled by Ann."}
 
 
-def test_what_somebody_wrote_can_expire_and_what_is_plain_fact_stays(
-    sink: AuditSink, holder: Holder, robot: Robot
-) -> None:
+def test_words_can_expire_and_plain_facts_stay(sink: AuditSink, holder: Holder, robot: Robot) -> None:
     sink.request(holder, "speech.start", {"text": "Hello, Ann", "language": "en-GB", "topic": "/tts"})
     sink.request(holder, "publish.start", {"topic": "/note", "rate_hz": 0.0, "fields": '{"data": "Ann"}'})
     speech, message = records_of(robot)
@@ -145,7 +143,7 @@ def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Ho
     }
 
 
-def test_a_stop_that_reached_the_robot_is_on_record_in_its_control_session(
+def test_a_stop_that_reached_the_robot_is_in_its_session(
     sink: AuditSink, holder: Holder, robot: Robot
 ) -> None:
     sink.stopped(holder, 7, False)
@@ -171,9 +169,7 @@ def test_what_the_bridge_does_by_itself_is_the_consoles(sink: AuditSink, robot: 
 # --- a bridge that was killed ------------------------------------------------------------------------
 
 
-def test_what_a_killed_bridge_left_open_is_ended_by_the_next_one_and_only_once(
-    sink: AuditSink, holder: Holder, robot: Robot
-) -> None:
+def test_the_next_bridge_ends_open_tasks_once(sink: AuditSink, holder: Holder, robot: Robot) -> None:
     done = sink.request(holder, "speech.start", {"text": "Done"})
     sink.outcome(done, holder, "speech.end", "succeeded", {})
     drive = sink.begin_drive(holder, START)
@@ -271,7 +267,7 @@ def test_what_cannot_be_written_is_told_in_words(sink: AuditSink, holder: Holder
     assert sink.begin_drive(holder, START)
 
 
-def test_a_session_that_is_none_is_an_error_of_the_record_and_not_of_the_bridge(sink: AuditSink) -> None:
+def test_a_missing_session_is_an_error_of_the_record(sink: AuditSink) -> None:
     odd = Holder(holder_id="nobody", holder="Nobody", session="not a session", fence=1)
     with pytest.raises(BadRecord):
         sink.begin_gate(1, odd, GateStart(HELD, 0.0, None))
@@ -305,7 +301,7 @@ def test_a_connection_that_is_kept_is_made_anew_after_a_failure(sink: AuditSink,
     connection.close()
 
 
-def test_a_connection_that_is_kept_writes_no_file_that_was_replaced_or_is_gone(
+def test_a_kept_connection_never_writes_to_a_replaced_file(
     sink: AuditSink, holder: Holder, tmp_path: Path
 ) -> None:
     if connection.vendor != "sqlite":
@@ -399,9 +395,7 @@ def test_on_a_full_disk_nothing_moves_until_there_is_room_again(bench: Bench, di
     bench.driving()
 
 
-def test_a_disk_that_fills_up_in_a_drive_stops_the_robot_and_loses_nothing(
-    bench: Bench, robot: Robot, disk: Disk
-) -> None:
+def test_a_disk_that_fills_in_a_drive_stops_it_without_loss(bench: Bench, robot: Robot, disk: Disk) -> None:
     bench.driving()
     disk.fill()
     bench.gate.says = lambda _asked: HELD
@@ -417,9 +411,7 @@ def test_a_disk_that_fills_up_in_a_drive_stops_the_robot_and_loses_nothing(
     assert kinds == ["drive.start", "gate.begin", "gate.end", "drive.end"]
 
 
-def test_a_database_that_another_process_keeps_locked_stops_the_robot_until_it_is_free(
-    bench: Bench, robot: Robot
-) -> None:
+def test_a_locked_database_stops_the_robot_until_it_is_free(bench: Bench, robot: Robot) -> None:
     bench.driving()
     bench.pass_time(0.2)
     bench.stick(0.5)

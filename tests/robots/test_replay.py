@@ -34,7 +34,7 @@ def replayed(*arguments):
     return out.getvalue()
 
 
-def test_a_recording_gives_the_same_verdicts_and_each_change_in_words(tmp_path):
+def test_a_recording_replays_the_same_verdicts_and_changes(tmp_path):
     told = replayed(str(recorded(tmp_path / "wall.gate")))
     assert "40 decisions, 0 other than recorded" in told
     assert "mover" in told and "laser" in told

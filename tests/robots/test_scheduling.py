@@ -45,7 +45,7 @@ def asked(allowed: int) -> dict[str, object]:
     return json.loads(done.stdout)
 
 
-def test_where_the_unit_allows_it_the_loop_has_real_time_priority_until_it_runs_away():
+def test_an_allowed_loop_has_real_time_priority_until_runaway():
     found = asked(10)
     refused = str(found["got"]).startswith("ordinary priority (")  # who runs this test has no such right
     assert refused or found["got"] == "real-time priority 5"

@@ -38,7 +38,7 @@ def seed(tmp_path: Path) -> Any:
     return run
 
 
-def test_a_practice_robot_can_be_driven_speaks_and_has_things_to_try(seed: Any) -> None:
+def test_a_practice_robot_drives_speaks_and_has_examples(seed: Any) -> None:
     assert list(seed()) == ["p-1"]
     robot = Robot.objects.get(slug="p-1")
     assert (robot.practice, role_on(User.objects.get(username="operator"), robot)) == (True, Role.OPERATOR)

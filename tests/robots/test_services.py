@@ -37,7 +37,7 @@ def test_a_robot_that_a_program_deletes_is_on_record(robot: Robot) -> None:
 
 
 @pytest.mark.django_db
-def test_a_stop_waits_for_its_robot_as_long_as_that_is_registered(
+def test_a_stop_waits_while_its_robot_is_registered(
     robot: Robot, tmp_path: Path, settings: Any, django_capture_on_commit_callbacks: Any
 ) -> None:
     settings.FLEET_RUN_DIR = tmp_path
@@ -102,7 +102,7 @@ def test_a_change_that_cannot_be_recorded_is_not_made(robot: Robot, staff: User)
 
 
 @pytest.mark.django_db
-def test_a_form_left_open_does_not_bring_back_an_old_fencing_number(robot: Robot, staff: User) -> None:
+def test_an_old_form_does_not_restore_an_old_fence(robot: Robot, staff: User) -> None:
     services.fence_next(Robot.objects.get(pk=robot.pk), 41)
     robot.name = "Renamed meanwhile"
     services.robot_save(robot=robot, actor=staff)
@@ -124,14 +124,14 @@ def test_roles_given_changed_and_taken_are_recorded(robot: Robot, stranger: User
 
 
 @pytest.mark.django_db
-def test_fencing_numbers_exceed_all_given_and_all_that_the_bridge_has_seen(robot: Robot) -> None:
+def test_fences_exceed_all_given_and_all_seen(robot: Robot) -> None:
     assert services.fence_next(robot) == 1
     assert services.fence_next(robot, 10) == 11
     assert services.fence_next(robot, 3) == 12
 
 
 @pytest.mark.django_db(transaction=True)
-def test_no_fencing_number_is_given_twice_however_many_ask_at_once(robot: Robot) -> None:
+def test_no_fence_is_given_twice(robot: Robot) -> None:
     ready = threading.Barrier(8)
 
     def take_five(_: int) -> list[int]:

@@ -59,7 +59,7 @@ def test_an_update_that_changes_limits_is_on_record_once(tiago: RobotProfile, up
     }
 
 
-def test_what_the_console_brings_along_is_on_record_from_the_start(tmp_path: Path) -> None:
+def test_shipped_data_is_on_record_from_the_start(tmp_path: Path) -> None:
     content = yaml.safe_load((DIRECTORY / "tiago.yaml").read_text())
     (tmp_path / "new.yaml").write_text(yaml.safe_dump({**content, "slug": "tiago-new", "phrases": None}))
     profiles_load_shipped(directory=tmp_path)
@@ -87,7 +87,7 @@ def test_a_deleted_shipped_profile_comes_back(tiago: RobotProfile) -> None:
     assert RobotProfile.objects.filter(slug="tiago").exists()
 
 
-def test_a_kind_of_robot_that_speaks_comes_with_24_phrases_in_its_six_languages(tiago: RobotProfile) -> None:
+def test_a_speaking_profile_has_24_phrases_in_six_languages(tiago: RobotProfile) -> None:
     phrases = list(tiago.phrases.all())
     languages = list(dict.fromkeys(phrase.language for phrase in phrases))
     assert (len(phrases), languages) == (24, tiago.topics["languages"])

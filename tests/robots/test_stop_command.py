@@ -112,7 +112,7 @@ def test_all_robots_are_stopped_with_who_and_why(
     assert {record.details.get("text") for record in records} == {"smoke in the lab", None}
 
 
-def test_a_robot_that_is_not_reached_is_named_and_the_others_stop(
+def test_an_unreached_robot_is_named_and_the_others_stop(
     robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
 ) -> None:
     reached = bridge(other_robot)
@@ -133,9 +133,7 @@ def test_a_named_robot_alone_is_stopped(
     assert untouched.stops == []
 
 
-def test_a_wrong_name_among_right_ones_keeps_nobody_from_being_stopped(
-    robot: Robot, bridge: Callable[[Robot], Bridge]
-) -> None:
+def test_a_wrong_name_stops_the_named_others(robot: Robot, bridge: Callable[[Robot], Bridge]) -> None:
     stopped = bridge(robot)
     with pytest.raises(CommandError, match="There is no robot tiago-9"):
         call_command("stop", "tiago-1", "tiago-9", stdout=StringIO())
@@ -165,7 +163,7 @@ def no_database(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Robot.objects, "all", away)
 
 
-def test_without_database_every_bridge_on_this_computer_is_stopped(
+def test_without_database_every_local_bridge_is_stopped(
     robot: Robot,
     other_robot: Robot,
     bridge: Callable[[Robot], Bridge],
@@ -183,9 +181,7 @@ def test_without_database_every_bridge_on_this_computer_is_stopped(
     assert out.getvalue().count(": stopping") == 2
 
 
-def test_without_database_a_robot_whose_bridge_is_between_two_lives_is_stopped_too(
-    robot: Robot, no_database: None
-) -> None:
+def test_without_database_a_restarting_bridge_is_stopped_too(robot: Robot, no_database: None) -> None:
     """Its watchdog is there: the stop waits for whichever of the two can be reached first."""
     path_of(robot).with_suffix(".stop").touch()
     with pytest.raises(CommandError, match=r"0 robots are stopping, 1 did not answer; their stop is pending"):
@@ -200,7 +196,7 @@ def test_without_database_nobody_is_known_by_name(no_database: None) -> None:
         call_command("stop", "tiago-1", stdout=StringIO())
 
 
-def test_all_robots_of_this_computer_are_stopped_before_the_database_is_waited_for(
+def test_local_robots_are_stopped_before_the_database_answers(
     robot: Robot, bridge: Callable[[Robot], Bridge], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stopped = bridge(robot)
@@ -238,7 +234,7 @@ def test_a_database_that_says_nothing_is_as_good_as_none(
         assert over.wait(PATIENCE_S)
 
 
-def test_a_robot_out_of_service_whose_bridge_still_runs_is_stopped_and_on_record(
+def test_a_stop_of_a_robot_out_of_service_is_recorded(
     robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
 ) -> None:
     Robot.objects.update(enabled=False)
@@ -250,7 +246,7 @@ def test_a_robot_out_of_service_whose_bridge_still_runs_is_stopped_and_on_record
     assert Record.objects.filter(kind="stop.press", robot_id=robot.id, outcome="stopping").exists()
 
 
-def test_a_stop_of_one_robot_is_not_pressed_at_the_bridge_of_another(
+def test_a_stop_is_never_pressed_at_another_robots_bridge(
     robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
 ) -> None:
     untouched, out = bridge(robot), StringIO()
@@ -267,9 +263,7 @@ def test_robots_are_named_or_all_are_meant(arguments: list[str]) -> None:
         call_command("stop", *arguments)
 
 
-def test_an_account_without_a_name_and_a_reason_in_another_encoding_stop_nobody_from_stopping(
-    robot: Robot, bridge: Callable[[Robot], Bridge]
-) -> None:
+def test_no_name_and_odd_encodings_prevent_no_stop(robot: Robot, bridge: Callable[[Robot], Bridge]) -> None:
     stopped = bridge(robot)
     with mock.patch("getpass.getuser", side_effect=KeyError("uid not found")):
         call_command("stop", "tiago-1", "--reason", "sm\udcf6ke", stdout=StringIO())

@@ -42,7 +42,7 @@ def test_a_program_that_falls_rarely_is_back_soon_each_time() -> None:
     assert [budget.wait_s(at) for at in (0, 100, 200, 300, 400, 500, 600, 700)] == [0.5] * 8
 
 
-def test_a_watchdog_is_back_at_once_and_one_that_cannot_start_leaves_the_processor_to_others() -> None:
+def test_a_failing_watchdog_leaves_the_processor_to_others() -> None:
     budget, now_s, starts = eager(), 0.0, 0
     assert eager().wait_s(0.0) <= 0.1
     while now_s < 600.0:
@@ -97,7 +97,7 @@ def test_a_program_is_starting_then_steady(kept: Kept) -> None:
     assert kept.reports == [(State.STARTING, "", pid), (State.RUNNING, "", pid)]
 
 
-def test_a_program_that_is_killed_starts_again_after_a_pause_and_not_before(kept: Kept) -> None:
+def test_a_killed_program_starts_again_after_a_pause(kept: Kept) -> None:
     kept.want("fake")
     kept.step_until_started(1)
     os.kill(kept.programs.pids("fake")[0], signal.SIGKILL)
@@ -118,7 +118,7 @@ def test_a_program_that_keeps_falling_gets_a_rest(kept: Kept) -> None:
     assert kept.reports[-1][1] == "ended by itself with code 7; next start in 60 s"
 
 
-def test_a_bridge_that_lost_its_name_to_another_node_is_started_again_however_often(kept: Kept) -> None:
+def test_a_bridge_that_lost_its_name_always_starts_again(kept: Kept) -> None:
     (kept.programs.folder / "crash-fake").write_text(str(EXIT_NAME_LOST))
     kept.want("fake")
     for fall in range(1, 9):
@@ -136,7 +136,7 @@ def test_a_bridge_that_could_not_join_its_robot_is_told_as_that(kept: Kept) -> N
     assert "could not join its robot (its log says why)" in kept.reports[-1][1]
 
 
-def test_an_edit_ends_the_old_program_by_its_life_line_and_then_starts_the_new(kept: Kept) -> None:
+def test_an_edit_ends_the_old_program_then_starts_the_new(kept: Kept) -> None:
     kept.want("fake", "1")
     kept.step_until_started(1)
     kept.want("fake", "2")
@@ -156,7 +156,7 @@ def test_an_edit_gives_a_resting_program_a_new_chance_at_once(kept: Kept) -> Non
     kept.step_until_started(2)
 
 
-def test_a_program_that_cannot_be_started_is_reported_and_tried_again(kept: Kept) -> None:
+def test_a_program_that_cannot_start_is_reported_and_retried(kept: Kept) -> None:
     kept.keeper.want(Program([str(kept.programs.folder / "missing")], {}, "1"))
     kept.step()
     assert kept.reports == [
@@ -213,7 +213,7 @@ def test_a_second_supervisor_is_refused_and_told_of_the_first(tmp_path: Path) ->
         pass
 
 
-def test_whether_a_supervisor_lives_is_told_by_its_lock_and_not_by_what_it_left(tmp_path: Path) -> None:
+def test_a_living_supervisor_is_known_by_its_lock(tmp_path: Path) -> None:
     lock = tmp_path / "fleet.lock"
     assert not supervised(lock)
     with only_instance(lock):

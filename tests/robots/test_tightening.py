@@ -92,19 +92,19 @@ def test_what_tightens_reaches_gate_and_page(robot: Robot) -> None:
     assert robot_facts(robot).limits.forward_mps == 0.5
 
 
-def test_a_profile_lowered_later_reaches_a_robot_with_limits_of_its_own(robot: Robot) -> None:
+def test_a_lowered_profile_limits_a_robot_with_own_limits(robot: Robot) -> None:
     robot.overrides = {"limits": {"forward_mps": 0.5}}
     robot.profile.forward_mps = 0.3
     assert bridge_config(robot).gate.limits.forward_mps == 0.3
 
 
-def test_a_robot_without_a_sensor_of_its_profile_says_so_with_null(robot: Robot) -> None:
+def test_a_robot_marks_a_missing_sensor_with_null(robot: Robot) -> None:
     robot.overrides = {"topics": {"depth": None}}
     robot.full_clean()
     assert bridge_config(robot).topics.depth is None
 
 
-def test_a_robots_own_depth_topic_and_a_head_that_follows_reach_its_bridge(robot: Robot) -> None:
+def test_own_depth_topic_and_following_head_reach_the_bridge(robot: Robot) -> None:
     robot.overrides = {"topics": {"depth": DEPTH | {"own_m": 0.03}, "head": HEAD | {"follows_turn": True}}}
     robot.full_clean()
     config = bridge_config(robot)
@@ -115,7 +115,7 @@ def test_a_robots_own_depth_topic_and_a_head_that_follows_reach_its_bridge(robot
 
 
 @pytest.mark.parametrize("kind", ["scans", "sonars"])
-def test_what_watches_the_way_cannot_be_taken_away_from_one_robot(robot: Robot, kind: str) -> None:
+def test_one_robot_cannot_lose_a_watching_sensor(robot: Robot, kind: str) -> None:
     robot.overrides = {"topics": {kind: []}}
     with pytest.raises(ValidationError, match=rf"topics\.{kind}: 0 here, \d in the profile"):
         robot.full_clean()
@@ -123,7 +123,7 @@ def test_what_watches_the_way_cannot_be_taken_away_from_one_robot(robot: Robot, 
         bridge_config(robot)  # and if it came about by another way, its bridge does not run
 
 
-def test_a_profile_tightened_later_reaches_a_robot_with_gate_parameters_of_its_own(robot: Robot) -> None:
+def test_a_tightened_profile_reaches_own_gate_parameters(robot: Robot) -> None:
     robot.overrides = {"gate": {"front_margin_m": 0.2, "creep_mps": 0.08}}
     robot.profile.gate = {"front_margin_m": 0.5, "creep_mps": 0.05}
     parameters = bridge_config(robot).gate.parameters
@@ -137,7 +137,7 @@ def test_a_profile_made_faster_later_makes_no_beginner_faster(robot: Robot) -> N
     assert facts.default_share * facts.limits.forward_mps <= 0.4 + 1e-9
 
 
-def test_a_robot_whose_share_no_longer_fits_can_still_be_taken_out_of_service(robot: Robot) -> None:
+def test_a_robot_with_a_misfit_share_can_be_disabled(robot: Robot) -> None:
     robot.default_share = 0.6
     with pytest.raises(ValidationError, match="nobody begins faster"):
         robot.full_clean()
@@ -145,7 +145,7 @@ def test_a_robot_whose_share_no_longer_fits_can_still_be_taken_out_of_service(ro
     robot.full_clean()
 
 
-def test_a_robot_whose_profile_was_lowered_below_it_can_still_be_taken_out_of_service(robot: Robot) -> None:
+def test_a_robot_above_a_lowered_profile_can_be_disabled(robot: Robot) -> None:
     robot.overrides = {"limits": {"forward_mps": 0.8}, "gate": {"front_margin_m": 0.2}}
     robot.profile.forward_mps = 0.5
     robot.profile.gate = {"front_margin_m": 0.5}
@@ -156,7 +156,7 @@ def test_a_robot_whose_profile_was_lowered_below_it_can_still_be_taken_out_of_se
 
 
 @override_settings(FLEET_LINK_CERT=None, FLEET_LINK_KEY=None, FLEET_LINK_SECRET=None)
-def test_a_bridge_on_the_network_without_its_settings_is_refused_by_their_names(robot: Robot) -> None:
+def test_a_network_bridge_names_its_missing_settings(robot: Robot) -> None:
     require_link_settings(robot)
     robot.bridge_address = "wss://other-host:7443"
     with pytest.raises(Problems, match="FLEET_LINK_CERT, FLEET_LINK_KEY, FLEET_LINK_SECRET"):

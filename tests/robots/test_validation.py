@@ -85,9 +85,7 @@ def test_a_robot_with_only_a_master_is_valid(robot: Robot) -> None:
         ("http://10.68.0.300:11311", "neither an IP address"),
     ],
 )
-def test_a_master_that_is_no_master_uri_is_refused_with_the_right_form(
-    robot: Robot, uri: str, said: str
-) -> None:
+def test_a_wrong_master_uri_is_refused_with_the_right_form(robot: Robot, uri: str, said: str) -> None:
     robot.master_uri = uri
     text = complaint(robot, "master_uri")
     assert said in text
@@ -173,7 +171,7 @@ def test_a_wrong_field_of_the_ros_interface_is_named_by_its_path(
         ({"outline": [[30, 30], [-30, 30], [-30, -30], [30, -30]]}, "in metres"),
     ],
 )
-def test_a_footprint_is_a_disc_or_a_convex_outline_around_the_origin(
+def test_a_footprint_is_a_disc_or_convex_around_the_origin(
     tiago: RobotProfile, footprint: Any, said: str
 ) -> None:
     tiago.footprint = footprint

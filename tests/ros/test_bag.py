@@ -69,7 +69,7 @@ def test_joint_states_of_a_bag_tell_whether_the_arm_is_at_home(tmp_path, positio
     assert any(limit.code == "arm_away" for limit in verdict.limits) == held
 
 
-def test_a_bag_without_odometry_or_no_bag_at_all_is_refused_in_words(tmp_path):
+def test_a_bag_without_odometry_or_a_missing_bag_is_refused(tmp_path):
     with pytest.raises(BadRecording, match="holds nothing on /odom"):
         list(bag.drive(filled(tmp_path / "blind.bag", odometry=False), Gate(PROFILE), TOPICS))
     rubbish = tmp_path / "rubbish.bag"

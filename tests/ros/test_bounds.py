@@ -75,7 +75,7 @@ def test_an_answer_without_end_is_none(monkeypatch):
         Master(uri, "/test").alive()
 
 
-def test_of_too_many_names_a_page_is_told_how_many_more_there_are():
+def test_a_page_counts_names_beyond_its_limit():
     assert texts.named({f"/node_{number:02}" for number in range(12)})[-2:] == ["/node_09", "2 more"]
 
 
@@ -86,7 +86,7 @@ def test_our_goals_are_kept_when_there_are_too_many():
     assert "ours-1" in kept
 
 
-def test_new_frames_without_end_leave_out_old_ones_that_nobody_asked_for():
+def test_endless_frames_drop_old_unneeded_ones():
     frames = Frames("base")
     told = (_transform("base", "torso"), _transform("torso", "camera"))
     with pytest.raises(PoseUnknown):
@@ -102,7 +102,7 @@ def test_new_frames_without_end_leave_out_old_ones_that_nobody_asked_for():
     assert frames.place("camera", 1.0, patience_s=0.0).shape == (4, 4)
 
 
-def test_fixed_frames_without_end_leave_those_that_were_told_first():
+def test_endless_fixed_frames_leave_the_first_ones():
     frames = Frames("base")
     frames.hear(_transform("base", "camera"), fixed=True)
     for number in range(2 * MOST_FIXED):
@@ -137,7 +137,7 @@ def test_a_laser_may_have_as_many_beams_as_the_gate_takes():
     assert kind.most_bytes < len(strangers.scan(1, 50_000))
 
 
-def test_ten_thousand_messages_a_second_are_too_many_and_a_stall_is_not():
+def test_ten_thousand_messages_a_second_are_too_many():
     reading = Reading(Kind(most_hz=1000.0))
     assert reading.why_not(10, 1500, 0.0, 0.0) == ""  # they waited while the network stood
     seconds = itertools.count(1)
@@ -196,7 +196,7 @@ def test_of_a_source_the_newest_waits_and_one_call_at_most():
     assert done[-1] == "again"
 
 
-def test_what_can_wait_wakes_nobody_and_is_taken_before_what_cannot():
+def test_deferrable_work_wakes_nobody_and_goes_first():
     loop, done, hurry = _Loop(), [], [False]
     mail = Mailboxes(loop.later, lambda: hurry[0])
     for number in range(3):
@@ -216,7 +216,7 @@ def test_what_can_wait_wakes_nobody_and_is_taken_before_what_cannot():
     assert done[-1] == "at once"
 
 
-def test_what_waits_when_control_begins_is_taken_as_soon_as_its_source_speaks_again():
+def test_waiting_data_counts_once_its_source_speaks():
     loop, done, hurry = _Loop(), [], [False]
     mail = Mailboxes(loop.later, lambda: hurry[0])
     mail.post("odometry", lambda: done.append("before"), depth=2, can_wait=True)
@@ -255,7 +255,7 @@ def test_a_source_that_never_rests_does_not_keep_the_loop():
     assert len(done) == 2
 
 
-def test_no_message_is_left_behind_while_threads_post_and_haste_comes_and_goes():
+def test_no_message_is_left_behind_in_a_busy_queue():
     calls: queue.SimpleQueue = queue.SimpleQueue()
     hurry, newest, ends = [False], {}, {}
     mail = Mailboxes(calls.put, lambda: hurry[0])
@@ -279,7 +279,7 @@ def test_no_message_is_left_behind_while_threads_post_and_haste_comes_and_goes()
     assert newest == ends == dict.fromkeys("abc", 2999)
 
 
-def test_a_source_that_costs_the_loop_more_than_its_share_is_dropped():
+def test_a_source_beyond_its_share_of_the_loop_is_dropped():
     loop, speaker = _Loop(), _Speaker()
     mail = Mailboxes(loop.later, speaker=lambda: speaker, worked=lambda: loop.worked_s)
 
@@ -306,7 +306,7 @@ def test_a_call_that_breaks_leaves_its_source_heard():
     assert done
 
 
-def test_what_is_refused_is_shown_for_a_while_and_there_are_not_too_many():
+def test_refusals_are_shown_for_a_while_in_bounds():
     board = Board()
     for number in range(100):
         board.complain(f"/topic_{number}", f"{number} {LONG}", now_s=0.0)
@@ -317,7 +317,7 @@ def test_what_is_refused_is_shown_for_a_while_and_there_are_not_too_many():
     assert board.texts(now_s=SHOWN_S + 1.0) == []
 
 
-def test_a_publisher_that_was_cut_off_is_tried_again_after_its_time():
+def test_a_cut_off_publisher_is_tried_again_after_its_time():
     board = Board()
     board.bar("/scan", "http://x/", until_s=10.0)
     assert board.barred("/scan", "http://x/", now_s=9.0)
@@ -329,7 +329,7 @@ def test_a_publisher_that_was_cut_off_is_tried_again_after_its_time():
 # --- doors -------------------------------------------------------------------------------------------
 
 
-def test_ports_are_bound_to_the_advertised_address_and_to_all_where_that_is_another_computers(monkeypatch):
+def test_ports_use_the_local_advertised_address_or_all(monkeypatch):
     monkeypatch.delenv("ROS_IP", raising=False)
     everywhere = str(ipaddress.IPv4Address(0))
     monkeypatch.setenv("ROS_HOSTNAME", "127.0.0.3")
@@ -380,7 +380,7 @@ def test_an_address_that_calls_without_pause_is_not_served():
     assert callers.may("10.0.0.2", 0.0)
 
 
-def test_a_call_refused_for_the_rate_may_have_been_the_masters_which_is_asked_then(monkeypatch):
+def test_a_call_refused_for_its_rate_makes_the_bridge_ask_master(monkeypatch):
     monkeypatch.setattr(doors, "UNHEARD", threading.Event())
     monkeypatch.setattr(doors, "AT_ONCE", 2.0)  # the connection, and one call
     with (
@@ -426,7 +426,7 @@ class _Topics:
         self.came.set()
 
 
-def test_a_listener_that_declares_4_gb_or_says_nothing_delays_no_other():
+def test_a_listener_that_declares_4_gb_delays_nobody():
     topics, ours = _Topics(), []
     for said in (b"", struct.pack("<I", 0xFFFFFFFF) + bytes(100_000)):
         near, far = socket.socketpair()
@@ -470,7 +470,7 @@ except MemoryError:
 """
 
 
-def test_a_process_that_would_keep_more_than_its_ceiling_gets_no_more_memory():
+def test_a_process_gets_no_memory_beyond_its_ceiling():
     ended = subprocess.run(
         [sys.executable, "-c", GREEDY], cwd=REPOSITORY, env=dict(os.environ), capture_output=True, text=True
     )
@@ -481,7 +481,7 @@ def test_a_process_that_would_keep_more_than_its_ceiling_gets_no_more_memory():
 # --- listeners ---------------------------------------------------------------------------------------
 
 
-def test_listeners_that_do_not_read_are_waited_for_no_longer_the_more_they_are():
+def test_more_unread_listeners_do_not_wait_longer():
     with socket.create_server(("127.0.0.1", 0)) as server:
         ends = [socket.create_connection(server.getsockname()) for _ in range(5)]
         topic = SimpleNamespace(connections=[SimpleNamespace(socket=end) for end in ends])

@@ -114,7 +114,7 @@ def test_a_closed_link_stops_the_robot(ros, hand):
         odometry.until(still)
 
 
-def test_a_bridge_without_its_supervisor_stops_the_robot_and_goes(ros, hand, bridge):
+def test_a_bridge_without_supervisor_stops_the_robot_and_ends(ros, hand, bridge):
     with ros.listen(ODOMETRY, Odometry) as odometry, ros.listen("/key_vel", Twist) as twists:
         hand.stick(0.0, 0.5)
         odometry.until(moving)
@@ -126,7 +126,7 @@ def test_a_bridge_without_its_supervisor_stops_the_robot_and_goes(ros, hand, bri
     assert not Path(bridge.config.link.unix_path).exists()
 
 
-def test_a_bridge_that_ends_leaves_the_robot_at_zero_whatever_else_fails(rosmaster, tmp_path):
+def test_an_ending_bridge_sends_zero_whatever_else_fails(rosmaster, tmp_path):
     bridge = Bridge(tiago_config(rosmaster, tmp_path), MemorySink(), StateStore(tmp_path, "robot"))
     with (
         patch.object(Core, "close", side_effect=RuntimeError("broken")),
@@ -137,9 +137,7 @@ def test_a_bridge_that_ends_leaves_the_robot_at_zero_whatever_else_fails(rosmast
     stop.assert_called_once_with()
 
 
-def test_a_killed_bridge_leaves_a_robot_that_stops_by_itself_and_remembers_a_stop(
-    ros, hand, bridge, bridges, rosmaster
-):
+def test_after_a_killed_bridge_the_robot_stops_and_keeps_a_stop(ros, hand, bridge, bridges, rosmaster):
     with ros.listen(ODOMETRY, Odometry) as odometry:
         hand.stick(0.0, 0.5)
         odometry.until(moving)
@@ -155,9 +153,7 @@ def test_a_killed_bridge_leaves_a_robot_that_stops_by_itself_and_remembers_a_sto
     again.state_until(lambda state: state.stop.state == "stopped", "standstill, seen")
 
 
-def test_a_stop_that_was_latched_before_the_bridge_began_cancels_everybodys_goals(
-    ros, hand, bridge, bridges, rosmaster
-):
+def test_an_old_latched_stop_cancels_everybodys_goals(ros, hand, bridge, bridges, rosmaster):
     with ros.listen("/play_motion/cancel", GoalID) as cancels:
         hand.send(wire.LinkStop("Bob"))
         until(lambda: b'"latched":true' in state_file(bridge).read_bytes(), "the latch on disk")
@@ -204,7 +200,7 @@ def test_a_second_bridge_on_this_machine_goes_at_once(hand, bridge, bridges, ros
     assert second.process.wait(20) == EXIT_ALREADY_RUNNING
 
 
-def test_a_bridge_of_another_console_is_refused_and_told_where_the_first_one_runs(hand, bridges, rosmaster):
+def test_another_consoles_bridge_is_refused_with_its_host(hand, bridges, rosmaster):
     other = bridges(rosmaster).link()
     state = other.state_until(lambda state: state.phase == "refused", "the refusal")
     assert "127.0.0.1" in state.text
@@ -225,7 +221,7 @@ def test_a_wrong_type_in_the_registry_is_said_in_words(bridges, rosmaster, tmp_p
     assert state.text == "/scan_raw is sensor_msgs/LaserScan on the robot, nav_msgs/Odometry in the registry."
 
 
-def test_a_bridge_that_lost_its_name_ends_so_that_a_fresh_one_joins(bridge, bridges, hand, rosmaster):
+def test_a_bridge_that_lost_its_name_ends_for_a_new_one(bridge, bridges, hand, rosmaster):
     with ServerProxy(rosmaster.uri) as master:  # another node of this name, which is gone again at once
         gone = "http://127.0.0.1:9/"
         master.registerPublisher("/fleet_bridge", "/elsewhere", "std_msgs/Empty", gone)
@@ -236,7 +232,7 @@ def test_a_bridge_that_lost_its_name_ends_so_that_a_fresh_one_joins(bridge, brid
     fresh.close()
 
 
-def test_sonars_that_share_a_topic_and_speak_at_once_are_all_heard(ros, bridges, rosmaster, tmp_path):
+def test_sonars_sharing_a_topic_are_all_heard(ros, bridges, rosmaster, tmp_path):
     config = tiago_config(rosmaster, tmp_path)
     sonars = [msgspec.structs.replace(sonar, topic="/sonars") for sonar in config.topics.sonars]
     topics = msgspec.structs.replace(config.topics, sonars=sonars)
@@ -268,7 +264,7 @@ def test_another_publisher_on_the_drive_topic_is_shown(ros, hand):
     assert state.foreign[0].startswith("/test")
 
 
-def test_a_listener_that_does_not_read_is_cut_off_and_holds_nobody_up(ros, hand):
+def test_a_listener_that_does_not_read_is_cut_off(ros, hand):
     with ros.listen("/key_vel", Twist) as twists, ros.listen(ODOMETRY, Odometry) as odometry:
         longest_s = [longest_wait_with_a_deaf_one_s(ros, hand, twists, odometry) for _ in range(3)]
         twists.next()
@@ -350,9 +346,7 @@ class TestMasterGone:
         state = hand.state_until(lambda state: "alias" in state.text, "the advice")
         assert "tiago-nowhere.invalid" in state.text
 
-    def test_a_killed_master_stops_the_robot_and_its_successor_finds_the_bridge(
-        self, master, bridges, tmp_path
-    ):
+    def test_a_killed_master_stops_the_robot_until_it_is_back(self, master, bridges, tmp_path):
         master.start()
         robot = SimulatorProcess(master, tmp_path / "robot.log", "r", pose="2,1.8,0").wait_ready()
         hand = bridges(master).link()

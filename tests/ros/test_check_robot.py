@@ -112,9 +112,7 @@ def test_a_master_whose_name_is_unknown_asks_for_an_alias(robot: Robot, rosmaste
     assert "cannot be resolved" in answers["master"]["text"]
 
 
-def test_nodes_with_an_unknown_name_are_found_and_an_alias_is_the_cure(
-    robot: Robot, fresh_master: Master
-) -> None:
+def test_nodes_with_unknown_names_are_found_and_aliases_help(robot: Robot, fresh_master: Master) -> None:
     environment = {key: value for key, value in fresh_master.environment().items() if key != "ROS_IP"}
     with subprocess.Popen(
         [sys.executable, "-c", NAMED_ROBOT, ODOMETRY],
@@ -173,9 +171,7 @@ def test_a_short_message_of_another_type_spoils_no_other_answer(robot: Robot, ro
     assert answers["master"]["level"] == "ok"
 
 
-def test_a_topic_that_is_there_and_silent_is_told_from_one_that_is_not_there(
-    robot: Robot, ros: RosClient
-) -> None:
+def test_a_silent_topic_differs_from_a_missing_one(robot: Robot, ros: RosClient) -> None:
     with ros.speak(ODOMETRY, Odometry, listeners=0):
         answers = check(robot, ros.master)
     assert "is there, but no message came" in answers["odometry"]["text"]

@@ -116,7 +116,7 @@ def test_velocities_go_to_the_chosen_input_and_back(ros, talk):
         hand.let_go()
 
 
-def test_a_chosen_topic_that_vanishes_is_told_and_on_record_also_while_somebody_looks_at_it(ros, talk):
+def test_a_vanished_chosen_topic_is_reported_and_recorded(ros, talk):
     hand, records = talk
     with ros.listen("/my_vel", Twist):
         choose(hand, "drive", "/my_vel")
@@ -138,7 +138,7 @@ def test_what_the_robot_does_not_have_is_refused(hand):
     assert refused.text == "No node on the robot subscribes to /second_play/goal."
 
 
-def test_a_text_goes_to_the_chosen_voice_which_is_given_up_when_it_vanishes(ros, hand):
+def test_a_text_goes_to_the_chosen_voice_until_it_vanishes(ros, hand):
     goal = message_class("pal_interaction_msgs/TtsActionGoal")
     with ros.listen("/second_tts/cancel", GoalID) as cancels:
         with ros.listen("/second_tts/goal", goal) as goals:
@@ -158,7 +158,7 @@ def offers(hand, condition):
     return hand.until(lambda report: isinstance(report, wire.Offers) and condition(report), "offers")
 
 
-def test_motions_are_offered_in_the_robots_own_words_and_those_of_the_chosen_action(ros, hand):
+def test_motions_are_in_the_robots_words_of_the_chosen_action(ros, hand):
     told = offers(hand, lambda offers: offers.motions)
     wave = next(offer for offer in told.motions if offer.name == "wave")
     assert (wave.title, wave.usage, wave.duration_s) == ("Wave", "demo", 5.5)
@@ -172,9 +172,7 @@ def test_motions_are_offered_in_the_robots_own_words_and_those_of_the_chosen_act
         offers(hand, lambda offers: len(offers.motions) == len(told.motions))
 
 
-def test_an_action_of_another_type_is_told_as_such_though_the_bridge_advertises_its_goals(
-    ros, rosmaster, hand
-):
+def test_an_action_of_another_type_is_reported(ros, rosmaster, hand):
     tts = {part: message_class(f"{TTS}{part}") for part in ("Goal", "Result", "Feedback")}
     with (  # in the order of actionlib's servers
         ros.speak("/third_play/status", GoalStatusArray),
@@ -196,7 +194,7 @@ def test_an_action_of_another_type_is_told_as_such_though_the_bridge_advertises_
         assert {topic.name: topic.type for topic in shown.topics}["/third_play/goal"] == f"{TTS}Goal"
 
 
-def test_what_a_bridge_left_under_way_on_an_action_that_is_not_chosen_is_cancelled(ros, hand):
+def test_an_old_goal_on_an_unchosen_action_is_cancelled(ros, hand):
     left = GoalStatus(goal_id=GoalID(id="fleet_bridge-left"), status=GoalStatus.ACTIVE)
     with (
         ros.listen("/second_play/cancel", GoalID) as cancels,
@@ -226,7 +224,7 @@ def test_a_robot_whose_master_returns_offers_its_motions_again(make_master, simu
         process.stop()
 
 
-def test_whatever_a_hostile_master_answers_choices_are_told_that_nothing_was_connected(monkeypatch):
+def test_a_hostile_master_never_fakes_a_connection(monkeypatch):
     def fails(_name):
         raise ValueError("no answer of a master's")
 

@@ -89,7 +89,7 @@ def test_a_goal_is_reached_and_its_state_told(ros):
     assert tuple(state.joint_names) == HEAD
 
 
-def test_a_goal_beyond_the_limits_ends_at_the_limit_and_is_aborted(ros):
+def test_a_goal_beyond_joint_limits_is_aborted_at_the_limit(ros):
     with (
         ros.listen("/joint_states", JointState) as states,
         following(ros, "head_controller") as (begin, result, _),

@@ -60,7 +60,7 @@ def test_a_large_one_is(text: str) -> None:
     assert parsed(LEVEL, text).fields
 
 
-def test_a_type_that_is_installed_in_another_version_is_read_in_its_publishers_words(tmp_path: Path) -> None:
+def test_a_type_in_another_version_uses_its_publishers_words(tmp_path: Path) -> None:
     newer = told("std_msgs/String", "string data\nstring language\n")
     definition = Definitions(tmp_path).of_connection(newer)
     assert [field.name for field in definition.fields] == ["data", "language"]

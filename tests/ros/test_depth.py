@@ -112,9 +112,7 @@ def test_the_robot_drives_fast_at_a_table_and_stops_at_its_edge(rosmaster, stage
     assert '"contacts": [{' not in "".join(message.data for message in contacts.drain())
 
 
-def test_the_camera_is_listened_to_while_somebody_has_control_and_not_for_onlookers(
-    rosmaster, stage, tmp_path
-):
+def test_the_camera_is_read_only_during_control(rosmaster, stage, tmp_path):
     with bridge(rosmaster, tmp_path, IMAGES) as hand:
         assert not listeners(rosmaster, IMAGES.topic)
         hand.take_control(1)
@@ -128,7 +126,7 @@ def test_the_camera_is_listened_to_while_somebody_has_control_and_not_for_onlook
         assert not listeners(rosmaster, IMAGES.topic)
 
 
-def test_a_head_that_is_turned_away_is_said_and_over_when_it_is_back(ros, rosmaster, stage, tmp_path):
+def test_a_head_turned_away_is_reported_until_it_is_back(ros, rosmaster, stage, tmp_path):
     def turned(radians: float) -> JointTrajectory:
         point = JointTrajectoryPoint(positions=[radians, 0.0])
         point.time_from_start.nsecs = 300_000_000

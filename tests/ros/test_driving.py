@@ -97,7 +97,7 @@ def test_the_mux_speaks_on_the_controllers_own_topic(ros, odometry):
         assert commands.next().linear.x == pytest.approx(0.11)
 
 
-def test_whoever_speaks_on_the_controllers_topic_bypasses_the_mux(ros, odometry):
+def test_any_publisher_on_the_controllers_topic_bypasses_mux(ros, odometry):
     with (
         ros.speak("/emergency_brake", Bool) as brake,
         ros.speak(COMMANDS, Twist) as direct,

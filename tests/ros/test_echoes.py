@@ -96,7 +96,7 @@ def test_a_machine_that_takes_nothing_more_is_waited_for(listen):
     assert echoes.took_s(0.65) == pytest.approx(0.6)
 
 
-def test_who_looks_on_from_elsewhere_is_not_waited_for_but_a_robot_that_is_elsewhere_is(listen):
+def test_remote_viewers_are_not_awaited_remote_robots_are(listen):
     robot, onlooker, echoes = listen(), listen("127.0.0.2"), Acknowledgements("127.0.0.1")
     stalled = []
 

@@ -111,7 +111,7 @@ def test_numbers_that_are_none_place_nothing(numbers):
         frames.place("camera", 1.0, patience_s=0.0)
 
 
-def test_where_a_frame_is_on_the_floor_is_told_as_it_was_told_last(frames):
+def test_a_floor_frames_newest_pose_counts(frames):
     assert frames.flat("odom", "map") is None
     for x in (1.0, 2.0):
         frames.hear(raw(told("map", "odom", 10.0 + x, (x, -3.0, 0.5), yaw=2.5)), fixed=False)
@@ -119,7 +119,7 @@ def test_where_a_frame_is_on_the_floor_is_told_as_it_was_told_last(frames):
     assert frames.flat("odom", "world") is None
 
 
-def test_a_frame_with_numbers_that_are_none_is_nowhere_on_the_floor():
+def test_a_frame_without_finite_numbers_has_no_place():
     frames = Frames("base")
     frames.hear(raw(told("map", "odom", 1.0, (math.nan, 0.0, 0.0))), fixed=False)
     assert frames.flat("odom", "map") is None

@@ -80,7 +80,7 @@ def test_what_lies_behind_ends_at_the_necks_limit_and_is_aborted(ros, look):
     assert joint(ros, "head_1_joint") == pytest.approx(1.309, abs=0.001)
 
 
-def test_the_error_is_told_on_the_way_and_a_cancel_stops_the_head(ros, look):
+def test_errors_are_reported_and_a_cancel_stops_the_head(ros, look):
     look.result(look(2.0, 0.0, 1.2))
     goal = look(1.0, 1.0, 1.2, slowly=True)
     assert look.feedback(goal).pointing_angle_error > 0.5

@@ -36,9 +36,7 @@ def robot(ros, simulator):
     return simulator(pose="7.6,1.2,0", base="generic_omni", seed=1)
 
 
-def test_the_lateral_stick_slides_the_base_and_the_gate_holds_it_off_the_wall_at_its_side(
-    ros, rosmaster, tmp_path
-):
+def test_a_lateral_stick_slides_up_to_the_wall(ros, rosmaster, tmp_path):
     process = BridgeProcess(tiago_config(rosmaster, tmp_path, topics=TOPICS, gate=GATE), rosmaster, tmp_path)
     hand = process.link()
     try:

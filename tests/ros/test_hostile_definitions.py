@@ -44,7 +44,7 @@ def test_what_means_too_much_is_refused_in_words(text, why):
     assert why in refused.value.refusal.text
 
 
-def test_what_means_as_much_as_is_allowed_is_taken_and_told_in_a_line():
+def test_a_large_but_allowed_definition_is_shown_in_a_line():
     constants = "".join(f"uint8 C{number}=1\n" for number in range(100))
     fields = "".join(f"uint8[10000] f{number}\n" for number in range(400))
     definition = parsed("e/T", constants + fields)

@@ -64,7 +64,7 @@ def test_what_is_no_master_is_an_error_of_the_masters(answer):
 
 
 @pytest.mark.parametrize("shape", [5, "x", [], [[["/scan"]], [], []], [[["/scan", "/base"]], [], []]])
-def test_a_robots_topics_in_another_shape_are_an_error_of_the_masters(shape):
+def test_misshapen_topics_are_an_error_of_the_master(shape):
     with answering(answer_of(shape)) as uri:
         for ask in (Master.system_state, partial(graph, seq=1)):
             with pytest.raises(MasterError, match="No ROS master"):
@@ -108,7 +108,7 @@ def dripping(parts: Iterable[bytes], pause_s: float) -> Iterator[tuple[str, queu
             thread.join()
 
 
-def test_a_master_that_drips_its_answer_does_not_answer_and_is_listened_to_no_longer(monkeypatch):
+def test_a_master_that_answers_in_drips_is_given_up(monkeypatch):
     monkeypatch.setattr(master, "WHOLE_S", 0.5)
     with dripping(itertools.repeat(b" "), 0.02) as (uri, heard):
         with pytest.raises(MasterError, match="does not answer"):
@@ -116,7 +116,7 @@ def test_a_master_that_drips_its_answer_does_not_answer_and_is_listened_to_no_lo
         assert 0.5 < heard.get(timeout=10) < 5.0
 
 
-def test_an_answer_that_comes_slowly_and_steadily_is_heard_to_its_end():
+def test_a_slow_but_steady_answer_is_read_to_its_end():
     answer = answer_of("a long one")
     parts = [answer[at : at + 20] for at in range(0, len(answer), 20)]
     with dripping(parts, 1.2 * TIMEOUT_S / len(parts)) as (uri, _):
@@ -133,13 +133,13 @@ def test_a_header_that_is_cut_short_is_an_error_in_words(header):
 
 
 @pytest.mark.parametrize("where", [7, "x", [], ["TCPROS"], ["TCPROS", 5, 5], ["TCPROS", "here", "x"]])
-def test_a_publisher_that_tells_its_address_in_another_shape_is_one_that_cannot_be_heard(where):
+def test_a_publisher_with_a_bad_address_cannot_be_heard(where):
     with answering(answer_of(where)) as uri:
         heard = first_told(Conversation.read_header, "/scan", {"/base": uri}, "/test")
     assert heard == (None, {"/base": "does not offer TCPROS"})
 
 
-def test_a_connection_on_which_nothing_can_be_said_is_closed_though_nobody_has_it(monkeypatch):
+def test_an_unusable_connection_without_owner_is_closed(monkeypatch):
     def fails(*_message) -> None:
         raise TimeoutError("timed out")
 
@@ -153,7 +153,7 @@ def test_a_connection_on_which_nothing_can_be_said_is_closed_though_nobody_has_i
             assert connection.recv(1) == b"", caught  # which still holds whatever was not closed
 
 
-def test_what_is_asked_for_without_pause_is_done_at_once_and_once_more_when_it_may_be_again():
+def test_repeated_requests_run_now_and_once_more_later():
     done: queue.SimpleQueue[float] = queue.SimpleQueue()
     seldom = RateLimit(lambda: done.put(time.monotonic()), 0.5)
     began_s = time.monotonic()
@@ -164,7 +164,7 @@ def test_what_is_asked_for_without_pause_is_done_at_once_and_once_more_when_it_m
     assert done.empty()
 
 
-def test_a_node_that_comes_and_goes_has_the_robots_motions_read_no_faster(monkeypatch):
+def test_a_flapping_node_does_not_speed_up_motion_reading(monkeypatch):
     monkeypatch.setattr(node, "JOINED_GAP_S", 0.5)
     base = RosBase(CONFIG)
     readings: queue.SimpleQueue[float] = queue.SimpleQueue()
@@ -176,7 +176,7 @@ def test_a_node_that_comes_and_goes_has_the_robots_motions_read_no_faster(monkey
     assert readings.get(timeout=10) - began_s >= 0.5
 
 
-def test_a_name_for_which_no_name_server_answers_holds_up_no_survey_of_the_robot(monkeypatch):
+def test_a_silent_name_server_delays_no_survey(monkeypatch):
     asked, over = threading.Event(), threading.Event()
 
     def hangs(*_name):

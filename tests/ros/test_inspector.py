@@ -247,7 +247,7 @@ def test_a_message_is_shown_with_its_figures(inspector):
     assert shown.bytes == 16 + 4 + 48
 
 
-def test_a_type_that_is_not_installed_is_shown_by_its_publishers_definition(inspector):
+def test_a_missing_type_is_shown_by_its_publishers_definition(inspector):
     weather = generated(UNKNOWN, UNKNOWN_TEXT)
     message = weather(sky=1, hourly=[0.1, float("nan"), float("-inf")])
     message.stations[1].name = "Gràcia"
@@ -268,7 +268,7 @@ def test_a_type_that_is_not_installed_is_shown_by_its_publishers_definition(insp
     assert inspector.ask(wire.Describe(UNKNOWN)).md5 == weather._md5sum
 
 
-def test_a_definition_that_is_not_the_one_of_its_md5_sum_is_not_believed(inspector):
+def test_a_definition_with_a_wrong_md5_sum_is_refused(inspector):
     honest = generated("fleet_test_msgs/Level", "float64 level\n")
     liar = type("Liar", (honest,), {"_full_text": "int64 level\n"})
     with talking("/look/liar", liar(1.0)):
@@ -325,7 +325,7 @@ def test_a_message_of_many_long_texts_is_cut_until_it_fits(inspector):
     assert shown.shortened == {"name": 32, "position": 32}
 
 
-def test_messages_are_shown_at_the_pace_that_is_wanted_and_the_newest_wins(inspector):
+def test_messages_come_at_the_wanted_rate_newest_first(inspector):
     with talking("/look/fast", Empty(), 100.0):
         inspector.look(**{"look/fast": 4.0})
         first = inspector.shown("/look/fast", lambda s: s.rate_hz and s.rate_hz > 50)
@@ -337,7 +337,7 @@ def test_messages_are_shown_at_the_pace_that_is_wanted_and_the_newest_wins(inspe
     assert all(gap > 5 for gap in gaps)
 
 
-def test_a_topic_that_vanishes_is_told_and_one_that_returns_is_shown_again(inspector):
+def test_a_vanished_topic_is_reported_and_shown_on_return(inspector):
     inspector.look(**{"look/brief": 10.0})
     assert inspector.shown("/look/brief").refusal.code == "no_publisher"
     with talking("/look/brief", String("here")):
@@ -357,7 +357,7 @@ def test_a_topic_that_changes_its_type_is_shown_with_the_new_one(inspector):
     assert shown.fields == {"data": True}
 
 
-def test_the_only_message_of_a_topic_is_shown_again_for_who_looks_later(inspector):
+def test_a_topics_only_message_is_shown_to_later_readers(inspector):
     publisher = rospy.Publisher("/look/once", String, queue_size=1, latch=True)
     publisher.publish("for long")
     try:
@@ -412,7 +412,7 @@ def test_every_message_is_counted_also_of_many_that_come_at_once(inspector):
     assert last.number == 500
 
 
-def test_a_topic_on_which_nothing_has_come_yet_has_its_publishers_type(inspector):
+def test_a_silent_topic_has_its_publishers_type(inspector):
     publisher = rospy.Publisher("/look/never", Float64, queue_size=1)
     try:
         inspector.look(**{"look/never": 10.0})
@@ -423,7 +423,7 @@ def test_a_topic_on_which_nothing_has_come_yet_has_its_publishers_type(inspector
     assert (shown.number, shown.rate_hz, shown.since_s) == (0, None, None)
 
 
-def test_publishers_who_do_not_agree_on_the_type_are_told_and_each_is_shown(inspector, rosmaster):
+def test_disagreeing_publishers_are_reported_and_shown(inspector, rosmaster):
     other = (
         "import robots.bridge.ros, rospy; from std_msgs.msg import Bool;"
         "rospy.init_node('other', disable_signals=True);"
@@ -452,7 +452,7 @@ def test_nothing_is_subscribed_while_nobody_looks(inspector, rosmaster):
 # --- questions ------------------------------------------------------------------------------------------
 
 
-def test_the_graph_tells_topics_with_types_and_nodes_and_no_inspector(inspector):
+def test_the_graph_has_topics_types_nodes_but_no_inspector(inspector):
     with talking("/ask/pose", PoseStamped()):
         inspector.look(**{"ask/pose": 1.0, "ask/nobody": 1.0})
         inspector.shown("/ask/pose", lambda s: s.number)
@@ -519,7 +519,7 @@ def test_parameters_are_listed_and_read(inspector):
     assert inspector.ask(wire.GetParameter("/kitchen/cellar")).refusal.code == "no_parameter"
 
 
-def test_a_parameter_that_is_too_large_is_refused_and_a_long_text_in_it_cut(inspector):
+def test_a_large_parameter_is_refused_a_long_text_cut(inspector):
     rospy.set_param("/large/text", "x" * 100_000)
     rospy.set_param("/larger", list(range(20_000)))
     assert inspector.ask(wire.GetParameter("/large")).value["text"].endswith("x… (100000 characters)")
@@ -543,7 +543,7 @@ def test_a_parameter_is_set_only_from_the_allow_list(inspector):
         ({"light": 1, "robot_description": "<robot/>"}, 5),  # which would be lost
     ],
 )
-def test_no_branch_is_set_or_overwritten_that_holds_what_no_allow_list_admits(inspector, before, value):
+def test_no_parameter_branch_with_forbidden_names_is_set(inspector, before, value):
     rospy.set_param("/hall", before)
     assert inspector.ask(wire.SetParameter("/hall", value)).refusal.code == "not_allowed"
     assert rospy.get_param("/hall") == before
@@ -551,7 +551,7 @@ def test_no_branch_is_set_or_overwritten_that_holds_what_no_allow_list_admits(in
     assert inspector.ask(wire.SetParameter("/hall", {"light": 3})).value == {"light": 3}
 
 
-def test_no_parameter_is_set_while_it_is_not_known_what_would_be_lost(inspector, rosmaster, tmp_path):
+def test_no_parameter_is_set_while_its_old_value_is_unknown(inspector, rosmaster, tmp_path):
     inspector.ask(wire.SetParameter("/greeting", "before"))
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     with meddled(rosmaster) as master:
@@ -562,7 +562,7 @@ def test_no_parameter_is_set_while_it_is_not_known_what_would_be_lost(inspector,
     assert rospy.get_param("/greeting") == "before"
 
 
-def test_a_service_is_called_as_the_type_that_the_allow_list_names(inspector):
+def test_a_service_is_called_with_the_allow_lists_type(inspector):
     """What took its name since, is another service."""
     with serving("/lamp", Trigger, lambda _: TriggerResponse(True, "")):
         refusal = inspector.ask(wire.CallService("/lamp")).refusal
@@ -571,7 +571,7 @@ def test_a_service_is_called_as_the_type_that_the_allow_list_names(inspector):
         assert inspector.ask(wire.CallService("/untyped")).refusal.code == "not_allowed"
 
 
-def test_a_service_is_described_and_called_from_the_allow_list_only(inspector):
+def test_a_service_is_described_and_called_by_allow_list(inspector):
     with serving(
         "/lamp", SetBool, lambda request: SetBoolResponse(request.data, "on" if request.data else "off")
     ):
@@ -602,7 +602,7 @@ def order(topic: str, type_name: str, fields: dict[str, Any], rate_hz: float = 0
     return wire.Publish(1, topic, type_name, fields, rate_hz)
 
 
-def test_a_single_message_reaches_who_listens_then_the_topic_is_silent(inspector, ros):
+def test_a_single_message_reaches_listeners_then_silence(inspector, ros):
     with ros.listen("/notes", String) as notes:
         note = order("/notes", "std_msgs/String", {"data": "Grüß Gott"})
         assert inspector.done(lambda number: Check(number, note)) is None
@@ -613,7 +613,7 @@ def test_a_single_message_reaches_who_listens_then_the_topic_is_silent(inspector
         assert notes.drain() == []
 
 
-def test_a_nested_message_is_published_at_a_rate_until_it_is_told_to_stop(inspector, ros):
+def test_a_nested_message_is_published_at_a_rate_until_stop(inspector, ros):
     fields = {"pose.position": {"x": 1.5}, "pose.orientation.w": 1, "header": {"frame_id": "map"}}
     goal = order("/visit_pose", "geometry_msgs/PoseStamped", fields, 20.0)
     with ros.listen("/visit_pose", PoseStamped) as goals:
@@ -634,7 +634,7 @@ def test_fields_that_do_not_fit_are_refused_with_their_path(inspector):
     assert (refusal.code, refusal.figures) == ("bad_field", {"path": "pose.position.x"})
 
 
-def test_a_type_that_only_a_publisher_knows_is_published_in_its_words(inspector, ros):
+def test_a_type_known_only_to_a_publisher_is_published(inspector, ros):
     weather = generated(UNKNOWN, UNKNOWN_TEXT)
     told = order("/weather", UNKNOWN, {"sky": "RAIN", "stations": [{"name": "a"}, {"place": {"z": 3}}]})
     with ros.listen("/weather", weather) as heard, talking("/weather", weather(), 1.0):
@@ -645,7 +645,7 @@ def test_a_type_that_only_a_publisher_knows_is_published_in_its_words(inspector,
 
 
 @pytest.mark.parametrize("topic", ["/diary", "/lab/joy"])
-def test_what_the_allow_list_has_not_or_must_not_have_is_not_even_checked(inspector, topic):
+def test_unlisted_or_forbidden_topics_are_not_even_checked(inspector, topic):
     other = order(topic, "std_msgs/String", {})
     assert inspector.done(lambda number: Check(number, other)).code == "not_allowed"
 

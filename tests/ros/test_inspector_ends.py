@@ -73,7 +73,7 @@ def heard(inspector: InspectorProcess, notes: Inbox) -> str:
     return str(until(attempt, "a note"))
 
 
-def test_a_message_that_waits_for_its_listeners_is_not_sent_after_a_halt(inspector, ros, ghost):
+def test_a_message_waiting_for_listeners_is_dropped_at_a_halt(inspector, ros, ghost):
     checked(inspector, note("before"))
     with ros.listen(NOTES, String) as notes:
         inspector.send(note("before"))
@@ -96,7 +96,7 @@ def test_a_halt_ends_what_is_published_at_a_rate(inspector, ros):
             notes.next(0.3)
 
 
-def test_who_reads_nothing_is_cut_off_and_holds_up_neither_the_others_nor_a_halt(inspector, rosmaster, ros):
+def test_a_reader_of_nothing_is_cut_off(inspector, rosmaster, ros):
     large = note("x" * 100_000, 20.0)
     checked(inspector, large)
     with ros.listen(NOTES, String) as notes:
@@ -140,7 +140,7 @@ def test_what_nobody_waits_for_any_more_is_not_carried_out(inspector):
         assert len(calls) == 1
 
 
-def test_a_call_for_which_it_gets_too_late_on_the_way_is_not_sent(rosmaster, ros, tmp_path, monkeypatch):
+def test_a_call_that_became_too_late_is_not_sent(rosmaster, ros, tmp_path, monkeypatch):
     said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     inspector = answers.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), said.put)
     find, calls = answers.services.find, []
@@ -163,7 +163,7 @@ def _too_late() -> None:
     raise answers.TooLate
 
 
-def test_an_answer_that_is_longer_than_a_line_may_be_is_refused_in_words(rosmaster, tmp_path, monkeypatch):
+def test_an_answer_with_a_too_long_line_is_refused(rosmaster, tmp_path, monkeypatch):
     said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     inspector = answers.Inspector(tiago_config(rosmaster, tmp_path), said.put)
     monkeypatch.setattr(answers, "LARGEST_ANSWER", 100)

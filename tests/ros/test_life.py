@@ -91,7 +91,7 @@ def test_it_comes_back_to_a_restarted_master(make_master, simulator):
     )
 
 
-def test_it_comes_back_whole_to_a_master_that_answers_half_at_first(make_master, simulator):
+def test_it_rejoins_whole_after_a_half_answering_master(make_master, simulator):
     real = make_master()
     with meddled(real) as master:
         robot = simulator(master=master)

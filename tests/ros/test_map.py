@@ -47,7 +47,7 @@ def opacity(told: TakenMap | RobotMap, x: float, y: float) -> int:
 
 
 @pytest.mark.django_db(transaction=True)
-def test_the_simulated_map_reaches_the_table_and_lies_where_walls_are(rosmaster, robot):
+def test_the_simulated_map_is_stored_with_its_walls(rosmaster, robot):
     taken = take(MapWanted(rosmaster.uri, MAP))
     assert isinstance(taken, TakenMap)
     sink = AuditSink(robot.pk, robot.name)
@@ -65,7 +65,7 @@ def hears_tf(master):
     return [BRIDGE in subscribers.get(topic, []) for topic in ("/tf", "/tf_static")] == [True, True]
 
 
-def test_where_the_odometry_is_on_the_map_is_known_without_a_depth_camera(ros):
+def test_the_map_pose_is_known_without_a_depth_camera(ros):
     tf = TfTopics()
     costly = OnDemandTopics(RosWorker("topics"), tf)
     costly.look(True)
@@ -94,7 +94,7 @@ def test_a_bridge_takes_the_map_once_somebody_has_control(rosmaster, tmp_path):
         bridge.stop()
 
 
-def test_the_simulated_robot_believes_to_be_where_it_is_within_a_few_centimetres(ros, simulated):
+def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):
     with ros.listen("/tf", TFMessage) as tf, ros.speak("/ground_truth/teleport", Pose2D) as teleport:
 
         def believed():
@@ -122,7 +122,7 @@ def test_where_there_is_no_map_it_says_why(rosmaster, topic, why):
     assert why in found.why
 
 
-def test_a_map_that_makes_no_sense_and_one_that_never_comes_are_refused(ros, rosmaster, monkeypatch):
+def test_a_bad_map_and_a_missing_map_are_refused(ros, rosmaster, monkeypatch):
     monkeypatch.setattr("robots.bridge.ros.sensors.map.MESSAGE_S", 0.5)
     wanted = MapWanted(rosmaster.uri, Topic("/hostile_map", MAP.type))
     hostile = rospy.Publisher("/hostile_map", OccupancyGrid, queue_size=1, latch=True)

@@ -177,7 +177,7 @@ def reads(rosmaster):
     return read
 
 
-def test_a_long_list_of_motions_is_offered_whole_with_its_durations(reads):
+def test_a_long_list_of_motions_is_offered_with_durations(reads):
     kind = service_class("play_motion_msgs/ListMotions")
     info = message_class("play_motion_msgs/MotionInfo")
     motions = [info(f"m{number:03}", ["arm"], rospy.Duration(number, 500_000_000)) for number in range(200)]
@@ -228,7 +228,7 @@ def test_an_action_that_hangs_is_let_go_of(reads, rosmaster):
         assert connections.empty()
 
 
-def test_a_topic_that_is_just_being_left_hides_no_cancel_behind_it(ros, rosmaster):
+def test_leaving_a_topic_hides_no_cancel(ros, rosmaster):
     base = RosBase(CONFIG)
     base._motions = motion_topics(["/left_play", "/kept_play"], rosmaster.uri)
     tts = Topic("/left_tts", "pal_interaction_msgs/TtsAction")

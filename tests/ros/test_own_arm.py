@@ -81,7 +81,7 @@ class Robot:
 
 
 @pytest.mark.parametrize("description", [WHOLE, without_hand()], ids=["whole", "without hand"])
-def test_an_arm_that_was_out_goes_home_again_and_the_robot_drives(monkeypatch, description):
+def test_an_arm_goes_home_again_and_the_robot_drives(monkeypatch, description):
     """The robot said "depth, remembered, 0.08 m ahead" and refused `home` and driving for good."""
     robot = Robot(monkeypatch, description)
     robot.stay(0.2)

@@ -188,7 +188,7 @@ def test_who_may_cancels_it_by_its_goal(ros, rosmaster, tmp_path):
         until(lambda: records()[-1] == "motion.end cancelled", "its end on record")
 
 
-def test_a_motion_that_a_killed_bridge_left_is_cancelled_by_the_next(ros, rosmaster, tmp_path):
+def test_the_next_bridge_cancels_a_killed_bridges_motion(ros, rosmaster, tmp_path):
     result = message_class("play_motion_msgs/PlayMotionActionResult")
     with at(ros, IN_THE_OPEN), ros.listen("/play_motion/result", result) as results:
         ros.connected(results)
@@ -204,9 +204,7 @@ def test_a_motion_that_a_killed_bridge_left_is_cancelled_by_the_next(ros, rosmas
             assert perform(hand, "close").outcome == "succeeded"
 
 
-def test_a_motion_that_was_recorded_anew_is_judged_by_its_new_points_and_the_list_is_read_again(
-    ros, rosmaster, tmp_path
-):
+def test_a_changed_motion_is_judged_by_its_new_points(ros, rosmaster, tmp_path):
     opens, reaches_out = (rospy.get_param(f"/play_motion/motions/{name}") for name in ("open", "offer"))
     with at(ros, BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, records):
         rospy.set_param("/play_motion/motions/open", {**reaches_out, "meta": {"name": "Anew"}})
@@ -234,7 +232,7 @@ def test_a_motion_that_was_recorded_anew_is_judged_by_its_new_points_and_the_lis
         ]
 
 
-def test_the_list_is_read_again_by_itself_when_the_robots_motions_begin_anew(ros, rosmaster, tmp_path):
+def test_the_list_is_read_again_when_motions_restart(ros, rosmaster, tmp_path):
     told = rospy.get_param("/play_motion/motions/open")
     with bridge(rosmaster, tmp_path) as (hand, _):
         rospy.set_param("/play_motion/motions/open", {**told, "meta": {"name": "Anew"}})

@@ -106,7 +106,7 @@ def test_every_code_of_the_definition_has_words():
     assert names - {"SUCCEEDED"} == set(ERRORS)
 
 
-def test_a_goal_has_the_name_as_the_robot_spells_it_and_planning_is_never_skipped(motions):
+def test_a_goal_keeps_the_robots_spelling_and_its_planning(motions):
     with action() as goals:
         motions.play("two", ODD_NAME, ACTION)
         goal = goals.get(timeout=PATIENCE_S)
@@ -114,7 +114,7 @@ def test_a_goal_has_the_name_as_the_robot_spells_it_and_planning_is_never_skippe
     assert goal.goal.skip_planning is False
 
 
-def test_a_master_that_does_not_answer_takes_no_motion_from_the_list(ros, rosmaster, heard):
+def test_a_silent_master_removes_no_motion_from_the_list(ros, rosmaster, heard):
     rospy.set_param(f"{ACTION}/motions", {"nod": {"joints": ["a"], "points": [{"positions": [0.5]}]}})
     with meddled(rosmaster) as master:
         topics = heard.topics(master.uri)
@@ -133,7 +133,7 @@ def test_a_master_that_does_not_answer_takes_no_motion_from_the_list(ros, rosmas
             topics.close()
 
 
-def test_odd_names_are_listed_as_the_robot_spells_them_and_their_points_are_found(motions, heard):
+def test_odd_names_keep_the_robots_spelling_and_points(motions, heard):
     kind, info = service_class("play_motion_msgs/ListMotions"), message_class("play_motion_msgs/MotionInfo")
     told = {
         "joints": ["a"],
@@ -157,7 +157,7 @@ def test_odd_names_are_listed_as_the_robot_spells_them_and_their_points_are_foun
         rospy.delete_param(f"{ACTION}/motions")
 
 
-def test_the_list_is_to_be_read_when_somebody_begins_to_take_goals(motions, heard):
+def test_the_list_is_read_when_an_action_server_appears(motions, heard):
     with action():
         heard.joined.get(timeout=PATIENCE_S)
     with action():

@@ -77,7 +77,7 @@ def test_two_nodes_that_tell_of_some_joints_each_are_both_heard(arm):
     assert arm.told[-1] == AT_HOME
 
 
-def test_a_posture_is_told_ten_times_a_second_however_often_joints_are(arm):
+def test_a_posture_is_sent_ten_times_a_second(arm):
     for _ in range(100):
         arm.after(0.01, shoulder=0.0, elbow=2.5)
     assert 9 <= len(arm.told) <= 11
@@ -93,7 +93,7 @@ def test_a_joint_that_is_nowhere_leaves_the_arm_unknown(arm, position, described
     assert arm.topics.sweep(wave, arm.now_s) == ((0.0, 0.0, ARM.reach_m),)
 
 
-def test_a_motion_that_ended_as_it_should_leaves_the_arm_where_the_table_says(arm):
+def test_a_finished_motion_leaves_the_arm_as_its_table_says(arm):
     arm.begun("a", "offer")
     assert arm.after(shoulder=1.0, elbow=0.0) == NOWHERE
     arm.ended("a")
@@ -121,7 +121,7 @@ def test_what_is_seen_while_the_arm_moves_may_be_the_arm(arm):
     assert resting == [None] * 5
 
 
-def test_a_gripper_of_which_no_joint_is_told_leaves_the_arm_where_it_is(arm):
+def test_an_unreported_gripper_joint_does_not_move_the_arm(arm):
     finger = """<joint name="grip" type="prismatic"><parent link="hand"/><child link="finger"/>
       <origin xyz="0.1 0 0"/><axis xyz="0 1 0"/></joint></robot>"""
     arm.topics.describe(DESCRIPTION.replace("</robot>", finger))
@@ -139,7 +139,7 @@ TIAGO = ArmSource(
 
 
 @pytest.mark.parametrize("lacks_hand", [True, False])
-def test_the_hand_is_part_of_the_arm_also_where_the_description_lacks_it(arm, lacks_hand):
+def test_the_hand_belongs_to_the_arm_without_description(arm, lacks_hand):
     """After `wave` the hand that nobody knew of was an obstacle for good."""
     whole = urdf(BODIES["tiago"], "tiago-1")
     hand = ElementTree.fromstring(whole)  # noqa: S314 - our own
@@ -170,7 +170,7 @@ def test_of_an_arm_of_a_thousand_links_some_are_looked_at(arm):
     assert arm.after(shoulder=0.0, elbow=0.0).discs
 
 
-def test_the_end_of_an_older_goal_tells_nothing_of_where_the_newest_leaves_the_arm(arm):
+def test_an_old_goals_end_does_not_place_the_arm(arm):
     arm.begun("a", "offer")
     arm.begun("b", "wave")
     arm.ended("a")

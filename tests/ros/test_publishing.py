@@ -41,7 +41,7 @@ class Connected(rospy.SubscribeListener):
 @pytest.mark.parametrize(
     ("node", "told"), [("/lab", 1), ("/first", 1), ("/fleet_bridge", 0), ("/fleet_inspector_lab_1", 0)]
 )
-def test_who_begins_to_listen_is_told_of_but_for_the_consoles_own_nodes(ros, node, told):
+def test_new_listeners_are_reported_except_own_nodes(ros, node, told):
     joined, connected = [], Connected()
     sender = Sender(f"/sent_{next(_numbers)}", String, lambda: joined.append(True))
     sender.publisher.impl.add_subscriber_listener(connected)
@@ -66,9 +66,7 @@ def test_a_message_reaches_each_who_begins_to_listen_in_time(ros, sender):
 
 
 @pytest.mark.parametrize("lost", ["late", "withdrawn", "heard"])
-def test_what_is_late_or_withdrawn_or_heard_by_others_is_not_sent_to_who_comes(
-    ros, sender, lost, monkeypatch
-):
+def test_late_withdrawn_or_foreign_messages_are_not_sent(ros, sender, lost, monkeypatch):
     if lost == "late":
         monkeypatch.setattr(publishing, "PATIENCE_S", 0.0)
     if lost == "heard":

@@ -109,9 +109,7 @@ def test_a_bridge_that_is_killed_comes_back(supervisor: Supervisor, there: Robot
     supervisor.bridge_of(there, not_pid=first.pid)
 
 
-def test_a_watchdog_stands_beside_each_bridge_and_comes_back_when_it_is_killed(
-    supervisor: Supervisor, there: Robot, away: Robot
-) -> None:
+def test_a_watchdog_runs_per_bridge_and_comes_back(supervisor: Supervisor, there: Robot, away: Robot) -> None:
     supervisor.bridge_of(there)
     first = {robot: supervisor.watchdog_of(robot) for robot in (there, away)}
     first[there].kill()

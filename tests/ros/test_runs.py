@@ -11,7 +11,7 @@ from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 ODOMETRY = "/mobile_base_controller/odom"
 
 
-def test_each_connection_and_each_run_of_the_master_is_a_run_of_its_own():
+def test_each_connection_and_master_run_counts_separately():
     runs, first, second = RunMonitor(), {"callerid": "/base"}, {"callerid": "/base"}
     numbers = [runs.of(first), runs.of(first), runs.of(second)]
     runs.begin()
@@ -19,9 +19,7 @@ def test_each_connection_and_each_run_of_the_master_is_a_run_of_its_own():
     assert numbers == [1, 1, 2, 3, 3, 3], "two that publish in turn are no new ones each time"
 
 
-def test_in_mid_drive_another_publisher_stops_the_robot_until_the_stick_was_in_the_middle(
-    ros, rosmaster, simulator, tmp_path
-):
+def test_a_rival_publisher_stops_the_robot_until_neutral(ros, rosmaster, simulator, tmp_path):
     simulator(pose="2,1.8,0", seed=1, drift=0)
     process = BridgeProcess(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path)
     hand = process.link()

@@ -134,7 +134,7 @@ def test_depth_is_sent_while_somebody_looks(ros):
     assert 0.3 <= np.nanmin(depth) < np.nanmax(depth) <= 8.0
 
 
-def test_colour_is_sent_while_somebody_looks_if_the_machine_can_draw(ros, robot):
+def test_colour_is_sent_to_readers_if_it_can_be_drawn(ros, robot):
     with ros.listen("/xtion/rgb/image_raw/compressed", CompressedImage) as images:
         blind = "no colour camera on this machine"
         arrived: list[CompressedImage] = []

@@ -150,7 +150,7 @@ def end_of(hand, number):
 
 
 class TestPalsVoice:
-    def test_a_sentence_is_said_with_its_words_marked_and_is_on_record(self, talk):
+    def test_a_text_is_said_with_word_marks_and_recorded(self, talk):
         hand, records = talk
         said = word_of(hand, "hola a todos", "es")
         assert (said.who, said.topic, said.status) == ("Ann", "/tts", "speaking")
@@ -221,7 +221,7 @@ def test_a_text_that_is_repeated_where_it_went_gets_there(ros, rosmaster, tmp_pa
         assert heard.next().data == "once more"
 
 
-def test_a_robot_with_sound_play_says_it_and_the_stop_silences_it(ros, rosmaster, tmp_path):
+def test_sound_play_says_a_text_and_the_stop_silences_it(ros, rosmaster, tmp_path):
     kind = message_class("sound_play/SoundRequest")
     with (
         ros.listen("/robotsound", kind) as heard,

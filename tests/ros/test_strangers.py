@@ -75,7 +75,7 @@ SAID = {
 
 
 @pytest.mark.parametrize("attack", SAID, ids=lambda attack: attack.__name__)
-def test_a_stranger_neither_ends_nor_fills_the_bridge_and_a_stop_holds(
+def test_a_stranger_neither_ends_nor_fills_the_bridge(
     attacked, attack: Callable, request: pytest.FixtureRequest
 ):
     hand, before = attacked.hand, memory(attacked.bridge)
@@ -90,7 +90,7 @@ def test_a_stranger_neither_ends_nor_fills_the_bridge_and_a_stop_holds(
     hand.state_until(lambda state: state.stop.state == "clear" and drivable(state), "a robot to be driven")
 
 
-def test_new_frames_without_end_neither_fill_the_bridge_nor_stop_the_driver(attacked):
+def test_endless_frames_neither_fill_nor_stop_the_bridge(attacked):
     hand = attacked.hand
     hand.take_control(fence=10)
     before = memory(attacked.bridge)
@@ -106,7 +106,7 @@ def test_new_frames_without_end_neither_fill_the_bridge_nor_stop_the_driver(atta
     hand.send(wire.Revoke(10, "the test is over"))
 
 
-def test_a_publisher_that_was_cut_off_is_heard_again_once_it_is_as_it_should_be(attacked):
+def test_a_cut_off_publisher_is_heard_again_once_it_behaves(attacked):
     """The stranger's laser sends what none may, and after a while a battery's level as it should be."""
     hand, levels = attacked.hand, iter([b"\xff" * 4, *[strangers.framed(b"\0\0\x28\x42")] * 1000])
     with strangers.Node(attacked.master.uri, "/mended") as node:
@@ -117,7 +117,7 @@ def test_a_publisher_that_was_cut_off_is_heard_again_once_it_is_as_it_should_be(
         hand.state_until(lambda state: state.battery_percent == 42.0, "its level")
 
 
-def test_a_bridge_without_memory_ends_and_leaves_the_robot_at_zero(attacked):
+def test_a_bridge_out_of_memory_leaves_the_robot_at_zero(attacked):
     """Last: it ends. Its ceiling is brought down to what it has, then a laser sends the largest scans there may be."""
     bridge, hand = attacked.bridge, attacked.hand
     hand.take_control(fence=20)

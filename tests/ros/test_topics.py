@@ -110,7 +110,7 @@ def falls_silent(inbox: Inbox) -> None:
             inbox.next(0.3)
 
 
-def test_a_robots_topics_are_listed_and_shown_over_every_link_that_looks(bridge, hand):
+def test_topics_are_listed_and_shown_on_every_link(bridge, hand):
     assert ODOMETRY in {row.name for row in ask(hand, wire.ListTopics()).topics}
     other = bridge.link()
     for link in (hand, other):
@@ -120,7 +120,7 @@ def test_a_robots_topics_are_listed_and_shown_over_every_link_that_looks(bridge,
     other.close()
 
 
-def test_the_holder_publishes_what_the_allow_list_has_and_it_is_on_record(bridge, holder, ros):
+def test_the_holder_publishes_by_allow_list_on_record(bridge, holder, ros):
     fence = holder.fence
     with ros.listen("/notes", String) as notes, ros.listen("/visit_pose", PoseStamped) as poses:
         note = wire.Publish(fence, "/notes", "std_msgs/String", {"data": "hello"}, seq=101)
@@ -140,7 +140,7 @@ def test_the_holder_publishes_what_the_allow_list_has_and_it_is_on_record(bridge
         holder.state_until(lambda state: not state.publishing, "its end")
 
 
-def test_what_may_not_be_published_is_refused_before_it_is_on_record(bridge, holder):
+def test_forbidden_messages_are_refused_before_recording(bridge, holder):
     fence = holder.fence
     before = bridge.records.read_text()
     bad = wire.Publish(fence, "/notes", "std_msgs/String", {"data": 5}, seq=111)
@@ -170,7 +170,7 @@ def test_an_emergency_stop_ends_what_is_published(bridge, holder, ros):
     holder.until(lambda report: isinstance(report, wire.Stopped) and report.seq == 123, "a clear")
 
 
-def test_an_inspector_that_dies_is_replaced_and_what_it_published_does_not_begin_again(bridge, holder, ros):
+def test_a_dead_inspector_is_replaced_without_publishing(bridge, holder, ros):
     with ros.listen("/notes", String) as notes:
         order = wire.Publish(holder.fence, "/notes", "std_msgs/String", {"data": "on"}, 50.0, seq=131)
         holder.send(wire.LinkSubscribe({ODOMETRY: 10.0}))

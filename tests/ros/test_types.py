@@ -86,7 +86,7 @@ def ask(var: Path) -> subprocess.Popen[str]:
     )
 
 
-def test_processes_that_start_together_agree_and_later_ones_are_fast(tmp_path):
+def test_parallel_starts_agree_and_later_ones_are_fast(tmp_path):
     together = [ask(tmp_path) for _ in range(3)]
     for process in together:
         process.communicate(timeout=60)

@@ -36,7 +36,7 @@ class Part:
         self.forgot += 1
 
 
-def test_what_was_subscribed_before_something_broke_is_left_with_control_and_all_is_tried_again_with_the_next():
+def test_old_subscriptions_end_with_control_and_are_retried():
     first, second = Part(), Part(broken=True)
     costly = OnDemandTopics(AtOnce(), first, second)
     costly.look(True)

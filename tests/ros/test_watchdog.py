@@ -143,7 +143,7 @@ def uri_of(master: Master, node: str) -> str:
     return rosgraph.Master("/test", master.uri).lookupNode(node)
 
 
-def test_a_stop_is_heard_by_the_watchdog_latched_by_the_bridge_and_cleared_by_it(
+def test_a_stop_is_latched_and_cleared_in_watchdog_and_bridge(
     hand: Hand, watchdog: WatchdogProcess, zeros: Zeros
 ) -> None:
     answer = watchdog.press("Ann", "smoke")
@@ -179,9 +179,7 @@ def test_another_robots_stop_is_refused(watchdog: WatchdogProcess, config: Bridg
     assert isinstance(watchdog.press(robot=uuid.UUID(config.robot_id)), wire.Stopped)
 
 
-def test_a_stop_holds_when_its_bridge_is_killed_and_the_next_bridge_begins_stopped(
-    hand: Hand, bridge: BridgeProcess, start, zeros: Zeros
-) -> None:
+def test_a_stop_survives_its_killed_bridge(hand: Hand, bridge: BridgeProcess, start, zeros: Zeros) -> None:
     hand.send(wire.LinkStop("Ann", "smoke", 5))
     hand.until(lambda report: isinstance(report, wire.Stopped), "the stop")
     bridge.kill()
@@ -195,7 +193,7 @@ def test_a_stop_holds_when_its_bridge_is_killed_and_the_next_bridge_begins_stopp
     again.close()
 
 
-def test_a_stop_while_no_bridge_lives_reaches_the_robot_and_the_next_bridge(
+def test_a_stop_without_bridge_reaches_robot_and_next_bridge(
     hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, start, zeros: Zeros, ros: RosClient
 ) -> None:
     bridge.kill()
@@ -211,7 +209,7 @@ def test_a_stop_while_no_bridge_lives_reaches_the_robot_and_the_next_bridge(
     again.close()
 
 
-def test_a_stop_that_only_the_watchdog_heard_survives_the_watchdog(
+def test_a_stop_known_to_the_watchdog_survives_it(
     hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, start, zeros: Zeros
 ) -> None:
     bridge.kill()
@@ -225,7 +223,7 @@ def test_a_stop_that_only_the_watchdog_heard_survives_the_watchdog(
     again.close()
 
 
-def test_while_the_bridge_is_frozen_a_stop_is_confirmed_and_zeros_come(
+def test_a_frozen_bridges_stop_is_confirmed_with_zeros(
     hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, zeros: Zeros
 ) -> None:
     bridge.process.send_signal(signal.SIGSTOP)
@@ -249,7 +247,7 @@ def test_a_robot_whose_bridge_freezes_in_mid_drive_gets_zeros(
         bridge.process.send_signal(signal.SIGCONT)
 
 
-def test_a_node_that_takes_the_bridges_name_ends_the_bridge_and_no_stop(
+def test_a_thief_of_the_bridges_name_ends_it_but_no_stop(
     hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, rosmaster: Master, zeros: Zeros, start
 ) -> None:
     turn(hand)
@@ -263,7 +261,7 @@ def test_a_node_that_takes_the_bridges_name_ends_the_bridge_and_no_stop(
     again.close()
 
 
-def test_a_node_that_takes_the_bridges_name_and_leaves_at_once_leaves_no_bridge_that_nobody_hears(
+def test_a_short_thief_of_the_bridges_name_leaves_a_live_bridge(
     hand: Hand, bridge: BridgeProcess, rosmaster: Master
 ) -> None:
     stranger = ServerProxy(rosmaster.uri)

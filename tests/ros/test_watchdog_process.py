@@ -56,7 +56,7 @@ def lane(config: WatchdogConfig) -> Iterator[WatchdogSocket]:
     lane.close()
 
 
-def test_a_latch_of_a_bridge_that_ended_holds_and_is_left_to_its_state_file(
+def test_the_latch_of_an_ended_bridge_stays_in_its_state_file(
     config: WatchdogConfig, lane: WatchdogSocket
 ) -> None:
     """Kept here as well, it would come back after it was cleared while no watchdog was there."""
@@ -93,7 +93,7 @@ def test_a_stop_that_no_bridge_has_taken_is_kept(config: WatchdogConfig, lane: W
     assert rules.own is None
 
 
-def test_a_drive_topic_that_is_just_being_left_keeps_no_zero_from_the_other(
+def test_leaving_a_drive_topic_still_zeroes_the_other(
     config: WatchdogConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     zeroed: list[str] = []

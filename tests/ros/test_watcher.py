@@ -98,7 +98,7 @@ def soon(monkeypatch):
     monkeypatch.setattr(master_monitor, "SURVEY_S", 0.01)
 
 
-def test_rubbish_from_the_master_halts_the_robot_which_comes_back_with_the_masters_wits(bridges, rosmaster):
+def test_rubbish_from_the_master_halts_until_it_recovers(bridges, rosmaster):
     with meddled(rosmaster) as master:
         hand = bridges(master).link()
         hand.state_until(drivable, "the robot")
@@ -126,7 +126,7 @@ def test_a_description_that_was_cut_short_is_asked_for_again(ros, bridges, rosma
         hand.close()
 
 
-def test_a_base_that_takes_another_type_is_not_said_not_to_listen(bridges, rosmaster):
+def test_a_base_with_another_type_still_counts_as_listener(bridges, rosmaster):
     hand = bridges(rosmaster, drive=Topic("/key_vel", "geometry_msgs/TwistStamped")).link()
     state = hand.state_until(lambda state: "does not connect" in state.text, "who listens")
     assert state.phase == "connecting"
@@ -153,13 +153,13 @@ def test_a_dead_node_is_not_blamed_on_type_or_address(bridges, rosmaster, hangs,
             base.call("unregisterSubscriber", "/dead_vel", uri)
 
 
-def test_a_bridge_that_could_join_but_half_ends_so_that_a_fresh_one_joins(bridges, rosmaster):
+def test_a_half_joined_bridge_ends_so_that_another_joins(bridges, rosmaster):
     bridge = bridges(rosmaster, speech=Topic("/tts", "std_msgs/Bool"))  # a voice that nobody can speak with
     assert bridge.process.wait(PATIENCE_S) == EXIT_NOT_JOINED
     assert "KeyError: 'std_msgs/Bool'" in bridge.log.read_text()
 
 
-def test_what_broke_half_way_is_not_done_again_in_the_same_process(rosmaster, soon):
+def test_a_failed_task_is_not_repeated_in_the_process(rosmaster, soon):
     def full() -> None:
         raise OSError(28, "No space left on device")
 
@@ -169,7 +169,7 @@ def test_what_broke_half_way_is_not_done_again_in_the_same_process(rosmaster, so
     assert before == ["refused: The bridge could not join the robot ([Errno 28] No space left on device)."]
 
 
-def test_a_master_that_was_restarted_while_it_was_joined_is_told_all_again(make_master, soon, monkeypatch):
+def test_a_master_restarted_during_joining_is_told_everything(make_master, soon, monkeypatch):
     master = make_master()
     told_again = []
     monkeypatch.setattr(master_monitor, "register_again", told_again.append)
@@ -247,7 +247,7 @@ class TestNamesake:
         silent = ["does not answer" in text for text in before]
         assert silent == [*[True] * patient, False, *[True] * patient]
 
-    def test_who_is_silent_may_live_but_neither_who_refuses_nor_who_is_somebody_else(self, ros: RosClient):
+    def test_only_a_silent_bridge_may_still_live(self, ros: RosClient):
         own = rospy.get_node_uri()
         with socket.create_server(("127.0.0.1", 0)) as silent, answering(b"hello") as other:
             assert node_alive(f"http://127.0.0.1:{silent.getsockname()[1]}/", BRIDGE) is None

@@ -50,7 +50,7 @@ def test_one_bad_press_of_many_breaks_its_limit(change, figure):
     assert any(fault.startswith(figure) for fault in faults(attacked))
 
 
-def test_a_delay_beyond_one_and_a_half_times_as_usual_counts_for_the_web_door_alone():
+def test_delay_limits_apply_to_the_web_door_only():
     slow = taken(delays_s=(0.0031,))
     assert any("drive p99" in fault for fault in faults(slow))
     assert faults(slow, Limits()) == []
@@ -60,7 +60,7 @@ def test_slots_in_which_nothing_was_measured_hold_nothing():
     assert any("stop worst" in fault for fault in faults(Taken()))
 
 
-def test_a_door_that_answers_late_or_with_an_error_breaks_a_limit():
+def test_a_late_or_failing_door_breaks_a_limit():
     late, pending, refused = taken(), taken(), taken()
     late.answered_s.append(3.1)
     pending.answers["REST: 202"] = 1
@@ -78,7 +78,7 @@ def test_quick_presses_count_for_the_delay_of_the_stop():
     assert any("stop p99 / as usual" in fault for fault in faults(attacked))
 
 
-def test_lost_control_breaks_the_limit_of_an_attack_on_the_web_door():
+def test_lost_control_breaks_a_web_attacks_limit():
     lost = taken()
     lost.control_lost = 1
     assert any("control lost" in fault for fault in faults(lost))
@@ -102,13 +102,13 @@ def test_slots_of_one_kind_add_up():
     assert whole.halts == {"dead_man": 3}
 
 
-def test_the_table_tells_what_was_not_measured_and_what_never_came():
+def test_the_table_marks_unmeasured_and_missing_figures():
     never = taken(replace(PRESS, zero_s=math.inf), delays_s=())
     text = table([("attack", figures(never, taken(), WEB), ["a fault"])])
     assert "never" in text and "-" in text and text.endswith("BROKEN")
 
 
-def test_every_door_of_the_stop_is_pressed_in_turn_and_the_command_line_less_often():
+def test_every_stop_door_is_pressed_in_turn():
     pressed = [door(number) for number in range(10)]
     assert set(pressed) == {*NAMES, COMMAND_LINE}
     assert pressed.count(COMMAND_LINE) == 1

@@ -27,7 +27,7 @@ def stack() -> Iterator[Stack]:
         yield stack
 
 
-def test_kills_at_random_moments_lose_no_request_that_reached_the_robot(stack: Stack) -> None:
+def test_random_kills_lose_no_request_that_reached_the_robot(stack: Stack) -> None:
     seed = int(time.time())
     print(f"seed {seed}")
     reached = asyncio.run(rounds(stack, seed))
@@ -50,7 +50,7 @@ async def rounds(stack: Stack, seed: int) -> Counter[str]:
     return reached
 
 
-def test_a_robot_stands_while_another_process_keeps_the_database_locked(stack: Stack) -> None:
+def test_a_robot_stands_while_the_database_is_locked(stack: Stack) -> None:
     asyncio.run(stands_while(stack, locked(stack.directory / "fleet.sqlite3")))
 
 

@@ -48,7 +48,7 @@ with connection.cursor() as cursor:
 WEB, COMMAND = "import fleet.site.asgi", "import django; django.setup()"
 
 
-def test_a_query_of_a_web_process_is_limited_and_one_of_a_command_is_not(tmp_path: Path) -> None:
+def test_a_web_processes_query_is_limited_a_commands_is_not(tmp_path: Path) -> None:
     def limits(process: str, url: str) -> str:
         settings = {
             "FLEET_VAR": str(tmp_path / "var"),

@@ -105,9 +105,7 @@ def test_the_main_job_works_from_the_command_line():
     assert re.search(r"smoke: ready in .* m driven in .* stop pressed, standstill after \d+ ms", done.stdout)
 
 
-def test_ctrl_c_ends_everything_passwords_stay_and_nothing_outlives_a_demo_that_is_killed(
-    port: int, start: Start
-):
+def test_ctrl_c_ends_all_processes_and_keeps_passwords(port: int, start: Start):
     first = start(port)
     passwords = first.directory / "passwords.txt"
     assert passwords.stat().st_mode & 0o777 == 0o600

@@ -22,7 +22,7 @@ def test_a_hand_goes_where_it_means_to_and_rests_there() -> None:
     assert hand_model.meant(movements, times_s)[:, 0] == pytest.approx([0.0, 0.0, 0.4, 0.8, 0.8, 0.0, 0.0])
 
 
-def test_a_stick_that_is_let_go_of_measures_zero_and_a_held_one_a_tremor() -> None:
+def test_a_released_stick_measures_zero_a_held_one_tremor() -> None:
     for trace in hand_model.recorded():
         meant = hand_model.meant(trace.movements, trace.times_s)
         let_go = (meant == 0.0).all(axis=1)

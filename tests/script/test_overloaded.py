@@ -32,7 +32,7 @@ def burners() -> Iterator[None]:
             burner.wait()
 
 
-def test_takes_are_not_lost_and_nobody_is_blamed_for_an_overloaded_computer():
+def test_an_overloaded_computer_loses_no_take_and_is_named():
     with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
         cookie = sign_in(stack, "operator")
         with burners():

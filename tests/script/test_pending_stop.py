@@ -57,7 +57,7 @@ def post(
         connection.close()
 
 
-async def test_a_stop_of_a_frozen_robot_is_pending_and_holds_when_it_wakes(stack: Stack) -> None:
+async def test_a_stop_of_a_frozen_robot_is_pending_then_holds(stack: Stack) -> None:
     driving, watching = sign_in(stack, "operator"), sign_in(stack, "observer")
     async with Driver(stack, ROBOT, driving) as driver:
         await driver.take()

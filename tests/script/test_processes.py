@@ -43,7 +43,7 @@ except Ended as ended:
 
 
 @pytest.mark.parametrize("number", ENDING_SIGNALS)
-def test_ctrl_c_and_a_closed_terminal_end_a_command_that_then_cleans_up_undisturbed(
+def test_ctrl_c_and_hang_up_end_a_command_after_clean_up(
     number: signal.Signals,
 ) -> None:
     command = [sys.executable, "-c", WAITING, str(number.value)]
@@ -58,6 +58,6 @@ def test_a_child_whose_parent_is_gone_already_does_not_begin() -> None:
     assert subprocess.run([*TIED_TO_US, somebody_else, "/bin/true"]).returncode == 1
 
 
-def test_a_thread_starts_no_child_for_it_would_end_with_the_thread() -> None:
+def test_a_thread_starts_no_child() -> None:
     with ThreadPoolExecutor(1) as pool, pytest.raises(RuntimeError, match="from the main thread"):
         pool.submit(Child, "sleeper", ["/bin/sleep", "9"], env={}).result()

@@ -82,7 +82,7 @@ def refused(environment: dict[str, str], *words: str) -> str:
         ),
     ],
 )
-def test_settings_that_are_wrong_are_said_in_words_before_anything_starts(
+def test_wrong_settings_are_named_before_the_start(
     variable: str, value: str, said: str, settings_of_a_lab: dict[str, str]
 ) -> None:
     text = refused({**settings_of_a_lab, variable: value}, "--port", str(free_port()))
@@ -90,7 +90,7 @@ def test_settings_that_are_wrong_are_said_in_words_before_anything_starts(
     assert not (Path(settings_of_a_lab["FLEET_VAR"]) / "run/fleet.lock").exists()
 
 
-def test_a_certificate_that_cannot_be_used_is_said_before_anything_starts(
+def test_an_unusable_certificate_is_named_before_the_start(
     tmp_path: Path, settings_of_a_lab: dict[str, str]
 ) -> None:
     one, other = (certificate_for(["127.0.0.1"], tmp_path / name) for name in ("one", "other"))
@@ -235,9 +235,7 @@ def served(tmp_path: Path, settings_of_a_lab: dict[str, str]) -> Iterator[Served
     print(served.log.read_text())
 
 
-def test_a_robot_is_added_driven_stopped_and_edited_and_no_end_leaves_anything(
-    served: Served, master_uri: str
-) -> None:
+def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, master_uri: str) -> None:
     first = served.start()
     try:
         served.manage(

@@ -33,7 +33,7 @@ def test_velocities_end_at_the_limits(asked, reached):
     assert settle(BaseController(), asked) == pytest.approx(reached)
 
 
-def test_it_accelerates_and_brakes_at_one_metre_per_second_squared():
+def test_it_accelerates_and_brakes_at_1_mps2():
     controller = BaseController()
     controller.command(Twist(1.0), 0.0)
     assert controller.step(0.0, DT).vx == pytest.approx(DT)

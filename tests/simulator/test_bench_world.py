@@ -44,7 +44,7 @@ def test_without_a_gate_full_stick_ends_at_the_object(thing, angle):
     assert touches[0].other.startswith(thing.split()[-1] if thing == "table leg" else thing.split()[0])
 
 
-def test_the_gate_stops_before_a_wall_and_the_last_published_twist_is_zero():
+def test_the_gate_stops_before_a_wall_with_a_zero_twist():
     trace = played("gate", "wall", 0)
     assert not trace.touches
     assert trace.moments[-1].sent.vx == 0.0
@@ -61,7 +61,7 @@ def test_the_same_seed_gives_the_same_run():
     assert first.moments == again.moments
 
 
-def test_a_competent_driver_passes_the_narrowest_door_without_help():
+def test_a_driver_passes_the_narrowest_door_without_help():
     trace = loop_of(doors.build(0.64, 1), "none", 1).play()
     assert trace.arrived
     assert not trace.touches
@@ -80,7 +80,7 @@ def test_an_arc_meets_what_a_line_passes():
     assert truth.free_m(ORIGIN, Velocity(1.0, 0.0, 1.0), 3.0) < 1.4
 
 
-def test_reverse_is_judged_by_its_own_limit_and_apart_and_what_held_is_told():
+def test_reverse_has_its_own_limit_and_names_causes():
     limits = loop_of(objects.build(objects.Full("none", "wall", 0, 1.0, 0)), "none", 0).limits
     text = "stopped (0.2 m/s asked): sonar, remembered, 0.1 m behind"
     asked = Velocity(-0.2, 0.0, 0.0)
@@ -112,7 +112,7 @@ def moments(sent_mps: float, asked: Velocity = AHEAD) -> Trace:
     )
 
 
-def test_standing_in_the_open_is_a_false_stop_and_before_a_box_is_none():
+def test_standing_in_the_open_is_a_false_stop():
     limits = loop_of(objects.build(objects.Full("none", "wall", 0, 1.0, 0)), "none", 0).limits
     in_the_open = kept(moments(0.0), Truth(box_at(4.0, 0.0)), limits)
     assert in_the_open.false_stops == in_the_open.free > 0
@@ -121,7 +121,7 @@ def test_standing_in_the_open_is_a_false_stop_and_before_a_box_is_none():
     assert kept(moments(0.0), Truth(box_at(0.6, 0.0)), limits).free == 0
 
 
-def test_reverse_is_judged_by_the_whole_stick_and_beside_it_by_what_the_gate_gives_any():
+def test_reverse_is_judged_by_the_stick_and_by_its_limit():
     limits = loop_of(objects.build(objects.Full("none", "wall", 0, 1.0, 0)), "none", 0).limits
     behind, back = Truth(box_at(-4.0, 0.0)), Velocity(-1.0, 0.0, 0.0)
     all_given, half = (kept(moments(mps, back), behind, limits) for mps in (-0.1, -0.05))
@@ -184,7 +184,7 @@ def test_nobody_has_seen_a_table_top_behind_the_robot():
     assert seen(*touched(world_of(tables=[desk]), "desk top")) is None
 
 
-def test_the_camera_has_seen_a_table_top_ahead_unless_it_was_dead():
+def test_the_camera_saw_a_table_top_unless_it_was_dead():
     desk = world_of(tables=[Table(name="desk", at=(2.5, 0.0), size=(0.7, 1.4), legs=False)])
     known = seen(*touched(desk, "desk top", reverse=False))
     assert known is not None
@@ -215,7 +215,7 @@ def test_drawn_runs_have_each_object_way_and_start():
     assert len({(full.thing, full.angle, full.cold) for full in fulls}) == 80
 
 
-def test_what_is_drawn_stays_within_its_bounds_and_the_same_for_a_seed():
+def test_draws_stay_in_bounds_and_repeat_by_seed():
     for seed in range(200):
         conditions = drawn.conditions_of(seed)
         assert conditions == drawn.conditions_of(seed)
@@ -255,7 +255,7 @@ def test_sensors_measure_as_often_and_as_coarsely_as_drawn():
     assert set(loop.controller.gate.profile.sonar_fov.values()) == {1.0}
 
 
-def test_a_robot_that_was_parked_stands_until_its_stick_is_pushed():
+def test_a_parked_robot_stands_until_the_stick_is_pushed():
     case = objects.build(objects.Full("none", "person", 180, 1.0, 3, cold=True))
     assert case.start == ORIGIN
     trace = loop_of(case, "none", 3).play()
@@ -326,7 +326,7 @@ def test_a_chair_is_pulled_away():
     assert physics.cast(np.array([0.0, 0.0, 0.2]), np.array([[1.0, 0.0, 0.0]])) == [-1.0]
 
 
-def test_a_head_is_turned_aside_before_a_chair_goes_and_looks_ahead_later():
+def test_the_head_turns_away_before_a_chair_leaves():
     kind = "chair pulled away, head aside"
     case = leaving.build(kind, 0)
     glance = case.glance
@@ -341,7 +341,7 @@ def test_a_head_is_turned_aside_before_a_chair_goes_and_looks_ahead_later():
     assert not turning  # the bridge takes no pictures of a head that turns so fast
 
 
-def test_random_stick_drives_as_far_back_as_ahead_and_every_second_one_begins_cold():
+def test_random_stick_drives_both_ways_and_half_begins_cold():
     random = Restless(np.random.default_rng(1), looks=False)
     sticks = [random.hold(Seen(0.05 * n, ORIGIN)) for n in range(40_000)]
     back = sum(-min(stick.x * stick.share, 0.0) and min(-stick.x * stick.share, 0.2) for stick in sticks)
@@ -352,7 +352,7 @@ def test_random_stick_drives_as_far_back_as_ahead_and_every_second_one_begins_co
     assert parked.hold(Seen(1.0, ORIGIN)).trying is True
 
 
-def test_a_door_has_the_pictures_that_are_asked_for_or_what_is_drawn():
+def test_a_door_uses_the_given_or_the_drawn_pictures():
     assert doors.build(0.7, 3, (96, 72)).conditions.sensors == Sensors(depth_size=(96, 72), depth_hz=30.0)
     assert doors.build(0.7, 3, drawn=True).conditions == drawn.conditions_of(3)
 

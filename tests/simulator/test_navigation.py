@@ -35,7 +35,7 @@ def at(robot_in):
     return of_room
 
 
-def test_floor_is_free_the_faces_of_walls_are_occupied_and_what_is_behind_is_unknown(at):
+def test_floor_is_free_wall_faces_occupied_behind_unknown(at):
     cell = at()
     assert cell(0.0, 0.0) == cell(1.98, -1.98) == FREE
     assert cell(2.02, 0.5) == cell(-2.02, 0.5) == cell(0.5, 2.02) == OCCUPIED
@@ -71,7 +71,7 @@ def test_a_room_where_the_robot_cannot_get_to_is_unknown(at):
     assert (north(0.0, 0.0), north(0.0, 1.5)) == (UNKNOWN, FREE)
 
 
-def test_odometry_drifts_and_its_place_on_the_map_makes_up_for_it(robot_in):
+def test_odometry_drifts_and_its_map_pose_corrects_it(robot_in):
     driven = robot_in(room(), Pose(-1.0, -0.5, 1.0), drift=Drift().times(10.0))
     robot = driven.robot
 

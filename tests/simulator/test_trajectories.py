@@ -36,7 +36,7 @@ def ways(player: Player, run) -> float:
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 @pytest.mark.parametrize("end", ["low", "high"])
-def test_a_trajectory_that_asks_for_too_much_too_fast_gets_what_the_joints_can(player, controller, end):
+def test_a_too_fast_trajectory_gets_the_joints_best(player, controller, end):
     joints = joints_of(controller)
     beyond = [getattr(JOINTS[joint], end) + (9.0 if end == "high" else -9.0) for joint in joints]
     goal = Point(beyond, 0.01)

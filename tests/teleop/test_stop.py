@@ -298,7 +298,7 @@ async def test_slow_found_pressesof_stops_do_not_delay_rights(open_page, bridge,
         answered.set()
 
 
-def test_waiting_found_pressesare_written_at_the_end_of_the_process():
+def test_waiting_presses_are_written_at_the_end():
     wrote = []
     log = RepeatSuppressor(lambda press, times: wrote.append((press.robot_id, times)), most=None)
     presses = [

@@ -8,7 +8,7 @@ import sys
 LOADED = "import sys, fleet.site.asgi; print('teleop.stop.views' in sys.modules)"
 
 
-def test_the_web_process_knows_its_addresses_before_the_first_request(tmp_path):
+def test_the_web_process_knows_its_addresses_at_start(tmp_path):
     environment = {"FLEET_DEBUG": "1", "FLEET_VAR": str(tmp_path), "DJANGO_SETTINGS_MODULE": "fleet.settings"}
     tmp_path.chmod(0o700)
     told = subprocess.run(

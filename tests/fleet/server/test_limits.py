@@ -88,7 +88,7 @@ def test_several_requests_go_by_one_connection(web):
         answer.read()
 
 
-def test_requests_that_come_at_once_by_one_connection_are_answered_in_order(web):
+def test_requests_on_one_connection_are_answered_in_order(web):
     with web.connect() as stranger:
         one = b"GET /robots/%s/ HTTP/1.1\r\nHost: 127.0.0.1\r\nAccept: text/html\r\n\r\n"
         last = b"GET /healthz HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n"

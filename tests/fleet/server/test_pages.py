@@ -37,7 +37,7 @@ def test_pages_come_back_when_their_process_dies(web):
     assert web.child.running
 
 
-def test_a_stop_is_answered_while_pages_are_not_and_a_crowd_waits_for_them(web, session_cookie, session_key):
+def test_a_stop_is_answered_while_pages_are_not(web, session_cookie, session_key):
     """401: it is nobody's session. Django said so, in the process that owns the port."""
     frozen = pages_process(web)
     os.kill(frozen, signal.SIGSTOP)

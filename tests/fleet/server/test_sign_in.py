@@ -45,7 +45,7 @@ def failures(web):
     database.close()
 
 
-def test_many_guesses_at_once_are_no_more_than_one_after_the_other(web, failures):
+def test_parallel_guesses_count_like_serial_ones(web, failures):
     with ThreadPoolExecutor(GUESSES) as everybody:
         guessers = list(everybody.map(Guesser, [web.port] * GUESSES))
         statuses = list(everybody.map(lambda guesser: guesser.guess("first", "wrong"), guessers))

@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def test_an_answer_without_end_ends_with_its_reader_and_is_kept_nowhere():
+def test_an_endless_answer_ends_with_its_reader():
     command = [sys.executable, "-m", "tests.fleet.server.endless"]
     told = json.loads(
         subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True, timeout=120).stdout

@@ -84,7 +84,7 @@ def test_bytes_stay_in_order_when_the_kernel_takes_only_some(page, ends):
     assert got == told + b"the last word"[: len(got) - len(told)]
 
 
-def test_a_page_that_is_gone_is_noticed_by_the_loop_and_breaks_nothing(page, ends):
+def test_a_closed_page_is_noticed_and_breaks_nothing(page, ends):
     ends[1].close()
     page.sendData(b"news")
     assert page.transport.reactor.writers == {page.transport}
