@@ -15,9 +15,9 @@ ROOT = Path(__file__).parents[2]
 TESTS = [
     "tests/accounts/test_erase_person.py",
     "tests/fleet/server/test_sign_in.py",
-    "tests/robots/test_faults.py",
-    "tests/teleop/test_lease.py",
-    "tests/teleop/test_reports.py",
+    "tests/robots/supervisor/test_faults.py",
+    "tests/teleop/control/test_lease.py",
+    "tests/teleop/reports/test_reports.py",
     *(
         f"tests/audit/test_{name}.py"
         for name in (

@@ -21,7 +21,7 @@ from robots.registry.models import RobotMap
 from teleop.models import ControlSession, EndReason
 from teleop.reports import session_maps, session_report
 from teleop.reports.path_plot import AROUND_M, HEIGHT, WIDTH, DrivePath, MapImage, plot_drives
-from tests.teleop.test_reports import PATH, PEOPLE, browser_of
+from tests.teleop.reports.test_reports import PATH, PEOPLE, browser_of
 
 pytestmark = pytest.mark.django_db
 

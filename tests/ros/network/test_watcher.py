@@ -20,9 +20,9 @@ from robots.bridge.ros.network.master_monitor import SILENCE_S, MasterMonitor
 from robots.processes.shutdown import EXIT_NOT_JOINED
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
 from tests.ros.meddling import CUT_SHORT, answer_of, meddled
+from tests.ros.network.test_hostile_nodes import answering
+from tests.ros.sensors.test_posture import ARM, reach_out
 from tests.ros.support import PATIENCE_S, RosClient, free_port
-from tests.ros.test_hostile_nodes import answering
-from tests.ros.test_posture import ARM, reach_out
 
 
 @pytest.fixture(scope="module", autouse=True)

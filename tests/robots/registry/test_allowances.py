@@ -18,7 +18,7 @@ from robots.registry.robot_config import profile_topics
 from robots.registry.selectors import allowed_on, bridge_config
 from robots.registry.services import entry_delete, entry_save
 from teleop.control.selectors import robot_entry
-from tests.robots.test_admin import filled
+from tests.robots.registry.test_admin import filled
 
 pytestmark = pytest.mark.django_db
 

@@ -16,8 +16,8 @@ from robots.bridge.link_handler import LinkHandler
 from robots.bridge.server.link_server import LinkServer
 from robots.bridge.topics.inspector_client import InspectorClient
 from robots.link.client import BridgeLink
+from tests.bridge.server.test_link import Follower
 from tests.bridge.support import Bench, Wire
-from tests.bridge.test_link import Follower
 
 GRANT = wire.Grant(5, 60.0, "session-5", "Ann", "ann-id", 1.0)
 

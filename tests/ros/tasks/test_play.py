@@ -18,8 +18,8 @@ from robots import wire
 from robots.bridge.config import Topic
 from robots.bridge.ros.message_types.classes import message_class
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
+from tests.ros.sensors.test_posture import ARM
 from tests.ros.support import until
-from tests.ros.test_posture import ARM
 
 IN_THE_OPEN = Pose2D(3.8, 2.2, 0.0)
 BEFORE_WALL = Pose2D(7.6, 0.75, -math.pi / 2.0)  # the wall's face is at y = 0

@@ -21,7 +21,7 @@ from teleop.models import ControlRequest, ControlSession, EndReason, Lease
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-MANAGE = Path(__file__).parents[2] / "manage.py"
+MANAGE = Path(__file__).parents[3] / "manage.py"
 TAB = Tab("tab", "sign-in", "connection")
 
 

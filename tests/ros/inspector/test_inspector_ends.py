@@ -28,9 +28,9 @@ from robots.bridge.ros.tasks.publishing import heard_by
 from robots.bridge.topics.inspector_client import SILENCE_S
 from robots.bridge.topics.inspector_messages import Check, HaltPublishing, InspectorQuery, KeepAlive
 from tests.ros.bridge_support import tiago_config
+from tests.ros.inspector.test_inspector import ALLOWED, InspectorProcess, order, serving, talking
 from tests.ros.support import PATIENCE_S, Inbox, until
 from tests.ros.test_bridge import serves_deaf
-from tests.ros.test_inspector import ALLOWED, InspectorProcess, order, serving, talking
 
 NOTES = "/notes"
 

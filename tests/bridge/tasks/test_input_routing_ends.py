@@ -5,7 +5,7 @@ import pytest
 from robots import wire
 from robots.bridge.gate.values import STILL
 from tests.bridge.support import Outcome
-from tests.bridge.test_input_routing import LISTENED, ask, bench, choose, chosen, connects, settled
+from tests.bridge.tasks.test_input_routing import LISTENED, ask, bench, choose, chosen, connects, settled
 
 __all__ = ["bench"]  # the fixture
 

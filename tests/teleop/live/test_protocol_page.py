@@ -12,7 +12,7 @@ from websockets.asyncio.server import serve
 from robots import wire
 from script.stack import messages
 
-PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
+PAGE = (Path(__file__).parents[3] / "docs" / "protocol.md").read_text()
 
 
 @pytest.mark.parametrize(

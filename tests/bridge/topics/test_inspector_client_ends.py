@@ -14,8 +14,8 @@ import pytest
 from robots import wire
 from robots.bridge.topics import inspector_client, line_process
 from robots.bridge.topics.inspector_messages import InspectorQuery, TooLate
-from tests.bridge.test_inspector_client import AT_A_RATE, ORDER, PATIENCE_S, Viewer, make, question
-from tests.bridge.test_publishing import bench, note, settled
+from tests.bridge.tasks.test_publishing import bench, note, settled
+from tests.bridge.topics.test_inspector_client import AT_A_RATE, ORDER, PATIENCE_S, Viewer, make, question
 
 __all__ = ["bench", "make"]  # fixtures
 

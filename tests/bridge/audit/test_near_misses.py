@@ -17,7 +17,7 @@ import pytest
 from robots.bridge.gate.values import Velocity
 from robots.bridge.gate_recording import Decision, replay
 
-RECORDINGS = sorted((Path(__file__).parents[1] / "data" / "recordings").glob("*.gate"))
+RECORDINGS = sorted((Path(__file__).parents[2] / "data" / "recordings").glob("*.gate"))
 THINGS = [path for path in RECORDINGS if not path.stem.startswith("doorway")]
 MADE_BY = "python -m benchmarks.world.recordings tests/data/recordings"
 # The robot's motion as in MuJoCo's wheels, not as in the gate's model.

@@ -15,7 +15,7 @@ from fleet.audit.models import Record
 from robots.bridge.drive.input_filters import Curve, DeadZone, Mean, OneEuro, Snap
 from robots.registry.models import Robot, RobotProfile
 from robots.registry.selectors import bridge_config, robot_facts
-from tests.robots.test_admin import filled
+from tests.robots.registry.test_admin import filled
 
 pytestmark = pytest.mark.django_db
 

@@ -18,8 +18,8 @@ from teleop.background.database import in_database
 from teleop.recording import refusals, repeat_suppression
 from teleop.recording.refusals import RefusedRequest, write_record
 from teleop.stop.emergency_stop import Press
+from tests.teleop.control.test_control import take
 from tests.teleop.support import TIMEOUT_S, Page, eventually
-from tests.teleop.test_control import take
 
 FORBIDDEN = Refusal("stopped", "The robot is stopped.", "stop", {"number": 3, "by": "Olga Operator"})
 SOON_S = 0.1

@@ -32,8 +32,8 @@ from robots.bridge.ros.sensors.frames import MOST_FIXED, MOST_MOVING, Frames, Po
 from robots.bridge.ros.tasks.publishing import _AtOnce
 from tests.ros import strangers
 from tests.ros.meddling import answer_of
+from tests.ros.network.test_hostile_nodes import answering
 from tests.ros.support import REPOSITORY
-from tests.ros.test_hostile_nodes import answering
 
 LONG = "n" * 1_000_000
 

@@ -1,0 +1,1 @@
+"""Drive input, its filters, and the drive log."""

@@ -1,0 +1,1 @@
+"""Grants, fences, and the state that survives a restart."""

@@ -1,0 +1,1 @@
+"""Motions, speech, publishing, choices."""

@@ -1,0 +1,1 @@
+"""Rules and socket of the watchdog."""

@@ -1,0 +1,1 @@
+"""What bridges put on record."""

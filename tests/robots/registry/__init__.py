@@ -1,0 +1,1 @@
+"""Robots, profiles, roles, phrases, allow-lists."""

@@ -1,0 +1,1 @@
+"""The stop on its way to a robot."""

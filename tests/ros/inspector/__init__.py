@@ -1,0 +1,1 @@
+"""Topics, types and definitions."""

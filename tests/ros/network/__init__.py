@@ -1,0 +1,1 @@
+"""Masters, nodes and connections that fail, lie or flood."""

@@ -1,0 +1,1 @@
+"""Sensors on their way to the gate."""

@@ -1,0 +1,1 @@
+"""Motions, speech, publishing and choices on a robot."""

@@ -1,0 +1,1 @@
+"""Rules and leases of control."""

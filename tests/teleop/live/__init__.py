@@ -1,0 +1,1 @@
+"""WebSockets: pages, pictures, topics, tasks."""

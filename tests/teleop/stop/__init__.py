@@ -1,0 +1,1 @@
+"""Emergency stop from pages and programs."""
