@@ -265,12 +265,16 @@ class BridgeLink:
             await asyncio.sleep(_BESIDE_S)
         return await ask_bridge(self.address, stop)
 
-    async def clear(self, clear: wire.LinkClear, timeout_s: float = _ANSWER_TIMEOUT_S) -> Stopped:
+    async def clear(
+        self, clear: wire.LinkClear, asked_s: float, timeout_s: float = _ANSWER_TIMEOUT_S
+    ) -> Stopped:
         """Release the latch. Raises LinkRefused when the bridge does not confirm.
 
-        Stops that wait are older than this clear, and do not stop the robot again.
+        Pending stops from before `asked_s` (time of day, when the person asked) do not stop the robot again; a later
+        one does.
         """
-        number, waiting = self._latch.number(), await self._waiting()
+        number = self._latch.number()
+        waiting = [stop for stop in await self._waiting() if stop.at < asked_s]
         with self._latch.waiting_for(number) as answer:
             presses = [stop.press for stop in waiting]
             await self._ask(structs.replace(clear, seq=number, presses=presses))

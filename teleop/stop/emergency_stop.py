@@ -174,11 +174,14 @@ async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -
 
     Raises ControlRefused or LinkRefused.
     """
+    asked_at = timezone.now()
     cleared = await in_database(
-        clear_authorize, robot_id=link.robot_id, user_id=user.id, tab=tab, now=timezone.now()
+        clear_authorize, robot_id=link.robot_id, user_id=user.id, tab=tab, now=asked_at
     )
     try:
-        result: Result = await link.clear(LinkClear(by=user.display_name, number=number))
+        result: Result = await link.clear(
+            LinkClear(by=user.display_name, number=number), asked_at.timestamp()
+        )
     except LinkRefused as refused:
         await in_database(record_outcome, cleared, actor=user, result=refused.refusal)
         raise

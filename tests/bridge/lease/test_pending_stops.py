@@ -182,10 +182,32 @@ async def test_pending_stop_does_not_stop_again_after_a_clear(
         await link.stop(wire.LinkStop("Ben"))
         stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
         stops.keep(stop)  # by a process whose delivery is under way meanwhile
-        assert (await link.clear(wire.LinkClear("Ben", bridge.stop.number))).stop.state == "clear"
+        cleared = await link.clear(wire.LinkClear("Ben", bridge.stop.number), asked_s=time.time())
+        assert cleared.stop.state == "clear"
         assert waiting(run_dir) == []
         assert isinstance(await link.stop(stop.message()), wire.Stopped)
         assert bridge.stop.state == "clear"
+    finally:
+        await link.close()
+
+
+async def test_a_press_after_the_click_on_clear_stays_pending(
+    address: LinkAddress, bridge: Bridge, run_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robots.link.client._WAITING_PACE_S", 60.0)  # the link does not deliver it first
+    await bridge.server.start()
+    stops = PendingStops(run_dir)
+    link = BridgeLink(ROBOT, address, stops)
+    try:
+        await until(lambda: link.up, "the link is up")
+        await link.stop(wire.LinkStop("Ben"))
+        clicked_s = time.time()
+        stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke", at=clicked_s + 0.1)
+        stops.keep(stop)
+        await link.clear(wire.LinkClear("Ben", bridge.stop.number), asked_s=clicked_s)
+        assert stops.of(stop.name) == [stop]
+        assert isinstance(await link.stop(stop.message()), wire.Stopped)
+        assert bridge.stop.state == "stopping"
     finally:
         await link.close()
 

@@ -314,13 +314,13 @@ async def test_an_answer_goes_to_the_question_that_it_answers(link, bridge):
     assert link.send(wire.LinkStop("Ben"))
     await asyncio.sleep(0)  # it is on its way; its answer comes first, and nobody waits for it
     seen = bridge.bench.core.stop_state.number + 1
-    assert (await link.clear(wire.LinkClear("Ann", seen))).stop.state == "clear"
+    assert (await link.clear(wire.LinkClear("Ann", seen), asked_s=0.0)).stop.state == "clear"
 
 
 async def test_refused_clear_carries_the_bridges_reason(link, bridge):
     await link.stop(wire.LinkStop("Ben"))
     with pytest.raises(LinkRefused) as refused:
-        await link.clear(wire.LinkClear("Ann", 77))
+        await link.clear(wire.LinkClear("Ann", 77), asked_s=0.0)
     assert refused.value.refusal.code == "stopped_again"
 
 
