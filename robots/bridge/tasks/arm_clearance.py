@@ -46,17 +46,23 @@ class ArmClearance:
         self._arm = arm
         # where the arm was recently, while it moves
         self._lately: deque[tuple[float, tuple[Disc, ...] | None]] = deque()
+        # when its position was last known; None: unknown at the motion's start
+        self._known_s: float | None = None
 
     def refuse(self, space: Sequence[Disc], now_s: float, *, running: bool = False) -> Refusal | None:
         """Return why the arm may not sweep `space`, or not continue: an obstacle is there, or a sensor is missing."""
         if not running:
             self._lately.clear()
+            self._known_s = None if self._arm.arm() is None else now_s
         if not space:
             return None
         obstacles = self._gate.obstacles(now_s)
         if not running:
             return self._unwatched(WATCH, now_s) or self._in_the_way(space, obstacles)
         self._follow_arm(now_s)
+        if self._known_s is not None and now_s - self._known_s > LATELY_S:
+            why = "Obstacles around the arm are unknown: its joint states ended."
+            return Refusal("not_watched", why, "gate", {"sensor": "arm"})
         return self._unwatched(WATCH_ARM, now_s) or self._in_the_way(space, self._but_for_arm(obstacles))
 
     def _unwatched(self, kinds: Collection[Kind], now_s: float) -> Refusal | None:
@@ -80,7 +86,10 @@ class ArmClearance:
         return Refusal("motion_blocked", text, "gate", {"sensor": sensor, "distance_m": gap_m, "side": side})
 
     def _follow_arm(self, now_s: float) -> None:
-        self._lately.append((now_s, self._arm.arm()))
+        discs = self._arm.arm()
+        if discs is not None and self._known_s is not None:
+            self._known_s = now_s
+        self._lately.append((now_s, discs))
         while now_s - self._lately[0][0] > LATELY_S:
             self._lately.popleft()
 

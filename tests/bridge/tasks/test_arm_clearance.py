@@ -114,3 +114,11 @@ def test_motion_starts_from_the_arms_present_place(scene):
     assert scene.why_not(running=False) is None
     scene.lies, scene.seen = (HAND,), {"depth": [beside(HAND, 0.2)]}
     assert scene.why_not() == "depth"
+
+
+def test_a_motion_is_cancelled_when_joint_states_end(scene):
+    assert scene.why_not(running=False) is None
+    scene.moves(None, LATELY_S)
+    assert scene.why_not() is None
+    scene.moves(None, 0.1)
+    assert scene.why_not() == "arm"
