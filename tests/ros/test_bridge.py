@@ -363,6 +363,7 @@ class TestMasterGone:
         hand.state_until(drivable, "the robot again")
         assert time.monotonic() - back_s < 5.0
         hand.stick(0.0, 0.0)
+        hand.state_until(lambda state: state.neutral_needed is None, "the middle to count")
         hand.stick(0.0, 0.5)
         hand.state_until(lambda state: state.odometry and abs(state.odometry.w) > 0.2, "turning again")
         robot.stop()
