@@ -24,20 +24,19 @@ from robots import wire
 PAGE = Path(__file__).parents[2] / "docs" / "protocol-messages.md"
 HEAD = """# Messages, field by field
 
-Written by `script/messages` from [robots/wire/](../robots/wire/): change that, then run it. How they are used is
-in [protocol.md](protocol.md). Each is one JSON object whose `t` is its name here. A field without a default must be
-there. A field that is not known is passed over, and a report may leave out a field that has its default. Units are SI
-unless the name says otherwise.
+`script/messages` writes this page from [robots/wire/](../robots/wire/). [protocol.md](protocol.md) says how to use the
+messages. Each is one JSON object whose `t` is its name here. A field without a default is required. Unknown fields are
+ignored; a report may leave out fields with their default. Units are SI unless the name says otherwise.
 """
 DOORS: Mapping[str, Any] = {
-    "A robot's page says to the console": wire.BrowserMessage,
-    "The console says to a robot's page": wire.BrowserReport,
-    "Whoever looks at topics says to the console": wire.TopicsMessage,
-    "The console says to whoever looks at topics": wire.TopicsReport,
-    "The fleet page says to the console": wire.FleetMessage,
-    "The console says to the fleet page": wire.FleetReport,
-    "The web process says to the bridge": wire.LinkRequest,
-    "The bridge says to the web process": wire.LinkReport,
+    "From a robot's page to the console": wire.BrowserMessage,
+    "From the console to a robot's page": wire.BrowserReport,
+    "From readers of topics to the console": wire.TopicsMessage,
+    "From the console to readers of topics": wire.TopicsReport,
+    "From the fleet page to the console": wire.FleetMessage,
+    "From the console to the fleet page": wire.FleetReport,
+    "From a web process to a bridge": wire.LinkRequest,
+    "From a bridge to a web process": wire.LinkReport,
 }
 WORDS = {
     bool: "true or false",
@@ -107,13 +106,12 @@ def _section(kind: Kind) -> str:
     lines = [f"### {_name(kind)}\n", f"{_words_of(kind)}\n"]
     comments, hints = _comments(kind), get_type_hints(kind, include_extras=True)
     fields = structs.fields(kind)
-    if not fields:
-        return "\n".join([*lines, "No fields.\n"])
-    lines += ["| field | type | default | |", "|---|---|---|---|"]
     for field in fields:
-        cells = [f"`{field.name}`", _type(hints[field.name]), _default(field), comments.get(field.name, "")]
-        lines.append(re.sub(" +", " ", f"| {' | '.join(cells)} |"))
-    return "\n".join([*lines, ""])
+        default = _default(field)
+        line = f"* `{field.name}`: {_type(hints[field.name])}{f', default {default}' if default else ''}"
+        comment = comments.get(field.name, "")
+        lines.append(f"{line}. {comment[:1].upper()}{comment[1:]}" if comment else line)
+    return "\n".join([*lines, ""]) if fields else "\n".join(lines)
 
 
 def _words_of(kind: Kind) -> str:
@@ -171,8 +169,7 @@ def _bounded(hint: Any, bounds: tuple[Meta, ...]) -> str:
         elif low is not None:
             words.append(f"at least {_figure(low)}{unit}")
         if meta.pattern:
-            pattern = meta.pattern.replace("|", "\\|")
-            words.append(f"of the form `{pattern}`")
+            words.append(f"of the form `{meta.pattern}`")
     return ", ".join(words)
 
 
