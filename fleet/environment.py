@@ -212,7 +212,7 @@ def database(url: str) -> dict[str, Any]:
 def limit_queries(database: dict[str, Any]) -> None:
     """Let PostgreSQL end a query that takes too long, in a web process: its threads are few, and people wait.
 
-    Commands are not: to verify or to migrate takes as long as it takes. What the URL says goes before, for all of them.
+    Commands are not: to verify or to migrate takes as long as it takes. The URL has precedence, for all of them.
     """
     if database["ENGINE"].endswith("postgresql"):
         options = database["OPTIONS"]

@@ -40,7 +40,7 @@ class ListedLookups(RecordedAdmin):
 
 @admin.register(User)
 class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
-    """Accounts. Nobody is deleted, for the audit log speaks of them: clear "active" instead."""
+    """Accounts. They are never deleted, because the audit log refers to them: clear "active" instead."""
 
     list_display = ["username", "full_name", "email", "is_staff", "is_active", "last_login"]
     list_filter = ["is_staff", "is_active"]

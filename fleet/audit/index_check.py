@@ -72,7 +72,7 @@ def _defined(cursor: CursorWrapper) -> Iterator[tuple[str, str]]:
 
 @contextmanager
 def _one_moment(cursor: CursorWrapper) -> Iterator[None]:
-    """Everything is read as it is at one moment, though others write meanwhile. Nothing is locked."""
+    """Read everything as of one moment, while others write, without a lock."""
     if connection.in_atomic_block:
         yield
     elif connection.vendor == "sqlite":

@@ -267,7 +267,7 @@ def with_ends(kinds: Iterable[str]) -> list[str]:
 
 
 def _there_is(records: QuerySet[Record]) -> Q:
-    """For each text by itself. Of EXISTS, PostgreSQL makes a join with all such records, also for a page of texts."""
+    """Ask for each text separately: PostgreSQL turns EXISTS into a join with all such records."""
     return Q(IsNull(Subquery(records.order_by().values("pk")[:1]), False))
 
 

@@ -217,7 +217,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
             return True
 
     def allHeadersReceived(self) -> None:
-        """The head is complete; a body may follow. That of a stop is not waited for where the head says all."""
+        """Handle a complete head. The body of a stop is not awaited if the head is enough."""
         self._head_open = False
         request = self.requests[-1]
         says_all = stops.needs_no_body(self._command, self._path, request.requestHeaders)
@@ -245,7 +245,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         super().requestDone(request)
 
     def timeoutConnection(self) -> None:
-        """Nothing came, or not all of it."""
+        """Handle a request that did not come in time, or only in part."""
         if self._between or not (self.requests or self._buffer):
             self.transport.abortConnection()
         else:

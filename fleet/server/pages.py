@@ -168,7 +168,7 @@ def _headers(request: Any) -> Headers:
 
 
 def _length(request: Any, response: Any) -> bytes | None:
-    """Of the body; None: in chunks, or there is none. Of HEAD's, that which GET would have: Twisted says 0."""
+    """Return the length of the body; None: in chunks, or no body. For HEAD it is GET's: Twisted says 0."""
     if request.method == b"HEAD":
         told: list[bytes] = response.headers.getRawHeaders(b"content-length", [])
         return told[0] if told else None

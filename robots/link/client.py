@@ -346,7 +346,7 @@ class BridgeLink:
         return self._socket is not None and self._socket.transport.get_write_buffer_size() > 0
 
     def _require_room(self, replies: PendingReplies[_Answer], most: int) -> None:
-        """Nothing is piled up before a bridge that is slow; a stop would have to wait behind it."""
+        """Queue nothing for a slow bridge: a stop would have to wait behind it."""
         if self._is_behind or len(replies) >= most:
             raise LinkRefused(_BUSY)
 

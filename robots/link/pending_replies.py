@@ -47,7 +47,7 @@ class PendingReplies(Generic[A]):
             _settle(first, answer)
 
     def answer_all(self, error: Exception) -> None:
-        """Nobody gets an answer any more."""
+        """End all waits without an answer."""
         for waiting in [future for futures in self._waiting.values() for future in futures]:
             if not waiting.done():
                 _settle(waiting, error)

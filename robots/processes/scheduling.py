@@ -75,7 +75,7 @@ class Garbage:
         self._old_due_s = 0.0
 
     def collect(self, now_s: float, *, waits: bool) -> None:
-        """What is young; what is old as well from time to time, and rarely while somebody `waits` for the loop."""
+        """Collect young objects, and sometimes old ones too; rarely while somebody `waits` for the loop."""
         if now_s >= self._old_due_s + (10 * _OLD_S if waits else 0.0):
             gc.collect()
             self._old_due_s = now_s + _OLD_S

@@ -254,7 +254,7 @@ class AuditSink:
             ends = Record.objects.filter(of=OuterRef("pk"), kind=end)
             starts = Record.objects.filter(robot_id=self._robot_id, kind=kind, pk__gt=after)
             if kind == end:
-                # Whoever cancels a motion has the outcome at once.
+                # A person who cancels a motion gets the outcome at once.
                 starts = starts.filter(of=None, outcome="")
             missing += starts.exclude(Exists(ends))
         return sorted(missing, key=lambda start: -start.pk)
@@ -287,7 +287,7 @@ def _pose(pose: Pose | None) -> list[float] | None:
 
 
 def _path(path: Sequence[Sample]) -> list[list[float]]:
-    """Of each sample t, x, y, yaw and speed."""
+    """Return t, x, y, yaw and speed of each sample."""
     return [[round(value, 3) for value in sample] for sample in path]
 
 

@@ -315,7 +315,7 @@ PARAMETER_BOUNDS = {
     "between_sonars_mps": (0.02, 1.0),
     "near_miss_s": (0.02, 1.0),
 }
-# Of these a smaller value is the more careful one; of all others a larger one.
+# A smaller value of these is more careful; for all others a larger one is.
 CAREFUL_WHEN_SMALL = {"deceleration_share", "operator_delay_s", "creep_mps", "between_sonars_mps"}
 
 

@@ -282,12 +282,12 @@ def _loosened_limits(own: Tightening, profile: ProfileFields) -> Iterator[str]:
 
 
 def check_profile_share(profile: ProfileFields) -> None:
-    """Nobody begins faster than `BEGINNER_MPS` on this kind of robot."""
+    """Check that nobody begins faster than `BEGINNER_MPS` on this kind of robot."""
     _check_share(profile.default_share, _fastest_mps(profile))
 
 
 def check_robot_share(robot: RobotFields) -> None:
-    """Nobody begins faster than `BEGINNER_MPS` on this robot. One out of service may stay as it is."""
+    """Check the same for this robot, unless it is out of service."""
     if robot.enabled:
         limits = _limits(robot.profile, overrides(robot))
         _check_share(min(_asked_share(robot), robot.max_share), _fastest_mps(limits))

@@ -166,7 +166,7 @@ def bridge_config(robot: Robot) -> BridgeConfig:
 
 
 def robot_facts(robot: Robot) -> RobotFacts:
-    """What a page needs to know of the robot once. If its entry is wrong, what its columns say: the page must work, to
+    """Return the facts of a robot for a page. If its entry is wrong, its columns: the page must work, to
     say so and to stop.
     """
     try:

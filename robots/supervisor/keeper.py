@@ -124,12 +124,12 @@ class Keeper:
 
     @property
     def digest(self) -> str | None:
-        """Of the program that is wanted."""
+        """Digest of the wanted program."""
         return self._wanted.digest if self._wanted else None
 
     @property
     def idle(self) -> bool:
-        """Nothing runs."""
+        """Whether no program runs."""
         return self._process is None
 
     def want(self, program: Program | None) -> None:

@@ -1,4 +1,4 @@
-"""What all messages share: field types with their limits, refusals, answers."""
+"""Shared parts of messages: field types with their limits, refusals, answers."""
 
 from __future__ import annotations
 

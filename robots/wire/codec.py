@@ -78,7 +78,7 @@ _CUTS = (
 
 
 def encode_report(message: Struct) -> bytes:
-    """What a bridge says, never larger than `LARGEST_REPORT_BYTES`: whatever a robot tells of itself cuts no link.
+    """Encode a bridge's report, at most `LARGEST_REPORT_BYTES`: no text of a robot breaks the link.
 
     Texts and lists of a larger one are cut, and say how much is missing; answers and messages of topics that were
     encoded elsewhere stay whole.

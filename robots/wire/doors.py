@@ -99,7 +99,7 @@ browser_message = Door[BrowserMessage](BrowserMessage)
 topics_message = Door[TopicsMessage](TopicsMessage)
 fleet_message = Door[FleetMessage](FleetMessage)
 link_request = Door[LinkRequest](LinkRequest)
-# What comes back through the same doors: of any size, and what does not fit is a `msgspec.DecodeError`.
+# Reports through the same doors: of any size; a misfit raises `msgspec.DecodeError`.
 browser_report: Callable[[str | bytes], BrowserReport] = msgspec.json.Decoder(BrowserReport).decode
 topics_report: Callable[[str | bytes], TopicsReport] = msgspec.json.Decoder(TopicsReport).decode
 link_report: Callable[[str | bytes], LinkReport] = msgspec.json.Decoder(LinkReport).decode  # text frames

@@ -113,7 +113,7 @@ class ClearRobot(Struct, frozen=True, tag_field="t", tag="clear"):
 
 
 class Limits(Struct, frozen=True):
-    """What a full stick at share 1 means for this robot (m/s, rad/s), after admin tightening."""
+    """Meaning of a full stick at share 1 for this robot (m/s, rad/s), with the admin's limits."""
 
     forward_mps: float
     reverse_mps: float
@@ -132,7 +132,7 @@ class SonarPose(Struct, frozen=True):
 
 
 class RobotFacts(Struct, frozen=True):
-    """What a page needs to know of a robot once."""
+    """Facts of a robot for a page."""
 
     slug: str  # as in addresses
     name: str  # for people
@@ -170,7 +170,7 @@ ControlState = Literal["free", "yours", "elsewhere", "other", "away"]
 
 
 class Control(Struct, frozen=True, tag_field="t", tag="control"):
-    """Who has control, as this connection may see it. Sent on every change.
+    """The holder of control, as this connection may see it. Sent on every change.
 
     `state`: "free" (take it), "yours", "elsewhere" (yours, in another tab), "other" (see `holder`), "away" (the
     holder's page is gone; free after `resumable_s`).

@@ -23,7 +23,7 @@ class SpeedLimit(Struct, frozen=True, omit_defaults=True):
 
 
 class Verdict(Struct, frozen=True, omit_defaults=True):
-    """What the gate made of the last command. See docs/protocol.md for the codes."""
+    """The gate's answer to the last command. See docs/protocol.md for the codes."""
 
     code: str  # "free", "idle", or the rule that holds back
     text: str  # one line for the operator
@@ -100,7 +100,7 @@ SpeechStatus = Literal["sent", "accepted", "speaking"]
 
 
 class Speech(Struct, frozen=True):
-    """What this console has the robot say, from the moment it was sent.
+    """A text that the robot says for this console, from the moment it was sent.
 
     `status` is as the robot's action tells; a robot that takes plain messages tells nothing.
     """
@@ -231,7 +231,7 @@ class Offers(Struct, frozen=True, tag_field="t", tag="offers"):
 
 
 class Scan(Struct, frozen=True):
-    """What is seen, in the base frame of now, centimetres, flat [x0, y0, x1, y1, ...]."""
+    """Seen points, current base frame, centimetres, flat [x0, y0, x1, y1, ...]."""
 
     laser_cm: list[int]
     sonar_cm: list[int | None]  # by index of RobotFacts.sonars; None: nothing in range

@@ -165,7 +165,7 @@ class Parameter(Struct, frozen=True, tag_field="t", tag="parameter_value"):
 
 
 class Called(Struct, frozen=True, tag_field="t", tag="called"):
-    """What a service answered."""
+    """Answer of a service."""
 
     service: str
     fields: dict[str, Any]

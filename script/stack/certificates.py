@@ -41,7 +41,7 @@ def _address_of(interface: str) -> str | None:
 
 
 def _default_address() -> str | None:
-    """The address that packets to the outside would carry. Nothing is sent."""
+    """Return the address that packets to the outside would carry, without sending one."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # an address reserved for documentation

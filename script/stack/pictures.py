@@ -190,7 +190,7 @@ def look_back(page: Page, stack: Stack) -> None:
 
 
 def as_it_is(_page: Page) -> None:
-    """Nothing to do."""
+    """Do nothing."""
 
 
 TABS = {"motions": as_it_is, "speech": say_a_phrase, "topics": watch_the_head}

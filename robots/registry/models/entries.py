@@ -111,7 +111,7 @@ class Allowance(OfProfileOrRobot):
     """An entry of the allow-list: without one, nobody may. `robots.bridge.tasks.denylist` forbids some entries."""
 
     class What(models.TextChoices):
-        """What is done with the name."""
+        """Use of the name."""
 
         CHOOSE = "choose", _("choose: input goes to this topic or action")
         PUBLISH = "publish", _("publish on this topic")
@@ -222,7 +222,7 @@ class Allowance(OfProfileOrRobot):
         return (topics and why_denied(self.what, self.name, self.type, topics, self.use)) or ""
 
     def _topics(self) -> Topics | None:
-        """Of its owner; of one whose own entry is wrong, nothing can be said."""
+        """Return the topics of its robot or profile; None if that entry is wrong."""
         try:
             if self.robot is not None:
                 return robot_config.topics(self.robot)

@@ -33,7 +33,7 @@ def _between(lowest: float, highest: float) -> list[MinValueValidator | MaxValue
 
 
 class Role(models.TextChoices):
-    """What a person may do with a robot; ordered, each role includes those below it.
+    """A person's rights on a robot; ordered, each role includes those below it.
 
     Staff is no row: `User.is_staff` means staff on every robot.
     """
@@ -63,7 +63,7 @@ class Role(models.TextChoices):
 
 
 class ReverseSteering(models.TextChoices):
-    """What stick left means while reversing."""
+    """Effect of stick left in reverse."""
 
     TURN = "turn", _("Stick left always turns the robot left")
     CAR = "car", _("Like a car: mirrored in reverse")
@@ -364,7 +364,7 @@ def _collect(errors: dict[str, list[str]], field: str, check: Callable[[T], obje
 
 
 class RobotRole(models.Model):
-    """What one person may do with one robot."""
+    """The role of one person on one robot."""
 
     robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="roles", verbose_name=_("robot"))
     user = models.ForeignKey(

@@ -44,7 +44,7 @@ MOVED_BY = tuple(
 
 
 def lengths(table: Sequence[Frame]) -> list[float]:
-    """Of each segment, without its round ends."""
+    """Return the length of each segment without its round ends."""
     return [math.dist(*_ends(table, segment, HOME)) for segment in SEGMENTS]
 
 

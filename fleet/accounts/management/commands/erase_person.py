@@ -41,7 +41,7 @@ class Command(BaseCommand):
             raise CommandError("Nothing was erased.")
         account_close(user=person)
         self.stdout.write(
-            f"The account is closed. What is still being recorded is waited for: {WRITTEN_S:.0f} s."
+            f"The account is closed. Waiting for records under way: {WRITTEN_S:.0f} s."
             " If this is interrupted: run it again."
         )
         sleep(WRITTEN_S)

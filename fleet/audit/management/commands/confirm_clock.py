@@ -28,5 +28,5 @@ class Command(BaseCommand):
             raise CommandError(error.text) from error
         now = timezone.now().isoformat(" ", "minutes")
         self.stdout.write(
-            f"On record: it is {now}. What is too old goes within a day, or now: run_housekeeping --once"
+            f"On record: it is {now}. Records that are too old go within a day, or now: run_housekeeping --once"
         )

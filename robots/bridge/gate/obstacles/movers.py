@@ -107,7 +107,7 @@ class Movers:
         self._found = None
 
     def forget(self) -> None:
-        """Nothing was seen before."""
+        """Forget all earlier scans."""
         self._looks.clear()
         self._found = []
 

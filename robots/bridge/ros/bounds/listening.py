@@ -1,7 +1,7 @@
 """Bounds on rospy's reading of publishers: connections, sizes, messages a second, thread time.
 
 A publisher that sends more than its topic's `Kind` allows is cut off before a message of it is made, told on the
-`BOARD`, and tried again after `DROPPED_S`. What it would have told is missing, and the gate's rules for silence hold.
+`BOARD`, and tried again after `DROPPED_S`. Its data is missing, and the gate's rules for silence hold.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from typing import Protocol
 
 from robots.bridge.server.flood_limits import TokenBucket
 
-# Of the loop's time, for one source. 700 beams at 15 Hz take 0.02, 1081 at 40 Hz 0.06, and thrice that when slow.
+# Share of the loop's time for one source. 700 beams at 15 Hz take 0.02, 1081 at 40 Hz 0.06, and thrice that when slow.
 LOOP_SHARE = 0.3
 
 Call = Callable[[], None]

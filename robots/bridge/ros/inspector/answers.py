@@ -222,7 +222,7 @@ class Inspector:
         return told or {}
 
     def _sendable(self, order: wire.Publish) -> Definition:
-        """Of what the allow-list has, and no list would refuse."""
+        """Return the definition of an allowed message. Raises a refusal if it is not on the list or harmful."""
         self._require("publish", order.topic, order.type)
         definition = self._definition(order.type, order.topic)
         _require_harmless(definition)

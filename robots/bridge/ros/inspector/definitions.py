@@ -1,7 +1,8 @@
 """Message definitions: of the packages that are installed here, of ours, and in the words of whoever publishes.
 
 A definition is taken at its md5 sum: text whose sum is not the one that its publisher claims describes other bytes
-than those that come. What is not installed here is kept on disk by (type, md5), for publishers that send no text.
+than those that come. Definitions of types that are not installed are kept on disk by (type, md5), for publishers that
+send no text.
 """
 
 from __future__ import annotations

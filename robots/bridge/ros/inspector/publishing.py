@@ -42,7 +42,7 @@ class PublishPermit:
         self._heard_s = time.monotonic()
 
     def end(self) -> None:
-        """Nothing is sent under it any more once this returns."""
+        """End it: nothing is sent for it after this returns."""
         with self._sending:
             self.ended = True
 

@@ -119,7 +119,7 @@ def rate_hz(arrivals: Sequence[float], now_s: float) -> float | None:
 
 
 def _names(connections: Sequence[Any]) -> list[str]:
-    """Of publishers, as they call themselves to their listeners."""
+    """Return the publishers' names, as they give them to their listeners."""
     return sorted({connection.callerid_pub[:LONGEST_NAME] for connection in connections})[:MOST_NAMED]
 
 

@@ -38,7 +38,7 @@ class Acknowledgements:
             echo.wrote(connection.stat_bytes, now_s)
 
     def took_s(self, now_s: float) -> float | None:
-        """Of the slowest that has shown it since the last call."""
+        """Return the acknowledgement time (s) of the slowest connection since the last call; None without news."""
         found = [
             echo.took_s(connection.stat_bytes - _kept(connection), now_s)
             for connection, echo in self._acknowledgements.items()

@@ -233,7 +233,7 @@ def _read_message(conversation: Conversation) -> bytes:
 
 
 def _stamp_and_frame(head: bytes) -> tuple[float, str]:
-    """Of the std_msgs/Header that the message begins with: its stamp (s) and frame id."""
+    """Return stamp (s) and frame id of the std_msgs/Header at the message's begin."""
     _seq, seconds, nanoseconds, length = struct.unpack_from("<IIII", head)
     return seconds + nanoseconds * 1e-9, head[16 : 16 + length].decode(errors="replace")
 

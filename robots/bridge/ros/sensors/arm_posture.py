@@ -148,7 +148,7 @@ class PostureTopics:
         return [link for link, joints in self._moved.items() if joints <= positions.keys()]
 
     def _positions(self, now_s: float) -> dict[str, float]:
-        """Of all joints that were told of lately."""
+        """Return the positions of all recently reported joints."""
         told = dict(self._joints)  # another thread adds to it
         return {name: at for name, (at, arrival_s) in told.items() if now_s - arrival_s <= KNOWN_S}
 
@@ -204,7 +204,7 @@ class PostureTopics:
         self._after = None
 
     def _ended(self, result: Any) -> None:
-        """Of the newest goal only: what another one leaves the arm in, the newest may change."""
+        """Handle the end of the newest goal. Ends of older goals are ignored: the newest may move the arm again."""
         newest, self._after = self._newest, None
         if newest and newest[0] == result.status.goal_id.id:
             self._newest = None

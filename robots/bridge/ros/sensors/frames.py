@@ -1,7 +1,7 @@
 """Where a frame is in the base frame at a stamp, from raw /tf and /tf_static messages.
 
 A robot tells of thirty frames fifty times a second; of these the way from the base to one camera is wanted ten times a
-second, and numbers are unpacked only then. What arrives is kept as it is, by its child frame.
+second, and numbers are unpacked only then. Messages are kept as they come, by child frame.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class Frames:
             self._full_s = time.monotonic()
 
     def _history(self, child: str) -> deque[Told] | None:
-        """Of one frame. Of too many, one goes that nobody asked for and that was not told for longest."""
+        """Return the history of a moving frame. If there are too many, the oldest one that nobody needs is dropped."""
         if child not in self._moving:
             if len(self._moving) >= MOST_MOVING:
                 self._full_s = time.monotonic()

@@ -115,7 +115,7 @@ class Command(BaseCommand):
 
 
 def _sockets() -> list[str]:
-    """Of each robot with bridge or watchdog on this computer, its bridge's: a bridge between two lives has none."""
+    """Return the socket of each robot with a bridge or watchdog on this computer; a restarting bridge has none."""
     found = [path for kind in ("*.sock", "*.stop") for path in settings.FLEET_RUN_DIR.glob(kind)]
     return sorted({str(path.with_suffix(".sock")) for path in found})
 
