@@ -26,7 +26,7 @@ from zope.interface import implementer
 
 from fleet.server import limits
 from robots.processes.scheduling import prefer_nobody
-from robots.processes.shutdown import leave_within
+from robots.processes.shutdown import exit_within
 
 log = logging.getLogger(__name__)
 
@@ -99,7 +99,7 @@ def become_pages(life_line: int) -> None:
 
 def _end_with(life_line: int) -> None:
     os.read(life_line, 1)  # nobody writes: this is its end
-    leave_within(END_S)
+    exit_within(END_S)
     with suppress(ProcessLookupError):
         os.kill(os.getpid(), 15)
 

@@ -16,7 +16,7 @@ from django.urls import resolve  # noqa: E402
 from fleet.environment import limit_queries  # noqa: E402
 from fleet.site.handler import OneThreadHandler  # noqa: E402
 from fleet.site.websocket_access import guarded  # noqa: E402
-from robots.processes.shutdown import leave_within  # noqa: E402
+from robots.processes.shutdown import exit_within  # noqa: E402
 from teleop.live.routing import websocket_urlpatterns  # noqa: E402
 
 limit_queries(connections.settings["default"])
@@ -35,7 +35,7 @@ END_S = 5.0
 if "daphne.server" in sys.modules:  # Daphne has chosen the reactor
     from twisted.internet import reactor
 
-    reactor.addSystemEventTrigger("before", "shutdown", leave_within, END_S)
+    reactor.addSystemEventTrigger("before", "shutdown", exit_within, END_S)
 
 application = ProtocolTypeRouter(
     {"http": OneThreadHandler(), "websocket": guarded(URLRouter(websocket_urlpatterns))}

@@ -37,7 +37,7 @@ from robots.bridge.watchdog.client import WatchdogClient
 from robots.bridge.watchdog.config import lane_path
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
 from robots.processes.scheduling import Garbage, prefer_this_thread
-from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, leave_within
+from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, exit_within
 from robots.stop.pending_stops import PendingStops, Waiting, name_of
 
 log = logging.getLogger(__name__)
@@ -106,7 +106,7 @@ class Bridge:
         finally:
             lift_limit()
             self._ended = True
-            leave_within(END_S)
+            exit_within(END_S)
             self._links.shut()  # nobody may drive while the bridge ends
             self._leave_at_zero(time.monotonic())
             self._watchdog.close()

@@ -1,9 +1,9 @@
 """The web process's end of the bridge link: one WebSocket per (web process, robot).
 
-A `BridgeLink` keeps itself connected and hands on what the bridge says; it never waits for a slow
+A `BridgeLink` reconnects by itself and passes the bridge's messages on; it never waits for a slow
 bridge and never queues commands. `state_once` is for code that has no event loop.
-A bridge says first whose it is. Until it said that it is this robot's, it is told nothing but who calls, and a stop:
-that names its robot itself.
+A bridge first sends the id of its robot. Until the id is confirmed, the link sends only its hello and stops, because a
+stop names its robot itself.
 """
 
 from __future__ import annotations
@@ -51,36 +51,37 @@ _Answer = TypeVar("_Answer")
 
 _BACK_OFF_S = (0.1, 2.0)  # first and longest pause between attempts
 _ANSWER_TIMEOUT_S = 1.0
-_ORDER_TIMEOUT_S = 5.0  # the page gives up long before
-_QUESTION_TIMEOUT_S = 12.0  # the bridge gives up after 2 s, or 10 s while its inspector starts, and says so
-_ORDERS, _QUESTIONS = 64, 32  # under way at once, of all pages together
+_TASK_TIMEOUT_S = 5.0  # the page gives up much earlier
+_QUERY_TIMEOUT_S = 12.0  # the bridge gives up after 2 s, or 10 s while its inspector starts, and says so
+_MOST_TASK_REQUESTS, _MOST_QUERIES = 64, 32  # at once, for all pages together
 SILENT_S = 2.0  # a bridge reports its state twice a second
-_BESIDE_S = 0.3  # a link that did not answer a stop by then may be dead
-_ONCE_S = 3.0  # a question over a connection of its own, from the first packet to the answer
-_NAMES, _NAME_LENGTH = 20, 40  # of who looks; a crowd is a number, and a message has its limit
-_LOOKS_PACE_S = 0.1  # people change their minds faster than a robot should have to follow
-_WATCH_S = 0.1  # how often the loop's own lateness is looked at
-_WAITING_PACE_S = 0.5  # between two looks for pending stops
-_DISK_S = 0.5  # a disk that does not tell them by then hangs, and keeps no link from coming up
-_LINGER_S = 10.0  # a link that nobody follows for so long is closed: a page that was loaded anew finds it up
+_LINK_STOP_S = 0.3  # without an answer to a stop by then, the link may be dead
+_STATE_ONCE_S = 3.0  # one query over a new connection, from the first packet to the answer
+_NAMES, _NAME_LENGTH = (
+    20,
+    40,
+)  # names of viewers; further viewers are only counted, because the size of a message is limited
+_SUBSCRIPTIONS_PACE_S = 0.1  # people change topics faster than a robot should have to follow
+_LATENESS_CHECK_S = 0.1  # how often the loop's lateness is measured
+_WAITING_PACE_S = 0.5  # between two searches for pending stops
+_DISK_S = 0.5  # a disk that takes longer to read pending stops must not delay the link
+_LINGER_S = 10.0  # a link without listeners closes after this time, so that a reloaded page finds it up
 
-_FOREIGN = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
+_OTHER_PROTOCOL = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
 _FAULTY = Refusal("link_fault", "The console failed to follow the robot’s bridge; it tries again.", "wire")
 _BUSY = Refusal("busy", "The robot’s bridge has too much to answer: wait a moment.", "wire")
 
-_STRANGE = Refusal(
+_OTHER_ROBOT = Refusal(
     "other_robot",
     "At this robot’s bridge address another robot’s bridge answers: staff must correct the address.",
     "robot",
 )
 
-_ORDER_KINDS = frozenset(
-    kind.__struct_config__.tag for kind in (*get_args(wire.TaskRequest), wire.LinkCancel)
-)
+_TASK_KINDS = frozenset(kind.__struct_config__.tag for kind in (*get_args(wire.TaskRequest), wire.LinkCancel))
 
 
 class _Hello(Struct, tag_field="t", tag="bridge_hello"):
-    """The part of a hello that all protocols share. A stop needs no more."""
+    """The part of a hello that all protocols share; it is enough for a stop."""
 
     robot: UUID
     slug: str
@@ -90,7 +91,7 @@ _hello = msgspec.json.Decoder(_Hello)
 
 
 class Listener(Protocol):
-    """Somebody who follows a robot. Called on the event loop; must not block."""
+    """Receives a robot's reports. Called on the event loop; must not block."""
 
     def on_view(self, raw: str) -> None:
         """A picture, encoded."""
@@ -107,8 +108,8 @@ class Listener(Protocol):
     def on_offers(self, offers: wire.Offers) -> None:
         """The robot's capabilities: on connecting and on change."""
 
-    def on_seen(self, topic: str, shown: str) -> None:
-        """A message of a topic that is looked at, encoded."""
+    def on_sample(self, topic: str, shown: str) -> None:
+        """A message of a subscribed topic, encoded."""
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
         """The link came up or went down, and why."""
@@ -127,39 +128,39 @@ class BridgeLink:
         self.seen_at: float | None = None  # when the robot itself was last heard, in seconds since 1970
         self.offers: wire.Offers | None = None
         self.pending: wire.PendingStop | None = None  # the newest stop that waits
-        self._heard_s = 0.0  # of the monotonic clock: the last state
+        self._heard_s = 0.0  # monotonic clock: when the last state arrived
         self.highest_fence = 0
         self._open: ClientConnection | None = None
-        self._socket: ClientConnection | None = (
-            None  # the same, to a bridge that said that it is this robot's
-        )
+        self._socket: ClientConnection | None = None  # the same, once the bridge has confirmed its robot
         self._lane: Lane | None = None  # to a bridge on this computer
         self._listeners: set[Listener] = set()
-        # of the listeners, the one for whom there are pictures and messages
+        # the one listener that gets pictures and samples
         self._viewer: Listener | None = None
-        self._names: frozenset[str] = frozenset()  # of those who look
-        self._topics: dict[str, float] = {}  # whose messages they look at, and how often (Hz)
-        self._telling: asyncio.TimerHandle | None = None  # the bridge of other topics
+        self._names: frozenset[str] = frozenset()  # of the viewers
+        self._topics: dict[str, float] = {}  # subscribed topics and their rates (Hz)
+        self._subscriptions_timer: asyncio.TimerHandle | None = (
+            None  # sends changed subscriptions to the bridge
+        )
         self._grants: PendingReplies[None] = PendingReplies()  # by fencing number
         self._latch: PendingReplies[Stopped] = PendingReplies()  # by number
-        self._orders: PendingReplies[Accepted | Refused] = (
+        self._task_requests: PendingReplies[Accepted | Refused] = (
             PendingReplies()
         )  # by kind, fencing number and number
-        self._questions: PendingReplies[str] = PendingReplies()  # by number
+        self._queries: PendingReplies[str] = PendingReplies()  # by number
         self._pause_s = _BACK_OFF_S[0]
         self.tried = asyncio.Event()  # a first attempt came to an end, good or bad
         self.closed = False
         self._task = asyncio.get_running_loop().create_task(self._keep_connected())
         self._courier = asyncio.get_running_loop().create_task(self._keep_delivering())
-        self._lingering = self._linger()
-        self._watching = self._watch_soon()
+        self._linger_timer = self._start_linger()
+        self._lateness_timer = self._schedule_lateness_check()
 
     # --- followers -----------------------------------------------------------------------------------
 
     def subscribe(self, listener: Listener) -> None:
-        """Follow the robot. The listener is told the present state of the link at once."""
+        """Add a listener; it gets the current state of the link at once."""
         self._listeners.add(listener)
-        self._lingering.cancel()
+        self._linger_timer.cancel()
         listener.on_link(self.up, self.refusal)
         if self.state is not None:
             listener.on_status(self.state)
@@ -167,40 +168,40 @@ class BridgeLink:
             listener.on_offers(self.offers)
 
     def unsubscribe(self, listener: Listener) -> None:
-        """Stop following."""
+        """Remove a listener; the link closes later if it was the last."""
         self._listeners.discard(listener)
         if listener is self._viewer:
-            self.watch(listener, ())
+            self.set_viewers(listener, ())
             self.set_subscriptions(listener, {})
             self._viewer = None
         if not self._listeners:
-            self._lingering.cancel()
-            self._lingering = self._linger()
+            self._linger_timer.cancel()
+            self._linger_timer = self._start_linger()
 
-    def watch(self, viewer: Listener, names: Collection[str]) -> None:
+    def set_viewers(self, viewer: Listener, names: Collection[str]) -> None:
         """Set the names of people who view through `viewer`; the bridge draws pictures only for viewers."""
         self._viewer = viewer
         if self._names != set(names):
             self._names = frozenset(names)
-            self._send_watchers()
+            self._send_viewers()
 
     def set_subscriptions(self, viewer: Listener, topics: Mapping[str, float]) -> None:
-        """Whose messages `viewer` wants to see, and how many a second. Nobody's: the robot sends none."""
+        """Set the topics that `viewer` wants to see, with rates (Hz). Without topics the robot sends no samples."""
         self._viewer = viewer
         if self._topics != topics:
             self._topics = dict(topics)
-            if self._telling is None:
-                self._tell_looks_soon()
+            if self._subscriptions_timer is None:
+                self._schedule_subscriptions()
 
     @property
     def silent(self) -> bool:
-        """Up, and without news for so long that the state is no longer the truth: the bridge is frozen, or cut off."""
+        """Whether the link is up, but its last state is too old: the bridge is frozen or cut off."""
         return self.up and time.monotonic() - self._heard_s > SILENT_S
 
     # --- what is sent --------------------------------------------------------------------------------
 
     async def forward(self, raw: str) -> bool:
-        """Send a browser's drive message as it is. False if it was dropped: no link, or the last is not out yet."""
+        """Send a browser's drive message unchanged. False if dropped: no link, or the last message is still unsent."""
         if self._lane is not None:
             return self.forward_now(raw)
         socket = self._socket
@@ -222,7 +223,7 @@ class BridgeLink:
         return self._lane is not None and self._lane.send(raw.encode())
 
     def send(self, message: Struct) -> bool:
-        """Send without an answer (Revoke, Hold). False if the link is down: then the bridge has stopped the robot."""
+        """Send without an answer (Revoke, Pause). False if the link is down: then the bridge has stopped the robot."""
         if self._socket is None:
             return False
         task = asyncio.ensure_future(self._send(message))
@@ -233,16 +234,16 @@ class BridgeLink:
         """Give or renew control. Raises LinkRefused."""
         with self._grants.waiting_for(grant.fence) as answer:
             await self._ask(grant)
-            await _answered(answer, timeout_s)
+            await _await_answer(answer, timeout_s)
 
     async def stop(self, stop: wire.LinkStop, timeout_s: float = STOP_S) -> Stopped | Refusal:
-        """Press the emergency stop by every way there is. Raises LinkRefused if neither bridge nor watchdog answers."""
+        """Press the emergency stop by all ways at once. Raises LinkRefused if neither bridge nor watchdog answers."""
         stop = structs.replace(stop, robot=self.robot_id)
-        ways = self._stop_here(stop), ask_watchdog(self.address, stop), self._stop_beside(stop)
+        ways = self._stop_by_link(stop), ask_watchdog(self.address, stop), self._stop_by_new_connection(stop)
         return await first_answer(ways, timeout_s)
 
-    async def _stop_here(self, stop: wire.LinkStop) -> Stopped | Refusal:
-        """Over this connection. Its bridge need not have said anything yet."""
+    async def _stop_by_link(self, stop: wire.LinkStop) -> Stopped | Refusal:
+        """Send over this connection, even before the bridge's hello."""
         if self._open is None:
             raise LinkRefused(self.refusal or DOWN)
         number = self._latch.number()
@@ -259,10 +260,10 @@ class BridgeLink:
             except ConnectionClosed as error:
                 raise LinkRefused(DOWN) from error
 
-    async def _stop_beside(self, stop: wire.LinkStop) -> Stopped | Refusal:
-        """Over a connection of its own: the link may be down, waiting before its next attempt, or dead unnoticed."""
+    async def _stop_by_new_connection(self, stop: wire.LinkStop) -> Stopped | Refusal:
+        """Send over a new connection: this link may be down, waiting to reconnect, or dead without notice."""
         if self._open is not None:
-            await asyncio.sleep(_BESIDE_S)
+            await asyncio.sleep(_LINK_STOP_S)
         return await ask_bridge(self.address, stop)
 
     async def clear(
@@ -274,69 +275,71 @@ class BridgeLink:
         one does.
         """
         number = self._latch.number()
-        waiting = [stop for stop in await self._waiting() if stop.at < asked_s]
+        waiting = [stop for stop in await self._waiting_stops() if stop.at < asked_s]
         with self._latch.waiting_for(number) as answer:
             presses = [stop.press for stop in waiting]
             await self._ask(structs.replace(clear, seq=number, presses=presses))
-            stopped = await _answered(answer, timeout_s)
+            stopped = await _await_answer(answer, timeout_s)
         for stop in waiting:
             await asyncio.to_thread(self._stops.settle, stop, stopped)
         return stopped
 
-    async def order(self, order: wire.TaskRequest, timeout_s: float = _ORDER_TIMEOUT_S) -> Accepted | Refused:
-        """Hand on what the holder asks for. Returns the bridge's answer; raises LinkRefused if there is none."""
-        self._require_room(self._orders, _ORDERS)
-        with self._orders.waiting_for((wire.kind_of(order), order.fence, order.seq)) as answer:
-            await self._ask(order)
-            return await _answered(answer, timeout_s)
-
-    async def cancel(
-        self, cancel: wire.LinkCancel, timeout_s: float = _ORDER_TIMEOUT_S
+    async def request_task(
+        self, request_task: wire.TaskRequest, timeout_s: float = _TASK_TIMEOUT_S
     ) -> Accepted | Refused:
-        """Cancel for one who need not have control. As `order`."""
-        number = self._orders.number()
-        with self._orders.waiting_for((wire.kind_of(cancel), None, number)) as answer:
-            await self._ask(structs.replace(cancel, seq=number))
-            return await _answered(answer, timeout_s)
+        """Send a task request of the holder. Returns the bridge's answer; raises LinkRefused without one."""
+        self._require_capacity(self._task_requests, _MOST_TASK_REQUESTS)
+        with self._task_requests.waiting_for(
+            (wire.kind_of(request_task), request_task.fence, request_task.seq)
+        ) as answer:
+            await self._ask(request_task)
+            return await _await_answer(answer, timeout_s)
 
-    async def ask(self, question: wire.TopicQuery, timeout_s: float = _QUESTION_TIMEOUT_S) -> str:
-        """Ask about the robot's topics. Returns the encoded `wire.TopicAnswer`. Raises LinkRefused if none came."""
-        self._require_room(self._questions, _QUESTIONS)
-        number = self._questions.number()
-        with self._questions.waiting_for(number) as answer:
+    async def cancel(self, cancel: wire.LinkCancel, timeout_s: float = _TASK_TIMEOUT_S) -> Accepted | Refused:
+        """Cancel a task for a person who may lack control. Returns and raises as `request_task`."""
+        number = self._task_requests.number()
+        with self._task_requests.waiting_for((wire.kind_of(cancel), None, number)) as answer:
+            await self._ask(structs.replace(cancel, seq=number))
+            return await _await_answer(answer, timeout_s)
+
+    async def query_topics(self, question: wire.TopicQuery, timeout_s: float = _QUERY_TIMEOUT_S) -> str:
+        """Send a query about topics. Returns the encoded `wire.TopicAnswer`; raises LinkRefused without one."""
+        self._require_capacity(self._queries, _MOST_QUERIES)
+        number = self._queries.number()
+        with self._queries.waiting_for(number) as answer:
             await self._ask(wire.LinkQuery(number, question))
-            return await _answered(answer, timeout_s)
+            return await _await_answer(answer, timeout_s)
 
     async def close(self) -> None:
         """End the link for good."""
-        self._lingering.cancel()
+        self._linger_timer.cancel()
         self._end()
         for task in (self._task, self._courier):
             with suppress(asyncio.CancelledError):
                 await task
 
-    def _linger(self) -> asyncio.TimerHandle:
-        """The end, unless somebody follows soon."""
+    def _start_linger(self) -> asyncio.TimerHandle:
+        """Close the link later, unless a listener comes first."""
         return asyncio.get_running_loop().call_later(_LINGER_S, self._end)
 
-    def _watch_soon(self) -> asyncio.TimerHandle:
-        due_s = time.monotonic() + _WATCH_S
-        return asyncio.get_running_loop().call_later(_WATCH_S, self._watch_loop, due_s)
+    def _schedule_lateness_check(self) -> asyncio.TimerHandle:
+        due_s = time.monotonic() + _LATENESS_CHECK_S
+        return asyncio.get_running_loop().call_later(_LATENESS_CHECK_S, self._check_lateness, due_s)
 
-    def _watch_loop(self, due_s: float) -> None:
-        """Where this process itself was late, the bridge must not blame the operator."""
+    def _check_lateness(self, due_s: float) -> None:
+        """Report this process's own lateness, so that the bridge does not count it as the operator's delay."""
         late_s = time.monotonic() - due_s
         if late_s >= LATE_S and self.up:
             late = wire.LinkLate(late_s)
             if self._lane is None or not self._lane.send(wire.encode(late)):
                 self.send(late)
-        self._watching = self._watch_soon()
+        self._lateness_timer = self._schedule_lateness_check()
 
     def _end(self) -> None:
         self.closed = True
-        self._watching.cancel()
-        if self._telling is not None:
-            self._telling.cancel()
+        self._lateness_timer.cancel()
+        if self._subscriptions_timer is not None:
+            self._subscriptions_timer.cancel()
         self._task.cancel()
         self._courier.cancel()
 
@@ -345,8 +348,8 @@ class BridgeLink:
         """Whether the last message is still unsent: bridge or network does not take it."""
         return self._socket is not None and self._socket.transport.get_write_buffer_size() > 0
 
-    def _require_room(self, replies: PendingReplies[_Answer], most: int) -> None:
-        """Queue nothing for a slow bridge: a stop would have to wait behind it."""
+    def _require_capacity(self, replies: PendingReplies[_Answer], most: int) -> None:
+        """Refuse requests for a slow bridge: a stop would have to wait behind them."""
         if self._is_behind or len(replies) >= most:
             raise LinkRefused(_BUSY)
 
@@ -354,7 +357,9 @@ class BridgeLink:
         if self._socket is None:
             raise LinkRefused(self.refusal or DOWN)
         encoded = wire.encode(message)
-        if len(encoded) > wire.LARGEST_MESSAGE_BYTES:  # the bridge would not even read whose it is
+        if (
+            len(encoded) > wire.LARGEST_MESSAGE_BYTES
+        ):  # the bridge could not even tell which request it refuses
             raise LinkRefused(_too_large(len(encoded)))
         try:
             await self._socket.send(encoded, text=True)
@@ -365,42 +370,44 @@ class BridgeLink:
         if self._socket is not None:
             await self._socket.send(wire.encode(message), text=True)
 
-    def _send_watchers(self) -> None:
+    def _send_viewers(self) -> None:
         names = sorted(self._names)
         named = [name[:_NAME_LENGTH] for name in names[:_NAMES]]
         self.send(wire.Viewers(named, len(names) - len(named)))
 
-    def _tell_looks_soon(self) -> None:
-        self._telling = asyncio.get_running_loop().call_later(_LOOKS_PACE_S, self._tell_looks)
+    def _schedule_subscriptions(self) -> None:
+        self._subscriptions_timer = asyncio.get_running_loop().call_later(
+            _SUBSCRIPTIONS_PACE_S, self._send_subscriptions
+        )
 
-    def _tell_looks(self) -> None:
-        """A link that is behind is told later, and one that is down when it comes up."""
-        self._telling = None
+    def _send_subscriptions(self) -> None:
+        """A link that is behind gets them later; a link that is down gets them when it comes up."""
+        self._subscriptions_timer = None
         if self._is_behind:
-            self._tell_looks_soon()
+            self._schedule_subscriptions()
         else:
             self.send(wire.LinkSubscribe(self._topics))
 
     # --- stops that wait -----------------------------------------------------------------------------
 
-    async def _waiting(self) -> list[Waiting]:
-        """Waiting stops of this robot, whichever process left them; the newest last."""
+    async def _waiting_stops(self) -> list[Waiting]:
+        """Pending stops of this robot from all processes; the newest last."""
         return await asyncio.to_thread(self._stops.of, name_of(self.robot_id))
 
     async def _keep_delivering(self) -> None:
-        """Deliver them over this link too: its bridge hears them in the moment in which it wakes."""
+        """Deliver them over this link too: a frozen bridge reads them as soon as it continues."""
         while True:
             await asyncio.sleep(_WAITING_PACE_S)
             try:
-                waiting = (await self._waiting())[-1:]
-                self._tell_pending(waiting[0].told() if waiting else None)
+                waiting = (await self._waiting_stops())[-1:]
+                self._report_pending(waiting[0].told() if waiting else None)
                 for stop in waiting:
                     await self._deliver(stop)
             except Exception:
                 log.exception("a pending stop of %s could not be sent", self.robot_id)
 
-    def _tell_pending(self, stop: wire.PendingStop | None) -> None:
-        """While the link is up, the robot's state tells of stops."""
+    def _report_pending(self, stop: wire.PendingStop | None) -> None:
+        """Report a pending stop while the link is down; when it is up, the robot's state contains it."""
         if stop != self.pending:
             self.pending = stop
             if not self.up:
@@ -411,7 +418,7 @@ class BridgeLink:
         if self._open is None or self._open.transport.get_write_buffer_size() > 0:
             return
         with suppress(LinkRefused):
-            answer = await first_answer([self._stop_here(stop.message())], STOP_S)
+            answer = await first_answer([self._stop_by_link(stop.message())], STOP_S)
             await asyncio.to_thread(self._stops.settle, stop, answer)
 
     # --- the connection ------------------------------------------------------------------------------
@@ -420,23 +427,23 @@ class BridgeLink:
         while True:
             try:
                 async with open_link(self.address) as socket:
-                    await self._talk(socket)
+                    await self._run_connection(socket)
             except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed) as error:
-                self._went_down(why_down(error))
+                self._handle_loss(why_down(error))
             except LinkRefused as error:
                 if error.refusal != self.refusal:
                     log.error("the bridge of %s: %s", self.robot_id, error)
-                self._went_down(error.refusal)
+                self._handle_loss(error.refusal)
             except Exception:
                 log.exception("the link to %s failed", self.robot_id)
-                self._went_down(_FAULTY)
+                self._handle_loss(_FAULTY)
             await asyncio.sleep(self._pause_s)
             self._pause_s = min(2 * self._pause_s, _BACK_OFF_S[1])
 
-    async def _talk(self, socket: ClientConnection) -> None:
+    async def _run_connection(self, socket: ClientConnection) -> None:
         try:
             hello = wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")
-            reading = asyncio.ensure_future(self._waiting())
+            reading = asyncio.ensure_future(self._waiting_stops())
             # Not `wait_for`: before Python 3.12 it may swallow a cancellation, and `close` would wait for ever.
             read, _ = await asyncio.wait({reading}, timeout=_DISK_S)
             for stop in reading.result()[-1:] if read else []:  # else it is delivered later
@@ -446,31 +453,31 @@ class BridgeLink:
             while True:
                 raw = await socket.recv()
                 if isinstance(raw, bytes):
-                    self._show(raw.decode())
+                    self._forward_view(raw.decode())
                 elif self._socket is not None or answer_of(raw) is not None:
-                    self._heard(wire.link_report(raw))
+                    self._handle_report(wire.link_report(raw))
                 else:
-                    await self._greeted(socket, raw)
+                    await self._handle_hello(socket, raw)
         except msgspec.DecodeError as error:
-            raise LinkRefused(_FOREIGN) from error
+            raise LinkRefused(_OTHER_PROTOCOL) from error
         finally:
             self._open = self._socket = None
             if self._lane is not None:
                 self._lane.close()
                 self._lane = None
 
-    async def _greeted(self, socket: ClientConnection, hello: str) -> None:
-        """The bridge said whose it is."""
+    async def _handle_hello(self, socket: ClientConnection, hello: str) -> None:
+        """Confirm the bridge's robot, then send viewers and subscriptions."""
         _require_robot(hello, self.robot_id, self.address)
         self._socket = socket
-        self._heard(wire.link_report(hello))
+        self._handle_report(wire.link_report(hello))
         if self._names:
-            self._send_watchers()
+            self._send_viewers()
         if self._topics:
             await self._send(wire.LinkSubscribe(self._topics))
 
     def _open_lane(self, token: str) -> None:
-        """Without a lane everything goes by the WebSocket, later by some tenths of a millisecond."""
+        """Without a lane, all messages take the WebSocket and arrive some tenths of a millisecond later."""
         if self.address.unix_path is None or self._socket is None or self._lane is not None:
             return
         try:
@@ -478,28 +485,28 @@ class BridgeLink:
         except OSError as error:
             log.warning("the bridge of %s has no lane: %s", self.robot_id, error)
 
-    def _show(self, view: str) -> None:
+    def _forward_view(self, view: str) -> None:
         if self._viewer and self._names:
             self._viewer.on_view(view)
 
-    def _heard(self, report: wire.LinkReport) -> None:
+    def _handle_report(self, report: wire.LinkReport) -> None:
         match report:
             case wire.BridgeHello():
                 if report.protocol != wire.PROTOCOL:
-                    raise LinkRefused(_FOREIGN)
+                    raise LinkRefused(_OTHER_PROTOCOL)
                 self.highest_fence = report.fence
             case wire.LaneToken():
                 self._open_lane(report.token)
             case wire.Status():
-                self._came_up()
-                self._tell_state(report.state)
+                self._handle_first_state()
+                self._report_state(report.state)
             case wire.Granted():
                 self.highest_fence = max(self.highest_fence, report.fence)
                 self._grants.answer(report.fence, None)
             case wire.Stopped():
                 self._latch.answer(report.seq, report)
             case wire.Accepted():
-                self._orders.answer((report.of, report.fence, report.seq), report)
+                self._task_requests.answer((report.of, report.fence, report.seq), report)
             case wire.Refused():
                 self._refused(report)
             case wire.Ended():
@@ -510,9 +517,9 @@ class BridgeLink:
                 for listener in list(self._listeners):
                     listener.on_offers(report)
             case wire.LinkAnswer():
-                self._questions.answer(report.seq, bytes(report.answer).decode())
+                self._queries.answer(report.seq, bytes(report.answer).decode())
             case wire.LinkSample():
-                self._tell_seen(report)
+                self._forward_sample(report)
 
     def _refused(self, refused: Refused) -> None:
         refusal = LinkRefused(refused.refusal)
@@ -522,26 +529,26 @@ class BridgeLink:
             case wire.Refused(of="link_clear" | "link_stop"):
                 self._latch.answer(refused.seq, refusal)
             case wire.Refused(of="inspect"):
-                self._questions.answer(refused.seq, refusal)
-            case wire.Refused(of=kind) if kind in _ORDER_KINDS:
-                self._orders.answer((kind, refused.fence, refused.seq), refused)
+                self._queries.answer(refused.seq, refusal)
+            case wire.Refused(of=kind) if kind in _TASK_KINDS:
+                self._task_requests.answer((kind, refused.fence, refused.seq), refused)
             case _:
                 for listener in list(self._listeners):
                     listener.on_refused(refused)
 
-    def _tell_seen(self, seen: wire.LinkSample) -> None:
+    def _forward_sample(self, seen: wire.LinkSample) -> None:
         if self._viewer and seen.topic in self._topics:
-            self._viewer.on_seen(seen.topic, bytes(seen.shown).decode())
+            self._viewer.on_sample(seen.topic, bytes(seen.shown).decode())
 
-    def _tell_state(self, state: State) -> None:
+    def _report_state(self, state: State) -> None:
         self.state, self._heard_s = state, time.monotonic()
         if state.unseen_s is not None:
             self.seen_at = time.time() - state.unseen_s
         for listener in list(self._listeners):
             listener.on_status(state)
 
-    def _came_up(self) -> None:
-        """With the first state."""
+    def _handle_first_state(self) -> None:
+        """The first state shows that the link is up."""
         if self.up:
             return
         self.tried.set()
@@ -549,13 +556,13 @@ class BridgeLink:
         for listener in list(self._listeners):
             listener.on_link(True, None)
 
-    def _went_down(self, refusal: Refusal) -> None:
-        """Everybody who waits is told; the last state is no longer the truth."""
+    def _handle_loss(self, refusal: Refusal) -> None:
+        """Refuse all pending requests and forget the state, which is out of date."""
         self.tried.set()
         was_up, before = self.up, self.refusal
         self.up, self.refusal = False, refusal
         self.state = self.offers = None
-        for replies in (self._grants, self._latch, self._orders, self._questions):
+        for replies in (self._grants, self._latch, self._task_requests, self._queries):
             replies.answer_all(LinkRefused(refusal))
         if was_up:
             log.warning("link to %s lost: %s", self.robot_id, refusal.text)
@@ -565,13 +572,13 @@ class BridgeLink:
 
 
 class Links:
-    """The links of this process. A robot that moved gets a new one; who follows the old one leaves it."""
+    """The links of this process. A robot with a new address gets a new link; listeners of the old one move."""
 
     def __init__(self) -> None:
         self._links: dict[UUID, BridgeLink] = {}
 
     def get(self, robot_id: UUID, address: LinkAddress) -> BridgeLink:
-        """The link to this robot, begun on the running loop if there is none."""
+        """The link to this robot; started on the running loop if there is none."""
         link = self._links.get(robot_id)
         if link is None or link.closed or link.address != address:
             seen_at = link.seen_at if link else None
@@ -590,7 +597,7 @@ links = Links()
 
 
 def stop_once(robot_id: UUID | None, address: LinkAddress, by: str, reason: str = "") -> Stopped:
-    """Press the emergency stop of this robot (None: of whichever listens there) from where there is no event loop.
+    """Press the emergency stop of this robot (None: of any robot at this address); for code without an event loop.
 
     Raises LinkRefused, after `STOP_S` at the latest.
     """
@@ -601,12 +608,12 @@ def stop_once(robot_id: UUID | None, address: LinkAddress, by: str, reason: str 
 
 
 def state_once(robot_id: UUID, address: LinkAddress) -> State:
-    """How the robot is now, by its bridge, over a connection of its own. Raises LinkRefused."""
-    end_s = time.monotonic() + _ONCE_S
+    """Get the robot's current state from its bridge over a new connection. Raises LinkRefused."""
+    end_s = time.monotonic() + _STATE_ONCE_S
     try:
         with open_sync(address) as socket:
             socket.send(wire.encode(wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")), text=True)
-            _require_robot(socket.recv(timeout=_ONCE_S), robot_id, address)
+            _require_robot(socket.recv(timeout=_STATE_ONCE_S), robot_id, address)
             while True:
                 raw = socket.recv(timeout=max(end_s - time.monotonic(), 0.0))
                 report = wire.link_report(raw)
@@ -615,7 +622,7 @@ def state_once(robot_id: UUID, address: LinkAddress) -> State:
                 if isinstance(report, Refused):
                     raise LinkRefused(report.refusal)
     except msgspec.DecodeError as error:
-        raise LinkRefused(_FOREIGN) from error
+        raise LinkRefused(_OTHER_PROTOCOL) from error
     except TimeoutError as error:
         raise LinkRefused(SILENT) from error
     except (OSError, InvalidHandshake, ConnectionClosed) as error:
@@ -623,21 +630,21 @@ def state_once(robot_id: UUID, address: LinkAddress) -> State:
 
 
 def _require_robot(hello: str | bytes, robot_id: UUID, address: LinkAddress) -> None:
-    """Raise unless this, a bridge's first word, is of the bridge of `robot_id`."""
+    """Raise LinkRefused unless this hello comes from the bridge of `robot_id`."""
     said = _hello.decode(hello)
     if said.robot != robot_id:
         place = address.unix_path or f"{address.host}:{address.port}"
-        _note_stranger(place, robot_id, said.slug)
-        raise LinkRefused(_STRANGE)
+        _log_wrong_robot(place, robot_id, said.slug)
+        raise LinkRefused(_OTHER_ROBOT)
 
 
 @cache
-def _note_stranger(place: str, robot_id: UUID, slug: str) -> None:
-    """For the log, once: it is found again at each attempt."""
-    log.error("at %s, the bridge address of robot %s, answers the bridge of %s", place, robot_id, slug)
+def _log_wrong_robot(place: str, robot_id: UUID, slug: str) -> None:
+    """Log it once only: each attempt to connect finds it again."""
+    log.error("the bridge address %s of robot %s belongs to the bridge of %s", place, robot_id, slug)
 
 
-async def _answered(answer: asyncio.Future[_Answer], timeout_s: float) -> _Answer:
+async def _await_answer(answer: asyncio.Future[_Answer], timeout_s: float) -> _Answer:
     try:
         return await asyncio.wait_for(answer, timeout_s)
     except asyncio.TimeoutError as error:

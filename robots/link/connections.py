@@ -16,35 +16,35 @@ from robots.wire import NotDone, Refusal
 
 _PING_S = 1.0
 _CLOSE_S = 0.2
-# The largest report is far above any: what the robot has to tell must not cut off its driver, nor who stops it.
-_ALIKE: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": 8 * 1024 * 1024}
+# Far above the largest real report: a large report must not cut the link of the driver, or of a person who stops.
+_COMMON_OPTIONS: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": 8 * 1024 * 1024}
 
 DOWN = Refusal("bridge_down", "The robot’s bridge is not running; staff can start it.", "robot")
 
 
 class LinkRefused(NotDone):
-    """The bridge said no, or is not there."""
+    """The bridge refused, or cannot be reached."""
 
 
 def open_link(address: LinkAddress) -> connect:
-    """A connection for as long as it holds."""
+    """Open a lasting connection."""
     if address.unix_path:
-        return unix_connect(address.unix_path, ping_interval=None, **_ALIKE)
+        return unix_connect(address.unix_path, ping_interval=None, **_COMMON_OPTIONS)
     return connect(
         _uri(address),
         ssl=_tls(address),
         additional_headers=_headers(address),
         ping_interval=_PING_S,
         ping_timeout=_PING_S,
-        **_ALIKE,
+        **_COMMON_OPTIONS,
     )
 
 
 def open_sync(address: LinkAddress) -> AbstractContextManager[sync_client.ClientConnection]:
-    """A connection for one question, from where there is no event loop."""
+    """Open a connection for one query, for code without an event loop."""
     if address.unix_path:
         connection: sync_client.ClientConnection = sync_client.unix_connect(
-            address.unix_path, close_timeout=_CLOSE_S, ping_interval=None, **_ALIKE
+            address.unix_path, close_timeout=_CLOSE_S, ping_interval=None, **_COMMON_OPTIONS
         )
     else:
         connection = sync_client.connect(
@@ -52,7 +52,7 @@ def open_sync(address: LinkAddress) -> AbstractContextManager[sync_client.Client
             ssl=_tls(address),
             additional_headers=_headers(address),
             close_timeout=_CLOSE_S,
-            **_ALIKE,
+            **_COMMON_OPTIONS,
         )
     return connection
 
@@ -66,7 +66,7 @@ def _headers(address: LinkAddress) -> dict[str, str]:
 
 
 def _tls(address: LinkAddress) -> ssl.SSLContext:
-    """Trust the fleet's own authority where it has one, else the system's."""
+    """Trust the fleet's certificate authority if set, else the system's."""
     return ssl.create_default_context(cafile=address.authority)
 
 

@@ -1,8 +1,8 @@
-"""The lane of a link: what must be quick, as datagrams of a second Unix socket.
+"""The lane of a link: a second Unix socket for messages that must be quick.
 
 A command on the link's WebSocket costs 0.3 ms of frames, tasks and buffers. On the lane, a SEQPACKET socket, a message
-is one datagram: one call sends it and one call reads it. Commands and stops travel there; their answers, and everything
-else, stay on the WebSocket. Bridges on other computers have no lane.
+is one datagram: one call sends it and one call reads it. Commands and stops travel there; their answers, and all
+other messages stay on the WebSocket. Bridges on other computers have no lane.
 
 A lane belongs to one link: the bridge tells each link a token, and the lane's first datagram is that token. The end of
 the lane or of the WebSocket ends the other.
@@ -21,34 +21,33 @@ from robots.wire import LARGEST_MESSAGE_BYTES
 
 log = logging.getLogger(__name__)
 
-_WAITING_BYTES = (
-    16 * 1024
-)  # about thirty commands wait for a bridge that does not read; then the lane is behind
-_MOST_AT_ONCE = 100  # read before a message of the WebSocket: more than can wait
+# About thirty commands may wait for a bridge that does not read; then the lane is behind.
+_WAITING_BYTES = 16 * 1024
+_MOST_AT_ONCE = 100  # datagrams read before a message of the WebSocket: more than can wait
 _TOKEN_S = 1.0  # for the first datagram
 _PAUSE_S = 1.0  # after an error of the listening socket
 
 
 def lane_path(unix_path: str) -> str:
-    """The lane's address, beside the WebSocket's."""
+    """Path of the lane's socket, next to the WebSocket's."""
     return str(Path(unix_path).with_suffix(".lane"))
 
 
 class Lane:
-    """One end, on the running event loop. Datagrams go to `hear`; `on_end` is called once, at the other side's end."""
+    """One end, on the running event loop. Datagrams go to `on_datagram`; `on_end` is called once, when it closes."""
 
     def __init__(
-        self, end: socket.socket, hear: Callable[[bytes], object], on_end: Callable[[], None]
+        self, end: socket.socket, on_datagram: Callable[[bytes], object], on_end: Callable[[], None]
     ) -> None:
         self._socket: socket.socket | None = end
-        self._hear = hear
+        self._on_datagram = on_datagram
         self._on_end = on_end
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(end, self._read)
 
     @classmethod
     def connect(cls, unix_path: str, token: str, on_end: Callable[[], None]) -> Lane:
-        """The web process's end of the lane beside the WebSocket at `unix_path`. Raises OSError."""
+        """The web process's end of the lane next to the WebSocket at `unix_path`. Raises OSError."""
         end = _socket()
         try:
             end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _WAITING_BYTES)
@@ -60,7 +59,7 @@ class Lane:
         return cls(end, lambda _: None, on_end)
 
     def send(self, message: bytes) -> bool:
-        """False if it was not sent: the other side does not read, or is gone."""
+        """Send one datagram. False if the other side does not read or is gone."""
         if self._socket is None:
             return False
         try:
@@ -73,20 +72,20 @@ class Lane:
         return True
 
     def read_all(self) -> None:
-        """Hear what came in so far."""
+        """Read all datagrams that have arrived."""
         for _ in range(_MOST_AT_ONCE):
             if not self._read():
                 return
 
     def close(self) -> None:
-        """Our side's end."""
+        """Close this end."""
         if self._socket is not None:
             self._loop.remove_reader(self._socket)
             self._socket.close()
             self._socket = None
 
     def _read(self) -> bool:
-        """Hear one datagram. One in each turn of the loop, so that a flood takes nobody's turn."""
+        """Read one datagram in each turn of the loop, so that a flood does not block other work."""
         if self._socket is None:
             return False
         try:
@@ -99,9 +98,9 @@ class Lane:
             self._ended()
             return False
         try:
-            self._hear(message)
+            self._on_datagram(message)
         except Exception:
-            log.exception("a message of a lane was not understood: its link ends")
+            log.exception("a message of a lane cannot be handled: its link ends")
             self._ended()
             return False
         return True
@@ -112,7 +111,7 @@ class Lane:
 
 
 class LaneServer:
-    """The bridge's side: accepts sockets, and hands each with its token to `on_lane`, which closes a strange one."""
+    """The bridge's side: accepts sockets, and passes each with its token to `on_lane`, which closes unknown ones."""
 
     def __init__(self, unix_path: str, on_lane: Callable[[str, socket.socket], None]) -> None:
         self._path = lane_path(unix_path)
@@ -131,7 +130,7 @@ class LaneServer:
         self._accepting = asyncio.create_task(self._accept())
 
     def close(self) -> None:
-        """Accept no more. Lanes that are open stay with their links."""
+        """Stop accepting. Open lanes stay with their links."""
         self._accepting.cancel()
         self._listener.close()
         Path(self._path).unlink(missing_ok=True)

@@ -13,7 +13,7 @@ A = TypeVar("A")
 
 
 class PendingReplies(Generic[A]):
-    """Waiting requests of one kind by the answer's key; of equal keys the oldest is answered first."""
+    """Pending requests of one kind, by the answer's key; for equal keys the oldest is answered first."""
 
     def __init__(self) -> None:
         self._waiting: dict[Hashable, deque[asyncio.Future[A]]] = defaultdict(deque)
@@ -23,19 +23,19 @@ class PendingReplies(Generic[A]):
         return sum(map(len, self._waiting.values()))
 
     def number(self) -> int:
-        """One that no other inquiry here has."""
+        """A number that no other request here has."""
         return next(self._numbers)
 
     @contextmanager
     def waiting_for(self, key: Hashable) -> Iterator[asyncio.Future[A]]:
-        """The answer to come, for as long as somebody waits for it."""
+        """A future for the answer; it stays registered inside the `with` block."""
         answer: asyncio.Future[A] = asyncio.get_running_loop().create_future()
         self._waiting[key].append(answer)
         try:
             yield answer
         finally:
             if not answer.cancel() and not answer.cancelled():
-                answer.exception()  # seen, even where nobody waited to the end
+                answer.exception()  # mark it as retrieved: the caller may have stopped waiting
             self._waiting[key].remove(answer)
             if not self._waiting[key]:
                 del self._waiting[key]
@@ -44,16 +44,16 @@ class PendingReplies(Generic[A]):
         """Give an answer to who waits for it; whoever gave up waiting is not there any more."""
         first = next((waiting for waiting in self._waiting.get(key, ()) if not waiting.done()), None)
         if first is not None:
-            _settle(first, answer)
+            _set_result(first, answer)
 
     def answer_all(self, error: Exception) -> None:
         """End all waits without an answer."""
         for waiting in [future for futures in self._waiting.values() for future in futures]:
             if not waiting.done():
-                _settle(waiting, error)
+                _set_result(waiting, error)
 
 
-def _settle(waiting: asyncio.Future[A], answer: A | Exception) -> None:
+def _set_result(waiting: asyncio.Future[A], answer: A | Exception) -> None:
     if isinstance(answer, Exception):
         waiting.set_exception(answer)
     else:

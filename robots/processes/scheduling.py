@@ -32,7 +32,7 @@ def prefer_this_thread() -> str:
     try:
         if allowed > 0:
             priority = min(REAL_TIME, allowed)
-            signal.signal(signal.SIGXCPU, _calm)
+            signal.signal(signal.SIGXCPU, _lower_priority)
             resource.setrlimit(resource.RLIMIT_RTTIME, (round(RUNAWAY_S * 1e6), round(RUNAWAY_ENDS_S * 1e6)))
             os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
             got = f"real-time priority {priority}"
@@ -60,7 +60,7 @@ def prefer_nobody() -> None:
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 
 
-def _calm(*_: object) -> None:
+def _lower_priority(*_: object) -> None:
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     log.error("the event loop computed for %g s without a pause: it has ordinary priority now", RUNAWAY_S)
 

@@ -14,7 +14,7 @@ log = logging.getLogger(__name__)
 SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 
-def told_to_end(life_line: int | None, patience_s: float) -> threading.Event:
+def end_event(life_line: int | None, patience_s: float) -> threading.Event:
     """An event that a signal sets, or the end of the file `life_line`, which closes with the parent.
 
     The process is gone `patience_s` later, finished or not. Call it from the main thread.
@@ -38,7 +38,7 @@ EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process jo
 EXIT_NOT_JOINED = 5  # what broke while it joined the robot, and rospy does once in a process's life
 
 
-def leave_within(patience_s: float) -> None:
+def exit_within(patience_s: float) -> None:
     """Let this process be gone by then, finished or not: a master or a database that hangs answers no farewell."""
     threading.Thread(target=_leave, args=(patience_s,), name="the end", daemon=True).start()
 

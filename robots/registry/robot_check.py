@@ -33,7 +33,7 @@ from robots.bridge.probe_findings import (
 from robots.registry.models import Robot
 from robots.registry.profile_schema import Problems
 from robots.registry.selectors import bridge_config
-from robots.supervisor.ros_environment import NoWrapper, ros_environment
+from robots.supervisor.ros_environment import WrapperMissing, ros_environment
 
 Level = Literal["ok", "warn", "fail"]
 OK: Level = "ok"
@@ -61,7 +61,7 @@ def run_checks(robot: Robot) -> list[Check]:
         environment = ros_environment(config, settings.FLEET_RUN_DIR)
     except Problems as problems:
         return [Check(_("registry"), FAIL, str(problems), _("Correct the robot’s entry or its profile."))]
-    except NoWrapper as error:
+    except WrapperMissing as error:
         return [Check(_("host aliases"), FAIL, str(error), _("Install it on the console’s computer."))]
     except OSError as error:
         text = _("The console cannot write them down (%s).") % error.strerror

@@ -19,7 +19,7 @@ from django.conf import settings
 from robots.bridge.config import LinkAddress
 from robots.link.connections import LinkRefused
 from robots.stop.delivery import reach, wait_for
-from robots.stop.pending_stops import PendingStops, Told, Waiting, name_of
+from robots.stop.pending_stops import OnSettled, PendingStops, Waiting, name_of
 from robots.wire import LinkStop, Refusal
 
 log = logging.getLogger(__name__)
@@ -110,8 +110,8 @@ def courier() -> Courier:
     return _courier_of(pending_stops())
 
 
-def keep(
-    robot: UUID | None, address: LinkAddress, stop: LinkStop, told: Told | None = None
+def keep_pending(
+    robot: UUID | None, address: LinkAddress, stop: LinkStop, told: OnSettled | None = None
 ) -> tuple[Waiting, bool]:
     """Have `stop`, which nobody answered, delivered by every process of this computer; `told` hears what came of it.
 

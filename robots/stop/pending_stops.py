@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 FOLDER = "stops"  # in the run directory
 MOST_OF_ONE = 10  # of one robot: as many as a clear may name
 
-Told = Callable[[Stopped | Refusal], None]
+OnSettled = Callable[[Stopped | Refusal], None]
 
 
 class Waiting(Struct, frozen=True):
@@ -64,9 +64,11 @@ class PendingStops:
         self._folder = run_dir / FOLDER if run_dir else None
         self._lock = threading.Lock()
         self._unwritten: dict[str, Waiting] = {}
-        self._told: defaultdict[str, list[Told]] = defaultdict(list)  # by robot: whom to tell what came of it
+        self._told: defaultdict[str, list[OnSettled]] = defaultdict(
+            list
+        )  # by robot: whom to tell what came of it
 
-    def keep(self, stop: Waiting, told: Told | None = None) -> bool:
+    def keep(self, stop: Waiting, told: OnSettled | None = None) -> bool:
         """Keep `stop` until it is settled, instead of older ones of this robot; `told` hears what came of it.
 
         Returns False if this process only knows of it, because it cannot be written: then older ones stay.

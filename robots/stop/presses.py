@@ -83,7 +83,7 @@ def keep_pending(robot_id: UUID | None, address: LinkAddress, stop: LinkStop, wh
         if not outcome.done():
             outcome.set_result(answer)
 
-    waiting, written = courier.keep(robot_id, address, stop, settled)
+    waiting, written = courier.keep_pending(robot_id, address, stop, settled)
     then = "It will be delivered as soon as possible"
     if not written:
         then += ", but only while this program runs: it could not be written to the disk"

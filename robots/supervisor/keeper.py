@@ -155,7 +155,7 @@ class Keeper:
             )
         except OSError as error:
             wait_s = self._budget.wait_s(now_s)
-            self._fell(State.BACKING_OFF, f"cannot be started: {error.strerror}", wait_s, now_s)
+            self._plan_restart(State.BACKING_OFF, f"cannot be started: {error.strerror}", wait_s, now_s)
             return
         self._running, self._since_s, self._steady, self._ending_s = program, now_s, False, None
         log.info("%s starts as process %s", self._name, self._process.pid)
@@ -175,7 +175,7 @@ class Keeper:
         """Let go of the life line; a program that does not mind it gets signals."""
         if self._ending_s is None:
             self._ending_s = now_s
-            _let_go(process)
+            _close_life_line(process)
         elif now_s - self._ending_s >= KILL_S:
             log.warning("%s did not end: killed", self._name)
             process.kill()
@@ -183,23 +183,23 @@ class Keeper:
             process.terminate()
 
     def _ended(self, process: subprocess.Popen[bytes], code: int, now_s: float) -> None:
-        _let_go(process)
+        _close_life_line(process)
         self._process = self._running = None
         if self._ending_s is not None:
             log.info("%s ended as it was asked to", self._name)
         else:
             state = State.REFUSED if code == EXIT_ALREADY_RUNNING else State.BACKING_OFF
             wait_s = NAME_LOST_S if code == EXIT_NAME_LOST else self._budget.wait_s(now_s)
-            self._fell(state, _in_words(code), wait_s, now_s)
+            self._plan_restart(state, _in_words(code), wait_s, now_s)
 
-    def _fell(self, state: State, why: str, wait_s: float, now_s: float) -> None:
+    def _plan_restart(self, state: State, why: str, wait_s: float, now_s: float) -> None:
         self._start_at_s = now_s + wait_s
         detail = f"{why}; next start in {wait_s:g} s"
         log.warning("%s %s", self._name, detail)
         self._report(state, detail, None)
 
 
-def _let_go(process: subprocess.Popen[bytes]) -> None:
+def _close_life_line(process: subprocess.Popen[bytes]) -> None:
     if process.stdin is not None:
         with contextlib.suppress(BrokenPipeError):
             process.stdin.close()

@@ -18,7 +18,7 @@ LIBRARY = "nss_wrapper"
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
-class NoWrapper(Exception):
+class WrapperMissing(Exception):
     """A robot has host aliases, and libnss-wrapper is not installed."""
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class NoWrapper(Exception):
 
 
 def ros_environment(config: BridgeConfig, run_dir: Path) -> dict[str, str]:
-    """The environment variables; writes the robot's hosts file into `run_dir`. Raises `NoWrapper`."""
+    """The environment variables; writes the robot's hosts file into `run_dir`. Raises `WrapperMissing`."""
     environment = {
         name: value for name, value in os.environ.items() if name not in {"ROS_IP", "ROS_HOSTNAME"}
     }
@@ -48,7 +48,7 @@ def ros_environment(config: BridgeConfig, run_dir: Path) -> dict[str, str]:
 def _aliases(config: BridgeConfig, run_dir: Path, preloaded: str) -> dict[str, str]:
     library = ctypes.util.find_library(LIBRARY)
     if library is None:
-        raise NoWrapper
+        raise WrapperMissing
     hosts = run_dir / f"{config.robot_id}.hosts"
     fresh = hosts.with_suffix(f".{os.getpid()}")
     fresh.write_text("".join(f"{address} {name}\n" for name, address in config.host_aliases.items()))

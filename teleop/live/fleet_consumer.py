@@ -236,7 +236,7 @@ class FleetConsumer(MessageSocket):
     def on_offers(self, offers: Offers) -> None:
         """Ignore: not on a card."""
 
-    def on_seen(self, topic: str, shown: str) -> None:
+    def on_sample(self, topic: str, shown: str) -> None:
         """Ignore: not on a card."""
 
     def on_ended(self, ended: Ended) -> None:

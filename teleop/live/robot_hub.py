@@ -117,7 +117,9 @@ class RobotHub:
 
     def viewers_changed(self) -> None:
         """Tell the bridge the names of the viewers."""
-        self.link.watch(self, {member.name for member in self.members.values() if member.wants_pictures})
+        self.link.set_viewers(
+            self, {member.name for member in self.members.values() if member.wants_pictures}
+        )
 
     def refresh_offers(self, member: Member) -> Refusal | None:
         """Let the bridge read again what the robot offers; if it did so just now, inform `member`.
@@ -276,7 +278,7 @@ class RobotHub:
         for member in list(self.members.values()):
             member.offers_changed(offers)
 
-    def on_seen(self, topic: str, shown: str) -> None:
+    def on_sample(self, topic: str, shown: str) -> None:
         """Pass a sample to all subscribers of its topic."""
         self.topics.publish(topic, shown)
 

@@ -40,7 +40,7 @@ async def execute(call: ServiceCall, *, hub: RobotHub, user: User, rights: Right
         raise ControlRefused(refusal)
     begun = await in_database(_record, call, hub, user)
     try:
-        answer = await hub.link.ask(call)
+        answer = await hub.link.query_topics(call)
     except LinkRefused as refused:
         run_in_background(in_database(_record_outcome, begun, user, refused.refusal))
         raise

@@ -122,7 +122,7 @@ class TaskSender:
 
     async def _ask_bridge(self, request: TaskRequest) -> Accepted | Refused:
         if request.fence is not None:
-            return await self._owner.hub.link.order(request)
+            return await self._owner.hub.link.request_task(request)
         cancel = LinkCancel(
             "speech" if isinstance(request, wire.SayCancel) else "motion", by=self._owner.user.display_name
         )

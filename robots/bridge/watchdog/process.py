@@ -20,7 +20,7 @@ from robots.bridge.watchdog.rules import Heartbeat, StopRules
 from robots.bridge.watchdog.socket import ReceivedMessage, WatchdogSocket
 from robots.bridge.watchdog.stop_file import StopFile
 from robots.processes.scheduling import prefer_this_thread
-from robots.processes.shutdown import leave_within
+from robots.processes.shutdown import exit_within
 from robots.wire import LinkStop, Refusal, Refused, Stopped, StopState
 
 log = logging.getLogger(__name__)
@@ -181,7 +181,7 @@ def run(config: WatchdogConfig) -> int:
     try:
         Watchdog(config, rules, stop_file, lane, robot).run()
     finally:
-        leave_within(END_S)
+        exit_within(END_S)
         if rules.zeros(time.monotonic()):
             robot.zero()
         lane.close()

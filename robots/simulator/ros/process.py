@@ -13,7 +13,7 @@ import rosgraph
 import rospy
 
 from robots.bridge.ros.network.master import Master, MasterError
-from robots.processes.shutdown import told_to_end
+from robots.processes.shutdown import end_event
 from robots.simulator.robot import Robot
 from robots.simulator.ros.node import SimulatorNode
 from robots.simulator.ros.registration import watch_registration
@@ -27,7 +27,7 @@ _END_S = 5.0  # from being told to end, whatever hangs
 
 def run(robot: Robot, name: str, depth_encoding: str, exit_with_parent: bool) -> None:
     """Run `robot` as one ROS node until SIGTERM, SIGINT or, if asked, the end of standard input."""
-    stop = told_to_end(sys.stdin.fileno() if exit_with_parent else None, _END_S)
+    stop = end_event(sys.stdin.fileno() if exit_with_parent else None, _END_S)
     if not _wait_for_master(stop):
         return
     os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("logging.yaml")))

@@ -20,7 +20,7 @@ from django.utils import timezone
 
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
-from robots.processes.shutdown import told_to_end
+from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
 from teleop.control import rules, services
 from teleop.control.selectors import held_leases
@@ -56,7 +56,7 @@ class Command(BaseCommand):
             for _ in daily_steps():
                 pass
             return
-        over = told_to_end(sys.stdin.fileno(), END_S)
+        over = end_event(sys.stdin.fileno(), END_S)
         daily, robots = DailyWork(), RobotWatch()
         while not over.wait(EVERY_S):
             try:

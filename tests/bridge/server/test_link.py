@@ -105,7 +105,7 @@ class Follower:
     def on_offers(self, offers):
         self.news.put_nowait(("offers", offers))
 
-    def on_seen(self, topic, shown):
+    def on_sample(self, topic, shown):
         self.news.put_nowait(("seen", (topic, shown)))
 
     def on_link(self, up, refusal):
@@ -226,21 +226,21 @@ async def test_the_bridge_notices_at_once_that_a_web_process_is_gone(link, bridg
 
 async def test_views_are_drawn_only_while_somebody_looks(link, bridge):
     [remote] = bridge.server.links
-    link.watch(link.follower, ["Ann"])
+    link.set_viewers(link.follower, ["Ann"])
     await link.stop(wire.LinkStop("Ann"))
     assert remote.watchers == ["Ann"]
     remote.show(b'{"t":"view"}')
     assert await link.follower.until("view") == '{"t":"view"}'
-    link.watch(link.follower, [])
+    link.set_viewers(link.follower, [])
     await link.stop(wire.LinkStop("Ann"))
     assert remote.watchers == []
 
 
 async def test_leaving_follower_does_not_stop_a_new_ones_pictures(link, bridge):
     [remote] = bridge.server.links
-    link.watch(link.follower, ["Ann"])
+    link.set_viewers(link.follower, ["Ann"])
     link.subscribe(successor := Follower())
-    link.watch(successor, ["Ben"])
+    link.set_viewers(successor, ["Ben"])
     link.unsubscribe(link.follower)
     await link.stop(wire.LinkStop("Ann"))
     assert remote.watchers == ["Ben"]
@@ -255,7 +255,7 @@ async def test_no_queue_grows_before_a_bridge_that_reads_nothing(link, bridge):
     for _ in range(2000):
         if not await link.forward(drive):
             break
-    for asked in (link.order(wire.Play(2, "wave")), link.ask(wire.ListTopics())):
+    for asked in (link.request_task(wire.Play(2, "wave")), link.query_topics(wire.ListTopics())):
         with pytest.raises(LinkRefused) as refused:
             await asked
         assert refused.value.refusal.code == "busy"
@@ -267,7 +267,7 @@ async def test_no_queue_grows_before_a_bridge_that_reads_nothing(link, bridge):
 
 async def test_a_large_answer_does_not_cut_the_link(link, bridge):
     [remote] = bridge.server.links
-    asking = asyncio.ensure_future(link.ask(wire.ListTopics()))
+    asking = asyncio.ensure_future(link.query_topics(wire.ListTopics()))
     await link.stop(wire.LinkStop("Ann"))  # the question is there by now
     large = wire.encode(wire.Parameter("/large", "x" * 3_000_000))
     remote.report(wire.LinkAnswer(1, msgspec.Raw(large)))
@@ -277,7 +277,7 @@ async def test_a_large_answer_does_not_cut_the_link(link, bridge):
 
 async def test_many_watchers_with_long_names_fit_into_a_message(link, bridge):
     [remote] = bridge.server.links
-    link.watch(link.follower, [f"{number:03} " + "Ü" * 190 for number in range(500)])
+    link.set_viewers(link.follower, [f"{number:03} " + "Ü" * 190 for number in range(500)])
     await link.stop(wire.LinkStop("Ann"))
     assert (len(remote.watchers), remote.watchers_more) == (20, 480)
     assert remote.watchers[0].startswith("000 ")
@@ -459,7 +459,7 @@ class TestWhoseBridge:
         assert "tiago" not in refusal.text  # who may see this robot need not know of the other
 
     async def test_bridge_that_gets_only_a_hello_refuses_the_stop(self, stray, bridge):
-        stray.watch(stray.follower, ["Ann"])
+        stray.set_viewers(stray.follower, ["Ann"])
         stray.set_subscriptions(stray.follower, {"/odom": 5.0})
         await stray.follower.until_refused("other_robot")
         with pytest.raises(LinkRefused) as refused:
@@ -492,7 +492,7 @@ class TestWhoseBridge:
         connected = asyncio.Event()
         monkeypatch.setattr(bridge.server, "_on_open", lambda _link: connected.set())
         link = BridgeLink(ROBOT, address)
-        link.watch(follower := Follower(), ["Ann"])
+        link.set_viewers(follower := Follower(), ["Ann"])
         link.set_subscriptions(follower, {"/odom": 5.0})
         await asyncio.wait_for(connected.wait(), 5)
         with pytest.raises(LinkRefused):

@@ -13,7 +13,7 @@ import pytest
 from robots.bridge.config import BridgeConfig
 from robots.registry.models import Robot
 from robots.registry.selectors import bridge_config
-from robots.supervisor.ros_environment import NoWrapper, ros_environment
+from robots.supervisor.ros_environment import WrapperMissing, ros_environment
 
 RESOLVE = "import socket, sys; print(socket.gethostbyname(sys.argv[1]))"
 
@@ -57,5 +57,5 @@ def test_the_advertised_address_goes_where_ros_looks_for_it(
 def test_a_missing_libnss_wrapper_is_named_with_its_package(config: BridgeConfig, tmp_path: Path) -> None:
     aliased = msgspec.structs.replace(config, host_aliases={"tiago-42c": "10.68.0.1"})
     missing = mock.patch("ctypes.util.find_library", autospec=True, return_value=None)
-    with missing, pytest.raises(NoWrapper, match="apt install libnss-wrapper"):
+    with missing, pytest.raises(WrapperMissing, match="apt install libnss-wrapper"):
         ros_environment(aliased, tmp_path)

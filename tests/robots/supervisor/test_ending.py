@@ -15,8 +15,8 @@ from tests.ros.support import REPOSITORY
 
 SOON_S = 5.0
 BEGIN = """import sys, time
-from robots.processes.shutdown import told_to_end
-told = told_to_end({}); print(flush=True)
+from robots.processes.shutdown import end_event
+told = end_event({}); print(flush=True)
 """
 NO_LIFE_LINE, LIFE_LINE, IMPATIENT = "None, 60", "0, 60", "None, 0.2"
 ALWAYS_ABOUT_TO_WAIT = "while not told.wait(0.0): pass"

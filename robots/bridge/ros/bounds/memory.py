@@ -29,12 +29,12 @@ def lift_limit() -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
 
 
-def told_to_end() -> None:
+def end_process() -> None:
     """As by the supervisor: the loop hears it, and leaves the robot at zero."""
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def end_without_memory(end: Callable[[], None] = told_to_end) -> None:
+def end_without_memory(end: Callable[[], None] = end_process) -> None:
     """There is none left. May be called on any thread, and more than once."""
     lift_limit()
     log.error("no memory is left: the process ends")

@@ -20,7 +20,7 @@ from robots.bridge.ros.bounds.memory import limit_memory
 from robots.bridge.ros.inspector.answers import Inspector
 from robots.bridge.ros.inspector.vital import start_vital
 from robots.bridge.topics.inspector_messages import Ready
-from robots.processes.shutdown import leave_within
+from robots.processes.shutdown import exit_within
 
 NICE = 5  # commands to the robot go first
 MOST_BYTES = 1536 * 1024 * 1024  # of memory: messages of tens of megabytes are looked at
@@ -54,7 +54,7 @@ def main() -> None:
     say(wire.encode(Ready()))
     for line in sys.stdin.buffer:
         inspector.hear(line)
-    leave_within(END_S)
+    exit_within(END_S)
     inspector.close()
 
 

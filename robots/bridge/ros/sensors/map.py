@@ -18,7 +18,7 @@ from robots.bridge.maps.occupancy import LARGEST_MESSAGE, BadMap, taken
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.ros.network.tcpros import Conversation, first_told
-from robots.processes.shutdown import leave_within
+from robots.processes.shutdown import exit_within
 
 CALLER = "/fleet_map"
 MESSAGE_S = 5.0  # a map is latched: it comes at once
@@ -56,7 +56,7 @@ def _message(conversation: Conversation, wanted: MapWanted) -> bytes:
 def main() -> None:
     """One question, one answer."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # from a terminal it is for the bridge, which ends us
-    leave_within(END_S)
+    exit_within(END_S)
     wanted = msgspec.json.decode(sys.stdin.buffer.read(), type=MapWanted)
     sys.stdout.buffer.write(msgspec.msgpack.encode(take(wanted)))
 

@@ -23,7 +23,7 @@ from django.db import DatabaseError, connection
 
 from fleet.audit.errors import AuditUnavailable
 from robots.bridge.watchdog.config import watchdog_config
-from robots.processes.shutdown import leave_within
+from robots.processes.shutdown import exit_within
 from robots.recording.faults import bridge_is
 from robots.registry.models import BridgeStatus, Robot
 from robots.registry.profile_schema import Problems
@@ -39,7 +39,7 @@ from robots.supervisor.keeper import (
     RestartBudget,
     only_instance,
 )
-from robots.supervisor.ros_environment import NoWrapper, ros_environment
+from robots.supervisor.ros_environment import WrapperMissing, ros_environment
 
 State = BridgeStatus.State
 Told = tuple[State, str, int | None]  # state, detail in words, process id
@@ -96,7 +96,7 @@ def supervise(fleet: Fleet, stopping: Stopping) -> None:
             fleet.step(time.monotonic())
             time.sleep(STEP_S)
     finally:
-        leave_within(LAST_S)
+        exit_within(LAST_S)
         fleet.end()
 
 
@@ -196,7 +196,7 @@ class Fleet:
             if config.digest() == keeper.digest:
                 return
             environment = ros_environment(config, settings.FLEET_RUN_DIR)
-        except (Problems, NoWrapper) as error:
+        except (Problems, WrapperMissing) as error:
             self._let_go(robot.id)
             self._tell(robot.id, State.REFUSED, str(error), None)
             return
