@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 REAL_TIME = 5  # of 1 to 99: above all ordinary processes, below what the kernel and drivers use
 RUNAWAY_S = 0.2  # a loop that computes so long without a pause gets ordinary priority
-RUNAWAY_ENDS_S = 2.0  # and one that does not even notice is ended: the robot stops then
+RUNAWAY_ENDS_S = 2.0  # a loop that still computes then is ended, and the robot stops
 _OLD_S = 30.0
 
 
@@ -66,11 +66,11 @@ def _lower_priority(*_: object) -> None:
 
 
 class Garbage:
-    """Collected when the loop says that it is a good moment, and never in between, in whatever thread."""
+    """Collects garbage only when the loop asks for it, never in between, in no thread."""
 
     def __init__(self) -> None:
         gc.collect()
-        gc.freeze()  # what is loaded stays
+        gc.freeze()  # loaded modules stay
         gc.disable()
         self._old_due_s = 0.0
 

@@ -1,4 +1,4 @@
-"""The end of a process that nobody may find running later: heard at any moment, and over in time, whatever hangs."""
+"""Orderly end of a process: it reacts to the end signal at any moment and exits in time, even if a part hangs."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 
 def end_event(life_line: int | None, patience_s: float) -> threading.Event:
-    """An event that a signal sets, or the end of the file `life_line`, which closes with the parent.
+    """Return an event that SIGTERM, SIGINT or the end of the file `life_line` sets; `life_line` closes with the parent.
 
-    The process is gone `patience_s` later, finished or not. Call it from the main thread.
+    The process exits `patience_s` later, finished or not. Call it from the main thread.
     """
     # Not a handler that sets the event: it would run in the main thread, and if that is just about to wait for the
-    # event, it would wait for a lock that it holds itself. Python writes a byte here instead, in C, as a signal comes.
+    # event, it would wait for a lock that it holds itself. Instead, Python writes a byte to this pipe, in C.
     hears, tells = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
     signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
     for number in SIGNALS:
@@ -32,14 +32,14 @@ def end_event(life_line: int | None, patience_s: float) -> threading.Event:
     return told
 
 
-# How a bridge may end.
+# Exit codes of a bridge.
 EXIT_ALREADY_RUNNING = 3  # it found another one on this computer
 EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process joins, or refuses in words
 EXIT_NOT_JOINED = 5  # what broke while it joined the robot, and rospy does once in a process's life
 
 
 def exit_within(patience_s: float) -> None:
-    """Let this process be gone by then, finished or not: a master or a database that hangs answers no farewell."""
+    """Exit this process by then, finished or not: a master or database that hangs must not keep it running."""
     threading.Thread(target=_leave, args=(patience_s,), name="the end", daemon=True).start()
 
 
@@ -55,5 +55,5 @@ def _listen(told: threading.Event, signals: int, life_line: int | None, patience
 
 def _leave(patience_s: float) -> None:
     time.sleep(patience_s)
-    log.warning("This process was not done %g s after it was told to end, and goes now.", patience_s)
+    log.warning("This process was not done %g s after the signal to end, and exits now.", patience_s)
     os._exit(1)

@@ -1,1 +1,1 @@
-"""The emergency stop's way to a robot: press, deliver, keep pending, record."""
+"""The emergency stop: press, deliver, keep pending, record."""

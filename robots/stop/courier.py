@@ -1,6 +1,6 @@
 """Delivers pending stops, until bridge or watchdog confirms or refuses each.
 
-The supervisor has a courier for as long as it runs; a web process for as long as a stop waits that it knows of.
+The supervisor always runs a courier; a web process runs one while it knows of a pending stop.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PACE_S = 0.5  # between two attempts
 
 
 class Courier:
-    """One thread, which waits for no robot while it has another's stop to deliver."""
+    """One thread for all robots; a robot that does not answer delays no other robot's stop."""
 
     def __init__(self, stops: PendingStops) -> None:
         self._stops = stops
@@ -37,7 +37,7 @@ class Courier:
         self._stays = False
 
     def start(self, *, stays: bool = False) -> None:
-        """Deliver what waits; with `stays`, also what other processes leave from now on."""
+        """Deliver all pending stops; with `stays`, also stops that other processes leave from now on."""
         with self._lock:
             self._stays = self._stays or stays
             if self._thread is None:
@@ -55,7 +55,7 @@ class Courier:
                     self._thread = None
 
     async def _deliver_all(self) -> None:
-        """Until nothing waits, unless this courier stays."""
+        """Deliver until no stop is pending; with `stays`, for ever."""
         under_way: dict[str, asyncio.Task[None]] = {}
         while True:
             with self._lock:
@@ -72,7 +72,7 @@ class Courier:
         try:
             answer = await reach(_address(stop), stop.message())
         except LinkRefused:
-            return  # again soon
+            return  # the next round tries again
         except Exception:
             log.exception("a stop of %s could not be sent", stop.name)
             return
@@ -82,7 +82,7 @@ class Courier:
 
 
 def _address(stop: Waiting) -> LinkAddress:
-    """Where the robot's bridge listens; known without the database."""
+    """The address of the robot's bridge, without the database."""
     if stop.host is None:
         return LinkAddress(unix_path=str(settings.FLEET_RUN_DIR / f"{stop.name}.sock"))
     return LinkAddress(
@@ -96,7 +96,7 @@ def _stops_in(run_dir: Path) -> PendingStops:
 
 
 def pending_stops() -> PendingStops:
-    """Those of this computer."""
+    """The pending stops of this computer."""
     return _stops_in(settings.FLEET_RUN_DIR)
 
 
@@ -106,16 +106,16 @@ def _courier_of(stops: PendingStops) -> Courier:
 
 
 def courier() -> Courier:
-    """This process's."""
+    """The courier of this process."""
     return _courier_of(pending_stops())
 
 
 def keep_pending(
     robot: UUID | None, address: LinkAddress, stop: LinkStop, told: OnSettled | None = None
 ) -> tuple[Waiting, bool]:
-    """Have `stop`, which nobody answered, delivered by every process of this computer; `told` hears what came of it.
+    """Let every process of this computer deliver the unanswered `stop`; `told` is called with its answer.
 
-    Returns it as it waits, and False if it cannot be written: then this process alone tries, for as long as it runs.
+    Returns the pending stop, and whether it is written; if not, only this process delivers it, while it runs.
     """
     if stop.press is None or (address.unix_path is None and robot is None):
         raise ValueError("a stop that waits has a press and a robot")
@@ -129,7 +129,7 @@ def keep_pending(
 
 
 def forget(robot: UUID) -> None:
-    """There is no such robot any more, and nothing that its stops could wait for."""
+    """Drop pending stops of a robot that was removed from the registry."""
     gone = Refusal("no_such_robot", "The robot is not registered any more.", "robot")
     for stop in pending_stops().of(name_of(robot))[-1:]:
         pending_stops().settle(stop, gone)

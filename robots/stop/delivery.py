@@ -1,6 +1,6 @@
 """Reaching a robot with its emergency stop: at its bridge and at its watchdog at once, the first confirmation counts.
 
-The stop is the first message of each connection. It names its robot, so that nothing has to be heard before it is said.
+The stop is the first message of each connection. It names its robot, so it need not wait for the bridge's hello.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ Answer = Coroutine[Any, Any, Stopped | Refusal]
 
 
 def stop_message(robot: UUID | None, by: str, reason: str = "", press: UUID | None = None) -> LinkStop:
-    """A stop whose texts are cut to what is taken."""
+    """A stop message; its texts are cut to the allowed length."""
     return LinkStop(by[:LONGEST_TEXT], reason[:LONGEST_TEXT], robot=robot, press=press)
 
 
 async def reach(address: LinkAddress, stop: LinkStop, within_s: float = STOP_S) -> Stopped | Refusal:
-    """Press `stop` over connections of its own. Returns the answer; raises LinkRefused if nobody answered."""
+    """Press `stop` over new connections. Returns the answer; raises LinkRefused without one."""
     return await first_answer([ask_watchdog(address, stop), ask_bridge(address, stop)], within_s)
 
 
 async def first_answer(ways: Sequence[Answer], within_s: float) -> Stopped | Refusal:
-    """The first confirmation, else a refusal. Raises LinkRefused, with what the last way says, if there is neither.
+    """The first confirmation, else a refusal. Raises LinkRefused, with the last way's reason, if there is neither.
 
-    The quickest way stands first: what a way needs to begin, the later ones wait for.
+    Put the quickest way first: the setup of each way delays the ways after it.
     """
     loop = asyncio.get_running_loop()
     end_s = loop.time() + within_s
@@ -113,7 +113,7 @@ def answer_of(raw: str | bytes) -> Stopped | Refusal | None:
 
 
 def wait_for(work: Coroutine[Any, Any, T]) -> T:
-    """`work`, done in a thread without event loop; waits for none of the loop's own threads (a name server's)."""
+    """Run `work` in a thread without event loop; does not wait for the loop's helper threads (name resolution)."""
     loop = asyncio.new_event_loop()
     try:
         return loop.run_until_complete(work)

@@ -1,8 +1,8 @@
 """Stops that nobody has confirmed yet: a file for each in the run directory, until bridge or watchdog answers.
 
-Every process of the console on this computer reads and delivers them, so that no stop ends with the process that heard
-it, nor with the patience of the person who pressed. Knows neither Django nor ROS: a bridge looks here before anybody
-can drive its robot.
+Every process of the console on this computer reads and delivers them. So a stop outlives the process that received it
+and the page of the person who pressed. Uses neither Django nor ROS: a bridge reads this folder before its robot can be
+driven.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Waiting(Struct, frozen=True):
         return LinkStop(self.by, self.reason, robot=self.robot, press=self.press, waited=True)
 
     def told(self) -> PendingStop:
-        """The sentence for people."""
+        """The same for pages."""
         return PendingStop(self.by, self.reason, self.at)
 
 
@@ -55,9 +55,9 @@ def name_of(robot: UUID) -> str:
 
 
 class PendingStops:
-    """The stops that wait. Of one robot the newest press counts. From any thread.
+    """The pending stops. For each robot the newest press counts. Thread-safe.
 
-    `run_dir` None: in memory only. So are those that cannot be written: this process alone delivers them.
+    With `run_dir` None, and for stops that cannot be written: in memory only; only this process delivers them.
     """
 
     def __init__(self, run_dir: Path | None) -> None:
@@ -66,12 +66,12 @@ class PendingStops:
         self._unwritten: dict[str, Waiting] = {}
         self._told: defaultdict[str, list[OnSettled]] = defaultdict(
             list
-        )  # by robot: whom to tell what came of it
+        )  # by robot: callbacks for the answer
 
     def keep(self, stop: Waiting, told: OnSettled | None = None) -> bool:
-        """Keep `stop` until it is settled, instead of older ones of this robot; `told` hears what came of it.
+        """Keep `stop` until it is settled; it replaces older stops of this robot. `told` is called with the answer.
 
-        Returns False if this process only knows of it, because it cannot be written: then older ones stay.
+        Returns False if it cannot be written: then only this process knows it, and older ones stay.
         """
         if told is not None:
             with self._lock:
@@ -88,7 +88,7 @@ class PendingStops:
         return written
 
     def all(self) -> list[Waiting]:
-        """All that wait, the newest of each robot last."""
+        """All pending stops, the newest of each robot last."""
         with self._lock:
             found = list(self._unwritten.values())
         for path in self._paths(""):
@@ -104,7 +104,7 @@ class PendingStops:
         return sorted(found, key=lambda stop: stop.at)[-MOST_OF_ONE:]
 
     def settle(self, stop: Waiting, answer: Stopped | Refusal) -> None:
-        """`stop` was confirmed or refused: it waits no more, nor does an older one of this robot."""
+        """`stop` was confirmed or refused: remove it and older stops of this robot."""
         for found in self.of(stop.name):
             if found.at <= stop.at:
                 self._remove(found)
@@ -157,7 +157,7 @@ class PendingStops:
 
 
 def _read(path: Path) -> Waiting | None:
-    """All pending stops. A damaged file counts as a stop, too: its name says of which robot."""
+    """Read one pending stop. A damaged file counts as a stop too: its name tells the robot."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=Waiting)
     except FileNotFoundError:

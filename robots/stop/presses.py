@@ -1,4 +1,4 @@
-"""Emergency stops without an event loop, and all stops on record: afterwards, for a stop waits for nothing."""
+"""Emergency stops without an event loop, and records of all stops: written after the stop, to cause no delay."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ class Pending(NamedTuple):
     """A stop that nobody has confirmed yet; it is delivered as soon as bridge or watchdog can be reached."""
 
     refusal: Refusal  # code "pending", and why it is not confirmed
-    outcome: Future[Stopped | Refusal]  # what comes of it, if this process learns that
+    outcome: Future[Stopped | Refusal]  # the answer, if this process gets it
     waiting: Waiting
 
     def withdraw(self) -> None:
-        """It was not meant: nothing comes of it."""
+        """Drop the pending stop: it was pressed by mistake."""
         courier.pending_stops().settle(self.waiting, self.refusal)
 
 
@@ -44,7 +44,7 @@ Result = Stopped | Refusal | Pending
 
 
 def press(robot_id: UUID | None, address: LinkAddress, by: str, reason: str = "") -> Result:
-    """Stop one robot, or whichever listens there, over connections of its own."""
+    """Stop one robot (None: any robot at this address) over new connections."""
     return press_at([(robot_id, address)], by, reason)[0]
 
 
@@ -124,7 +124,7 @@ def record_press(
 
 
 def record_outcome(record: Record | None, *, actor: User | SystemAccount, result: Result) -> None:
-    """Record what came of a stop or a clear."""
+    """Record the outcome of a stop or a clear."""
     if record is None:
         return
     if isinstance(result, Pending):

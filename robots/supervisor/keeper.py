@@ -1,4 +1,4 @@
-"""Keeping programs running: a bridge and a watchdog for each robot, started again when it ends, at a pace.
+"""Keeps programs running: a bridge and a watchdog for each robot, restarted with growing pauses.
 
 A program holds the read end of a pipe as its stdin: the life line. When the pipe closes, because this process wants it
 to end or because it died, however suddenly, the program stops its robot and exits. Each program has a session of its
@@ -44,7 +44,7 @@ class AlreadySupervised(Exception):
 
 @contextlib.contextmanager
 def only_instance(path: Path) -> Iterator[None]:
-    """Hold the lock file; it falls with the process."""
+    """Hold the lock file; the lock ends with the process."""
     with path.open("a+") as lock:
         if not _acquired(lock):
             lock.seek(0)
@@ -65,7 +65,7 @@ def _acquired(lock: IO[str]) -> bool:
 
 
 def supervised(path: Path) -> bool:
-    """Whether a supervisor lives that holds this lock file, however the last one ended."""
+    """Whether a running supervisor holds this lock file, even if the last one crashed."""
     try:
         with path.open() as lock:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -88,7 +88,7 @@ class RestartBudget:
     _fallen_at: list[float] = field(default_factory=list)
 
     def wait_s(self, now_s: float) -> float:
-        """The wait after an end at `now_s`: doubled each time, a long rest when the budget is spent."""
+        """The pause (s) after an end at `now_s`: doubled each time; a long one when the budget is used up."""
         self._fallen_at = [at for at in self._fallen_at if now_s - at < self.window_s] + [now_s]
         if len(self._fallen_at) > self.falls:
             return self.rest_s
@@ -105,7 +105,7 @@ class Program:
 
 
 class Keeper:
-    """Keeps one program running, replaces it when another is wanted, ends it when none is."""
+    """Keeps one program running, replaces it by another, or ends it."""
 
     def __init__(
         self, name: str, report: Report, budget: Callable[[], RestartBudget] = RestartBudget
@@ -133,13 +133,13 @@ class Keeper:
         return self._process is None
 
     def want(self, program: Program | None) -> None:
-        """From the next step on, keep this running instead; None: nothing."""
+        """From the next step on, keep this program running; None: none."""
         self._wanted = program
         self._budget = self._new_budget()
         self._start_at_s = 0.0
 
     def step(self, now_s: float) -> None:
-        """Notice what happened and do what is due; never waits."""
+        """Check the process and take due steps; never waits."""
         if self._process is not None:
             self._watch(self._process, now_s)
         if self._process is None and self._wanted is not None and now_s >= self._start_at_s:
@@ -172,7 +172,7 @@ class Keeper:
             self._report(State.RUNNING, "", process.pid)
 
     def _end(self, process: subprocess.Popen[bytes], now_s: float) -> None:
-        """Let go of the life line; a program that does not mind it gets signals."""
+        """Close the life line; a program that does not end then gets signals."""
         if self._ending_s is None:
             self._ending_s = now_s
             _close_life_line(process)

@@ -1,4 +1,4 @@
-"""Topics that cost the robot something, and so are subscribed only while somebody has control."""
+"""Topics that load the robot: subscribed only while a person has control."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""rospy registers a node once in a process's life; a master that was restarted is told by hand."""
+"""rospy registers a node once in a process's life; for a restarted master this module registers it again."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robots.bridge.ros.network.master import Master
 
 
 def register_again(master: Master) -> None:
-    """Tell a master that was restarted all that rospy told its predecessor of this process's node."""
+    """Register this process's node again, with all its topics, at a restarted master."""
     own_uri = rospy.get_node_uri()
     for topic, kind in get_topic_manager().get_publications():
         master.register("registerPublisher", topic, kind, own_uri)

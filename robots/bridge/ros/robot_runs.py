@@ -15,7 +15,7 @@ class RunMonitor:
         self._headers: deque[object] = deque(maxlen=KNOWN)
 
     def begin(self) -> None:
-        """The robot's master was started anew."""
+        """The robot's master was restarted."""
         self._number += 1
 
     def of(self, header: object) -> int:

@@ -16,7 +16,7 @@ Errand = Callable[[], None]
 
 
 class RosWorker:
-    """One thing after another, in a thread of its own that ends with the process."""
+    """Runs jobs one after another on its own thread, which ends with the process."""
 
     def __init__(self, name: str) -> None:
         self._waiting: list[Errand] = []

@@ -42,7 +42,7 @@ class WatchdogNode:
         self._ending = threading.Event()
 
     def start(self) -> None:
-        """Begin to look for the master, on a thread of its own."""
+        """Search for the master on a separate thread."""
         os.environ["ROS_MASTER_URI"] = self._config.master_uri
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
@@ -80,7 +80,7 @@ class WatchdogNode:
             publish(publisher, GoalID())
 
     def drive_to(self, topic: str) -> None:
-        """The robot is driven on this topic now, beside the default. Returns at once."""
+        """The robot is driven on this topic now, in addition to the default. Returns at once."""
         self._wanted = {self._config.drive.name, topic}
 
     # --- on the thread for the master ------------------------------------------------------------------

@@ -63,7 +63,7 @@ class Board:
             return self._barred.get((topic, uri), 0.0) > now_s
 
     def released(self, now_s: float) -> set[str]:
-        """The topics of publishers whose time is over; they are told once."""
+        """The topics of publishers whose time is over; each is reported once."""
         with self._lock:
             over = [key for key, until_s in self._barred.items() if until_s <= now_s]
             for key in over:

@@ -78,7 +78,7 @@ class Reading:
 
 
 class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
-    """A connection to one publisher, in place of rospy's TCPROSSub. Lives on a thread of its own."""
+    """A connection to one publisher, in place of rospy's TCPROSSub. Lives on its own thread."""
 
     get_header_fields = TCPROSSub.get_header_fields
 
@@ -242,7 +242,7 @@ class Manager(RegManager):  # type: ignore[misc]
             log.exception("a publisher of %s cannot be listened to", topic)
 
     def publisher_update(self, topic: str, uris: list[Any]) -> None:
-        """The master, or somebody who says so, names a topic's publishers: not too many are heard of."""
+        """The master, or a node that claims to be it, names a topic's publishers: accept a limited number."""
         subscriber = get_topic_manager().get_subscriber_impl(topic)
         if subscriber is not None:
             most = 2 * kind_of(topic, subscriber.type).publishers

@@ -14,7 +14,7 @@ LONGEST = 4000  # characters
 
 
 class LogLimiter(logging.Filter):
-    """For handlers: passes what others write as it is, of rospy's records some a second."""
+    """Filter for handlers: passes other loggers' records unchanged, and a few of rospy's per second."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -27,9 +27,9 @@ from robots.bridge.server.flood_limits import TokenBucket
 log = logging.getLogger(__name__)
 
 LARGEST_CALL = 128 * 1024  # bytes of an XML-RPC call, its HTTP header with it
-LARGEST_INBOUND = 64 * 1024  # bytes of the header of somebody who connects to a topic of ours
-HEADER_S = 5.0  # by then a header is told
-IDLE_S = 30.0  # a caller may say nothing for so long, and then comes anew
+LARGEST_INBOUND = 64 * 1024  # bytes of the header of a node that connects to one of our topics
+HEADER_S = 5.0  # the header must be complete by then
+IDLE_S = 30.0  # a silent caller is disconnected then and may reconnect
 MOST_CALLERS = 32  # connections to the XML-RPC server
 MOST_HANDSHAKES = 32  # connections whose header is being read
 MOST_LISTENERS = 32  # of one topic
@@ -139,7 +139,7 @@ class _Handler(SilenceableXMLRPCRequestHandler):  # type: ignore[misc]
         self.send_error(code, words)
 
     def log_error(self, *_: Any) -> None:
-        """Nothing: anybody can cause one."""
+        """Ignore it: any host can cause one."""
 
 
 class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
@@ -159,7 +159,7 @@ class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
         return True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A connection broke, as anybody can make one do."""
+        """A connection broke; any host can cause that."""
         log.debug("a call from %s broke", client_address[0])
 
     def shutdown_request(self, request: Any) -> None:
@@ -180,7 +180,7 @@ def take_connection(
     address: tuple[str, int],
     exhausted: Callable[[], None] = end_without_memory,
 ) -> None:
-    """In place of TCPROSServer._tcp_server_callback: somebody connected. Returns at once."""
+    """In place of TCPROSServer._tcp_server_callback: a node connected. Returns at once."""
     if not _handshakes.may(address[0], time.monotonic()):
         connection.close()
         return

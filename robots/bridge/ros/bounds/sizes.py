@@ -33,9 +33,9 @@ KINDS = {
     "sensor_msgs/BatteryState": Kind(BRIEF),
     "std_msgs/Float32": Kind(BRIEF),
     "std_msgs/Bool": Kind(BRIEF),
-    # Each static transform of a robot may have a node of its own.
+    # Each static transform of a robot may have its own node.
     "tf2_msgs/TFMessage": Kind(256 * KB, 2000.0, publishers=64),
-    # Of any type: only the inspector listens so, in a process of its own behind the bridge.
+    # Any type: only the inspector subscribes this way, in its own process behind the bridge.
     "*": Kind(32 * MB, 20_000.0, share=2.0),
 }
 

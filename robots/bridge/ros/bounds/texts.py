@@ -24,7 +24,7 @@ _Item = TypeVar("_Item")
 
 
 def cut(text: str, most: int) -> str:
-    """At most so many characters. No name in ROS has an ellipsis, so one that was cut is nobody's."""
+    """Cut to so many characters. ROS names have no ellipsis, so a cut name matches no real one."""
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 

@@ -23,12 +23,12 @@ from robots.bridge.topics.inspector_messages import Ready
 from robots.processes.shutdown import exit_within
 
 NICE = 5  # commands to the robot go first
-MOST_BYTES = 1536 * 1024 * 1024  # of memory: messages of tens of megabytes are looked at
+MOST_BYTES = 1536 * 1024 * 1024  # of memory: people view messages of tens of megabytes
 END_S = 1.5  # from the end of stdin
 
 
 class Lines:
-    """Writes whole lines to stdout, from any thread; blocks while nobody reads."""
+    """Writes whole lines to stdout, from any thread; blocks while the reader does not read."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -43,7 +43,7 @@ def _of_the_robot(books: dict[str, list[str]]) -> dict[str, list[str]]:
 
 
 def _actions(topics: list[wire.TopicRow]) -> Iterator[wire.ActionRow]:
-    """Where somebody takes goals and tells the status, there is an action."""
+    """Find actions: a node subscribes to goals and publishes status."""
     rows = {topic.name: topic for topic in topics}
     for name in sorted(row.removesuffix("/goal") for row in rows if row.endswith("/goal")):
         parts = {part: rows.get(f"{name}/{part}") for part in PARTS}

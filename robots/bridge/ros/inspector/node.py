@@ -1,4 +1,4 @@
-"""The inspector's rospy node: there once something is looked at or published."""
+"""The inspector's rospy node: started by the first subscription or publication."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Node:
         os.environ.setdefault("ROS_LOG_DIR", str(Path(config.state_dir) / "ros-log"))
         watch = DeathWatch(config.master_uri)
         install(lambda: end_without_memory(lambda: os._exit(1)))
-        # A name of its own: other consoles have inspectors, too.
+        # A unique name: other consoles have inspectors too.
         rospy.init_node(
             INSPECTOR.strip("/"),
             argv=[],

@@ -24,7 +24,9 @@ LISTENERS_S = 1.0  # a single message waits so long for those who listen to conn
 WAITING = 20  # messages on their way to one topic, at most
 LINGER_S = 10.0  # a topic stays advertised after its last message, so that the next need not wait
 LIFE_S = 0.5  # at a rate only while the bridge was heard within this
-SEND_PATIENCE_S = 0.3  # whoever does not read for so long is cut off, so that nothing waits for who stalls
+SEND_PATIENCE_S = (
+    0.3  # a subscriber that does not read for so long is disconnected, so that it delays no other
+)
 
 Bytes = Callable[[], bytes]
 
@@ -55,7 +57,7 @@ class PublishPermit:
 
 
 class _Publisher:
-    """One topic that we publish on, from a thread of its own."""
+    """One topic that we publish on, from its own thread."""
 
     def __init__(self, topic: str, definition: Definition, master: Master) -> None:
         self.definition = definition

@@ -1,4 +1,4 @@
-"""The live view: of each topic that is looked at the newest message, read in part, at the pace that is wanted.
+"""The live view: the newest message of each subscribed topic, decoded in part, at the requested rate.
 
 rospy's threads only keep the newest bytes and count. One thread of ours decides what is due, and decodes just that: a
 topic of 100 Hz that is shown five times a second is decoded five times, and one that nobody looks at is not subscribed.
@@ -40,7 +40,7 @@ _encode = msgspec.json.Encoder().encode
 
 
 class Subscription:
-    """One topic that is looked at."""
+    """One subscribed topic."""
 
     def __init__(self, topic: str, rate_hz: float, awake: threading.Condition) -> None:
         self.topic = topic
@@ -168,7 +168,7 @@ def _silence(topic: str, number: int, publishers: int) -> wire.Refusal | None:
 
 
 class Subscriptions:
-    """All that is looked at. `send` hands on a topic and its `Shown`; while it blocks, nothing is decoded."""
+    """All subscriptions. `send` passes on a topic and its `Shown`; while it blocks, no message is decoded."""
 
     def __init__(self, definitions: Definitions, send: Callable[[str, bytes], None]) -> None:
         self._definitions = definitions

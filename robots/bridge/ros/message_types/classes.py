@@ -28,7 +28,7 @@ REPOSITORY = Path(__file__).resolve().parents[4]
 
 
 class UnknownTypeError(LookupError):
-    """Neither the distribution nor our definitions have this type."""
+    """This type is in neither the distribution nor our definitions."""
 
     def __init__(self, name: str) -> None:
         super().__init__(f"there is no ROS type {name!r}: neither installed nor among our definitions")
@@ -90,7 +90,7 @@ def _generated() -> Path:
 
     from robots.bridge.ros.message_types.generate import generate
 
-    # Made beside its place and moved there in one step: two processes may come here at once.
+    # Generated in a temporary folder and moved in one step: two processes may do this at once.
     draft = Path(tempfile.mkdtemp(dir=cache_folder, prefix="draft-"))
     generate(definition_files(), draft)
     try:
@@ -103,7 +103,7 @@ def _generated() -> Path:
 
 
 def _cache_folder() -> Path:
-    """Where generated classes are kept: a place of our own, for whoever may write there may run code in us."""
+    """Folder of generated classes: only ours, because code written there runs in our process."""
     wanted = Path(os.environ.get("FLEET_VAR") or REPOSITORY / "var") / "ros-types"
     try:
         wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -114,7 +114,7 @@ def _cache_folder() -> Path:
 
 @cache
 def _short_lived_folder() -> Path:
-    """For a read-only installation: generated anew by each process, gone with it."""
+    """For a read-only installation: each process generates its classes and removes them at its end."""
     folder = Path(tempfile.mkdtemp(prefix="fleet-ros-types-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder

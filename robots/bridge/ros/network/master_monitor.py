@@ -42,7 +42,7 @@ class Node(Protocol):
         """The master is there and knows no other bridge: join it, by rospy. Called once."""
 
     def began_again(self) -> None:
-        """A master that was restarted has been told all that rospy told its predecessor."""
+        """A restarted master has all registrations again."""
 
     def surveyed(self, system: SystemState) -> None:
         """Present publishers and subscribers."""
@@ -55,7 +55,7 @@ class Node(Protocol):
 
 
 class MasterMonitor:
-    """Watches on a thread of its own, whatever a hostile or dying master answers."""
+    """Watches the master on its own thread, and survives any answer of a hostile or failing master."""
 
     def __init__(self, master: Master, node: Node) -> None:
         self._master = master

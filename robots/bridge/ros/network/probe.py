@@ -42,7 +42,7 @@ from robots.bridge.tasks.urdf import BadDescription, Tree
 CALLBACK_S = 2.0
 DESCRIPTION_S = 5.0  # for hundreds of kilobytes, maybe by radio
 NODE_S = 3.0  # a robot that is busy is not one that is silent
-HEAD = 512  # bytes of a message that are looked at: its std_msgs/Header
+HEAD = 512  # bytes of a message that are read: its std_msgs/Header
 
 
 def probe(plan: Plan) -> Findings:
@@ -195,7 +195,7 @@ def _our_md5(type_name: str) -> str | None:
 
 
 def _listen(conversation: Conversation, asked: Listened, found: TopicFound, listen_s: float) -> TopicFound:
-    """Read until what was to be seen was seen, or the time is over."""
+    """Read until all expected messages arrived, or the time is over."""
     offered = conversation.read_header()
     if "error" in offered:
         raise ValueError(offered["error"])
@@ -211,7 +211,7 @@ def _listen(conversation: Conversation, asked: Listened, found: TopicFound, list
                 frames.add(frame)
                 skews.append(stamp_s - time.time())
     except TimeoutError:
-        pass  # what was seen until now is the answer
+        pass  # the messages read so far are the answer
     return msgspec.structs.replace(
         found,
         type=offered.get("type"),

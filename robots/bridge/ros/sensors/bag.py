@@ -1,4 +1,4 @@
-"""A rosbag of a drive, told to a gate as the bridge would have told it."""
+"""Replays a rosbag of a drive to a gate, as the bridge would have."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ Told = tuple[float, Verdict]
 
 
 def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[Told]:
-    """Tell `gate` what the bag holds; the time and the verdict for each command on the drive topic.
+    """Replay the bag to `gate`; yields the time and the verdict of each command on the drive topic.
 
-    The bag's own times are the arrivals. Of the arm only whether it is at home is told, and no depth pictures: the gate
-    answers as with a camera that is silent. BadRecording if the file is no bag, or holds no command or no odometry.
+    The bag's own times count as arrival times. Of the arm, the gate learns only whether it is at home. It gets no
+    depth pictures, so it answers as with a silent camera. Raises BadRecording if the file is no bag, or holds no
+    command or no odometry.
     """
     tellers = _tellers(gate, topics)
     sent = STILL

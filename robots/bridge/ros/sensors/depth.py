@@ -56,7 +56,7 @@ class DepthTopics:
         return subscribers
 
     def forget(self) -> None:
-        """Nothing: of a picture nothing is kept."""
+        """Do nothing: no picture is stored."""
 
     # --- on rospy's threads ------------------------------------------------------------------------
 

@@ -28,7 +28,7 @@ LARGEST_HOLE_S = 0.3  # between two transforms that are interpolated
 SET_BACK_S = 1.0
 TURNING_RADPS = 0.5  # while a joint turns faster, the least error of a stamp lifts the floor into the way
 LONGEST_WAY = 30
-MOST_MOVING = 500  # frames that are kept; a robot tells of about fifty
+MOST_MOVING = 500  # frames in memory; a robot publishes about fifty
 MOST_FIXED = 2000
 MOST_WANTED = 200  # frames that are never left out for others
 FULL_S = 15.0  # how long it is said that some were left out
@@ -58,7 +58,7 @@ class Frames:
     def __init__(self, base: str) -> None:
         self._base = base
         self._fixed: dict[str, Told] = {}
-        self._moving: OrderedDict[str, deque[Told]] = OrderedDict()  # told last at the end
+        self._moving: OrderedDict[str, deque[Told]] = OrderedDict()  # most recently updated at the end
         self._wanted: set[str] = set()  # on the way from a frame that was asked for
         self._full_s = -math.inf  # when one was left out last
         self._news = threading.Condition()
@@ -69,7 +69,7 @@ class Frames:
         return time.monotonic() - self._full_s < FULL_S
 
     def hear(self, raw: bytes, fixed: bool) -> None:
-        """Take a serialized tf2_msgs/TFMessage. One that is cut short tells what it tells."""
+        """Take a serialized tf2_msgs/TFMessage. A truncated one counts as far as it goes."""
         with self._news:
             for child, told in transforms(raw):
                 if len(child) > NAME or len(told.parent) > NAME:
@@ -88,7 +88,7 @@ class Frames:
             self._news.notify_all()
 
     def _fix(self, child: str, told: Told) -> None:
-        """It is told once: the first ones stay."""
+        """A static transform is published once: the first ones stay."""
         if child in self._fixed or child in self._wanted or len(self._fixed) < MOST_FIXED:
             self._fixed[child] = told
         else:
@@ -125,7 +125,7 @@ class Frames:
             return matrix
 
     def flat(self, frame: str, parent: str) -> Pose | None:
-        """Where a frame was in its parent when that was told last, seen from above; None: it was not told."""
+        """Where a frame was in its parent when that was told last, seen from above; None: unknown."""
         with self._news:
             self._want(frame)
             told = self._newest(frame)
@@ -186,7 +186,7 @@ class Frames:
 
 
 def transforms(raw: bytes) -> Iterator[tuple[str, Told]]:
-    """The child frames of a serialized tf2_msgs/TFMessage, and what is told of each."""
+    """The child frames of a serialized tf2_msgs/TFMessage, and the transform of each."""
     try:
         (count,) = _LENGTH.unpack_from(raw)
         at = _LENGTH.size

@@ -30,5 +30,5 @@ class TfTopics:
         self.frames.forget()
 
     def map_to_odom(self) -> Pose | None:
-        """As it was told last, if it was."""
+        """The last one received, if any."""
         return self.frames.flat(ODOM, MAP)

@@ -28,7 +28,7 @@ class GoalListener(Protocol):
     """Receiver of the action's feedback. Called on rospy's threads."""
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        """The goals under way, whoever sent them, and their status."""
+        """The running goals of all senders, and their status."""
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
         """Feedback of the action."""
@@ -38,7 +38,7 @@ class GoalListener(Protocol):
 
 
 class ActionTopics:
-    """The topics of one action. `joined` is called whenever somebody begins to take its goals."""
+    """The topics of one action. `joined` is called whenever a node subscribes to its goals."""
 
     def __init__(
         self, action: Topic, hearer: GoalListener, queue: int = 10, joined: Callable[[], None] = lambda: None

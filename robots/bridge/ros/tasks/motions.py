@@ -39,7 +39,7 @@ ERRORS = {  # PlayMotionResult's codes in words
 class MotionTopics:
     """The motion actions of one robot: the default, and those that may be chosen instead, of one type.
 
-    What happens to goals is told to `tasks` through `mail`, on the event loop. `joined` is called whenever somebody
+    Changes of goals are reported to `tasks` through `mail`, on the event loop. `joined` is called whenever somebody
     begins to perform motions, which may be others than before.
     """
 
@@ -109,7 +109,7 @@ class MotionTopics:
 
     @property
     def cancels(self) -> list[Callable[[], None]]:
-        """For the emergency stop: each cancels whatever one action performs, whoever asked for it."""
+        """For the emergency stop: each cancels all goals of one action, from any sender."""
         return [action.cancel_all for action in self._actions.values()]
 
     def _parameters(self, action: str, motion: str = "") -> Any:
@@ -133,7 +133,7 @@ class MotionTopics:
     # --- on rospy's threads (actions.Hearer) ----------------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        """The goals under way, whoever sent them."""
+        """The running goals of all senders."""
         self._mail.post(
             ("motions", action), lambda: self._tasks.running(action, goals.keys(), time.monotonic())
         )

@@ -32,7 +32,7 @@ def immediate_publisher(topic: str, kind: type[Any], patience_s: float) -> rospy
 
 
 class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
-    """A message goes out at once, without a queue and its thread; whoever does not read is cut off, not waited for.
+    """A message goes out at once, without a queue and its thread; a subscriber that does not read is disconnected.
 
     rospy's subscribers ask for Nagle's algorithm and its publishers obey; a twist must not wait for an ACK. A
     listener whose buffers are full has been silent for seconds: the write gives up and rospy closes the connection,
@@ -84,7 +84,7 @@ class Sender(rospy.SubscribeListener):  # type: ignore[misc]
             publish(self.publisher, message)
 
     def withdraw(self) -> None:
-        """Send to nobody what nobody has heard yet."""
+        """Drop messages that are not sent yet."""
         with self._lock:
             self._waiting = None
 

@@ -1,4 +1,4 @@
-"""The robot's voice: an action that tells how it goes, or a topic that takes plain texts and tells nothing."""
+"""The robot's voice: an action that reports progress, or a topic that takes plain texts and reports nothing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class _Voice(Protocol):
     """One topic that takes texts."""
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
-        """Pass it on. Whether the robot tells what becomes of it."""
+        """Send the text. Returns whether the robot reports progress."""
 
     def cancel_speech(self, goal_id: str) -> None:
         """Cancel this goal and no other."""
@@ -40,7 +40,7 @@ class _Voice(Protocol):
 class SpeechTopics:
     """The topics of one robot's voice: the default, and those chosen instead, all of one type.
 
-    What happens to goals is told to `tasks` through `mail`, on the event loop.
+    Changes of goals are reported to `tasks` through `mail`, on the event loop.
     """
 
     def __init__(self, default: Topic, mail: Mailboxes, tasks: SpeechTasks) -> None:
@@ -58,7 +58,7 @@ class SpeechTopics:
             self._voices.pop(name).close()
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
-        """Pass it on. Whether the robot tells what becomes of it."""
+        """Send the text. Returns whether the robot reports progress."""
         return self._voices[utterance.topic].say(goal_id, utterance)
 
     def cancel_speech(self, goal_id: str, topic: str) -> None:
@@ -68,7 +68,7 @@ class SpeechTopics:
 
     @property
     def cancels(self) -> list[Callable[[], None]]:
-        """For the emergency stop: each cancels whatever is said on one topic, whoever asked for it."""
+        """For the emergency stop: each cancels all speech on one topic, from any sender."""
         return [voice.cancel_all for voice in list(self._voices.values())]
 
 
@@ -122,7 +122,7 @@ class _ActionVoice:
 
 
 class _PlainVoice:
-    """A topic that takes each text as one message, and tells nothing of it."""
+    """A topic that takes each text as one message and reports no progress."""
 
     def __init__(self, topic: Topic, _mail: Mailboxes, _tasks: SpeechTasks) -> None:
         self._sender = Sender(topic.name, message_class(topic.type))
