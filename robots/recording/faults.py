@@ -25,8 +25,8 @@ from robots.registry.selectors import link_address
 log = logging.getLogger(__name__)
 
 BRIDGE, ROBOT = "bridge", "robot"  # parts
-LOOK_S = 5.0  # between two looks at the robots
-SURE_AFTER = 3  # looks: a robot whose bridge starts anew is not at fault
+LOOK_S = 5.0  # between two checks of the robots
+SURE_AFTER = 3  # checks: a restarting bridge is no fault
 
 State = BridgeStatus.State
 _BRIDGE_FAULTS = {State.BACKING_OFF: "bridge_ended", State.REFUSED: "bridge_refused"}
@@ -105,7 +105,7 @@ class RobotWatch:
 
 
 def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:
-    """Ask beside, in a thread that the end of the process does not wait for."""
+    """Ask in a daemon thread, so that the end of the process does not wait for it."""
     answer: Future[Condition] = Future()
 
     def ask() -> None:

@@ -1,4 +1,4 @@
-"""Where a robot and its bridge are reached: what makes an address wrong. Nothing here asks the network."""
+"""Checks the addresses of robots and bridges, without using the network."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ def check_master_uri(uri: str) -> None:
 
 
 def check_bridge_address(address: str) -> None:
-    """Nothing, or wss://host:port, or `Problems`."""
+    """Accept an empty text or wss://host:port; else raise `Problems`."""
     if address:
         _check_url(address, "wss", "wss://bridges.lab:7443")
 
 
 def check_advertised_address(address: str) -> None:
-    """Nothing, an IP address or a host name, or `Problems`."""
+    """Accept an empty text, an IP address or a host name; else raise `Problems`."""
     if address and not _is_host(address):
         raise Problems([_not_a_host(address)])
 

@@ -66,7 +66,7 @@ class EntryAdmin(RecordedAdmin):
         return gettext("every %s") % entry.profile if entry.profile else str(entry.robot)
 
     def get_readonly_fields(self, request: HttpRequest, obj: Any = None) -> list[str]:
-        """Whose it is, once it is somebody's."""
+        """Return the owner, if there is one."""
         return ["profile", "robot"] if obj else []
 
     def save_model(self, request: HttpRequest, obj: Any, form: Any, change: bool) -> None:

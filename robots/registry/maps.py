@@ -15,7 +15,7 @@ CLOCKS = timedelta(minutes=5)  # of the bridge's computer and of others: they ma
 
 @transaction.atomic
 def map_seen(robot_id: UUID, taken: TakenMap, now: datetime) -> RobotMap:
-    """This is the robot's map now. Only the robot's one bridge says so: nobody else does at the same time.
+    """Store the robot's current map. Only the robot's one bridge calls this, so no two calls run at once.
 
     Which was told last, their numbers tell: a clock may have been ahead. A row that begins in days to come is shown
     with no session until then, so another one goes on for it.

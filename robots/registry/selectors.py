@@ -61,7 +61,7 @@ def supervises(user: User, robot: Robot) -> bool:
 
 
 def robots_visible_to(user: User) -> QuerySet[Robot]:
-    """The robots that `user` may look at, disabled ones too, by name."""
+    """The robots that `user` may view, disabled ones too, by name."""
     robots = Robot.objects.select_related("profile", "bridge")
     if not user.is_active:
         return robots.none()
@@ -69,7 +69,7 @@ def robots_visible_to(user: User) -> QuerySet[Robot]:
 
 
 def robot_seen_by(user: User, slug: str) -> Robot:
-    """The robot, if `user` may look at it; else `Http404`."""
+    """The robot, if `user` may view it; else `Http404`."""
     return get_object_or_404(robots_visible_to(user), slug=slug)
 
 
@@ -144,7 +144,7 @@ def require_link_settings(robot: Robot) -> None:
 
 
 def bridge_config(robot: Robot) -> BridgeConfig:
-    """Everything the robot's bridge is told. `Problems` if its entry is wrong."""
+    """The configuration of the robot's bridge. Raises `Problems` if its entry is wrong."""
     known = robot_config.of(robot)
     return BridgeConfig(
         robot_id=str(robot.id),

@@ -41,7 +41,7 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
     topics: dict[str, Any]
     gate: dict[str, float]
     stick: tuple[StickStep, ...] = DEFAULT
-    phrases: str | None = None  # name of a file beside this one
+    phrases: str | None = None  # name of a file next to this one
 
     def phrase_lines(self, directory: Path = DIRECTORY) -> list[Line]:
         """The phrases of its own that it comes with."""
@@ -86,7 +86,7 @@ def file_of(profile: RobotProfile) -> ProfileFile | None:
 
 
 def is_edited(profile: RobotProfile) -> bool:
-    """Whether somebody changed the profile since it was last taken from a file."""
+    """Whether the profile was changed since it was last read from a file."""
     return not profile.shipped or profile.shipped != _now(profile, profile.shipped)
 
 

@@ -1,4 +1,4 @@
-"""Whose phrases a command is about."""
+"""The owner of the phrases that a command reads or writes."""
 
 from __future__ import annotations
 

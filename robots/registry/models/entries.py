@@ -46,7 +46,7 @@ class OfProfileOrRobot(models.Model):
 
     @property
     def owner(self) -> RobotProfile | Robot:
-        """Whose it is."""
+        """Return the owner."""
         owner = self.profile or self.robot
         if owner is None:
             raise ValueError(f"this {self._meta.verbose_name} belongs to no profile and to no robot")

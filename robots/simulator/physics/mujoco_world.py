@@ -79,7 +79,7 @@ def cast_rays(
 
 
 class Onlooker:
-    """Looks at the world from a thread of its own, while the physics go on."""
+    """Reads the world from its own thread, in parallel with the physics."""
 
     def __init__(self, physics: Physics) -> None:
         self.model = physics.model
@@ -204,7 +204,7 @@ class Physics:
         self.model.body(name).pos[:2] = (x, y)
 
     def place_arm(self, capsules: Sequence[Capsule]) -> None:
-        """Lay the arm's segments; shows from the next step on. Nothing stops them: what they meet is told."""
+        """Set the arm's segments, from the next step on. They pass through bodies; contacts are reported."""
         for body, (middle, rotation) in zip(self._arm, capsules, strict=True):
             self.model.body_pos[body] = middle
             self.model.body_quat[body] = rotation

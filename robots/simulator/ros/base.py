@@ -23,7 +23,7 @@ def yaw_quaternion(yaw: float) -> Quaternion:
 
 
 class BaseTopics:
-    """Listens for velocities and locks, tells odometry."""
+    """Subscribes to velocities and locks, publishes odometry."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot

@@ -42,7 +42,7 @@ class TrajectoryController:
         self._goals = Goals(f"/{name}/follow_joint_trajectory", "control_msgs/FollowJointTrajectoryAction")
 
     def step(self, now: float) -> None:
-        """Take what was asked since the last tick, then tell whether the goal ended."""
+        """Take requests since the last tick, then report whether the goal ended."""
         while not self._commands.empty():
             self._command(self._commands.get(), now)
         for is_goal, handle in self._goals.arrived():

@@ -1,4 +1,4 @@
-"""The head camera's topics, drawn and cast on a thread of their own, only while somebody looks."""
+"""The head camera's topics, rendered on a separate thread, only while they have subscribers."""
 
 from __future__ import annotations
 

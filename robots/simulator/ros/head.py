@@ -37,7 +37,7 @@ class HeadServer:
         self._goals = Goals("/head_controller/point_head_action", "control_msgs/PointHeadAction")
 
     def step(self, now: float) -> None:
-        """Take new goals and cancels, then tell whether the goal ended."""
+        """Take new goals and cancels, then report whether the goal ended."""
         for is_goal, handle in self._goals.arrived():
             if is_goal:
                 self._begin(handle, now)

@@ -1,4 +1,4 @@
-"""The base's inertial unit and the wrist's force sensor: there, plain, and cheap while nobody listens."""
+"""The base's inertial unit and the wrist's force sensor: simple messages, cheap without subscribers."""
 
 from __future__ import annotations
 

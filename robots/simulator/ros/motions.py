@@ -28,7 +28,7 @@ class MotionServer:
         self._goals = Goals("/play_motion", "play_motion_msgs/PlayMotionAction")
 
     def step(self, now: float) -> None:
-        """Take new goals and cancels, then tell which motions ended."""
+        """Take new goals and cancels, then report which motions ended."""
         for is_goal, handle in self._goals.arrived():
             if is_goal:
                 self._begin(handle, now)

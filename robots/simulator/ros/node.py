@@ -1,4 +1,4 @@
-"""The simulated robot as one ROS node: a fixed-rate loop over `Robot` that tells its topics."""
+"""The simulated robot as one ROS node: a fixed-rate loop over `Robot` that publishes its topics."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _LONGEST_LAG_S = 0.2
 
 
 class Duty(NamedTuple):
-    """Something told every `every` ticks; `phase` spreads what is costly over the ticks."""
+    """A job that runs every `every` ticks; `phase` spreads costly jobs over the ticks."""
 
     every: int
     phase: int
@@ -38,7 +38,7 @@ class Duty(NamedTuple):
 
 
 class SimulatorNode:
-    """Runs one robot until told to stop."""
+    """Runs one robot until the stop event."""
 
     def __init__(self, robot: Robot, name: str, depth_encoding: str = "32FC1") -> None:
         self._robot = robot
@@ -85,7 +85,7 @@ class SimulatorNode:
             due = max(due + TICK_S, time.monotonic() - _LONGEST_LAG_S)
 
     def tick(self, now: float) -> None:
-        """One step of the robot's life, and what it tells about it."""
+        """Simulate one step and publish its results."""
         self._truth.step()
         self._robot.tick(now)
         for step in self._servers:
@@ -103,6 +103,6 @@ class SimulatorNode:
             rospy.set_param(f"/play_motion/motions/{name}", motion.parameters())
 
     def close(self) -> None:
-        """End what has a thread of its own."""
+        """End all parts that have their own thread."""
         if self._eyes is not None:
             self._eyes.close()

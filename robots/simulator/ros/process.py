@@ -1,4 +1,4 @@
-"""One simulator process: joins the robot's master, runs until told to stop, leaves nothing behind."""
+"""One simulator process: joins the robot's master, runs until the end signal, and cleans up."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 _MASTER_RETRY_S = 0.2
 _FAREWELL_S = 1.0  # to take leave of a master that answers
-_END_S = 5.0  # from being told to end, whatever hangs
+_END_S = 5.0  # from the end signal to the exit, even if a part hangs
 
 
 def run(robot: Robot, name: str, depth_encoding: str, exit_with_parent: bool) -> None:

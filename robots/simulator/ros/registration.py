@@ -1,4 +1,4 @@
-"""Keeps the robot on its master's books: rospy registers once, and a master that was restarted knows nobody."""
+"""Keeps the robot registered at its master: rospy registers once, and a restarted master has lost it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LOOK_EVERY_S = 0.5
 
 
 def watch_registration(stop: threading.Event, set_parameters: Callable[[], None]) -> None:
-    """Look after the registration until `stop`, on a thread of its own."""
+    """Check the registration until `stop`, on a separate thread."""
     threading.Thread(target=_watch, args=(stop, set_parameters), name="registration", daemon=True).start()
 
 

@@ -24,7 +24,7 @@ class LaserTopics:
         self._last: tuple[rospy.Time, NDArray[np.float32]] | None = None
 
     def publish(self, stamp: rospy.Time) -> None:
-        """Scan once and tell both topics."""
+        """Scan once and publish on both topics."""
         faults = self._robot.faults
         if faults.laser_dead:
             return
@@ -63,7 +63,7 @@ class SonarTopic:
         self._ranges = rospy.Publisher("/sonar_base", Range, queue_size=5, tcp_nodelay=True)
 
     def publish(self, sonar: Sonar, stamp: rospy.Time) -> None:
-        """Measure with one sonar and tell it."""
+        """Measure with one sonar and publish the range."""
         if self._robot.faults.sonar_dead or not self._ranges.get_num_connections():
             return
         mount = sonar.mount

@@ -15,7 +15,7 @@ _UPRIGHT = 3  # and on top of each other
 
 
 class Sonar:
-    """Casts a bundle of rays and tells the shortest."""
+    """Casts a bundle of rays and returns the shortest."""
 
     def __init__(self, mount: SonarMount, random: np.random.Generator) -> None:
         self.mount = mount

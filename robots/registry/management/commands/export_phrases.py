@@ -16,7 +16,7 @@ class Command(BaseCommand):
     help = "Export phrases as import_phrases takes them, to standard output."
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Whose."""
+        """Add the options that name the owner."""
         add_owner_arguments(parser)
 
     def handle(self, *args: Any, **options: Any) -> None:

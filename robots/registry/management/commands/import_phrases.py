@@ -24,7 +24,7 @@ class Command(BaseCommand):
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Which file, for whom, and how."""
+        """Add the options: file, owner and mode."""
         parser.add_argument("file", type=Path)
         add_owner_arguments(parser)
         parser.add_argument("--language", help="of lines without one (otherwise the robot's first)")

@@ -108,7 +108,7 @@ def wait_shortly() -> None:
 
 
 class Stopping:
-    """True once somebody wants this process to end."""
+    """Whether this process shall end."""
 
     def __init__(self) -> None:
         self._asked = False
@@ -215,7 +215,7 @@ class Fleet:
             watchdog.want(Program(arguments, {**environment, "PYTHONPATH": path}, watched.digest()))
 
     def _let_go(self, robot_id: UUID) -> None:
-        """Neither bridge nor watchdog from now on."""
+        """Run neither bridge nor watchdog from now on."""
         self._keepers[robot_id].want(None)
         self._watchdogs[robot_id].want(None)
 
