@@ -152,7 +152,7 @@ describe("a text of one's own", () => {
     expect(parts["say-fault"].textContent).toContain("Take control");
   });
 
-  it("is told to be in vain beforehand: without control, or a voice; and nothing while neither is known", () => {
+  it("warns beforehand when control or a voice is missing", () => {
     const { "say-hint": hint, "say-send": button } = parts;
     form.mayAct = null;
     expect([hint.hidden, button.getAttribute("aria-disabled")]).toEqual([true, "true"]);

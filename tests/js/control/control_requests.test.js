@@ -44,7 +44,7 @@ describe("errands", () => {
     expect(told).toEqual([]);
   });
 
-  it("that keep control are not done by other news of the same term, such as that somebody asks", () => {
+  it("that keep control ignore other news of the same session", () => {
     requests.heard({ state: "yours", remaining_s: 200 });
     vi.advanceTimersByTime(10_000);
     requests.send({ t: "renew" });
@@ -55,7 +55,7 @@ describe("errands", () => {
     expect(texts()).toEqual(["You keep control: 15:00 left.", "You keep control: 15:00 left."]);
   });
 
-  it("that keep control soon after it was taken are done by an answer that a busy console gives late", () => {
+  it("accept a late answer when control is kept soon after taking", () => {
     requests.heard({ state: "yours", remaining_s: 900 });
     vi.advanceTimersByTime(1000);
     requests.send({ t: "renew" });
@@ -86,7 +86,7 @@ describe("errands", () => {
     ]);
   });
 
-  it("that get no answer within 0.75 s say so, and a late answer is told too, but not one minutes later", () => {
+  it("report a missing answer after 0.75 s, then a late one", () => {
     requests.send({ t: "take" });
     vi.advanceTimersByTime(749);
     expect(told).toEqual([]);

@@ -40,7 +40,7 @@ describe("clear all", () => {
     expect(part("clear-all").textContent).toBe("Clear all (1)…");
   });
 
-  it("lists each robot with who stopped it and why, and clears each by the number that was shown", () => {
+  it("lists each stop and clears it by the number shown", () => {
     all.robots = { a: robot(stop("stopped", 2)), b: robot(stop("stopping", 7, null)) };
     part("clear-all").click();
     expect(rows()[0]).toContain("AStopped by Bo. test Standstill confirmed after 80 ms.");

@@ -268,7 +268,7 @@ describe("the fleet page", () => {
     expect(part("stop-all-state").textContent).toBe("");
   });
 
-  it("names each robot that Stop all did not reach, at its card too, until that is pressed again", () => {
+  it("names robots that Stop all missed until the next press", () => {
     openThree();
     hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": away });
     press("stop-all");
@@ -341,7 +341,7 @@ describe("the fleet page", () => {
     expect(part("connection").textContent).toBe("Connected");
   });
 
-  it("is brought anew when the first that is heard has other robots than the page, once in a row", () => {
+  it("reloads once when the first news has other robots", () => {
     hears({ "tiago-1": clear, "tiago-2": clear });
     expect(reload).toHaveBeenCalledTimes(1);
     page.close();

@@ -51,7 +51,7 @@ describe("the list of motions", () => {
     expect(send).not.toHaveBeenCalled();
   });
 
-  it("takes a press right after the end for the cancel that it was meant as, and later for a new one", () => {
+  it("reads a press right after the end as a cancel", () => {
     motions.mayAct = motions.mayCancel = true;
     const clock = vi.spyOn(performance, "now").mockReturnValue(1000);
     motions.state = { motion: { name: "wave", who: "Ann" } };

@@ -87,7 +87,7 @@ describe("orders", () => {
     expect(new Set(told.map(({ code }) => code)).size).toBe(4);
   });
 
-  it("that get no answer within 0.75 s say so instead of hanging, and a late answer is told too", async () => {
+  it("report a missing answer after 0.75 s, then a late one", async () => {
     const answer = orders.send({ t: "look_ahead" });
     vi.advanceTimersByTime(749);
     expect(told).toEqual([]);

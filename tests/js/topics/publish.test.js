@@ -35,7 +35,7 @@ describe("the form of what may be published", () => {
     expect(ask).toHaveBeenCalledTimes(2);
   });
 
-  it("says of a wrong field where it is, in a dictionary below the text, and leaves other faults to the notices", async () => {
+  it("shows a wrong field below the text, other faults as notices", async () => {
     const { parts, panel } = panelAt(vi.fn().mockResolvedValue(DEFINITION));
     panel.publishable = [NOTES];
     await vi.waitFor(() => expect(parts["publish-fields"].children).toHaveLength(1));

@@ -83,7 +83,7 @@ describe("a service", () => {
     expect(view.querySelector(".answer").textContent).toContain("Shown in part: cells (1000)");
   });
 
-  it("that says no is told apart from one that answers, and a wrong field is named in its place", async () => {
+  it("shows a refusing service and the place of a wrong field", async () => {
     const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
     ask.mockRejectedValueOnce(refused("/lamp said no"));
     ask.mockRejectedValueOnce(refused("data: true or false", "data"));
