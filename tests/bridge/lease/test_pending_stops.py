@@ -7,6 +7,7 @@ import stat
 import threading
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from uuid import UUID, uuid4
 
@@ -95,7 +96,18 @@ async def until(condition: Callable[[], object], what: str) -> None:
         await asyncio.sleep(0.02)
 
 
-async def press_beside(address: LinkAddress) -> Pending:
+@asynccontextmanager
+async def open_link(address: LinkAddress, stops: PendingStops) -> AsyncIterator[BridgeLink]:
+    """A link to the running bridge, closed at the end."""
+    link = BridgeLink(ROBOT, address, stops)
+    try:
+        await until(lambda: link.up, "the link is up")
+        yield link
+    finally:
+        await link.close()
+
+
+async def press_in_other_process(address: LinkAddress) -> Pending:
     """A press by another process, without an answer and without a courier."""
     pending = await asyncio.to_thread(press, ROBOT, address, "Ann", "smoke")
     assert isinstance(pending, Pending)
@@ -105,7 +117,7 @@ async def press_beside(address: LinkAddress) -> Pending:
 async def test_stop_without_a_bridge_waits_and_stops_the_next_bridge(
     address: LinkAddress, bridge: Bridge, run_dir: Path
 ) -> None:
-    pending = await press_beside(address)
+    pending = await press_in_other_process(address)
     assert pending.refusal.code == "pending"
     assert pending.refusal.figures == {"because": "bridge_down"}
     (path,) = waiting(run_dir)
@@ -143,32 +155,24 @@ async def test_open_link_delivers_pending_stops_of_other_processes(
     address: LinkAddress, bridge: Bridge, run_dir: Path
 ) -> None:
     await bridge.server.start()
-    link = BridgeLink(ROBOT, address, PendingStops(run_dir))
-    try:
-        await until(lambda: link.up, "the link is up")
+    async with open_link(address, PendingStops(run_dir)):
         PendingStops(run_dir).keep(Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke"))
         await until(lambda: not waiting(run_dir), "the stop is delivered")
         assert bridge.stop.by == "Ann"
-    finally:
-        await link.close()
 
 
 async def test_woken_bridge_stops_once_for_a_press_by_all_ways(
     address: LinkAddress, bridge: Bridge, run_dir: Path
 ) -> None:
     await bridge.server.start()
-    link = BridgeLink(ROBOT, address, courier.pending_stops())
-    try:
-        await until(lambda: link.up, "the link is up")
+    async with open_link(address, courier.pending_stops()):
         bridge.frozen = True
         before = bridge.stop.number
-        pending = await press_beside(address)
+        pending = await press_in_other_process(address)
         assert pending.refusal.figures == {"because": "bridge_silent"}
         bridge.frozen = False
         await asyncio.wait_for(asyncio.wrap_future(pending.outcome), PATIENCE_S)
         assert (bridge.stop.state, bridge.stop.number) == ("stopping", before + 1)
-    finally:
-        await link.close()
 
 
 async def test_pending_stop_does_not_stop_again_after_a_clear(
@@ -176,9 +180,7 @@ async def test_pending_stop_does_not_stop_again_after_a_clear(
 ) -> None:
     await bridge.server.start()
     stops = PendingStops(run_dir)
-    link = BridgeLink(ROBOT, address, stops)
-    try:
-        await until(lambda: link.up, "the link is up")
+    async with open_link(address, stops) as link:
         await link.stop(wire.LinkStop("Ben"))
         stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
         stops.keep(stop)  # by a process whose delivery is under way meanwhile
@@ -187,8 +189,6 @@ async def test_pending_stop_does_not_stop_again_after_a_clear(
         assert waiting(run_dir) == []
         assert isinstance(await link.stop(stop.message()), wire.Stopped)
         assert bridge.stop.state == "clear"
-    finally:
-        await link.close()
 
 
 async def test_a_press_after_the_click_on_clear_stays_pending(
@@ -197,9 +197,7 @@ async def test_a_press_after_the_click_on_clear_stays_pending(
     monkeypatch.setattr("robots.link.client._WAITING_PACE_S", 60.0)  # the link does not deliver it first
     await bridge.server.start()
     stops = PendingStops(run_dir)
-    link = BridgeLink(ROBOT, address, stops)
-    try:
-        await until(lambda: link.up, "the link is up")
+    async with open_link(address, stops) as link:
         await link.stop(wire.LinkStop("Ben"))
         clicked_s = time.time()
         stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke", at=clicked_s + 0.1)
@@ -208,8 +206,6 @@ async def test_a_press_after_the_click_on_clear_stays_pending(
         assert stops.of(stop.name) == [stop]
         assert isinstance(await link.stop(stop.message()), wire.Stopped)
         assert bridge.stop.state == "stopping"
-    finally:
-        await link.close()
 
 
 def test_newest_press_of_a_robot_counts(run_dir: Path) -> None:
@@ -283,7 +279,7 @@ async def test_a_stop_that_the_bridge_refuses_waits_no_more(
     async def refuse(link: Link, _raw: bytes) -> None:
         link.report(wire.Refused("link_stop", wire.Refusal("other_robot", "Another one’s.", "robot")))
 
-    pending = await press_beside(address)
+    pending = await press_in_other_process(address)
     monkeypatch.setattr(bridge.server, "_on_message", refuse)
     await bridge.server.start()
     refused = await asyncio.wait_for(asyncio.wrap_future(pending.outcome), PATIENCE_S)
