@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[2]
 TESTS = [
     "tests/accounts/test_erase_person.py",
     "tests/fleet/server/test_sign_in.py",
+    "tests/fleet/test_migration.py",
     "tests/robots/supervisor/test_faults.py",
     "tests/teleop/control/test_lease.py",
     "tests/teleop/reports/test_reports.py",
@@ -28,7 +29,6 @@ TESTS = [
                 "index_check",
                 "kinds",
                 "lists",
-                "migration",
                 "past",
                 "record",
             ),

@@ -330,7 +330,7 @@ async def test_late_answer_is_ignored(link, bridge):
     await asyncio.sleep(0)  # it is on its way, by a task of its own
     [(number, [waiting])] = link._latch._waiting.items()
     waiting.cancel()  # as a time-out leaves it for one turn of the loop
-    link._heard(wire.Stopped(wire.StopState("stopping"), number))
+    link._handle_report(wire.Stopped(wire.StopState("stopping"), number))
     await asyncio.wait({late})
     await link.stop(wire.LinkStop("Ann"))
     assert link.up
@@ -386,7 +386,7 @@ async def test_a_link_that_nobody_follows_any_more_is_closed(bridge, address, mo
     link = links.get(ROBOT, address)
     link.subscribe(follower)
     await follower.until("up")
-    assert link._lingering.cancelled()
+    assert link._linger_timer.cancelled()
     link.unsubscribe(follower)
     await asyncio.wait_for(bridge.lost.wait(), 5)
     assert link.closed
@@ -402,7 +402,7 @@ async def test_a_link_closed_just_as_waiting_stops_are_read_ends(bridge, address
         asked.set()
         return await answer
 
-    monkeypatch.setattr(BridgeLink, "_waiting", waiting)
+    monkeypatch.setattr(BridgeLink, "_waiting_stops", waiting)
     link = BridgeLink(ROBOT, address)
     await asked.wait()
     answer.set_result([])
