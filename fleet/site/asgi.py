@@ -1,4 +1,4 @@
-"""The web process: `daphne fleet.site.asgi:application`."""
+"""The web process's application. `python -m fleet.server` serves it, with the limits for strangers."""
 
 import os
 import sys
