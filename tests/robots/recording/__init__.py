@@ -1,1 +1,1 @@
-"""What bridges put on record."""
+"""Records of bridges in the audit log."""
