@@ -43,9 +43,10 @@ def chosen(points: Points, rows: NDArray[np.intp]) -> Points:
 
 def placed(points: Points, pose: Pose) -> Points:
     """Points given in the frame that stands at `pose`, in the frame in which `pose` is given."""
-    x, y = points.T
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    return from_columns(pose.x + cos * x - sin * y, pose.y + sin * x + cos * y)
+    there = np.array(((cos, -sin), (sin, cos))) @ points.T
+    there += ((pose.x,), (pose.y,))
+    return there.T
 
 
 def seen_from(pose: Pose, viewer: Pose) -> Pose:
@@ -64,6 +65,7 @@ def put(pose: Pose, base: Pose) -> Pose:
 
 def joined(parts: list[Points]) -> Points:
     """All points of several arrays, in order."""
-    if not parts:
-        return NO_POINTS
-    return np.concatenate([part.T for part in parts], axis=1).T
+    some = [part.T for part in parts if len(part)]
+    if len(some) < 2:
+        return some[0].T if some else NO_POINTS
+    return np.concatenate(some, axis=1).T

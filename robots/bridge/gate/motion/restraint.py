@@ -67,14 +67,6 @@ class Surroundings(NamedTuple):
         """Return how far the hull is grown for some of the points."""
         return self.growth if isinstance(self.growth, float) else self.growth.take(rows)
 
-    def only(self, rows: Rows) -> Surroundings:
-        """Those of some points."""
-        if len(rows) == len(self.points):
-            return self
-        return self._replace(
-            points=chosen(self.points, rows), gaps=self.gaps.take(rows), growth=self.growth_of(rows)
-        )
-
 
 class Restraint(NamedTuple):
     """The safe twist, and the cause of its reduction."""
@@ -241,9 +233,8 @@ def _give_rotation_back(wanted: Velocity, share: float, surroundings: Surroundin
         scaled = Velocity(0.0, 0.0, scaled.w)
     if wanted.w == 0.0:
         return scaled
-    candidates = [scaled._replace(w=turn * wanted.w) for turn in TURN_SHARES if turn > share]
-    near = _within_reach(surroundings.points, candidates, surroundings.footprint, surroundings.profile)
-    return _first_whole(candidates, surroundings.only(near)) or scaled
+    candidates = [Velocity(scaled.vx, scaled.vy, turn * wanted.w) for turn in TURN_SHARES if turn > share]
+    return _first_whole(candidates, surroundings) or scaled
 
 
 def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:

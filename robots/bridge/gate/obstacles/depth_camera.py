@@ -40,7 +40,7 @@ from robots.bridge.gate.sensing.depth import (
     seen_through,
     top_m,
 )
-from robots.bridge.gate.sensing.scan import Sweep, outside_hull
+from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.timing.freshness import DEPTH_STALE_S, Freshness
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import DepthView, Kind, Pose, SensorHealth
@@ -290,7 +290,7 @@ class DepthCamera:
         if not len(remembered):
             return NO_POINTS
         points = placed(remembered, seen_from(ORIGIN, newest))
-        return outside_hull(grown(points, doubts_m, self.footprint), self.footprint)
+        return grown(points, doubts_m, self.footprint)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(DEPTH_STALE_S, now_s, self.complaint)

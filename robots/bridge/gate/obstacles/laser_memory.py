@@ -8,7 +8,6 @@ from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, chosen
 from robots.bridge.gate.obstacles.point_memory import LASER_LAYER, Memory, grown
 from robots.bridge.gate.obstacles.sightings import sight
 from robots.bridge.gate.obstacles.sources import Laser, carried
-from robots.bridge.gate.sensing.scan import outside_hull
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import Kind, SensorHealth
 
@@ -45,10 +44,9 @@ class LaserMemory:
         remembered = self._memory.points(now_s)
         told = sight(sweep, placed(remembered, seen_from(origin, self._laser.pose)))
         kept = np.flatnonzero(~told.vouched)
-        unseen = grown(
-            placed(chosen(remembered, kept), origin), self._memory.doubts_m()[kept], self._laser.footprint
-        )
-        self._points, self._stamp_s = outside_hull(unseen, self._laser.footprint), stamp_s
+        unseen = placed(chosen(remembered, kept), origin)
+        self._points = grown(unseen, self._memory.doubts_m()[kept], self._laser.footprint)
+        self._stamp_s = stamp_s
         self._memory.pass_through(told.through)
         self._revision += 1
 

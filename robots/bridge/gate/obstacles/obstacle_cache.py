@@ -28,6 +28,9 @@ class ObstacleCache:
         self._names = tuple(source.name for source in sources)
         self._kinds = tuple(source.kind for source in sources)
         self._parts: list[Points] = [NO_POINTS] * len(sources)
+        self._numbers = np.arange(len(sources))
+        self._counts: list[int] = []
+        self._rows = self._numbers[:0]  # the source of each point
         self._revisions: list[Revisions | None] = [None] * len(sources)
         self._newest: Obstacles | None = None
         self._corridors: Corridors | None = None
@@ -43,9 +46,9 @@ class ObstacleCache:
                 self._newest = None
         if self._newest is None:
             counts = [len(part) for part in self._parts]
-            rows = np.repeat(np.arange(len(counts)), counts)
-            points = joined(self._parts)
-            self._newest = Obstacles(points, rows, self._names, self._kinds)
+            if counts != self._counts:
+                self._counts, self._rows = counts, self._numbers.repeat(counts)
+            self._newest = Obstacles(joined(self._parts), self._rows, self._names, self._kinds)
             self._corridors = None
         return self._newest
 

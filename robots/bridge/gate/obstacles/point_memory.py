@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import Points, chosen, from_columns, wrapped
+from robots.bridge.gate.geometry.planar import Points, from_columns, wrapped
+from robots.bridge.gate.sensing.scan import INSIDE_HULL_M
 from robots.bridge.gate.values import Pose
 
 CELLS = 256  # along each side of the grid, a power of two: 6.4 m of 2.5 cm
@@ -56,17 +57,19 @@ DEPTH_LAYER = Layer(
 
 
 def grown(points: Points, doubts_m: NDArray[np.float64], footprint: Footprint) -> Points:
-    """Points (base frame) as much nearer to the robot as each may be off, though none into its hull."""
-    off = np.flatnonzero(doubts_m)
-    if not len(off):
+    """The points outside the hull (base frame), as much nearer to it as each may be off, though none into it."""
+    if not len(points):
         return points
-    some = chosen(points, off)
-    room_m = np.maximum(footprint.gaps(some) - KEEP_OFF_M, 0.0)
-    x, y = points.T.copy()
-    share = 1.0 - np.minimum(doubts_m[off], room_m) / np.maximum(np.hypot(x[off], y[off]), KEEP_OFF_M)
-    x[off] *= share
-    y[off] *= share
-    return from_columns(x, y)
+    gaps = footprint.gaps(points)
+    outside = gaps >= -INSIDE_HULL_M
+    if not outside.all():
+        points, doubts_m, gaps = points.T[:, outside].T, doubts_m[outside], gaps[outside]
+    if not doubts_m.any():
+        return points
+    x, y = points.T
+    nearer_m = np.minimum(doubts_m, np.maximum(gaps - KEEP_OFF_M, 0.0))
+    nearer: Points = (points.T * (1.0 - nearer_m / np.maximum(np.hypot(x, y), KEEP_OFF_M))).T
+    return nearer
 
 
 class Memory:

@@ -91,13 +91,15 @@ class SonarMemory:
 
     def heard(self, sonar: int, trail: Trail) -> Points:
         """The present echo, base frame of the newest odometry."""
+        if not self._table.shape[1]:
+            return NO_POINTS
         return self._points(self._lately() & (self._table[SONAR] == sonar), trail)
 
     def revision(self, now_s: float) -> int:
         return self._revision
 
     def points(self, trail: Trail, now_s: float) -> Points:
-        return self._points(~self._lately(), trail)
+        return self._points(~self._lately(), trail) if self._table.shape[1] else NO_POINTS
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """Memory does not fail; each sonar has its own state."""
