@@ -1,4 +1,7 @@
-"""A sonar in the simulated world: the nearest thing in its cone."""
+"""A sonar in the simulated world: the nearest thing in its cone, the floor apart.
+
+A smooth floor reflects ultrasound away from a sonar that looks along it: only what rises from the floor is heard.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from robots.simulator.sensors.laser import in_world
 
 _ACROSS = 9  # rays side by side in the cone
 _UPRIGHT = 3  # and on top of each other
+_FLOOR_M = 0.01  # hits lower than this are the floor
 
 
 class Sonar:
@@ -35,7 +39,7 @@ class Sonar:
             (np.cos(heading) * self._cosine, np.sin(heading) * self._cosine, self._sine), axis=1
         )
         distance = physics.cast(np.array([*in_world(robot, x, y), z]), directions)
-        hit = distance[distance >= 0.0]
+        hit = distance[(distance >= 0.0) & (z + distance * directions[:, 2] > _FLOOR_M)]
         nearest = float(hit.min()) if hit.size else math.inf
         if self.mount.lost_share and self._random.random() < self.mount.lost_share:
             nearest = math.inf
