@@ -20,6 +20,7 @@ from robots.simulator.faults import Faults
 from robots.simulator.physics.base import Twist
 from robots.simulator.physics.mujoco_world import Physics, Pose
 from robots.simulator.sensors.body import TIAGO
+from robots.simulator.sensors.sonar import Sonar
 from robots.simulator.worlds import Box, Chair, Table, World
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -253,6 +254,14 @@ def test_sensors_measure_as_often_and_as_coarsely_as_drawn():
     assert set(pictures) == {(60, 80)}
     assert loop.robot.sonars[0].mount.fov == 1.0
     assert set(loop.controller.gate.profile.sonar_fov.values()) == {1.0}
+
+
+@pytest.mark.parametrize(("height_m", "echo_m"), [(0.1, 0.46), (None, 1.0)])
+def test_a_wide_sonar_hears_low_things_but_not_the_floor(height_m, echo_m):
+    rear = Sensors(sonar_fov=math.radians(60), sonar_sigma_m=0.0).body().sonars[1]
+    world = box_at(-0.76, 0.0, (0.2, 2.0, height_m)) if height_m else box_at(5.0, 5.0)
+    heard_m = Sonar(rear, np.random.default_rng(0)).range_m(world)
+    assert heard_m == pytest.approx(echo_m, abs=0.1)
 
 
 def test_a_parked_robot_stands_until_the_stick_is_pushed():
