@@ -49,6 +49,7 @@ from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.tasks.speech import SpeechTopics
+from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.bridge.tasks.head import Aim
 from robots.bridge.tasks.input_routing import goal_topic
 from robots.bridge.tasks.speech import Utterance
@@ -86,7 +87,7 @@ class RosBase:
         self._tf: TfTopics | None = None
         self._costly: OnDemandTopics | None = None
         self._head: rospy.Publisher | None = None
-        self._arm: PostureTopics | None = None
+        self._arm: ArmPosture | None = None
         self._motions: MotionTopics | None = None
         self._speech: SpeechTopics | None = None
         self._names = HostNames()
@@ -307,9 +308,10 @@ class RosBase:
         if topics.speech:
             self._speech = SpeechTopics(topics.speech, self._mail, self._core.tasks.speech)
         if topics.arm and topics.joint_states:
-            self._arm = PostureTopics(topics.arm, self._on_posture)
+            self._arm = ArmPosture(topics.arm)
             self._describe()
-            self._arm.subscribe(topics.joint_states, topics.motions)
+            posture = PostureTopics(self._arm, self._on_posture)
+            posture.subscribe(topics.joint_states, topics.motions if topics.arm.postures else None)
         depth, view = topics.depth, self._config.gate.depth
         if depth and view:
             self._tf = TfTopics(depth.base_frame)

@@ -16,6 +16,7 @@ from robots.bridge.gate.geometry.arm_sweep import Motion
 from robots.bridge.ros.sensors import arm_posture
 from robots.bridge.ros.sensors.arm_posture import PostureTopics
 from robots.bridge.tasks.arm_clearance import ArmClearance
+from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.bridge.tasks.urdf import Tree
 from robots.simulator.joints.frames import urdf
 from robots.simulator.joints.joint_table import HOME
@@ -49,9 +50,10 @@ class Robot:
         self.looker = Looker([FLOOR], has_arm=True)
         self.looker.to_base = camera(LOOK_AHEAD)
         monkeypatch.setattr(arm_posture.time, "monotonic", lambda: self.looker.now_s)
-        self.topics = PostureTopics(ARM, self.looker.gate.observe_posture)
-        self.topics.describe(description)
-        arm = SimpleNamespace(arm=lambda: self.topics.arm(self.looker.now_s))
+        self.posture = ArmPosture(ARM)
+        self.posture.describe(description)
+        self.topics = PostureTopics(self.posture, self.looker.gate.observe_posture)
+        arm = SimpleNamespace(arm=lambda: self.posture.arm(self.looker.now_s))
         self.room = ArmClearance(self.looker.gate, arm)
         self.at = FOLDED
 
@@ -77,7 +79,7 @@ class Robot:
     def why_not_home(self):
         now_s = self.looker.now_s
         home = Motion(tuple(JOINTS), (tuple(RAISED), tuple(FOLDED)))
-        return self.room.refuse(self.topics.sweep(home, now_s), now_s)
+        return self.room.refuse(self.posture.sweep(home, now_s), now_s)
 
 
 @pytest.mark.parametrize("description", [WHOLE, without_hand()], ids=["whole", "without hand"])

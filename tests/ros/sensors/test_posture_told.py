@@ -1,4 +1,4 @@
-"""What joint states and motions tell of an arm, message by message; no master is needed."""
+"""The arm's posture from joint states and goals, message by message; no master is needed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from robots.bridge.config import ArmSource
 from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, Posture
 from robots.bridge.gate.geometry.arm_sweep import Motion
 from robots.bridge.ros.sensors import arm_posture
-from robots.bridge.ros.sensors.arm_posture import HAND_M, PostureTopics
+from robots.bridge.ros.sensors.arm_posture import PostureTopics
+from robots.bridge.tasks.arm_posture import END_M, HAND_M, MOST_LINKS, ArmPosture
 from robots.bridge.tasks.urdf import Tree
 from robots.simulator.joints.frames import urdf
 from robots.simulator.joints.joint_table import HOME, JOINTS
@@ -28,7 +29,7 @@ ARM = ArmSource(
     postures={"offer": [(0.5, 0.0, 0.1)]},
 )
 OFFERED = Posture(at_home=False, discs=((0.5, 0.0, 0.1),))
-NOWHERE = UNKNOWN._replace(reach=(0.0, 0.0, ARM.reach_m + arm_posture.END_M))
+NOWHERE = UNKNOWN._replace(reach=(0.0, 0.0, ARM.reach_m + END_M))
 DESCRIPTION = """<robot name="r">
   <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/></joint>
   <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/>
@@ -44,7 +45,11 @@ class Listener:
         self.now_s = 100.0
         self.told = []
         monkeypatch.setattr(arm_posture.time, "monotonic", lambda: self.now_s)
-        self.topics = PostureTopics(ARM, lambda arm, _: self.told.append(arm))
+        self.use(ARM)
+
+    def use(self, source):
+        self.posture = ArmPosture(source)
+        self.topics = PostureTopics(self.posture, lambda arm, _: self.told.append(arm))
 
     def joints(self, **positions):
         raw = io.BytesIO()
@@ -86,11 +91,11 @@ def test_a_posture_is_sent_ten_times_a_second(arm):
 @pytest.mark.parametrize("described", [True, False])
 @pytest.mark.parametrize("position", [math.nan, math.inf])
 def test_a_joint_that_is_nowhere_leaves_the_arm_unknown(arm, position, described):
-    arm.topics.describe(DESCRIPTION if described else None)
+    arm.posture.describe(DESCRIPTION if described else None)
     assert arm.after(shoulder=0.0, elbow=2.5) == AT_HOME
     assert arm.after(1.0, shoulder=position, elbow=2.5) == NOWHERE
     wave = Motion(("shoulder",), ((1.0,),))
-    assert arm.topics.sweep(wave, arm.now_s) == ((0.0, 0.0, ARM.reach_m),)
+    assert arm.posture.sweep(wave, arm.now_s) == ((0.0, 0.0, ARM.reach_m),)
 
 
 def test_a_finished_motion_leaves_the_arm_as_its_table_says(arm):
@@ -114,9 +119,9 @@ def test_a_goal_whose_end_nobody_can_tell_spoils_no_later_one(arm, lost):
 
 
 def test_what_is_seen_while_the_arm_moves_may_be_the_arm(arm):
-    arm.topics.describe(DESCRIPTION)
+    arm.posture.describe(DESCRIPTION)
     moving = [arm.after(shoulder=0.1 * step, elbow=0.0).reach for step in range(5)]
-    assert moving == [(0.0, 0.0, ARM.reach_m + arm_posture.END_M)] * 5
+    assert moving == [(0.0, 0.0, ARM.reach_m + END_M)] * 5
     resting = [arm.after(shoulder=0.4, elbow=0.001 * step).reach for step in range(5)]
     assert resting == [None] * 5
 
@@ -124,7 +129,7 @@ def test_what_is_seen_while_the_arm_moves_may_be_the_arm(arm):
 def test_an_unreported_gripper_joint_does_not_move_the_arm(arm):
     finger = """<joint name="grip" type="prismatic"><parent link="hand"/><child link="finger"/>
       <origin xyz="0.1 0 0"/><axis xyz="0 1 0"/></joint></robot>"""
-    arm.topics.describe(DESCRIPTION.replace("</robot>", finger))
+    arm.posture.describe(DESCRIPTION.replace("</robot>", finger))
     known = arm.after(shoulder=0.0, elbow=0.0)
     assert max(x for x, _, _ in known.discs) == pytest.approx(0.8)
     told = arm.after(shoulder=0.0, elbow=0.0, grip=0.05)
@@ -146,8 +151,8 @@ def test_the_hand_belongs_to_the_arm_without_description(arm, lacks_hand):
     for joint in hand.findall("joint"):
         if joint.find("child").get("link") == "gripper_grasping_frame":
             hand.remove(joint)
-    arm.topics = PostureTopics(TIAGO, lambda arm_, _: arm.told.append(arm_))
-    arm.topics.describe(ElementTree.tostring(hand, encoding="unicode") if lacks_hand else whole)
+    arm.use(TIAGO)
+    arm.posture.describe(ElementTree.tostring(hand, encoding="unicode") if lacks_hand else whole)
     random = np.random.default_rng(3)
     for _ in range(30):
         joints = HOME | {joint: random.uniform(JOINTS[joint].low, JOINTS[joint].high) for joint in TIAGO.home}
@@ -165,8 +170,8 @@ def test_of_an_arm_of_a_thousand_links_some_are_looked_at(arm):
         f'<joint name="j{n}" type="fixed"><parent link="hand"/><child link="f{n}"/></joint>'
         for n in range(1000)
     )
-    arm.topics.describe(DESCRIPTION.replace("</robot>", f"{more}</robot>"))
-    assert len(arm.topics._moved) == arm_posture.MOST_LINKS
+    arm.posture.describe(DESCRIPTION.replace("</robot>", f"{more}</robot>"))
+    assert len(arm.posture._moved) == MOST_LINKS
     assert arm.after(shoulder=0.0, elbow=0.0).discs
 
 

@@ -1,0 +1,177 @@
+"""The arm's posture: from joint positions by the robot's description, or by the motion that it finished last."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+
+from robots.bridge.config import ArmSource
+from robots.bridge.gate.geometry.arm_discs import AT_HOME, KNOWN_S, Disc, Posture, discs_along, is_home
+from robots.bridge.gate.geometry.arm_sweep import Motion, swept
+from robots.bridge.tasks.urdf import BadDescription, Tree
+
+log = logging.getLogger(__name__)
+
+MAX_JOINTS = 4000  # of which positions are kept
+MOST_LINKS = 80  # of the arm that are placed; a hand with five fingers has 40
+MOVED = 0.02  # rad or m: less is noise
+END_M = 0.10  # fingers and what they hold reach so far beyond the last link's origin
+HAND_M = 0.25  # the reach of a hand that the description leaves out
+
+
+class ArmPosture:
+    """Where one arm is. Times are the bridge's monotonic clock, seconds.
+
+    Joint positions and goals come on rospy's threads, questions on the gate's.
+    """
+
+    def __init__(self, arm: ArmSource) -> None:
+        self._arm = arm
+        self._tree: Tree | None = None
+        self._own: list[str] = []  # links of the profile that the description has
+        self._moved: dict[str, set[str]] = {}  # all links that the arm moves, and the joints that each needs
+        self._lacking: list[str] = []  # links of the profile that the description lacks
+        self._was: dict[str, float] | None = None  # the arm's joints when they moved last
+        self._joints: dict[str, tuple[float, float]] = {}  # position and arrival
+        self._newest: tuple[str, str] | None = None  # goal id and motion of the newest goal, until it ends
+        self._after: str | None = None  # the motion that succeeded last
+
+    def describe(self, description: object) -> None:
+        """Take the robot's description (URDF). Without a usable one, the profile's table of motions counts.
+
+        A link that it lacks is left out; the hand's reach is then guessed from the last known link.
+        """
+        self._tree = None
+        if isinstance(description, str):
+            try:
+                self._take_tree(Tree(description))
+            except BadDescription as error:
+                log.warning("%s: the arm's posture is known by its motions only", error)
+
+    def _take_tree(self, tree: Tree) -> None:
+        own = [link for link in self._arm.links if link in tree]
+        self._lacking = [link for link in self._arm.links if link not in tree]
+        moved = tree.moved_by(self._arm.home)
+        if not own or not moved:
+            raise BadDescription("the robot’s description has no link of the arm")
+        if self._lacking:
+            log.warning("the robot's description lacks %s: a hand there is guessed", ", ".join(self._lacking))
+        base_first = [link for link in own if link not in moved]
+        links = [*base_first, *moved[:MOST_LINKS], *(link for link in moved[MOST_LINKS:] if link in own)]
+        self._moved = {link: tree.moving([link]) for link in links}
+        self._own, self._tree = own, tree
+
+    def hear(self, joints: Iterable[tuple[str, float]], now_s: float) -> None:
+        """Take positions (rad or m) of some joints; several nodes may each report some. Ignore what is not finite."""
+        for name, position in joints:
+            if math.isfinite(position):
+                self._joints[name] = (position, now_s)
+        if len(self._joints) > MAX_JOINTS:
+            self._forget_oldest()
+
+    def _forget_oldest(self) -> None:
+        """Keep the arm's own joints, and the newest of the others."""
+        own = set(self._arm.home) | (set[str]().union(*self._moved.values()) if self._tree else set())
+        told = sorted(self._joints.items(), key=lambda item: (item[0] in own, item[1][1]))
+        self._joints = dict(told[-MAX_JOINTS // 2 :])
+
+    def posture(self, now_s: float) -> Posture:
+        """Return the posture for the gate."""
+        positions = self._positions(now_s)
+        has_moved = self._has_moved(positions)
+        home = is_home(positions, self._arm.home, self._arm.tolerance)
+        if home:
+            self._after = None
+            return AT_HOME
+        discs, ends = self._lies(positions)
+        if self._tree is None and self._after in self._arm.postures:
+            discs = tuple(self._arm.postures[self._after])
+        reach = self._reach(positions, self._end_m) if has_moved or discs is None else None
+        return Posture(False, discs, ends, reach)
+
+    def _has_moved(self, positions: Mapping[str, float]) -> bool:
+        """Return whether the arm moved since the last call, or may have."""
+        now = {joint: positions[joint] for joint in self._arm.home if joint in positions}
+        before = self._was
+        rests = (
+            before is not None
+            and before.keys() == now.keys()
+            and all(abs(at - before[joint]) <= MOVED for joint, at in now.items())
+        )
+        if not rests:
+            self._was = now
+        return not rests
+
+    def goal_began(self, goal_id: str, motion: str) -> None:
+        """Note the newest goal of the motion server."""
+        self._newest, self._after = (goal_id, motion), None
+
+    def goal_ended(self, goal_id: str, succeeded: bool) -> None:
+        """Note the end of the newest goal. Ends of older goals are ignored: the newest may move the arm again."""
+        newest, self._after = self._newest, None
+        if newest and newest[0] == goal_id:
+            self._newest = None
+            self._after = newest[1] if succeeded else None
+
+    def sweep(self, motion: Motion | None, now_s: float) -> tuple[Disc, ...]:
+        """Return the space of a motion that begins at the present posture; the whole reach if that is unknown."""
+        tree, positions = self._tree, self._positions(now_s)
+        moving = set(self._arm.home) | (tree.moving(self._own) if tree else set())
+        if motion is not None and moving.isdisjoint(motion.joints):
+            return ()
+        if tree is not None and motion is not None:
+            try:
+                links = self._links(positions)
+                ends = [number for number, is_end in enumerate(tree.ends(links)) if is_end]
+                arm_m, hand_m = self._arm.radius_m, HAND_M if self._lacking else 0.0
+                return swept(motion, positions, lambda at: tree.places(links, at), arm_m, ends, hand_m)
+            except KeyError as joint:
+                log.warning("no node reports %s: a motion is taken to sweep all within reach", joint)
+        return (self._reach(positions),)
+
+    def _reach(self, positions: Mapping[str, float], beyond_m: float = 0.0) -> Disc:
+        """Return the arm's reach and `beyond_m` more, about its shoulder; about the base if the shoulder is unknown."""
+        x = y = 0.0
+        if self._tree is not None:
+            with suppress(KeyError):
+                x, y, _ = map(float, self._tree.places(self._own[:1], positions)[0])
+        return x, y, self._arm.reach_m + beyond_m
+
+    def arm(self, now_s: float) -> tuple[Disc, ...] | None:
+        """Return the discs that the arm covers, at home too; None if joints or description are missing."""
+        discs, _ = self._lies(self._positions(now_s))
+        return discs
+
+    def _lies(self, positions: Mapping[str, float]) -> tuple[tuple[Disc, ...] | None, tuple[Disc, ...]]:
+        """Return the discs that the arm covers, and those about its ends, where a camera may see more of it."""
+        tree, arm_m = self._tree, self._arm.radius_m
+        if tree is None:
+            return None, ()
+        try:
+            links = self._links(positions)
+            places = tree.places(links, positions)
+        except KeyError:  # a joint that no node reports
+            return None, ()
+        ends = [(float(x), float(y)) for x, y, _ in places[tree.ends(links)]]
+        discs = discs_along(places, arm_m)
+        if self._lacking:
+            discs += tuple((*end, arm_m + HAND_M) for end in ends)
+        return discs, tuple((*end, arm_m + self._end_m) for end in ends)
+
+    @property
+    def _end_m(self) -> float:
+        return HAND_M if self._lacking else END_M
+
+    def _links(self, positions: Mapping[str, float]) -> list[str]:
+        """Return the links of which all joints are known. KeyError names a joint that a link of the profile lacks."""
+        for link in self._own:
+            for joint in self._moved[link] - positions.keys():
+                raise KeyError(joint)
+        return [link for link, joints in self._moved.items() if joints <= positions.keys()]
+
+    def _positions(self, now_s: float) -> dict[str, float]:
+        """Return the positions of all recently reported joints."""
+        joints = dict(self._joints)  # another thread adds to it
+        return {name: at for name, (at, arrival_s) in joints.items() if now_s - arrival_s <= KNOWN_S}
