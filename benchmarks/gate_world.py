@@ -13,7 +13,18 @@ from collections.abc import Callable
 
 from benchmarks import gate
 from benchmarks.harness import Figure, progress
-from benchmarks.world.cases import clutter, crossing, doors, drawn, faults, late, leaving, objects, parked
+from benchmarks.world.cases import (
+    arm,
+    clutter,
+    crossing,
+    doors,
+    drawn,
+    faults,
+    late,
+    leaving,
+    objects,
+    parked,
+)
 
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "1"))
 PARTS: dict[str, Callable[[int], list[Figure]]] = {
@@ -27,6 +38,7 @@ PARTS: dict[str, Callable[[int], list[Figure]]] = {
     "doors": doors.measure,
     "crossing": crossing.measure,
     "leaving": leaving.measure,
+    "arm": arm.measure,
     "clutter": clutter.measure,
 }
 ASKED = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()

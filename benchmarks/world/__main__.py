@@ -7,7 +7,7 @@ import math
 import sys
 from pathlib import Path
 
-from benchmarks.world.cases import clutter, crossing, doors, drawn, faults, leaving, objects, parked
+from benchmarks.world.cases import arm, clutter, crossing, doors, drawn, faults, leaving, objects, parked
 from benchmarks.world.controllers import CONTROLLERS
 from benchmarks.world.loop import Case, Loop, Trace
 from benchmarks.world.play import loop_of, recorded
@@ -51,6 +51,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     person = part.add_parser("crossing", help="a person walks across the way")
     person.add_argument("share", type=float)
+    part.add_parser("arm", help="the arm moves in the camera's view, then the robot drives")
     part.add_parser("drawn", help="one object, with sensors, delays, brakes and wheels drawn by the seed")
     close = part.add_parser("parked", help="turns to what it was parked close to, and drives off")
     close.add_argument("thing", choices=list(objects.OBJECTS))
@@ -79,6 +80,8 @@ def _case(asked: argparse.Namespace) -> Case:
         return faults.build(faults.Failing(asked.fault, asked.thing, asked.share, asked.seed))
     if asked.part == "drawn":
         return drawn.build(asked.seed)
+    if asked.part == "arm":
+        return arm.build(asked.seed)
     if asked.part == "parked":
         return parked.build(asked.thing, asked.seed)
     if asked.part == "leaving":

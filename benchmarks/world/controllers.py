@@ -74,6 +74,7 @@ class Ours:
         self._profile = profile
         self._fan = fan
         self._neutral: Said | None = None  # why the stick must return to neutral first
+        self.posture = AT_HOME  # as joint states report it
 
     def odometry(self, stamp_s: float, arrival_s: float, pose: Pose, velocity: Velocity) -> None:
         self.gate.observe_odometry(stamp_s, arrival_s, pose, velocity)
@@ -114,7 +115,7 @@ class Ours:
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Said:
         if asked == STILL:
             self._neutral = None
-        self.gate.observe_posture(AT_HOME, now_s)  # as joint states tell: the arm stays folded
+        self.gate.observe_posture(self.posture, now_s)
         verdict = self.gate.decide(STILL if self._neutral else asked, sent, now_s)
         said = Said(verdict.velocity, verdict.code, verdict.text, self.gate.limits(now_s))
         if verdict.neutral:

@@ -15,7 +15,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from benchmarks.world.controllers import Controller, Fan, Ranges
+from benchmarks.world.arm import ArmShow, MovingArm
+from benchmarks.world.controllers import Controller, Fan, Ours, Ranges
 from benchmarks.world.sensors import STANDARD, Sensors
 from benchmarks.world.witness import DEPTH, LASER, Look
 from robots.bridge.config import HeadSource
@@ -194,6 +195,7 @@ class Case:
     person_starts_s: float | None = None  # when whoever is in the world begins to walk
     leaving: Leaving | None = None
     glance: Glance | None = None
+    arm: ArmShow | None = None  # before the stick is touched
 
 
 class Loop:
@@ -220,6 +222,9 @@ class Loop:
             mount.longest_m,
         )
         self.controller = controller(fan)
+        self.arm = None
+        if case.arm and isinstance(self.controller, Ours):
+            self.arm = MovingArm(self.robot, self.controller, case.arm)
         self._mux = TwistMux()
         sensors = self._sensors
         self._camera = DepthCamera(
@@ -255,6 +260,8 @@ class Loop:
             self._walk(now_s)
             self.robot.tick(now_s)
             self._turn_head(now_s)
+            if self.arm:
+                self.arm.tick(now_s)
             self._look(now_s + TICK_S)
             self._measure(now_s + TICK_S, ticks)
             ticks += 1
@@ -410,7 +417,8 @@ class Loop:
     def _decide(self, now_s: float) -> None:
         pose, moving = self.robot.physics.pose, self.robot.physics.velocity
         time_s = now_s - STARTS_S
-        stick = RELEASED if time_s < WARM_UP_S else self._driver.hold(Seen(time_s, pose))
+        waits = time_s < WARM_UP_S or (self.arm is not None and not self.arm.is_done)
+        stick = RELEASED if waits else self._driver.hold(Seen(time_s, pose))
         if stick is None:
             self.trace.arrived = self._done = True
             return

@@ -7,12 +7,26 @@ from functools import cache
 
 import django
 
+from robots.bridge.config import ArmSource
 from robots.bridge.gate.values import GateProfile
+from robots.registry.robot_config import Effective
+
+
+def tiago_profile() -> GateProfile:
+    """Return the gate's parameters of a TIAGo without own entries."""
+    return _config().gate
+
+
+def tiago_arm() -> ArmSource:
+    """Return its arm."""
+    arm = _config().topics.arm
+    if arm is None:
+        raise RuntimeError("the shipped profile of a TIAGo has no arm")
+    return arm
 
 
 @cache
-def tiago_profile() -> GateProfile:
-    """Return the registry's configuration of a TIAGo without own entries."""
+def _config() -> Effective:
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
     django.setup()
     from robots.registry import robot_config
@@ -21,4 +35,4 @@ def tiago_profile() -> GateProfile:
 
     profile = RobotProfile()
     fill(profile, next(file for file in profile_files() if file.slug == "tiago"))
-    return robot_config.of(Robot(profile=profile)).gate
+    return robot_config.of(Robot(profile=profile))

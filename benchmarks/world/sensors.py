@@ -1,7 +1,7 @@
-"""Which sensors, delays, brakes and wheels a run has: those of a TIAGo, or others that a seed draws.
+"""Sensors, delays, brakes and wheels of a run: those of a TIAGo, or others that a seed draws.
 
-The floor has no friction of its own in this simulator: what a slippery floor does to a robot is drawn as wheel slip
-and as brakes. No description of the robot is read, so that none can lack a link.
+The simulated floor has no friction; a slippery floor is drawn as wheel slip and weaker brakes. Descriptions that lack
+links are drawn in `benchmarks.world.cases.arm`.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.world.cases import clutter, doors, drawn, leaving, objects, parked
+from benchmarks.world.cases import arm, clutter, doors, drawn, leaving, objects, parked
 from benchmarks.world.drivers import FullStick, Restless
 from benchmarks.world.judge import is_stuck, kept
 from benchmarks.world.loop import Case, Conditions, Loop, Moment, Seen, Touch, Trace
@@ -15,7 +15,9 @@ from benchmarks.world.play import at_most, loop_of
 from benchmarks.world.sensors import STANDARD, Sensors
 from benchmarks.world.truth import Truth
 from benchmarks.world.witness import seen
+from robots.bridge.gate.geometry.arm_discs import AT_HOME
 from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.simulator.faults import Faults
 from robots.simulator.physics.base import Twist
 from robots.simulator.physics.mujoco_world import Physics, Pose
@@ -280,6 +282,15 @@ def test_the_standard_sensors_are_a_tiagos():
         )
         == 666
     )
+
+
+@pytest.mark.parametrize(("masks", "held_s"), [(True, 0.2), (False, arm.TRIES_S)])
+def test_an_arm_that_the_gate_does_not_know_holds_the_robot(monkeypatch, masks, held_s):
+    if not masks:
+        monkeypatch.setattr(ArmPosture, "posture", lambda self, now_s: AT_HOME)
+    end = arm.play(5)  # its description lacks the gripper
+    assert end.held_s == pytest.approx(held_s, abs=0.1)
+    assert (end.refused_s > 0.0) is not masks
 
 
 # --- stuck, and free again -----------------------------------------------------------------------

@@ -1,0 +1,85 @@
+"""A moving arm in the sensors' view, and its posture as the bridge reckons it from an incomplete description."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+from benchmarks.world.controllers import Ours
+from benchmarks.world.robot import tiago_arm
+from robots.bridge.gate.geometry.arm_sweep import Motion
+from robots.bridge.tasks.arm_clearance import ArmClearance
+from robots.bridge.tasks.arm_posture import ArmPosture
+from robots.simulator.joints.arm import SEGMENTS
+from robots.simulator.joints.frames import urdf
+from robots.simulator.joints.motions import Phase, Run
+from robots.simulator.robot import Robot
+from robots.simulator.sensors.body import TIAGO
+
+REPORTED_EVERY_S = 0.1
+SEEN_GROUP = 0  # of MuJoCo's geometries: rays hit it
+PATIENCE_S = 10.0  # after which a refused motion is given up
+
+
+@dataclass(frozen=True)
+class ArmShow:
+    """Motions one after the other, and how many links at the arm's tip the robot's description lacks."""
+
+    motions: tuple[str, ...]
+    lacks: int
+
+
+class MovingArm:
+    """Plays motions, each when the arm has room by the bridge's own rule, and reports the posture to the gate."""
+
+    def __init__(self, robot: Robot, controller: Ours, show: ArmShow) -> None:
+        self._robot = robot
+        self._controller = controller
+        self._left = list(show.motions)
+        self._run: Run | None = None
+        self._reported_s = -REPORTED_EVERY_S
+        self._now_s = 0.0
+        self.refused_s = 0.0  # seconds in which the next motion was refused
+        self.posture = ArmPosture(tiago_arm())
+        self.posture.describe(_described(show.lacks))
+        model = SimpleNamespace(arm=lambda: self.posture.arm(self._now_s))
+        self._clearance = ArmClearance(controller.gate, model)
+        physics = robot.physics.model
+        for segment in SEGMENTS:
+            physics.geom(f"robot {segment.name}").group = SEEN_GROUP
+
+    @property
+    def is_done(self) -> bool:
+        """Return whether all motions ended."""
+        return not self._left and (self._run is None or self._run.phase is not Phase.MOVING)
+
+    def tick(self, now_s: float) -> None:
+        """Report the posture ten times a second, and begin the next motion when the last one ended."""
+        self._now_s = now_s
+        if now_s - self._reported_s < REPORTED_EVERY_S:
+            return
+        self._reported_s = now_s
+        self.posture.hear(self._robot.player.positions.items(), now_s)
+        self._controller.posture = self.posture.posture(now_s)
+        if not self._left or (self._run and self._run.phase is Phase.MOVING):
+            return
+        points = self._robot.player.motions[self._left[0]]
+        motion = Motion(tuple(points.joints), tuple(tuple(point.positions) for point in points.points))
+        if self._clearance.refuse(self.posture.sweep(motion, now_s), now_s):
+            self.refused_s += REPORTED_EVERY_S if self._run else 0.0  # before, the sensors begin
+            if self.refused_s > PATIENCE_S:
+                self._left.clear()
+            return
+        self._run = self._robot.player.start(self._left.pop(0), now_s)
+
+
+def _described(lacks: int) -> str:
+    """Return TIAGo's description without the last links of its arm."""
+    missing = tiago_arm().links[len(tiago_arm().links) - lacks :]
+    robot = ElementTree.fromstring(urdf(TIAGO, "tiago"))  # noqa: S314 - our own
+    for joint in robot.findall("joint"):
+        child = joint.find("child")
+        if child is not None and child.get("link") in missing:
+            robot.remove(joint)
+    return ElementTree.tostring(robot, encoding="unicode")
