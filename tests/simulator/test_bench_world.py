@@ -288,7 +288,7 @@ def test_the_standard_sensors_are_a_tiagos():
 def test_an_arm_that_the_gate_does_not_know_holds_the_robot(monkeypatch, masks, held_s):
     if not masks:
         monkeypatch.setattr(ArmPosture, "posture", lambda self, now_s: AT_HOME)
-    end = arm.play(5)  # its description lacks the gripper
+    end = arm.play(6)  # its description lacks the gripper
     assert end.held_s == pytest.approx(held_s, abs=0.1)
     assert (end.refused_s > 0.0) is not masks
 
