@@ -313,6 +313,15 @@ def test_jitter_is_no_delay():
     assert counted(*jitter_s) < 0.02
 
 
+@pytest.mark.parametrize("ahead_s", [0.1, 0.5])
+def test_one_stamp_ahead_of_time_makes_no_robot_late(ahead_s):
+    latency = Latency(LIMITS, ASSUMED_S)
+    now_s = came(latency, [0.03] * 50, source="laser")
+    latency.arrived("laser", now_s + 3600.0 + ahead_s, now_s + 0.03)
+    now_s = came(latency, [0.03] * 20, begin_s=now_s + ahead_s + 0.05, source="laser")
+    assert latency.in_force_s(now_s) == ASSUMED_S
+
+
 def test_a_lasting_delay_becomes_usual_a_short_one_ends():
     lasting = [0.03] * 20 + [0.13] * 1000
     assert counted(*lasting[:100]) > 0.1

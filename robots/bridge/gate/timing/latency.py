@@ -184,6 +184,7 @@ class Backlog:
     def __init__(self) -> None:
         self._lately: deque[Sample] = deque()  # arrivals, and how much later than its stamp each came
         self._best_s = math.inf
+        self._quicker_s: float | None = None  # the last message came so much sooner than the best one
         self._stamp_s = -math.inf
         self._gap_s = 0.0  # between stamps, usually
         self.later_s = 0.0  # by how much even the quickest of late came later than the best one, jitter apart
@@ -208,7 +209,13 @@ class Backlog:
         self._lately.append((now_s, after_s))
         while now_s - self._lately[0][0] > LATELY_S and len(self._lately) > LEAST_MESSAGES:
             self._lately.popleft()
-        self._best_s = min(self._best_s + ACCEPTED * max(passed_s, 0.0), after_s)
+        best_s = self._best_s + ACCEPTED * max(passed_s, 0.0)
+        if after_s >= best_s - JITTER_S or math.isinf(best_s):
+            self._best_s, self._quicker_s = min(best_s, after_s), None
+        elif self._quicker_s is None:  # a wrong stamp, perhaps: the next message shows it
+            self._best_s, self._quicker_s = best_s, after_s
+        else:
+            self._best_s, self._quicker_s = max(after_s, self._quicker_s), None
         quickest_s = min(after_s for _, after_s in self._lately)
         self.later_s = min(max(quickest_s - self._best_s - JITTER_S, 0.0), MOST_BACKLOG_S)
 
