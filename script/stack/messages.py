@@ -10,6 +10,7 @@ import inspect
 import io
 import re
 import tokenize
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import NoneType, UnionType
@@ -27,7 +28,9 @@ HEAD = """# Messages, field by field
 `script/messages` writes this page from [robots/wire/](../robots/wire/). [protocol.md](protocol.md) says how to use the
 messages. Each is one JSON object whose `t` is its name here. A field without a default is required. Unknown fields are
 ignored; a report may leave out fields with their default. Units are SI unless the name says otherwise.
+
 """
+COMMON = 5  # messages with the same field: it is described once, at the top
 DOORS: Mapping[str, Any] = {
     "From a robot's page to the console": wire.BrowserMessage,
     "From the console to a robot's page": wire.BrowserReport,
@@ -39,10 +42,10 @@ DOORS: Mapping[str, Any] = {
     "From a bridge to a web process": wire.LinkReport,
 }
 WORDS = {
-    bool: "true or false",
-    int: "whole number",
+    bool: "boolean",
+    int: "integer",
     float: "number",
-    str: "text",
+    str: "string",
     UUID: "UUID",
     Any: "any value",
     msgspec.Raw: "a message, handed on untouched",
@@ -55,7 +58,9 @@ Kind = type[Struct]
 def page() -> str:
     """The text of the page."""
     told: dict[Kind, str] = {}  # the door under which a message is described
-    sections = [HEAD]
+    common = _common()
+    fields = "\n".join(f"* {line}" for line in common.values())
+    sections = [f"{HEAD}Fields that several messages have in common:\n\n{fields}\n"]
     for door, union in DOORS.items():
         kinds = _kinds(union)
         before = [kind for kind in kinds if kind in told]
@@ -63,12 +68,14 @@ def page() -> str:
         for kind in kinds:
             if kind not in told:
                 told[kind] = door
-                sections.append(_section(kind))
+                sections.append(_section(kind, common))
         if before:
             sections.append(f"As above: {', '.join(map(_link, before))}.\n")
     sections.append("## Parts of messages\n")
     sections += [
-        _section(kind) for kind in _structs() if kind not in told and not kind.__name__.startswith("_")
+        _section(kind, common)
+        for kind in _structs()
+        if kind not in told and not kind.__name__.startswith("_")
     ]
     return "\n".join(sections)
 
@@ -102,16 +109,32 @@ def _link(kind: Kind) -> str:
     return f"[{name}](#{re.sub(r'[^a-z0-9_ -]', '', name.lower()).replace(' ', '-')})"
 
 
-def _section(kind: Kind) -> str:
+def _section(kind: Kind, common: Mapping[str, str]) -> str:
     lines = [f"### {_name(kind)}\n", f"{_words_of(kind)}\n"]
-    comments, hints = _comments(kind), get_type_hints(kind, include_extras=True)
-    fields = structs.fields(kind)
-    for field in fields:
-        default = _default(field)
-        line = f"* `{field.name}`: {_type(hints[field.name])}{f', default {default}' if default else ''}"
-        comment = comments.get(field.name, "")
-        lines.append(f"{line}. {comment[:1].upper()}{comment[1:]}" if comment else line)
+    fields = _fields(kind)
+    shared = [f"`{name}`" for name, line in fields.items() if common.get(name) == line]
+    lines += [f"* {line}" for name, line in fields.items() if common.get(name) != line]
+    if shared:
+        lines.append(f"* {', '.join(shared)}")
     return "\n".join([*lines, ""]) if fields else "\n".join(lines)
+
+
+def _fields(kind: Kind) -> dict[str, str]:
+    """Return the description of each field."""
+    comments, hints = _comments(kind), get_type_hints(kind, include_extras=True)
+    lines = {}
+    for field in structs.fields(kind):
+        default, comment = _default(field), comments.get(field.name, "")
+        line = f"`{field.name}`: {_type(hints[field.name])}{f', default {default}' if default else ''}"
+        lines[field.name] = f"{line}. {comment[:1].upper()}{comment[1:]}" if comment else line
+    return lines
+
+
+def _common() -> dict[str, str]:
+    """Return the fields that many messages describe with the same words."""
+    counts = Counter(pair for kind in _structs() for pair in _fields(kind).items())
+    often = [pair for pair, count in counts.most_common() if count >= COMMON and "," in pair[1]]
+    return dict(reversed(often))  # of two descriptions of one name the more frequent one
 
 
 def _words_of(kind: Kind) -> str:
