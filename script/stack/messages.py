@@ -27,7 +27,8 @@ HEAD = """# Messages, field by field
 
 `script/messages` writes this page from [robots/wire/](../robots/wire/). [protocol.md](protocol.md) says how to use the
 messages. Each is one JSON object whose `t` is its name here. A field without a default is required. Unknown fields are
-ignored; a report may leave out fields with their default. Units are SI unless the name says otherwise.
+ignored; a report may leave out fields with their default. *Optional*: null by default. Units are SI unless the name
+says otherwise.
 
 """
 COMMON = 5  # messages with the same field: it is described once, at the top
@@ -125,7 +126,11 @@ def _fields(kind: Kind) -> dict[str, str]:
     lines = {}
     for field in structs.fields(kind):
         default, comment = _default(field), comments.get(field.name, "")
-        line = f"`{field.name}`: {_type(hints[field.name])}{f', default {default}' if default else ''}"
+        words = _type(hints[field.name])
+        if default == "`null`":
+            line = f"`{field.name}`: {words.removesuffix(' or null')}, optional"
+        else:
+            line = f"`{field.name}`: {words}{f', default {default}' if default else ''}"
         lines[field.name] = f"{line}. {comment[:1].upper()}{comment[1:]}" if comment else line
     return lines
 
