@@ -33,7 +33,7 @@ describe("languages", () => {
   });
 });
 
-describe("a text of one's own", () => {
+describe("a written text", () => {
   let parts;
   let send;
   let form;
@@ -71,21 +71,21 @@ describe("a text of one's own", () => {
     parts["say-form"].remove();
   });
 
-  it("is sent by Enter, in the robot's first language, and the field is free again", async () => {
+  it("is sent by Enter in the first language; the field clears", async () => {
     write("Hola");
     press("Enter");
     expect(send).toHaveBeenCalledWith({ t: "say", text: "Hola", language: "es-ES" });
     await vi.waitFor(() => expect(parts["say-text"].value).toBe(""));
   });
 
-  it("is not sent by Shift and Enter, nor while a letter is being composed", () => {
+  it("is not sent by Shift+Enter, nor while composing", () => {
     write("Hola");
     press("Enter", { shiftKey: true });
     press("Enter", { isComposing: true });
     expect(send).not.toHaveBeenCalled();
   });
 
-  it("is counted, and longer than 500 characters not sent", () => {
+  it("is counted, and not sent above 500 characters", () => {
     write("🙂".repeat(500));
     expect(parts["say-count"].textContent).toBe("500 / 500");
     expect(parts["say-send"].getAttribute("aria-disabled")).toBeNull();
@@ -98,7 +98,7 @@ describe("a text of one's own", () => {
     expect(parts["say-fault"].textContent).toContain("500");
   });
 
-  it("is kept when the robot refuses it, and why is told elsewhere, like every outcome", async () => {
+  it("stays in the field when the robot refuses it", async () => {
     const answer = Promise.resolve({ code: "speaking", text: "Ann has it speak." });
     send.mockReturnValue(answer);
     write("Hola");
@@ -110,7 +110,7 @@ describe("a text of one's own", () => {
     expect(send).toHaveBeenCalledTimes(2);
   });
 
-  it("is said once by an Enter that is held down", () => {
+  it("is sent once while Enter is held", () => {
     send.mockReturnValue(new Promise(() => {}));
     write("Hola");
     press("Enter");
@@ -118,7 +118,7 @@ describe("a text of one's own", () => {
     expect(send).toHaveBeenCalledTimes(1);
   });
 
-  it("must have something to hear, and says so until the next letter", () => {
+  it("is refused without audible text, until the next letter", () => {
     for (const silent of ["", " \n", "\u200b"]) {
       write(silent);
       press("Enter");
@@ -131,7 +131,7 @@ describe("a text of one's own", () => {
     expect(send).not.toHaveBeenCalled();
   });
 
-  it("has no control characters: they are named, and selected to be deleted", () => {
+  it("is refused with control characters, which are selected", () => {
     write(" 🙂a\u0007b\tc");
     press("Enter");
     expect(send).not.toHaveBeenCalled();
@@ -170,7 +170,7 @@ describe("a text of one's own", () => {
     expect([hint.hidden, button.getAttribute("aria-disabled")]).toEqual([true, null]);
   });
 
-  it("is in a language that is found by the name that it has for itself", () => {
+  it("has a language that people find by its native name", () => {
     parts.language.click();
     const search = parts["language-list"].querySelector("input");
     search.value = "português";
@@ -179,7 +179,7 @@ describe("a text of one's own", () => {
     expect(form.language).toBe("pt-BR");
   });
 
-  it("is in the language that was chosen, now and the next time", () => {
+  it("uses the chosen language, now and next time", () => {
     parts.language.click();
     const search = parts["language-list"].querySelector("input");
     search.value = "catal";
@@ -239,7 +239,7 @@ describe("the history", () => {
     why: "",
   });
 
-  it("marks the entries of the topic that is chosen, and repeats one where it went", async () => {
+  it("marks the chosen topic, repeats a text on its own topic", async () => {
     vi.stubGlobal(
       "fetch",
       answering(
@@ -286,7 +286,7 @@ describe("the history", () => {
     };
     afterEach(() => parts["history-list"].remove());
 
-    it("is read again when a text begins and when it ends, while somebody looks", async () => {
+    it("is read again when a text begins or ends, if visible", async () => {
       const begun = { ...entry(9, "/tts"), outcome: null };
       const answer = { entries: [begun], more: false };
       open(answer, answer, answer);
@@ -305,7 +305,7 @@ describe("the history", () => {
       await vi.waitFor(() => expect(rows()[0].textContent).toContain("end not known"));
     });
 
-    it("keeps the older ones that were asked for, and the focus in its row", async () => {
+    it("keeps requested older entries, and the focus in its row", async () => {
       open(
         { entries: [entry(9), entry(8)], more: true },
         { entries: [entry(7)], more: false },
@@ -325,7 +325,7 @@ describe("the history", () => {
     });
   });
 
-  it("says of a text that is kept no longer that it expired, and does not repeat it", async () => {
+  it("says that a deleted text expired, and cannot repeat it", async () => {
     const expired = { ...entry(9, "/tts"), text: "" };
     vi.stubGlobal("fetch", answering({ entries: [expired], more: false }));
     const parts = made({ "history-list": "div", "history-none": "p", "history-more": "button" });
@@ -348,7 +348,7 @@ describe("the history", () => {
 });
 
 describe("what is being said", () => {
-  it("is cut at the word that is spoken, by characters", () => {
+  it("is split at the spoken word, by characters", () => {
     expect(aroundWord("Hola 🙂 mundo", [7, 12])).toEqual(["Hola 🙂 ", "mundo", ""]);
     expect(aroundWord("Hola", null)).toEqual(["", "", "Hola"]);
   });
@@ -392,7 +392,7 @@ describe("what is being said", () => {
     expect(parts["speech-cancel"].hidden).toBe(true);
   });
 
-  it("has beside it what of the tab's own input goes elsewhere, and its way back", () => {
+  it("shows redirected input of the tab, and a way back", () => {
     const runs = ["motion-runs", "motion-cancel", "speech-runs", "speech-cancel"];
     const parts = made(
       Object.fromEntries(["running", "elsewhere", ...runs].map((p) => [p, "div"])),
@@ -417,7 +417,7 @@ describe("what is being said", () => {
     expect(parts.elsewhere.querySelector("button")).toBe(null);
   });
 
-  it("is told when it ended", () => {
+  it("is reported when it ends", () => {
     expect(speechEndNotice({ outcome: "done", text: "" }, "Hola")).toMatchObject({
       level: "success",
       text: "Said: “\u2068Hola\u2069”.", // a text from right to left keeps its full stop

@@ -22,7 +22,7 @@ const WELL = {
 const CONTROL = { state: "free", holder: null, asking: null, may_take_over: false, refusal: null };
 
 describe("the banner", () => {
-  it("names a computer that does not keep up, with the figure", () => {
+  it("names an overloaded computer, with the figure", () => {
     const state = { ...ONLINE, overload: { part: "bridge", late_s: 0.25 } };
     expect(banner({ ...WELL, state })).toMatchObject({
       level: "console",
@@ -31,7 +31,7 @@ describe("the banner", () => {
     });
   });
 
-  it("says whose stop waits for a robot that is gone", () => {
+  it("names the person whose stop is pending", () => {
     const pending = { by: "Ann", reason: "", at: Date.now() / 1000 };
     const { title, text } = banner({ ...WELL, gone: { text: "No bridge." }, pending });
     expect(title).toBe("No link to the robot");
@@ -43,7 +43,7 @@ describe("the banner", () => {
     );
   });
 
-  it("says that the watchdog is missing, and what to do, below all that is worse", () => {
+  it("warns of a missing watchdog unless something is worse", () => {
     const state = { ...ONLINE, watchdog_missing: true };
     expect(banner({ ...WELL, state })).toMatchObject({
       level: "watchdog",
@@ -54,11 +54,11 @@ describe("the banner", () => {
     expect(banner({ ...WELL, state: { ...state, stop } }).title).toBe("Stopped by Bo");
   });
 
-  it("is not there when all is well", () => {
+  it("is hidden when all is well", () => {
     expect(banner(WELL)).toBeNull();
   });
 
-  it("gives no time to standstill of a robot that was standing", () => {
+  it("gives no stopping time for a robot that was standing", () => {
     const stop = { ...CLEAR, state: "stopped", by: "Bo", was_standing: true };
     expect(banner({ ...WELL, state: { ...ONLINE, stop } }).text).toBe("The robot was standing.");
     expect(stopText({ ...ONLINE, stop })).toBe("Stopped, was standing");
@@ -90,7 +90,7 @@ describe("the banner", () => {
     expect(banner({ ...WELL, state: stopping }).text).toContain("not confirmed yet");
   });
 
-  it("passes on why the robot is not there, and what to do", () => {
+  it("shows why the robot is unreachable, and what to do", () => {
     const text = "No ROS master at http://tiago-3:11311.";
     const todo = "This page goes on by itself. If this lasts, tell staff.";
     const state = { ...ONLINE, phase: "waiting", text };
@@ -102,12 +102,12 @@ describe("the banner", () => {
     expect(banner({ ...WELL, sinceViewMs: 2400 }).text).toContain(todo);
   });
 
-  it("asks to load a page of another version anew, whatever else is wrong", () => {
+  it("asks to reload an outdated page before all else", () => {
     const shown = banner({ ...WELL, outdated: true, connected: false });
     expect(shown).toMatchObject({ title: "This page is of another version", text: "Reload it." });
   });
 
-  it("asks for a neutral stick, with the bridge's reason if it has one", () => {
+  it("asks for a neutral stick, with the bridge's reason", () => {
     const state = {
       ...ONLINE,
       neutral_needed: { code: "stop_cleared", text: "the stop was cleared" },
@@ -120,7 +120,7 @@ describe("the banner", () => {
     expect(banner({ ...WELL, state })).toBeNull();
   });
 
-  it("leaves the stick where it is while a motion runs: the motion is told already", () => {
+  it("does not ask for a neutral stick while a motion runs", () => {
     const state = {
       ...ONLINE,
       neutral_needed: { code: "motion_running", text: "nothing drives during a motion" },
@@ -145,7 +145,7 @@ describe("the verdict in words", () => {
     ).toContain("ahead left");
   });
 
-  it("tells a full hold from a slowed robot and from one that is asked nothing", () => {
+  it("tells a held robot from a slowed one and an idle one", () => {
     expect(isHeld({ asked: [0.4, 0, 0], allowed: [0, 0, 0] })).toBe(true);
     expect(isHeld({ asked: [0.4, 0, 0], allowed: [0.1, 0, 0] })).toBe(false);
     expect(isHeld({ asked: [0, 0, 0], allowed: [0, 0, 0] })).toBe(false);
@@ -153,7 +153,7 @@ describe("the verdict in words", () => {
   });
 });
 
-describe("the standing limits", () => {
+describe("the speed limits", () => {
   const limits = [
     { code: "arm_away", text: "held to 0.2 m/s: the arm is away from home", mps: 0.2 },
     { code: "blind_direction", text: "held to 0.3 m/s to the left", mps: 0.3, way: "left" },
@@ -164,37 +164,37 @@ describe("the standing limits", () => {
       .filter(({ holds }) => holds)
       .map(({ text }) => text);
 
-  it("hold back by code and way, whatever the words", () => {
+  it("match a verdict by code and way, not by words", () => {
     expect(holding({ code: "arm_away", text: "Auf 0,2 m/s begrenzt" })).toEqual([limits[0].text]);
     expect(holding({ code: "blind_direction", way: "right", text: "" })).toEqual([limits[2].text]);
   });
 
-  it("do not hold back where another rule does, or another way of the same is meant", () => {
+  it("do not match another rule, or another way of the same", () => {
     expect(holding({ code: "blind_direction", way: "turn", text: limits[1].text })).toEqual([]);
     expect(holding({ code: "free", text: "" })).toEqual([]);
     expect(limitsOf({ code: "idle", text: "" })).toEqual([]);
   });
 });
 
-describe("what is offered", () => {
-  it("is control when it is free, and the reason when it may not be taken", () => {
+describe("the offered control actions", () => {
+  it("are to take free control, or a reason why not", () => {
     expect(controlWords(CONTROL).actions).toEqual(["take"]);
     const refused = controlWords({ ...CONTROL, refusal: { text: "Observers may not drive." } });
     expect(refused).toMatchObject({ actions: [], reason: "Observers may not drive." });
   });
 
-  it("is asking the holder, or withdrawing the question", () => {
+  it("are to ask the holder, or to withdraw the request", () => {
     const other = { ...CONTROL, state: "other", holder: "Bo" };
     expect(controlWords(other)).toMatchObject({ headline: "Bo has control", actions: ["ask"] });
     expect(controlWords({ ...other, asking: 0 }).actions).toEqual(["ask_cancel"]);
     expect(controlWords({ ...other, may_take_over: true }).actions).toEqual(["ask", "take_over"]);
   });
 
-  it("is to keep it or to give it back when it is yours", () => {
+  it("are to keep or release your own control", () => {
     expect(controlWords({ ...CONTROL, state: "yours" }).actions).toEqual(["renew", "release"]);
   });
 
-  it("counts the seconds until a vanished holder loses it", () => {
+  it("count the seconds until a vanished holder loses it", () => {
     const away = { ...CONTROL, state: "away", holder: "Bo" };
     expect(controlWords(away, 6.2).reason).toBe(
       "Their page is gone. Free in 7 s unless it returns.",
@@ -216,7 +216,7 @@ describe("the speeds offered", () => {
     expect(firstShare([0.2, 0.4], 0.1)).toBe(0.2);
   });
 
-  it("are called as people walk", () => {
+  it("are named by walking speeds", () => {
     expect([0.2, 0.4, 0.8, 1, 3].map(paceText)).toEqual([
       "very slow",
       "slow",

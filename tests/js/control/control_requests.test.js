@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { ControlRequests, isControlRequest } from "../../../static/js/control/control_requests.js";
 
-describe("errands", () => {
+describe("control requests", () => {
   let sent;
   let told;
   let requests;
@@ -37,14 +37,14 @@ describe("errands", () => {
     expect(told).toEqual([{ level: "success", code: `${t} done`, text }]);
   });
 
-  it("are not done by what was so before", () => {
+  it("are not answered by an older state", () => {
     requests.send({ t: "take" });
     requests.send({ t: "ask" });
     expect(requests.heard({ state: "other", holder: "Ann" })).toBe(false);
     expect(told).toEqual([]);
   });
 
-  it("that keep control ignore other news of the same session", () => {
+  it("to keep control ignore other news of the same session", () => {
     requests.heard({ state: "yours", remaining_s: 200 });
     vi.advanceTimersByTime(10_000);
     requests.send({ t: "renew" });
@@ -63,13 +63,13 @@ describe("errands", () => {
     expect(requests.heard({ state: "yours", remaining_s: 899.7 })).toBe(true);
   });
 
-  it("leave the words to the console where it has them", () => {
+  it("repeat the console's own words", () => {
     requests.send({ t: "hand_over", request: 3 });
     expect(requests.heard({ state: "other", holder: "Ann" })).toBe(true);
     expect(told).toEqual([]);
   });
 
-  it("are done by what the robot reports", () => {
+  it("end when the robot reports the result", () => {
     requests.done("clear"); // somebody else cleared it
     requests.send({ t: "clear", number: 2 });
     requests.done("clear");
@@ -77,7 +77,7 @@ describe("errands", () => {
     expect(texts()).toEqual(["The stop is cleared."]);
   });
 
-  it("that are refused say what was asked for, and why not", () => {
+  it("name the request and the reason when refused", () => {
     requests.send({ t: "renew" });
     requests.refused("renew", { code: "somebody_asks", text: "Bo asks for control." });
     vi.advanceTimersByTime(20_000);
@@ -100,14 +100,14 @@ describe("errands", () => {
     expect(texts()).toHaveLength(3);
   });
 
-  it("that were said to get no answer are not told once more when the connection is lost", () => {
+  it("report a missing answer once, also after a lost connection", () => {
     requests.send({ t: "take" });
     vi.advanceTimersByTime(4000);
     requests.lost();
     expect(texts()).toHaveLength(1);
   });
 
-  it("are told of without a connection, and when it is lost", () => {
+  it("report a missing and a lost connection", () => {
     requests.send({ t: "release" });
     requests.lost();
     requests.lost();

@@ -6,18 +6,18 @@ import {
   watchersText,
 } from "../../../static/js/control/details.js";
 
-test("a latency that was not measured yet is said to be assumed", () => {
+test("an unmeasured latency is shown as assumed", () => {
   expect(latencyText({ latency_s: 0.2, latency_measured: false })).toBe("200 ms (assumed)");
   expect(latencyText({ latency_s: 0.113, latency_measured: true })).toBe("113 ms");
 });
 
-test("a crowd of onlookers is some names and a number", () => {
+test("many viewers are shown as some names and a number", () => {
   expect(watchersText({ watchers: [], watchers_more: 0 })).toBe("Nobody");
   expect(watchersText({ watchers: ["Ann", "Bob"], watchers_more: 0 })).toBe("Ann, Bob");
   expect(watchersText({ watchers: ["Ann", "Bob"], watchers_more: 12 })).toBe("Ann, Bob, 12 more");
 });
 
-test("a clock that is off is told in words", () => {
+test("a wrong clock is explained in words", () => {
   expect(skewText({ clock_skew_s: null })).toBe("");
   expect(skewText({ clock_skew_s: 3.2 })).toBe(
     "The robot’s clock is 3.2 s ahead of this console’s.",
@@ -58,7 +58,7 @@ describe("the panel", () => {
     details = new Details(parts);
   });
 
-  test("has the line about the clock while it is off, and only then", () => {
+  test("shows the clock's line only while the clock is wrong", () => {
     details.state = { ...STATE, clock_skew_s: 3.2 };
     expect(parts.clock.hidden).toBe(false);
     expect(parts.clock.textContent).toContain("3.2 s ahead");
@@ -80,7 +80,7 @@ describe("the panel", () => {
     expect(parts.watchdog.hidden).toBe(true);
   });
 
-  test("lists the standing limits in their words, and says so if there is none", () => {
+  test("lists the current speed limits, or None", () => {
     const limits = [{ code: "arm_away", text: "held to 0.2 m/s: the arm is away", mps: 0.2 }];
     details.state = { ...STATE, verdict: { limits } };
     expect(parts["all-limits"].textContent).toBe("held to 0.2 m/s: the arm is away");
@@ -88,7 +88,7 @@ describe("the panel", () => {
     expect(parts["all-limits"].textContent).toBe("None");
   });
 
-  test("counts refused messages by what was wrong, in words", () => {
+  test("counts refused messages by reason, in words", () => {
     details.state = { ...STATE, refused: { too_old: 3 } };
     expect(parts.refusals.textContent).toBe("too old: 3");
   });

@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { clockText, isLastCall, remaining } from "../../../static/js/control/lease.js";
 
 describe("a term of control", () => {
-  it("runs down by this page's clock from when it was heard of", () => {
+  it("runs down by this page's clock from its arrival", () => {
     expect(remaining(60, 1000, 11_000)).toBe(50);
   });
 
@@ -15,7 +15,7 @@ describe("a term of control", () => {
     expect(isLastCall(null)).toBe(false);
   });
 
-  it("is offered for renewal near its end", () => {
+  it("can be renewed near its end", () => {
     expect(isLastCall(31)).toBe(false);
     expect(isLastCall(29)).toBe(true);
   });

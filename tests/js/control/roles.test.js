@@ -7,7 +7,7 @@ test("each role has the rights of those before it", () => {
   expect(isAtLeast("operator", "supervisor")).toBe(false);
 });
 
-test("who may not is told for whom it is", () => {
+test("a missing right names the roles that have it", () => {
   expect(whyNot("observer", "operator")).toBe("for operators");
   expect(whyNot("operator", "supervisor")).toBe("for supervisors");
   expect(whyNot("supervisor", "staff")).toBe("for staff");

@@ -21,7 +21,7 @@ const LIVE = { connected: true, gone: null, state: STATE, sinceViewMs: 0, cut: f
 const LOST = { ...LIVE, connected: false, cut: true };
 const STOPPED = { ...STATE, stop: { ...STOP, state: "stopped", standstill_ms: 300 } };
 
-describe("the statusBar of the control page", () => {
+describe("the status bar of the control page", () => {
   const named = {};
   const parts = new Proxy(named, {
     get(_parts, name) {
@@ -51,7 +51,7 @@ describe("the statusBar of the control page", () => {
     }
   });
 
-  it("leaves the word to the robot once it reports the stop", () => {
+  it("shows the robot's own report once it reports the stop", () => {
     statusBar.show(LIVE);
     statusBar.stopSays("Stop sent");
     statusBar.show(LIVE);
@@ -62,7 +62,7 @@ describe("the statusBar of the control page", () => {
     expect(parts["stop-state"].textContent).toBe("");
   });
 
-  it("tells what becomes of a stop while the last that was heard of the robot is old", () => {
+  it("shows the stop's progress while the robot's state is old", () => {
     const old = { ...LOST, state: STOPPED };
     statusBar.show(old);
     statusBar.stopSays("Sending the stop");
@@ -74,7 +74,7 @@ describe("the statusBar of the control page", () => {
     expect(parts["stop-state"].textContent).toBe(""); // that of before would seem to be the answer
   });
 
-  it("tells no limit of a robot that it does not hear", () => {
+  it("shows no speed limit while the robot is silent", () => {
     const text = "held to 0.3 m/s: the camera's picture is 1.2 s old";
     const limits = [{ code: "depth_stale", text, mps: 0.3 }];
     const state = { ...STATE, verdict: { ...STATE.verdict, limits } };
@@ -84,7 +84,7 @@ describe("the statusBar of the control page", () => {
     expect(parts.limits.textContent).toBe("");
   });
 
-  it("calls a connection by what came of it: one that is open and silent is none", () => {
+  it("calls an open but silent connection No news", () => {
     const told = (now) => {
       statusBar.show({ ...LIVE, ...now });
       return [parts.connection.textContent, parts.connection.dataset.level];

@@ -31,7 +31,7 @@ describe("the stop button", () => {
     form.firstChild.dispatchEvent(new Event("pointerdown", { bubbles: true, cancelable: true }));
   const submit = () => form.dispatchEvent(new Event("submit", { cancelable: true }));
 
-  it("acts when it is pressed, and once though a click follows", () => {
+  it("acts on pointer down, and once if a click follows", () => {
     press();
     submit();
     expect(ways.send).toHaveBeenCalledTimes(1);
@@ -43,12 +43,12 @@ describe("the stop button", () => {
     expect(ways.send).toHaveBeenCalledTimes(2);
   });
 
-  it("is pressed by keyboards and assistive technology, which submit", () => {
+  it("acts on submit by keyboard or assistive technology", () => {
     expect(submit()).toBe(false); // the browser does not leave the page
     expect(ways.send).toHaveBeenCalledTimes(1);
   });
 
-  it("goes by the form's address at once when there is no live connection", () => {
+  it("posts the form at once without a live connection", () => {
     ways.send.mockReturnValue(false);
     press();
     expect(fetch).toHaveBeenCalledTimes(1);
@@ -57,7 +57,7 @@ describe("the stop button", () => {
     expect(options).toMatchObject({ method: "POST", keepalive: true });
   });
 
-  it("goes by the form's address too when the robot's side says nothing", () => {
+  it("posts the form too when the robot does not answer", () => {
     ways.answered.mockReturnValue(false);
     press();
     expect(fetch).not.toHaveBeenCalled();
@@ -65,7 +65,7 @@ describe("the stop button", () => {
     expect(fetch).toHaveBeenCalledTimes(1);
   });
 
-  it("is content when the robot's side has answered", () => {
+  it("does not post the form when the robot has answered", () => {
     ways.arrived = vi.fn();
     stop.close();
     stop = new StopButton(form, ways);
@@ -75,7 +75,7 @@ describe("the stop button", () => {
     expect(ways.arrived).toHaveBeenCalledTimes(1);
   });
 
-  it("tells once that a stop is pending, though both ways say so", async () => {
+  it("reports a pending stop once when both ways report it", async () => {
     const pending = { ok: true, status: 202, json: async () => ({ text: "Pending." }) };
     ways.answered.mockReturnValue(false);
     let answered;
@@ -97,7 +97,7 @@ describe("the stop button", () => {
     expect(ways.answered).toHaveBeenCalledWith(pressedMs);
   });
 
-  it("tells that the stop arrived by the form's address, and until then that it is being sent", async () => {
+  it("shows Sending until the posted form is answered", async () => {
     ways.send.mockReturnValue(false);
     press();
     expect(ways.say.mock.calls).toEqual([["Sending the stop"]]);
@@ -113,7 +113,7 @@ describe("the stop button", () => {
     });
   const stopped = { ok: true, json: async () => ({ text: "Stopped." }) };
 
-  it("tells within seconds that no answer came, and the answer when it comes after all", async () => {
+  it("reports a missing answer after 4 s, then a late answer", async () => {
     fetch.mockImplementation(later(6, "answer", stopped));
     ways.send.mockReturnValue(false);
     press();
@@ -127,13 +127,13 @@ describe("the stop button", () => {
     expect(ways.fail).toHaveBeenCalledTimes(1);
   });
 
-  it("never withdraws a stop that is under way", async () => {
+  it("never aborts a stop in progress", async () => {
     ways.send.mockReturnValue(false);
     press();
     expect(fetch.mock.calls[0][1]).not.toHaveProperty("signal");
   });
 
-  it("tells of the newest press only that it failed, and of every one that it arrived", async () => {
+  it("reports failure of the newest press, success of any press", async () => {
     ways.send.mockReturnValue(false);
     fetch.mockImplementationOnce(later(20, "failure", new TypeError("gone")));
     press();
@@ -152,7 +152,7 @@ describe("the stop button", () => {
     expect(ways.say).toHaveBeenCalledWith("Stopped.");
   });
 
-  it("takes no page for success", async () => {
+  it("does not take an HTML page for success", async () => {
     ways.send.mockReturnValue(false);
     const page = async () => JSON.parse("<!doctype html>");
     vi.stubGlobal(
@@ -164,7 +164,7 @@ describe("the stop button", () => {
     expect(ways.fail.mock.calls[0][0]).toContain("red button");
   });
 
-  it("names what was not reached, to people and by slug", async () => {
+  it("names the robots not reached, by name and slug", async () => {
     const robots = { "tiago-1": { code: "bridge_down" } };
     ways.send.mockReturnValue(false);
     vi.stubGlobal("fetch", answer(false, { text: "Not reached: TIAGo 1.", robots }));
@@ -173,7 +173,7 @@ describe("the stop button", () => {
     expect(ways.fail).toHaveBeenCalledWith("Not reached: TIAGo 1.", robots);
   });
 
-  it("does not take a stop for confirmed that is pending", async () => {
+  it("does not confirm a pending stop", async () => {
     const robots = { "tiago-1": { code: "pending", pending: true } };
     ways.send.mockReturnValue(false);
     const body = { text: "Pending, not confirmed yet: TIAGo 1.", robots };
@@ -206,7 +206,7 @@ describe("the stop button", () => {
     expect(fetch).not.toHaveBeenCalled();
   });
 
-  it("tells nothing of failures once the page has gone", async () => {
+  it("reports no failure once the page has gone", async () => {
     fetch.mockImplementation(later(6, "failure", new TypeError("gone")));
     ways.send.mockReturnValue(false);
     press();

@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { StopWords } from "../../../static/js/control/stop_words.js";
 
-describe("the words beside Stop all", () => {
+describe("the words next to Stop all", () => {
   let element;
   let words;
 
@@ -13,7 +13,7 @@ describe("the words beside Stop all", () => {
 
   afterEach(() => vi.useRealTimers());
 
-  it("go after some seconds, each time from the last", () => {
+  it("disappear some seconds after the newest", () => {
     words.say("Sending the stop");
     vi.advanceTimersByTime(4000);
     words.say("Stopped.");
@@ -23,7 +23,7 @@ describe("the words beside Stop all", () => {
     expect(element.textContent).toBe("");
   });
 
-  it("stay when they are of a failure, also of several, each said once", () => {
+  it("keep all failures, each once", () => {
     words.say("Sending the stop");
     words.fail("No answer.", "a");
     words.fail("Not reached: B.", "b");
@@ -32,7 +32,7 @@ describe("the words beside Stop all", () => {
     expect(element.textContent).toBe("No answer. Not reached: B.");
   });
 
-  it("interrupt a screen reader with failures, and with nothing else", () => {
+  it("interrupt a screen reader only for failures", () => {
     words.say("Stop sent");
     expect(element.getAttribute("role")).toBe("status");
     words.fail("No answer.");
@@ -52,7 +52,7 @@ describe("the words beside Stop all", () => {
     expect(element.textContent).toBe("Not sent. No answer.");
   });
 
-  it("tell of a stop that is pending until its robot reports it", () => {
+  it("show a pending stop until its robot reports it", () => {
     words.unreached("TIAGo 1", "tiago-1", true);
     words.unreached("TIAGo 2", "tiago-2");
     expect(element.textContent).toMatch(
@@ -63,7 +63,7 @@ describe("the words beside Stop all", () => {
     expect(element.textContent).toBe("Not reached: TIAGo 2. Use the red button on the robot.");
   });
 
-  it("forget the failure of what is pressed again, and all of them with Stop all", () => {
+  it("forget a robot's failure when its stop is pressed again", () => {
     for (const slug of ["a", "b", "c"]) words.fail(`Not reached: ${slug}.`, slug);
     words.forget("a");
     expect(element.textContent).toBe("Not reached: b. Not reached: c.");

@@ -4,15 +4,15 @@ import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
 
 const FORWARD = { x: 1, y: 0, w: 0 };
 
-describe("when the stick is due", () => {
-  it("is every thirtieth of a second while driving and every fifth at rest", () => {
+describe("a drive message", () => {
+  it("is due 30 times a second driving, 5 times at rest", () => {
     expect(isDue({ neutral: false, sinceLastMs: 20, backlog: 0 })).toBe(false);
     expect(isDue({ neutral: false, sinceLastMs: 34, backlog: 0 })).toBe(true);
     expect(isDue({ neutral: true, sinceLastMs: 100, backlog: 0 })).toBe(false);
     expect(isDue({ neutral: true, sinceLastMs: 200, backlog: 0 })).toBe(true);
   });
 
-  it("is never while the network has not taken the last one", () => {
+  it("is not due while the last one is still buffered", () => {
     expect(isDue({ neutral: false, sinceLastMs: 5000, backlog: 1 })).toBe(false);
   });
 });
@@ -37,7 +37,7 @@ describe("the sender", () => {
     vi.useRealTimers();
   });
 
-  it("sends nothing before it has a fencing number and nothing after it has lost it", () => {
+  it("sends nothing without a fence", () => {
     stick.feed("keyboard", FORWARD);
     sender.start(7);
     sender.stop();
@@ -60,7 +60,7 @@ describe("the sender", () => {
     expect(sent.length).toBeLessThanOrEqual(6);
   });
 
-  it("numbers every message upwards and says fence, share and the time it was sent", () => {
+  it("sends rising numbers, fence, share and sending time", () => {
     sender.start(7);
     stick.feed("keyboard", FORWARD);
     vi.advanceTimersByTime(200);
@@ -70,7 +70,7 @@ describe("the sender", () => {
     expect(sent[1].sent_ms).toBeGreaterThan(sent[0].sent_ms);
   });
 
-  it("sends the zero that ends a movement at once, even into a full pipe", () => {
+  it("sends the ending zero at once, even into a full buffer", () => {
     sender.start(7);
     stick.feed("keyboard", FORWARD);
     socket.backlog = 4000;
@@ -78,7 +78,7 @@ describe("the sender", () => {
     expect(sent.at(-1)).toMatchObject({ x: 0, y: 0, w: 0 });
   });
 
-  it("skips what the network cannot take, and sends the newest when it can again", () => {
+  it("sends only the newest position after a full buffer", () => {
     sender.start(7);
     stick.feed("keyboard", FORWARD);
     socket.backlog = 4000;
@@ -91,7 +91,7 @@ describe("the sender", () => {
     expect(sent.at(-1).x).toBe(0.5);
   });
 
-  it("begins its numbers with the tab's clock, so that they grow over a reload", () => {
+  it("keeps numbers rising over a reload of the page", () => {
     sender.start(7);
     vi.advanceTimersByTime(40);
     sender.stop();

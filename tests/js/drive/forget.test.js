@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Forget } from "../../../static/js/drive/forget.js";
 
-describe("the button that lets the robot forget what was seen", () => {
+describe("the Forget button", () => {
   let button;
   let dialog;
   let send;
@@ -23,7 +23,7 @@ describe("the button that lets the robot forget what was seen", () => {
 
   afterEach(() => forget.close());
 
-  it("asks first, above the panel that it is in", () => {
+  it("asks first, and closes its panel", () => {
     const panel = document.querySelector("aside");
     panel.hidePopover = vi.fn();
     forget.mayAct = true;
@@ -35,13 +35,13 @@ describe("the button that lets the robot forget what was seen", () => {
     expect(send).toHaveBeenCalledWith({ t: "forget" });
   });
 
-  it("sends nothing when the person leaves it", () => {
+  it("sends nothing when the person cancels", () => {
     button.click();
     dialog.querySelector("[data-close]").click();
     expect(send).not.toHaveBeenCalled();
   });
 
-  it("looks as if it did nothing without control", () => {
+  it("looks disabled without control", () => {
     expect(button.getAttribute("aria-disabled")).toBe("true");
     forget.mayAct = true;
     expect(button.getAttribute("aria-disabled")).toBeNull();

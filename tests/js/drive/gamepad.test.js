@@ -4,8 +4,8 @@ import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
 
 const pushed = () => ({ connected: true, axes: [0, -1, 0, 0], buttons: [{}, { pressed: false }] });
 
-describe("the gamepad to obey", () => {
-  it("is the first that is connected and has a stick", () => {
+describe("the choice of gamepad", () => {
+  it("takes the first that is connected and has a stick", () => {
     const pad = pushed();
     const unplugged = { connected: false, axes: [0, 0] };
     const buttonsOnly = { connected: true, axes: [] };
@@ -50,7 +50,7 @@ describe("a gamepad", () => {
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("stops by its button, once per press, and only for who has control", () => {
+  it("stops by its button once per press, only with control", () => {
     pads[0].buttons[1].pressed = true;
     frame();
     frame();
@@ -63,7 +63,7 @@ describe("a gamepad", () => {
     expect(stop).toHaveBeenCalledTimes(1);
   });
 
-  it("is looked at no more once ended", () => {
+  it("is not read after close", () => {
     end();
     pads[0].axes = [0, 0, 0, 0];
     frame();

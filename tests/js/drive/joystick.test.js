@@ -63,7 +63,7 @@ describe("the joystick", () => {
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("stays where it was left when sticky, for thirty seconds", () => {
+  it("keeps a sticky position for 30 seconds", () => {
     joystick.sticky = true;
     push();
     lift();
@@ -74,7 +74,7 @@ describe("the joystick", () => {
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("lets a sticky stick go when another input moves, and can be pushed again", () => {
+  it("releases a sticky position when another input moves", () => {
     joystick.sticky = true;
     push();
     lift();
@@ -85,7 +85,7 @@ describe("the joystick", () => {
     expect(stick.axes.x).toBe(1);
   });
 
-  it("ignores a finger that is still down after something else made it zero", () => {
+  it("ignores a finger that was down before a forced zero", () => {
     push();
     stick.neutralise("stopped");
     pointer(document, "pointermove", 0, -SIZE);
@@ -95,7 +95,7 @@ describe("the joystick", () => {
     expect(stick.axes.x).toBe(1);
   });
 
-  it("goes to zero when sideways changes its meaning", () => {
+  it("returns to zero when sideways changes its meaning", () => {
     push();
     joystick.slides = true;
     expect(stick.axes).toEqual(NEUTRAL);

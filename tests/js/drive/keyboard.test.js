@@ -3,13 +3,13 @@ import { axesOf, listenToKeys } from "../../../static/js/drive/keyboard.js";
 import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
 
 describe("held keys", () => {
-  it("mean the same by letters and by arrows", () => {
+  it("mean the same as letters and as arrows", () => {
     expect(axesOf(["KeyW"], false)).toEqual(axesOf(["ArrowUp"], false));
     expect(axesOf(["KeyA"], false)).toEqual({ x: 0, y: 0, w: 1 });
     expect(axesOf(["ArrowDown", "ArrowRight"], false)).toEqual({ x: -1, y: 0, w: -1 });
   });
 
-  it("cancel each other when opposite, and do not add up when alike", () => {
+  it("cancel when opposite, do not add up when alike", () => {
     expect(axesOf(["KeyW", "KeyS"], false)).toBe(NEUTRAL);
     expect(axesOf(["KeyW", "ArrowUp"], false).x).toBe(1);
   });
@@ -54,7 +54,7 @@ describe("the keyboard", () => {
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("is inert without control: nothing drives, space is a space", () => {
+  it("does nothing without control: space is a space", () => {
     drives = false;
     mayStop = false;
     press("keydown", "KeyW");
@@ -64,7 +64,7 @@ describe("the keyboard", () => {
     expect(space.defaultPrevented).toBe(false);
   });
 
-  it("stops, and drives not, while the connection of who had control is lost", () => {
+  it("stops but does not drive while the connection is lost", () => {
     drives = false;
     press("keydown", "KeyW");
     expect(press("keydown", "Space").defaultPrevented).toBe(true);
@@ -78,7 +78,7 @@ describe("the keyboard", () => {
     expect(stop).toHaveBeenCalledTimes(1);
   });
 
-  it("is inert in fields and open dialogs", () => {
+  it("does nothing in fields and open dialogs", () => {
     const field = document.body.appendChild(document.createElement("textarea"));
     press("keydown", "KeyW", field);
     press("keydown", "Space", field);
@@ -91,13 +91,13 @@ describe("the keyboard", () => {
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("forgets held keys when the window loses the focus, for their release will not be heard", () => {
+  it("forgets held keys when the window loses the focus", () => {
     press("keydown", "KeyW");
     window.dispatchEvent(new Event("blur"));
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("is silent once ended", () => {
+  it("does nothing after close", () => {
     end();
     press("keydown", "KeyW");
     expect(stick.axes).toEqual(NEUTRAL);

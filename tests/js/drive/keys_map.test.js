@@ -19,7 +19,7 @@ describe("the map of the keys", () => {
   });
   afterEach(() => end());
 
-  it("opens and closes by a question mark, from the menu, by Escape and by its button", () => {
+  it("opens by ? or menu, closes by ?, Escape or its button", () => {
     press("?");
     expect(dialog.open).toBe(true);
     press("?");
@@ -32,7 +32,7 @@ describe("the map of the keys", () => {
     expect(dialog.open).toBe(false);
   });
 
-  it("leaves a question mark alone that is written in a field", () => {
+  it("ignores a question mark written in a field", () => {
     const field = document.createElement("textarea");
     document.body.append(field);
     press("?", field);

@@ -1,7 +1,7 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
 import { LookAhead } from "../../../static/js/drive/look_ahead.js";
 
-describe("the button that lets the head look ahead", () => {
+describe("the Look ahead button", () => {
   let button;
   let send;
   let look;
@@ -13,20 +13,20 @@ describe("the button that lets the head look ahead", () => {
     look = new LookAhead(button, send);
   });
 
-  it("is there for robots with a head only", () => {
+  it("is shown only for robots with a head", () => {
     look.facts = { has_head: false };
     expect(button.hidden).toBe(true);
     look.facts = { has_head: true };
     expect(button.hidden).toBe(false);
   });
 
-  it("asks while this tab has control", () => {
+  it("sends its request while this tab has control", () => {
     look.mayAct = true;
     button.click();
     expect(send).toHaveBeenCalledWith({ t: "look_ahead" });
   });
 
-  it("looks as if it did nothing without control; pressed all the same, the page tells why", () => {
+  it("looks disabled without control, still sends when pressed", () => {
     expect(button.getAttribute("aria-disabled")).toBe("true");
     look.mayAct = true;
     expect(button.getAttribute("aria-disabled")).toBeNull();

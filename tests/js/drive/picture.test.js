@@ -75,7 +75,7 @@ describe("the picture from above", () => {
     ]);
   });
 
-  it("shades nothing where a bridge of an earlier version tells none", () => {
+  it("shades nothing when an older bridge reports no sectors", () => {
     picture.facts = FACTS;
     picture.view = view(scan);
     picture.view = view(null);

@@ -9,7 +9,7 @@ import {
 import { NEUTRAL } from "../../../static/js/drive/stick.js";
 
 describe("the dead zone", () => {
-  it("swallows what is within and still reaches full", () => {
+  it("ignores small values and still reaches full", () => {
     expect(withoutDeadZone(0.07, 0.08)).toBe(0);
     expect(withoutDeadZone(-0.08, 0.08)).toBe(0);
     expect(withoutDeadZone(1, 0.08)).toBe(1);
@@ -20,7 +20,7 @@ describe("the dead zone", () => {
     expect(withoutDeadZone(0.081, 0.08)).toBeCloseTo(0.001, 2);
   });
 
-  it("keeps to the range whatever it is given, and makes nothing of what is no number", () => {
+  it("limits to the range, and turns NaN into zero", () => {
     expect(withoutDeadZone(1.4, 0.1)).toBe(1);
     expect(withoutDeadZone(Number.NaN, 0.1)).toBe(0);
   });
@@ -44,7 +44,7 @@ describe("the rim", () => {
     }
   });
 
-  it("leaves the direction as it is, and small pulls small", () => {
+  it("keeps the direction, and small positions small", () => {
     for (const angle of rim) {
       const [x, y] = fullAtRim(0.2 * Math.cos(angle), 0.2 * Math.sin(angle));
       expect(Math.cos(Math.atan2(y, x) - angle)).toBeCloseTo(1, 12);
@@ -72,12 +72,12 @@ describe("the joystick", () => {
     expect(x).toBeLessThan(0.8);
   });
 
-  it("turns left when pushed left, and slides left where sideways means sliding", () => {
+  it("turns left or slides left, as sideways means", () => {
     expect(fromJoystick({ right: -1, up: 0 }, false)).toEqual({ x: 0, y: 0, w: 1 });
     expect(fromJoystick({ right: -1, up: 0 }, true)).toEqual({ x: 0, y: 1, w: 0 });
   });
 
-  it("drives straight though the thumb is a little beside the line", () => {
+  it("drives straight with the thumb slightly off the line", () => {
     expect(fromJoystick({ right: 0.07, up: 0.9 }, false).w).toBe(0);
   });
 
@@ -88,18 +88,18 @@ describe("the joystick", () => {
 });
 
 describe("the gamepad", () => {
-  it("drives with the left stick and turns with either on a base that cannot slide", () => {
+  it("turns with either stick on a base that cannot slide", () => {
     expect(fromGamepad([0, -1, 0, 0], false)).toEqual({ x: 1, y: 0, w: 0 });
     expect(fromGamepad([1, 0, 0, 0], false)).toEqual({ x: 0, y: 0, w: -1 });
     expect(fromGamepad([0, 0, -1, 0], false)).toEqual({ x: 0, y: 0, w: 1 });
   });
 
-  it("slides with the left stick where the base can", () => {
+  it("slides with the left stick if the base can", () => {
     expect(fromGamepad([-1, 0, 0, 0], true)).toEqual({ x: 0, y: 1, w: 0 });
     expect(fromGamepad([-0.7, -0.7, 0, 0], true).x).toBeLessThan(0.8);
   });
 
-  it("drives a bend as fast as keys do, also where its rim is a little more than round", () => {
+  it("drives a bend as fast as keys, also beyond a round rim", () => {
     expect(fromGamepad([-0.71, -0.71, 0, 0], false)).toEqual({ x: 1, y: 0, w: 1 });
     expect(fromGamepad([0.85, -0.85, 0, 0], false)).toEqual({ x: 1, y: 0, w: -1 });
   });

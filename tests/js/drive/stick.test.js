@@ -28,7 +28,7 @@ describe("the stick", () => {
     expect(stick.input).toBe("keyboard");
   });
 
-  it("takes no notice of resting inputs while another drives", () => {
+  it("ignores resting inputs while another drives", () => {
     stick.feed("joystick", FORWARD);
     stick.feed("gamepad", NEUTRAL);
     expect(stick.axes).toEqual(FORWARD);
@@ -57,7 +57,7 @@ describe("the stick", () => {
     expect(stick.waitsForNeutral).toBe(false);
   });
 
-  it("ignores an input after a zero that it did not make, until it has rested", () => {
+  it("ignores an input after a forced zero until it rests", () => {
     stick.feed("joystick", FORWARD);
     stick.neutralise("hidden");
     stick.feed("joystick", FORWARD);
@@ -67,7 +67,7 @@ describe("the stick", () => {
     expect(stick.axes).toEqual(FORWARD);
   });
 
-  it("has nothing to end when nothing drives", () => {
+  it("ends nothing when nothing drives", () => {
     stick.neutralise("blurred");
     expect(zeros).toEqual([]);
     stick.feed("joystick", FORWARD);

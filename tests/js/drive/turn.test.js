@@ -18,7 +18,7 @@ function happen(button, type, timeStamp, facts = {}) {
   return event;
 }
 
-describe("the button that turns the robot around", () => {
+describe("the Turn button", () => {
   let button;
   let stick;
   let hint;
@@ -33,7 +33,7 @@ describe("the button that turns the robot around", () => {
     turn.mayAct = true;
   });
 
-  it("is there while nobody sees all of what is behind the robot", () => {
+  it("is shown while sensors do not see all behind the robot", () => {
     turn.state = { verdict: { limits: [] } };
     expect(button.hidden).toBe(true);
     turn.state = { verdict: { limits: [BLIND] } };
@@ -42,7 +42,7 @@ describe("the button that turns the robot around", () => {
     expect(reverseIsBlind({})).toBe(false);
   });
 
-  it("turns for as long as a finger is on it", () => {
+  it("turns as long as a finger holds it", () => {
     happen(button, "pointerdown", 0);
     expect(stick.axes).toEqual(LEFT);
     happen(button, "pointerup", 2000);
@@ -56,12 +56,12 @@ describe("the button that turns the robot around", () => {
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("is not pressed by the other mouse buttons", () => {
+  it("ignores the other mouse buttons", () => {
     happen(button, "pointerdown", 0, { button: 2 });
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("turns while Enter is held, and leaves the space bar to the stop", () => {
+  it("turns while Enter is held, and leaves Space to the stop", () => {
     happen(button, "keydown", 0, { code: "Space" });
     expect(stick.axes).toEqual(NEUTRAL);
     expect(happen(button, "keydown", 0, { code: "Enter" }).defaultPrevented).toBe(true);
@@ -71,7 +71,7 @@ describe("the button that turns the robot around", () => {
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
-  it("says to who only taps it that it is to be held", () => {
+  it("says after a tap that it must be held", () => {
     happen(button, "pointerdown", 0);
     happen(button, "pointerup", 100);
     expect(hint).toHaveBeenCalledWith(true);
@@ -86,7 +86,7 @@ describe("the button that turns the robot around", () => {
     expect(hint).toHaveBeenCalledWith(false);
   });
 
-  it("ends with control, and does not vanish from under the finger", () => {
+  it("ends with control, and stays under the finger", () => {
     turn.state = { verdict: { limits: [BLIND] } };
     happen(button, "pointerdown", 0);
     turn.state = { verdict: { limits: [] } };

@@ -42,7 +42,7 @@ afterEach(async () => {
 });
 
 describe("the screen", () => {
-  it("is kept on while asked, once, however often that is said", async () => {
+  it("is kept on with one lock, also after repeated requests", async () => {
     screen.keep(true);
     screen.keep(true);
     await settled();
@@ -63,7 +63,7 @@ describe("the screen", () => {
     expect(held()).toBe(1);
   });
 
-  it("is asked for only when a hidden page is seen", async () => {
+  it("is locked only after a hidden page becomes visible", async () => {
     await show(false);
     screen.keep(true);
     await settled();
@@ -72,14 +72,14 @@ describe("the screen", () => {
     expect(held()).toBe(1);
   });
 
-  it("goes off when the wish ended while the browser was thinking", async () => {
+  it("is released if the request ends before the browser answers", async () => {
     screen.keep(true);
     screen.keep(false);
     await settled();
     expect(held()).toBe(0);
   });
 
-  it("stays on when control is lost and taken at once", async () => {
+  it("stays on when control is lost and taken again at once", async () => {
     screen.keep(true);
     await settled();
     screen.keep(false);
@@ -88,7 +88,7 @@ describe("the screen", () => {
     expect(held()).toBe(1);
   });
 
-  it("is left alone after the page is done", async () => {
+  it("is left alone after close", async () => {
     screen.keep(true);
     await settled();
     screen.close();
@@ -97,7 +97,7 @@ describe("the screen", () => {
     expect(held()).toBe(0);
   });
 
-  it("may go dark where the browser forbids: driving goes on", async () => {
+  it("may go dark if the browser forbids; driving continues", async () => {
     navigator.wakeLock.request.mockRejectedValue(new DOMException("", "NotAllowedError"));
     screen.keep(true);
     await settled();

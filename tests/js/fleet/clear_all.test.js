@@ -32,7 +32,7 @@ describe("clear all", () => {
   });
   afterEach(() => all.close());
 
-  it("is there only while something is stopped", () => {
+  it("is shown only while a robot is stopped", () => {
     all.robots = { a: robot(stop("clear", 1)), b: { state: null } };
     expect(part("clear-all").hidden).toBe(true);
     all.robots = { a: robot(stop("stopped", 2)), b: { state: null } };
@@ -65,7 +65,7 @@ describe("clear all", () => {
     expect(sent).toEqual([]);
   });
 
-  it("says who may, to whoever may not", () => {
+  it("names the roles that may, to everybody else", () => {
     all.robots = { a: robot(stop("stopped", 2), false), b: robot(stop("stopped", 4)) };
     part("clear-all").click();
     expect(rows()[0]).toContain("a supervisor of this robot, or staff may clear it");

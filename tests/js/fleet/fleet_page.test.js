@@ -13,7 +13,7 @@ const state = {
 };
 
 describe("a card", () => {
-  it("has no news of a robot whose bridge says nothing more", () => {
+  it("has no news of a robot whose bridge is silent", () => {
     const refusal = { code: "bridge_silent", text: "It says nothing." };
     const shown = cardOf({ state: null, refusal, seen_at: Date.now() / 1000 });
     expect(shown).toMatchObject({ level: "fail", status: "No news", why: "It says nothing." });
@@ -47,7 +47,7 @@ describe("a card", () => {
     });
   });
 
-  it("says why a robot is not there", () => {
+  it("says why a robot is unreachable", () => {
     const refusal = { text: "Its bridge does not answer." };
     const away = cardOf({ state: null, refusal });
     expect(away).toMatchObject({
@@ -65,7 +65,7 @@ describe("a card", () => {
     });
   });
 
-  it("says of a robot out of reach that nothing is known, and when it was last seen", () => {
+  it("says when an unreachable robot was last seen", () => {
     const out = { ...state, phase: "waiting", unseen_s: 90 };
     const seen = cardOf({ state: out, refusal: null });
     expect(seen.gate).toMatch(/^unknown, last seen .*\d/);
@@ -79,7 +79,7 @@ describe("a card", () => {
     expect(never.gate).toContain("2023");
   });
 
-  it("says who stopped it and what the robot made of it", () => {
+  it("says who stopped it and how the robot reacted", () => {
     const stop = { state: "stopped", by: "Bo", reason: "", standstill_ms: 300 };
     expect(cardOf({ state: { ...state, stop }, refusal: null })).toMatchObject({
       stop: "Stopped",
@@ -155,7 +155,7 @@ describe("the fleet page", () => {
     vi.useRealTimers();
   });
 
-  it("has a search for robots, whose Enter opens the only hit", () => {
+  it("opens the only search hit with Enter", () => {
     openThree();
     const opened = vi.fn();
     for (const link of document.querySelectorAll("a"))
@@ -184,7 +184,7 @@ describe("the fleet page", () => {
     expect([shown(), field.value]).toEqual([3, ""]);
   });
 
-  it("is content with the socket when the robots report the stop", () => {
+  it("posts no form when the robots report the stop", () => {
     hears({ "tiago-1": clear });
     press("stop");
     press("stop-all");
@@ -199,7 +199,7 @@ describe("the fleet page", () => {
   it.each([
     ["stop", "/robots/tiago-1/stop/", "stop-state"],
     ["stop-all", "/stop-all/", "stop-all-state"],
-  ])("takes no old word of a robot for an answer (%s)", async (form, address, told) => {
+  ])("does not take an old report for an answer (%s)", async (form, address, told) => {
     hears({ "tiago-1": stopped }); // the last that is heard: somebody clears the stop meanwhile
     press(form);
     expect(part(told).textContent).toBe("Stop sent, waiting for the robot");
@@ -208,26 +208,23 @@ describe("the fleet page", () => {
     expect(part(told).textContent).toBe("Stopped.");
   });
 
-  it.each(["stop", "stop-all"])(
-    "sends at once both ways when nothing was heard for long (%s)",
-    (form) => {
-      hears({ "tiago-1": stopped });
-      vi.advanceTimersByTime(3100);
-      expect(part("connection").textContent).toBe("No news");
-      press(form);
-      expect(said(form.replace("-", "_"))).toHaveLength(1);
-      expect(fetch).toHaveBeenCalledTimes(1);
-    },
-  );
+  it.each(["stop", "stop-all"])("sends both ways at once after a long silence (%s)", (form) => {
+    hears({ "tiago-1": stopped });
+    vi.advanceTimersByTime(3100);
+    expect(part("connection").textContent).toBe("No news");
+    press(form);
+    expect(said(form.replace("-", "_"))).toHaveLength(1);
+    expect(fetch).toHaveBeenCalledTimes(1);
+  });
 
-  it("sends at once both ways before anything was heard, and says that it is not live yet", () => {
+  it("sends both ways at once before the first news", () => {
     vi.advanceTimersByTime(500);
     expect(part("connection").textContent).toBe("Connecting");
     press("stop-all");
     expect(fetch).toHaveBeenCalledTimes(1);
   });
 
-  it("says at the card and at the edge of the page that a stop was not confirmed", async () => {
+  it("shows an unconfirmed stop on the card and at the edge", async () => {
     const answer = { ok: false, json: async () => ({ text: "Not reached: TIAGo 1." }) };
     fetch.mockResolvedValue(answer);
     press("stop");
@@ -239,7 +236,7 @@ describe("the fleet page", () => {
   });
 
   it.each([true, false])(
-    "lets its news of Stop all go after some seconds (live: %s)",
+    "hides the news of Stop all after some seconds (live: %s)",
     async (live) => {
       if (live) hears({ "tiago-1": clear });
       press("stop-all");
@@ -252,7 +249,7 @@ describe("the fleet page", () => {
     },
   );
 
-  it("keeps what Stop all did not reach until it is pressed again, whatever a card says", async () => {
+  it("shows what Stop all missed until it is pressed again", async () => {
     const answer = { ok: false, json: async () => ({ text: "Not reached: TIAGo 2." }) };
     fetch.mockResolvedValueOnce(answer);
     press("stop-all");
@@ -287,7 +284,7 @@ describe("the fleet page", () => {
     expect(part("stop-all-state").textContent).toBe("Stop sent, waiting for the robot");
   });
 
-  it("names a robot once, by whichever ways it was not reached", async () => {
+  it("names a missed robot once, though both ways missed it", async () => {
     openThree();
     const refused = { code: "bridge_down" };
     const robots = { "tiago-1": { stop: {} }, "tiago-2": refused, "tiago-3": refused };
@@ -303,7 +300,7 @@ describe("the fleet page", () => {
     expect(ofCards("stop-state")).toEqual(["", "Not confirmed", "Not confirmed"]);
   });
 
-  it("says of which robot a stop failed, whichever was pressed since", () => {
+  it("names the robot of a failed stop after other presses", () => {
     openThree();
     hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": clear });
     press("stop", "tiago-2");
@@ -316,7 +313,7 @@ describe("the fleet page", () => {
     expect(part("stop-all-state").textContent).toBe("");
   });
 
-  it("lets the robot itself have the word again when it is back", () => {
+  it("shows the robot's own report again when it is back", () => {
     openThree();
     hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": clear });
     refuses({ figures: { slug: "tiago-2" } });
@@ -325,12 +322,12 @@ describe("the fleet page", () => {
     expect(ofCards("stop-state")).toEqual(["Clear", "unknown", "Clear"]);
   });
 
-  it("says what the server says when a stop was refused that is of none of its robots", () => {
+  it("shows the server's words for an unknown robot", () => {
     refuses({ text: "There is no such robot." });
     expect(part("stop-all-state").textContent).toBe("There is no such robot.");
   });
 
-  it("gives a connection up that answers nothing, and comes back", () => {
+  it("gives up a silent connection and connects again", () => {
     hears({ "tiago-1": clear });
     vi.advanceTimersByTime(6500);
     expect(said("ping").length).toBeGreaterThan(0);
@@ -341,7 +338,7 @@ describe("the fleet page", () => {
     expect(part("connection").textContent).toBe("Connected");
   });
 
-  it("reloads once when the first news has other robots", () => {
+  it("reloads once when the first news lists other robots", () => {
     hears({ "tiago-1": clear, "tiago-2": clear });
     expect(reload).toHaveBeenCalledTimes(1);
     page.close();

@@ -23,7 +23,7 @@ describe("Stop all on a page without connection", () => {
     vi.useRealTimers();
   });
 
-  it("keeps a failure until it is pressed again, and says for some seconds that robots stopped", async () => {
+  it("shows a failure until pressed again, success for seconds", async () => {
     answers(false, "Not reached: TIAGo 2.");
     press();
     await vi.advanceTimersByTimeAsync(60_000);

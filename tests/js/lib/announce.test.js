@@ -5,7 +5,7 @@ beforeEach(() => vi.useFakeTimers());
 afterEach(() => vi.useRealTimers());
 
 describe("announcements", () => {
-  it("come at once, then at most every few seconds, and then only the newest", () => {
+  it("come at once, then only the newest every few seconds", () => {
     const region = document.createElement("p");
     const announcer = new Announcer(region);
     announcer.say("slowed to 0.3 m/s", "slowed ahead");
@@ -19,7 +19,7 @@ describe("announcements", () => {
     announcer.close();
   });
 
-  it("come a second time if the first was over, and not once they are over", () => {
+  it("come again once they ended, never after their end", () => {
     const region = document.createElement("p");
     const announcer = new Announcer(region);
     announcer.say("No connection. Connecting again.", "No connection");

@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Heartbeat } from "../../../static/js/lib/heartbeat.js";
 
-describe("the pulse", () => {
+describe("the heartbeat", () => {
   let socket;
   let heartbeat;
 
@@ -17,7 +17,7 @@ describe("the pulse", () => {
     vi.useRealTimers();
   });
 
-  it("gives a connection up on which nothing was heard for 4 s since a ping", () => {
+  it("gives up a connection silent for 4 s after a ping", () => {
     vi.advanceTimersByTime(5000);
     expect(socket.send).toHaveBeenCalled();
     expect(socket.reset).not.toHaveBeenCalled();
@@ -25,7 +25,7 @@ describe("the pulse", () => {
     expect(socket.reset).toHaveBeenCalledTimes(1);
   });
 
-  it("takes any word for a sign of life", () => {
+  it("takes any message as a sign of life", () => {
     for (let seconds = 0; seconds < 20; seconds += 1) {
       vi.advanceTimersByTime(1000);
       heartbeat.heard({ t: "fleet" });
@@ -41,7 +41,7 @@ describe("the pulse", () => {
     expect(socket.reset).not.toHaveBeenCalled();
   });
 
-  it("waits while there is no connection, and after the page has gone", () => {
+  it("waits without a connection, and after the page has gone", () => {
     socket.open = false;
     vi.advanceTimersByTime(20_000);
     socket.open = true;
@@ -51,7 +51,7 @@ describe("the pulse", () => {
     expect(socket.reset).not.toHaveBeenCalled();
   });
 
-  it("measures the way there and back by pongs", () => {
+  it("measures the round trip by pongs", () => {
     vi.advanceTimersByTime(1000);
     const [{ sent_ms }] = socket.send.mock.calls[0];
     vi.advanceTimersByTime(80);

@@ -2,7 +2,7 @@ import { beforeEach, describe, expect, it, vi } from "vitest";
 import { matches, SearchList } from "../../../static/js/lib/list.js";
 
 describe("a search", () => {
-  it("minds neither case nor accents, and takes words in any order", () => {
+  it("ignores case, accents and the order of words", () => {
     expect(matches("Buenos días", "DIAS buenos")).toBe(true);
     expect(matches("İyi günler", "gunler")).toBe(true);
     // As a browser set to Turkish would write it.
@@ -43,7 +43,7 @@ describe("a searchable list", () => {
     field = root.querySelector("input");
   });
 
-  it("shows what fits while one types, and says when nothing does", () => {
+  it("shows hits while typing, and says when there are none", () => {
     type("w");
     expect(shown()).toEqual(["wave", "bow"]);
     type("x");
@@ -51,7 +51,7 @@ describe("a searchable list", () => {
     expect(root.querySelector("[role=status]").hidden).toBe(false);
   });
 
-  it("says what it is told to while there is nothing to search", () => {
+  it("shows the given text while it is empty", () => {
     const empty = root.lastElementChild;
     list.empty = "Asking the robot…";
     expect(empty.hidden).toBe(true);
@@ -73,7 +73,7 @@ describe("a searchable list", () => {
     expect(act).toHaveBeenCalledWith({ name: "wave" });
   });
 
-  it("leaves Enter and Escape to a writing aid while one composes with it", () => {
+  it("leaves Enter and Escape to an input method composing", () => {
     type("wav");
     for (const key of ["Enter", "Escape"])
       field.dispatchEvent(new KeyboardEvent("keydown", { key, isComposing: true }));
@@ -81,7 +81,7 @@ describe("a searchable list", () => {
     expect(field.value).toBe("wav");
   });
 
-  it("acts on nothing that is off", () => {
+  it("does not act on a disabled item", () => {
     type("uber");
     expect(shown()).toEqual(["über"]);
     press("Enter");
@@ -89,7 +89,7 @@ describe("a searchable list", () => {
     expect(act).not.toHaveBeenCalled();
   });
 
-  it("is cleared by Escape, which goes no further then", () => {
+  it("is cleared by Escape, which then goes no further", () => {
     const outside = vi.fn();
     root.addEventListener("keydown", outside);
     type("wav");
@@ -101,13 +101,13 @@ describe("a searchable list", () => {
     expect(outside).toHaveBeenCalledTimes(1);
   });
 
-  it("keeps what is searched for when the items change", () => {
+  it("keeps the search when the items change", () => {
     type("bow");
     list.items = [{ name: "wave" }, { name: "bow" }, { name: "bowl" }];
     expect(shown()).toEqual(["bow", "bowl"]);
   });
 
-  it("brings each group together below its name, and what has none stands first", () => {
+  it("lists items by group, items without a group first", () => {
     const one = (name, kind) => ({ name, kind });
     list = new SearchList(root, {
       label: "Search",
@@ -119,7 +119,7 @@ describe("a searchable list", () => {
     expect(shown()).toEqual(["bare", "demo", "wave", "bow", "tuck", "home"]);
   });
 
-  it("is dim as long as it is said to be, whatever comes into it", () => {
+  it("stays dim until told otherwise, also with new items", () => {
     const dim = () =>
       [...root.querySelectorAll("button")].map((button) => button.getAttribute("aria-disabled"));
     list.dimmed = true;

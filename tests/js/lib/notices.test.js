@@ -52,7 +52,7 @@ describe("notices", () => {
     expect(texts()).toEqual([]);
   });
 
-  it("stay while the focus is within, whatever the pointer does, and the other way round", () => {
+  it("stay while either the focus or the pointer is on them", () => {
     notices.add({ level: "info", code: "asked", text: "Bo asks for control." });
     const shown = parts.notices.firstElementChild;
     for (const type of ["focusin", "pointerenter", "pointerleave"])
@@ -66,7 +66,7 @@ describe("notices", () => {
     expect(texts()).toEqual([]);
   });
 
-  it("hand the focus on when they are dismissed, at last to where it came from", () => {
+  it("pass the focus on when dismissed, at last to its origin", () => {
     const before = document.createElement("button");
     document.body.replaceChildren(before, parts.notices);
     before.focus();
@@ -80,7 +80,7 @@ describe("notices", () => {
     expect(document.activeElement).toBe(before);
   });
 
-  it("that are dismissed end once, whatever the browser tells of what it takes away", () => {
+  it("end once when dismissed, despite late browser events", () => {
     notices.add({ level: "info", code: "asked", text: "Bo asks for control." });
     const gone = parts.notices.firstElementChild;
     for (const type of ["pointerenter", "focusin"]) gone.dispatchEvent(new Event(type));
@@ -94,7 +94,7 @@ describe("notices", () => {
     expect(parts.notices.querySelector(".notice-times").textContent).toBe("×2");
   });
 
-  it("stay under the pointer when they are told again, and are not the ones to give way", () => {
+  it("stay under the pointer when repeated or crowded", () => {
     notices.add({ level: "error", code: "busy", text: "Busy." });
     parts.notices.firstElementChild.dispatchEvent(new Event("pointerenter"));
     notices.add({ level: "error", code: "busy", text: "Still busy." });
@@ -107,7 +107,7 @@ describe("notices", () => {
   it.each([
     ["error", "alarm", "Error: Busy."],
     ["warning", "said", "Warning: Busy."],
-  ])("of level %s are announced each time, a stream of repeats once", (level, region, words) => {
+  ])("of level %s are announced, quick repeats once", (level, region, words) => {
     const told = () => [...parts[region].children].map(({ textContent }) => textContent);
     for (let i = 0; i < 5; i += 1) notices.add({ level, code: "busy", text: "Busy." });
     expect(told()).toEqual([words]);
@@ -117,7 +117,7 @@ describe("notices", () => {
     expect(told()).toEqual([words]);
   });
 
-  it("that come together are announced each by itself", () => {
+  it("are announced one by one when they come together", () => {
     notices.add({ level: "warning", code: "busy", text: "Busy." });
     vi.advanceTimersByTime(100);
     notices.add({ level: "success", code: "said", text: "Said." });
@@ -125,7 +125,7 @@ describe("notices", () => {
     expect(told).toEqual(["Warning: Busy.", "Done: Said."]);
   });
 
-  it("fold repeats into one that counts", () => {
+  it("count repeats in one notice", () => {
     for (let i = 0; i < 12; i += 1)
       notices.add({ level: "warning", code: "play busy", text: "Busy." });
     expect(texts()).toEqual(["Busy."]);
@@ -133,7 +133,7 @@ describe("notices", () => {
     expect(parts.said.textContent).toBe("Warning: Busy.");
   });
 
-  it("say what they are by word and sign, errors to the assertive region", () => {
+  it("show their level by word and sign, errors assertively", () => {
     notices.add({ level: "error", code: "stop", text: "Not confirmed." });
     expect(parts.notices.querySelector(".notice-word").textContent).toBe("Error");
     expect(parts.notices.querySelector(".notice-icon").textContent).toBe("✕");
@@ -143,7 +143,7 @@ describe("notices", () => {
     expect(parts.alarm.textContent).toBe(""); // a screen reader finds it once
   });
 
-  it("are never more than four at once, and the last hundred are kept in the log", () => {
+  it("show at most four at once, and log the last hundred", () => {
     for (let i = 0; i < 120; i += 1)
       notices.add({ level: "success", code: `said ${i}`, text: `Said ${i}.` });
     expect(texts()).toEqual(["Said 119.", "Said 118.", "Said 117.", "Said 116."]);
@@ -156,14 +156,14 @@ describe("notices", () => {
     expect(parts["log-list"].querySelector("ul ~ p:not([hidden])")).toBeNull();
   });
 
-  it("are never more than two at once where the window is low", () => {
+  it("show at most two at once in a low window", () => {
     vi.stubGlobal("matchMedia", (query) => ({ matches: query === "(max-height: 34.9375em)" }));
     for (const text of ["One.", "Two.", "Three."]) notices.add({ level: "info", code: text, text });
     expect(texts()).toEqual(["Three.", "Two."]);
     vi.unstubAllGlobals();
   });
 
-  it("are searched in the log by level and words, and a new one comes to what fits", () => {
+  it("can be searched in the log, where new hits appear", () => {
     parts["log-open"].click();
     const shown = () =>
       [...parts["log-list"].querySelectorAll("li:not([hidden]) p > span")].map(
@@ -183,7 +183,7 @@ describe("notices", () => {
     expect(shown()).toHaveLength(3);
   });
 
-  it("are in the log with the newest first, also where the newest is a repeat", () => {
+  it("are logged newest first, also when a repeat is newest", () => {
     notices.add({ level: "info", code: "one", text: "One." });
     notices.add({ level: "info", code: "two", text: "Two." });
     notices.add({ level: "info", code: "one", text: "One again." });

@@ -10,17 +10,17 @@ function reading(answer) {
 
 afterEach(() => vi.unstubAllGlobals());
 
-test("what the console answers is read", async () => {
+test("the console's answer is read", async () => {
   expect(await reading(async () => ({ ok: true, json: async () => [1] }))).toEqual([1]);
 });
 
-test("why the console did not answer is told in its own words", async () => {
+test("a refusal is shown in the console's own words", async () => {
   const refusal = { code: "signed_out", text: "Not done: you are signed out. Sign in again." };
   const told = reading(async () => ({ ok: false, json: async () => refusal }));
   await expect(told).rejects.toThrow(refusal.text);
 });
 
-test("a browser's own words for a failure are never told", async () => {
+test("a browser's own error text is never shown", async () => {
   const away = () => Promise.reject(new TypeError("Failed to fetch"));
   await expect(reading(away)).rejects.toThrow(FAILED);
   const json = () => Promise.reject(new SyntaxError("Unexpected token '<'"));

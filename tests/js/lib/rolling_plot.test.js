@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { Trace } from "../../../static/js/lib/rolling_plot.js";
 
 describe("the trace of numbers", () => {
-  it("keeps the last half minute, and a gap where a line has no number", () => {
+  it("keeps the last 30 s, with gaps for missing numbers", () => {
     const trace = new Trace(30);
     trace.names = ["/a x"];
     for (let second = 0; second <= 40; second += 1) trace.add(second, new Map([["/a x", second]]));
@@ -11,7 +11,7 @@ describe("the trace of numbers", () => {
     expect(trace.columns[1].at(-1)).toBe(null);
   });
 
-  it("keeps a line's past when another comes or goes", () => {
+  it("keeps a line's past when another is added or removed", () => {
     const trace = new Trace(30);
     trace.names = ["/a x"];
     trace.add(0, new Map([["/a x", 5]]));

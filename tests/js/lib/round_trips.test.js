@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { DelayEchoes, RoundTrips } from "../../../static/js/lib/round_trips.js";
 
 describe("round trips", () => {
-  it("are told by the middle one of the last few, so that one hiccup does not show", () => {
+  it("are shown as a median, so that one slow trip is hidden", () => {
     const trips = new RoundTrips();
     expect(trips.median).toBeNull();
     for (const trip of [8, 9, 400, 10, 8]) trips.add(trip);

@@ -3,7 +3,7 @@ import { LiveSocket, socketUrl } from "../../../static/js/lib/socket.js";
 import { FakeSocket, made } from "../fake_socket.js";
 
 describe("the address", () => {
-  it("is as safe as the page's own", () => {
+  it("is encrypted if the page's own address is", () => {
     expect(socketUrl("/ws/fleet/", "https://lab.example/robots/a/")).toBe(
       "wss://lab.example/ws/fleet/",
     );
@@ -54,7 +54,7 @@ describe("the live socket", () => {
     expect(codes).toEqual([1006]);
   });
 
-  it("waits longer after each failure and starts afresh after a connection that lasted", () => {
+  it("waits longer after each failure, until a connection lasts", () => {
     for (let failures = 0; failures < 5; failures += 1) {
       made.at(-1).close();
       vi.advanceTimersByTime(2000);
@@ -67,7 +67,7 @@ describe("the live socket", () => {
     expect(made).toHaveLength(7);
   });
 
-  it("waits longer too when connections open and the server closes them", () => {
+  it("waits longer too when the server closes new connections", () => {
     for (let failures = 0; failures < 5; failures += 1) {
       made.at(-1).opens();
       made.at(-1).says('{"t":"welcome"}');
@@ -83,7 +83,7 @@ describe("the live socket", () => {
     expect(made).toHaveLength(7);
   });
 
-  it("takes an attempt that never opened for no connection that lasted", () => {
+  it("does not count a failed attempt as a lasting connection", () => {
     made[0].opens();
     vi.advanceTimersByTime(60_000);
     for (let failures = 0; failures < 5; failures += 1) {
@@ -95,7 +95,7 @@ describe("the live socket", () => {
     expect(made).toHaveLength(6);
   });
 
-  it("gives up a connection that is silent, and ignores what it still says", () => {
+  it("gives up a silent connection, ignores its late messages", () => {
     made[0].opens();
     const heard = vi.fn();
     socket.addEventListener("down", heard);
@@ -105,13 +105,13 @@ describe("the live socket", () => {
     expect(made).toHaveLength(2);
   });
 
-  it("tries at once when the device is back in the network", () => {
+  it("tries at once when the device is online again", () => {
     made[0].close();
     window.dispatchEvent(new Event("online"));
     expect(made).toHaveLength(2);
   });
 
-  it("gives up an attempt that does not open, and takes one back that does", () => {
+  it("gives up an attempt that does not open, then tries again", () => {
     vi.advanceTimersByTime(2900);
     expect(made).toHaveLength(1);
     vi.advanceTimersByTime(100 + 250);
@@ -134,7 +134,7 @@ describe("the live socket", () => {
     expect(socket.open).toBe(true);
   });
 
-  it("begins anew when the device is back in the network, whatever an attempt still waits for", () => {
+  it("restarts a waiting attempt when the device is online", () => {
     window.dispatchEvent(new Event("online"));
     expect(made).toHaveLength(2);
     expect(made[0].readyState).toBe(3);

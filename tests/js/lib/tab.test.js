@@ -13,12 +13,12 @@ describe("the tab", () => {
     expect(tabClock()()).toBeGreaterThan(0);
   });
 
-  it("has a token that the wire takes", () => {
+  it("has a token that the wire format accepts", () => {
     expect(randomToken()).toMatch(/^[A-Za-z0-9_-]{16,64}$/);
     expect(randomToken()).not.toBe(randomToken());
   });
 
-  it("has a clock that goes on over a reload", () => {
+  it("has a clock that continues after a reload", () => {
     sessionStorage.clear();
     const first = tabClock()();
     sessionStorage.setItem("tab-origin", String(performance.timeOrigin - 60_000)); // opened a minute ago

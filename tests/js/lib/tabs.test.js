@@ -36,7 +36,7 @@ describe("the tabs", () => {
     location.hash = "";
   });
 
-  it("begin with the one that the address names, else with the first", () => {
+  it("begin with the tab in the address, else with the first", () => {
     tabs.begin();
     expect(root.dataset.tab).toBe("centre");
     expect(changes).toEqual([{ tab: "centre", before: null }]);
@@ -44,7 +44,7 @@ describe("the tabs", () => {
     expect(tabIn("#main", NAMES)).toBeNull();
   });
 
-  it("follow the address, and tell what was shown before", () => {
+  it("follow the address, and report the previous tab", () => {
     tabs.begin();
     goTo("#speech");
     expect(changes.at(-1)).toEqual({ tab: "speech", before: "centre" });
@@ -54,7 +54,7 @@ describe("the tabs", () => {
     expect(changes).toHaveLength(2);
   });
 
-  it("are changed by the click itself: the next key already meets the new one", () => {
+  it("change during the click, before the next key", () => {
     tabs.begin();
     const click = (more) =>
       link("drive").dispatchEvent(
@@ -69,7 +69,7 @@ describe("the tabs", () => {
     expect(changes).toHaveLength(2);
   });
 
-  it("tell the style sheet which of them have the joystick", () => {
+  it("tell the style sheet which tabs have the joystick", () => {
     link("centre").dataset.stick = "";
     tabs.begin();
     expect(root.dataset.stick).toBe("true");

@@ -31,7 +31,7 @@ function element(width, height) {
 describe("a plot", () => {
   beforeEach(() => drawn.splice(0));
 
-  it("leaves its legend room, and is not drawn where there is none for itself", () => {
+  it("leaves room for its legend, and needs room to be drawn", () => {
     const look = () => ({ legendRows: 2 });
     for (const height of [200, 40]) {
       const plot = new Plot(element(300, height), () => [[0]], look);
@@ -41,7 +41,7 @@ describe("a plot", () => {
     expect(drawn.map(({ options }) => [options.width, options.height])).toEqual([[300, 148]]);
   });
 
-  it("is drawn anew in other colours, with what it has come to show, until it is closed", () => {
+  it("is redrawn in a new theme's colours until it is closed", () => {
     const columns = [[0], [1]];
     const plot = new Plot(
       element(300, 200),

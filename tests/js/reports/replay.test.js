@@ -25,18 +25,18 @@ describe("the place of the robot at a moment", () => {
     expect(placeAt(DRIVES, 20)).toEqual({ ...place, moving: true });
   });
 
-  it("is where the first drive began, before that, and where the last ended, after that", () => {
+  it("is the first start before, and the last end after drives", () => {
     expect(placeAt(DRIVES, 0)).toEqual({ x: 0, y: 0, degrees: 0, moving: false });
     expect(placeAt(DRIVES, 100)).toEqual({ x: 50, y: 20, degrees: -90, moving: false });
   });
 
-  it("is nowhere without a drive", () => {
+  it("does not exist without a drive", () => {
     expect(placeAt([], 5)).toBeNull();
   });
 });
 
-describe("what was last at a moment", () => {
-  it("is the last that is not later", () => {
+describe("the last entry at a moment", () => {
+  it("is the last one that is not later", () => {
     const times = [0, 2, 2, 5];
     expect([-1, 0, 2, 4.9, 9].map((time) => lastAt(times, time))).toEqual([-1, 0, 2, 2, 3]);
   });

@@ -44,7 +44,7 @@ describe("the list of motions", () => {
     expect(button("Wave").firstElementChild.textContent).toBe("Play");
   });
 
-  it("does not cancel by the second press of a double click what the first began", () => {
+  it("does not cancel on the second press of a double click", () => {
     motions.mayAct = motions.mayCancel = true;
     motions.state = { motion: { name: "wave", who: "Ann" } };
     button("Wave").dispatchEvent(new MouseEvent("click", { detail: 2 }));
@@ -67,7 +67,7 @@ describe("the list of motions", () => {
     clock.mockRestore();
   });
 
-  it("takes a key that is held down for one press, on a motion and in the search", () => {
+  it("takes a held key as one press, also in the search", () => {
     motions.mayAct = motions.mayCancel = true;
     const held = () =>
       new KeyboardEvent("keydown", { key: "Enter", repeat: true, bubbles: true, cancelable: true });
@@ -81,21 +81,21 @@ describe("the list of motions", () => {
     expect(send).not.toHaveBeenCalled();
   });
 
-  it("keeps room for the other word, so that nothing moves when it comes", () => {
+  it("keeps room for the button's other word", () => {
     const act = button("Wave").firstElementChild;
     expect([act.textContent, act.dataset.later]).toEqual(["Play", "Cancel"]);
     motions.state = { motion: { name: "wave", who: "Ann" } };
     expect([act.textContent, act.dataset.later]).toEqual(["Cancel", "Play"]);
   });
 
-  it("lets a second one be pressed: the robot says why not, and who runs which", () => {
+  it("sends a second motion, which the robot then refuses", () => {
     motions.mayAct = motions.mayCancel = true;
     motions.state = { motion: { name: "wave", who: "Ann" } };
     button("Bow").click();
     expect(send).toHaveBeenCalledWith({ t: "play", motion: "bow", title: "Bow" });
   });
 
-  it("looks as if it did nothing without control; a supervisor may cancel all the same", () => {
+  it("looks disabled without control; supervisors may cancel", () => {
     motions.mayAct = false;
     motions.mayCancel = true;
     motions.state = { motion: { name: "wave", who: "Ann" } };
@@ -122,14 +122,14 @@ describe("the list of motions", () => {
     expect(send).toHaveBeenCalledWith({ t: "refresh" });
   });
 
-  it("knows a motion's name for people", () => {
+  it("knows a motion's display name", () => {
     expect(motions.titleOf("wave")).toBe("Wave");
     expect(motions.titleOf("gone")).toBe("gone");
   });
 });
 
 describe("motions in words", () => {
-  it("tell how one ended, with the robot's own words where something went wrong", () => {
+  it("say how one ended, with the robot's reason for a failure", () => {
     const ended = { name: "wave", outcome: "intruder", text: "Laser, 0.3 m ahead." };
     expect(endNotice(ended, "Wave")).toMatchObject({
       level: "warning",
@@ -145,7 +145,7 @@ describe("motions in words", () => {
     });
   });
 
-  it("say how long one takes, if the robot knows", () => {
+  it("say how long one lasts, if the robot knows", () => {
     expect(durationText(3.24)).toBe("3.2 s");
     expect(durationText(12.6)).toBe("13 s");
     expect(durationText(null)).toBe("");

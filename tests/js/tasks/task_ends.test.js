@@ -1,7 +1,7 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
 import { ChoiceEnds, Endings } from "../../../static/js/tasks/task_ends.js";
 
-describe("endings", () => {
+describe("ends of tasks", () => {
   let tell;
   let ends;
 
@@ -11,7 +11,7 @@ describe("endings", () => {
     ends.follow(null, { number: 4, outcome: "done" });
   });
 
-  it("are told once, to the page that began it", () => {
+  it("are reported once, to the page that began the task", () => {
     ends.begin();
     ends.follow("Hola", { number: 4, outcome: "done" });
     expect(ends.follow(null, { number: 5, outcome: "failed" })).toBe(true);
@@ -19,7 +19,7 @@ describe("endings", () => {
     expect(tell.mock.calls).toEqual([[{ number: 5, outcome: "failed" }, "Hola"]]);
   });
 
-  it("are named as what was begun, and not told of what was refused", () => {
+  it("carry the task's name; a refused task has no end", () => {
     const undo = ends.begin("Hola");
     ends.follow(null, { number: 5, outcome: "done" });
     undo();
@@ -28,7 +28,7 @@ describe("endings", () => {
     expect(tell.mock.calls).toEqual([[{ number: 5, outcome: "done" }, "Hola"]]);
   });
 
-  it("are told without the words by whom, to the page that cancelled", () => {
+  it("do not name the person to the page that cancelled", () => {
     const cancelled = { outcome: "cancelled", text: "Its holder cancelled it." };
     const cancel = () => ends.begin(undefined, true);
     ends.begin("Hola");
@@ -48,12 +48,12 @@ describe("endings", () => {
     ]);
   });
 
-  it("of others are not told, nor one from before this page was opened", () => {
+  it("are not reported for other people's or earlier tasks", () => {
     expect(ends.follow(null, { number: 5, outcome: "done" })).toBe(true);
     expect(tell).not.toHaveBeenCalled();
   });
 
-  it("that nobody tells, because the bridge ended with what ran, are told as unheard", () => {
+  it("are reported as unheard when the bridge ended", () => {
     ends.begin();
     ends.follow("wave", { number: 4, outcome: "done" });
     ends.lost();
@@ -64,7 +64,7 @@ describe("endings", () => {
     expect(tell.mock.calls).toEqual([[{ outcome: "unheard", text: "" }, "wave"]]);
   });
 
-  it("are those of what still runs, or has ended meanwhile, after a loss of the connection", () => {
+  it("are reported after a lost connection", () => {
     ends.begin();
     ends.follow("wave", { number: 4, outcome: "done" });
     ends.lost();
@@ -74,7 +74,7 @@ describe("endings", () => {
     expect(tell.mock.calls).toEqual([[{ number: 5, name: "wave", outcome: "succeeded" }, "wave"]]);
   });
 
-  it("are named as the robot names them", () => {
+  it("use the robot's names", () => {
     ends.begin();
     ends.follow(null, { number: 5, name: "wave", outcome: "succeeded" });
     expect(tell.mock.calls[0][1]).toBe("wave");
@@ -82,7 +82,7 @@ describe("endings", () => {
 });
 
 describe("chosen topics that vanish", () => {
-  it("are told of once, each time; what was so before this page was opened is old news", () => {
+  it("are reported once each, but not from before the page", () => {
     const told = [];
     const ends = new ChoiceEnds((text) => told.push(text));
     const speech = { number: 4, text: "/say is gone." };

@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Orders, shortened } from "../../../static/js/tasks/tasks.js";
 
-describe("orders", () => {
+describe("tasks", () => {
   let sent;
   let told;
   let orders;
@@ -21,7 +21,7 @@ describe("orders", () => {
     vi.useRealTimers();
   });
 
-  it("go under the number of this tab's control, each with a number of its own", () => {
+  it("carry this tab's fence, and a number each", () => {
     orders.send({ t: "play", motion: "wave", title: "Wave" });
     orders.send({ t: "refresh" });
     expect(sent).toEqual([
@@ -37,13 +37,13 @@ describe("orders", () => {
     expect(told[0].text).toBe("Play wave: Take control first.");
   });
 
-  it("of those who may cancel without control go without its number", () => {
+  it("to cancel without control carry no fence", () => {
     orders.fence = null;
     orders.send({ t: "play_cancel" });
     expect(sent).toEqual([{ t: "play_cancel", seq: 101 }]);
   });
 
-  it("that are repeated quietly tell of a refusal only", () => {
+  it("report only a refusal when repeated quietly", () => {
     orders.send({ t: "publish", topic: "/key_vel", quiet: true });
     orders.send({ t: "publish", topic: "/key_vel", quiet: true });
     expect(sent[0]).toEqual({ t: "publish", topic: "/key_vel", seq: 101, fence: 7 });
@@ -54,7 +54,7 @@ describe("orders", () => {
     expect(told.length).toBe(1);
   });
 
-  it("are told of once: accepted, what is done by it", async () => {
+  it("are reported once when accepted, with the effect", async () => {
     const answer = orders.send({ t: "look_ahead" });
     expect(orders.heard({ t: "accepted", of: "look_ahead", seq: 101 })).toBe(true);
     expect(await answer).toBeNull();
@@ -65,7 +65,7 @@ describe("orders", () => {
     expect(told).toHaveLength(1);
   });
 
-  it("are told of once: refused, why", async () => {
+  it("are reported once when refused, with the reason", async () => {
     const answer = orders.send({ t: "play", motion: "wave", title: "Wave" });
     const refusal = { code: "motion_runs", text: "Ann has it perform bow.", rule: "robot" };
     orders.heard({ t: "refused", of: "play", seq: 101, refusal });
@@ -79,7 +79,7 @@ describe("orders", () => {
     ]);
   });
 
-  it("are told apart by what was asked for: only repeats of the same are counted together", () => {
+  it("share a notice only with repeats of the same task", () => {
     for (const topic of ["/say", null]) orders.send({ t: "choose", use: "speech", topic });
     for (const seq of [101, 102]) orders.heard({ t: "accepted", of: "choose", seq });
     orders.fence = null;
@@ -98,14 +98,14 @@ describe("orders", () => {
     expect(told[1].level).toBe("success");
   });
 
-  it("that were said to get no answer are not told once more when the connection is lost", () => {
+  it("report a missing answer once, also after a lost connection", () => {
     orders.send({ t: "look_ahead" });
     vi.advanceTimersByTime(4000);
     orders.lost();
     expect(told).toHaveLength(1);
   });
 
-  it("are refused at once without a connection, and when it is lost", async () => {
+  it("are refused without a connection, and when it is lost", async () => {
     const answer = orders.send({ t: "play", motion: "wave" });
     orders.lost();
     expect((await answer).code).toBe("no_answer");

@@ -31,7 +31,7 @@ describe("the channel of the topics", () => {
     vi.useRealTimers();
   });
 
-  it("says of an answer that it is late, and not of one that came", async () => {
+  it("reports a late answer, but not one that came in time", async () => {
     const late = vi.fn();
     channel.addEventListener("late", late);
     const asked = channel.ask({ t: "topics" });
@@ -46,7 +46,7 @@ describe("the channel of the topics", () => {
     expect(await second).toMatchObject({ seq: 2 });
   });
 
-  it("says once that answers are late, and again only after they came", async () => {
+  it("reports late answers once, and again after they came", async () => {
     const late = vi.fn();
     channel.addEventListener("late", late);
     const asked = [channel.ask({ t: "topics" }), channel.ask({ t: "parameters" })];
@@ -60,7 +60,7 @@ describe("the channel of the topics", () => {
     expect(late).toHaveBeenCalledTimes(2);
   });
 
-  it("hears nothing more of a socket that it has closed", async () => {
+  it("ignores a socket that it has closed", async () => {
     channel.close();
     channel.open();
     made[1].opens();
@@ -74,7 +74,7 @@ describe("the channel of the topics", () => {
     expect(shown).not.toHaveBeenCalled();
   });
 
-  it("gives up what says nothing any more, and asks for what was looked at again", async () => {
+  it("gives up a silent socket and renews its subscriptions", async () => {
     channel.look("/odom", 5, () => {});
     const asked = expect(channel.ask({ t: "topics" })).rejects.toThrow("connection was lost");
     vi.advanceTimersByTime(6000);
@@ -84,7 +84,7 @@ describe("the channel of the topics", () => {
     expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);
   });
 
-  it("looks away while its page is hidden", () => {
+  it("pauses subscriptions while its page is hidden", () => {
     channel.look("/odom", 5, () => {});
     const hidden = vi.spyOn(document, "hidden", "get").mockReturnValue(true);
     document.dispatchEvent(new Event("visibilitychange"));
@@ -98,7 +98,7 @@ describe("the channel of the topics", () => {
     expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);
   });
 
-  it("looks again at the same when it is opened again", () => {
+  it("renews the same subscriptions when opened again", () => {
     channel.look("/odom", 5, () => {});
     channel.close();
     channel.open();
@@ -106,7 +106,7 @@ describe("the channel of the topics", () => {
     expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);
   });
 
-  it("lets a question fail with the connection", async () => {
+  it("fails a query when the connection is lost", async () => {
     const asked = expect(channel.ask({ t: "topics" })).rejects.toThrow("connection was lost");
     made[0].ends();
     await asked;

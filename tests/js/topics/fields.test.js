@@ -36,7 +36,7 @@ describe("a message as rows", () => {
     ]);
   });
 
-  it("has a row for each element of a list that is opened", () => {
+  it("has a row for each element of an opened list", () => {
     const found = rows({ ranges: [1.5, "Infinity"] }, new Set(["ranges"]));
     expect(found.map(({ path, value, isOpen }) => [path, value, isOpen])).toEqual([
       ["ranges", [1.5, "Infinity"], true],
@@ -45,7 +45,7 @@ describe("a message as rows", () => {
     ]);
   });
 
-  it("ends before a page that nobody reads", () => {
+  it("stops at a readable number of rows", () => {
     const many = Object.fromEntries(Array.from({ length: 1000 }, (_, i) => [`f${i}`, i]));
     expect(rows(many).length).toBe(PATHS_AT_MOST);
   });
@@ -61,14 +61,14 @@ describe("a message as rows", () => {
 });
 
 describe("values and figures in words", () => {
-  it("shortens numbers, and says how long a list is that is shown in part", () => {
+  it("shorten numbers, and give a shortened list's length", () => {
     expect(valueText(0.123456)).toBe("0.123");
     expect(valueText(1e-9)).toBe("1.000e-9");
     expect(valueText([1, 2], 666)).toBe("[1, 2, … (666)]");
     expect(valueText("nan")).toBe("nan");
   });
 
-  it("tells rate, size, publishers and age", () => {
+  it("show rate, size, publishers and age", () => {
     const figures = { number: 9, rate_hz: 9.96, bytes: 2700, age_s: 0.031, publishers: 1 };
     expect(figuresText(figures)).toBe("10.0 Hz · 2.7 kB · 1 publisher · stamped 0.03 s ago");
     expect(figuresText({ ...figures, publisher_names: ["/talker"] })).toContain(
@@ -94,7 +94,7 @@ describe("values and figures in words", () => {
     expect(figuresText({ ...figures, ...changed })).toContain(words);
   });
 
-  it("tells only who publishes before anything has come", () => {
+  it("show only the publishers before the first message", () => {
     expect(figuresText({ number: 0, rate_hz: null, bytes: 0, age_s: null, publishers: 1 })).toBe(
       "1 publisher",
     );

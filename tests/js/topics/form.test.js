@@ -30,7 +30,7 @@ describe("a form made from a definition", () => {
     form = new MessageForm(root, FIELDS);
   });
 
-  it("holds what an untouched message holds", () => {
+  it("holds the default values of a message", () => {
     expect(form.values).toEqual({
       header: { stamp: "now", frame_id: "" },
       count: 0,
@@ -60,7 +60,7 @@ describe("a form made from a definition", () => {
     });
   });
 
-  it("has a form of its own for each message of a list, as many as are wanted", () => {
+  it("has a form for each message of a list, to add and remove", () => {
     const add = () => root.querySelector('[aria-label="Add one to points"]').click();
     for (let count = 0; count < 3; count += 1) add();
     field("points-0-x").value = "1";
@@ -77,7 +77,7 @@ describe("a form made from a definition", () => {
     expect(form.values.points).toHaveLength(3);
   });
 
-  it("has as many as a list must have, and writes very many as JSON", () => {
+  it("has as many as a fixed list needs, very many as JSON", () => {
     const fields = [{ name: "x", type: "float64" }];
     form = new MessageForm(root, [
       { name: "pair", type: "e/P", array: 2, fields },
@@ -90,7 +90,7 @@ describe("a form made from a definition", () => {
     expect(form.values.pair).toEqual([{ x: 0 }, { x: 0 }]);
   });
 
-  it("offers constants to choose from, and takes any other value of the type too", () => {
+  it("offers constants, and takes any other value of the type", () => {
     const choice = root.querySelector('[aria-label="Constants of mode"]');
     const choose = (name) => {
       choice.value = name;
@@ -136,7 +136,7 @@ describe("a form made from a definition", () => {
     expect(form.values).toEqual({ ping: {} });
   });
 
-  it("has a box for what is true or false, whatever constants its type has", () => {
+  it("has a checkbox for booleans, even with constants", () => {
     form = new MessageForm(root, [
       { name: "on", type: "bool", constants: { OFF: false, ON: true } },
     ]);
@@ -144,7 +144,7 @@ describe("a form made from a definition", () => {
     expect(form.values).toEqual({ on: true });
   });
 
-  it("writes into nothing but the message, whatever its fields are called", () => {
+  it("writes only into the message, whatever the field names", () => {
     const keys = Object.keys;
     const fields = [{ name: "keys", type: "string" }];
     form = new MessageForm(root, [{ name: "constructor", type: "e/C", fields }]);
@@ -167,7 +167,7 @@ describe("a form made from a definition", () => {
     expect(root.querySelector(`#field-${path}-note`).textContent).toBe(words);
   });
 
-  it("shows what the robot's side found wrong, also within a list", () => {
+  it("shows an error that the bridge found, also within a list", () => {
     expect(form.fault("gains[1]", "gains[1]: a number.")).toBe(true);
     expect(field("gains-note").textContent).toBe("gains[1]: a number.");
     expect(form.fault("points[0].x", "points: at most 10000 values.")).toBe(true);

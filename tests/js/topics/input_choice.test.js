@@ -13,8 +13,8 @@ const GRAPH = {
   actions: [{ name: "/tts", type: "pal_interaction_msgs/TtsAction" }],
 };
 
-describe("where input could go", () => {
-  it("has the default first, then what may be chosen, then the rest with why not", () => {
+describe("topics to send input to", () => {
+  it("list the default, the choices, the rest with reasons", () => {
     const found = candidates(GRAPH, OFFER, "operator", "/phone_vel");
     expect(found.map(({ name, mark, why }) => [name, mark, why])).toEqual([
       ["/key_vel", "default", ""],
@@ -24,7 +24,7 @@ describe("where input could go", () => {
     ]);
   });
 
-  it("shows what is for others' roles, and that it is", () => {
+  it("show topics of other roles, marked so", () => {
     const offer = { ...OFFER, chooseable: { "/phone_vel": "supervisor", "/joy_vel": "staff" } };
     const whyOf = (role) =>
       Object.fromEntries(candidates(GRAPH, offer, role).map(({ name, why }) => [name, why]));
@@ -33,14 +33,14 @@ describe("where input could go", () => {
     expect(whyOf("supervisor")["/joy_vel"]).toBe("for staff");
   });
 
-  it("are actions for what is an action", () => {
+  it("show actions if the input is an action", () => {
     const offer = { topic: "/tts", type: "pal_interaction_msgs/TtsAction", chooseable: {} };
     expect(candidates(GRAPH, offer, "operator").map(({ name }) => name)).toEqual(["/tts"]);
   });
 });
 
-describe("the rows of where input goes", () => {
-  it("marks the default, and leads back to it with one press", () => {
+describe("the rows of input topics", () => {
+  it("mark the default, and lead back to it with one press", () => {
     const list = document.createElement("ul");
     const choices = new InputChoice(list);
     const chosen = vi.fn();
@@ -58,7 +58,7 @@ describe("the rows of where input goes", () => {
     expect(back.getAttribute("aria-disabled")).toBe("true");
   });
 
-  it("say why input would be in vain", () => {
+  it("say why a topic would ignore input", () => {
     const list = document.createElement("ul");
     const choices = new InputChoice(list);
     choices.uses = { drive: { ...OFFER, refusal: { text: "Nothing listens to /key_vel." } } };

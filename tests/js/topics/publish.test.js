@@ -21,8 +21,8 @@ function panelAt(ask) {
   return { parts, panel: new PublishPanel(parts, ask) };
 }
 
-describe("the form of what may be published", () => {
-  it("is there once a connection is, though the topic was offered before", async () => {
+describe("the publishing form", () => {
+  it("appears with the connection, for a topic offered before", async () => {
     const ask = vi.fn().mockRejectedValueOnce(new Error("There is no connection."));
     ask.mockResolvedValue(DEFINITION);
     const { parts, panel } = panelAt(ask);
@@ -49,7 +49,7 @@ describe("the form of what may be published", () => {
     expect(parts["publish-fault"].textContent).toBe("data: a text.");
   });
 
-  it("is another when the list gives the same topic another type", async () => {
+  it("is replaced when the same topic gets another type", async () => {
     const ask = vi.fn().mockResolvedValue(DEFINITION);
     const { panel } = panelAt(ask);
     panel.publishable = [NOTES];

@@ -9,7 +9,7 @@ const TWIST = {
 };
 const REST = { ...TWIST, fields: {}, quiet: true };
 
-describe("velocities that the page repeats", () => {
+describe("repeated velocities", () => {
   let sent;
   let repeater;
 
@@ -23,7 +23,7 @@ describe("velocities that the page repeats", () => {
     vi.useRealTimers();
   });
 
-  it("are told of once, and repeated quietly", () => {
+  it("are reported once, then repeated quietly", () => {
     repeater.begin(TWIST, 10);
     vi.advanceTimersByTime(250);
     expect(sent).toEqual([REST, TWIST, { ...TWIST, quiet: true }, { ...TWIST, quiet: true }]);
@@ -35,7 +35,7 @@ describe("velocities that the page repeats", () => {
     expect(sent).toEqual([REST, TWIST, REST, TWIST]);
   });
 
-  it("are never slower than the base needs them", () => {
+  it("are sent at least as often as the base needs", () => {
     repeater.begin(TWIST, 1);
     vi.advanceTimersByTime(1000);
     expect(sent.length).toBe(7);

@@ -20,7 +20,7 @@ describe("a parameter", () => {
     };
   }
 
-  it("is set, and that is said, with what the robot has then", async () => {
+  it("is set, and the robot's new value is shown", async () => {
     const ask = vi.fn().mockResolvedValueOnce({ value: 50 }).mockResolvedValueOnce({ value: 60 });
     const { view, value, said } = await shown(ask);
     expect(said.hidden).toBe(true);
@@ -44,7 +44,7 @@ describe("a parameter", () => {
     expect(value.value).toBe(written);
   });
 
-  it("is only read by who may not set it", async () => {
+  it("is read-only for roles that may not set it", async () => {
     const { view, value } = await shown(vi.fn().mockResolvedValue({ value: 50 }), false);
     expect(value.readOnly).toBe(true);
     expect(view.querySelector("button").hidden).toBe(true);
@@ -60,7 +60,7 @@ describe("a service", () => {
     return view;
   }
 
-  it("is called with its form, and its answer shown", async () => {
+  it("is called with its form, and shows its answer", async () => {
     const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
     ask.mockResolvedValueOnce({ fields: { success: true } });
     const view = await opened(ask);
@@ -75,7 +75,7 @@ describe("a service", () => {
     expect(view.querySelector(".answer").textContent).toContain('"success": true');
   });
 
-  it("whose answer is shown in part says so", async () => {
+  it("says when its answer is shown in part", async () => {
     const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
     ask.mockResolvedValueOnce({ fields: { cells: [1, 2] }, shortened: { cells: 1000 } });
     const view = await opened(ask);
@@ -83,7 +83,7 @@ describe("a service", () => {
     expect(view.querySelector(".answer").textContent).toContain("Shown in part: cells (1000)");
   });
 
-  it("shows a refusing service and the place of a wrong field", async () => {
+  it("shows a refusal and the place of a wrong field", async () => {
     const ask = vi.fn().mockResolvedValueOnce(DESCRIBED);
     ask.mockRejectedValueOnce(refused("/lamp said no"));
     ask.mockRejectedValueOnce(refused("data: true or false", "data"));

@@ -15,7 +15,7 @@ function shown(number, fields, rest = {}) {
   return { topic: "/a", type: TYPE, number, rate_hz: 1, bytes: 8, publishers: 1, fields, ...rest };
 }
 
-describe("a topic that is looked at", () => {
+describe("the view of a topic", () => {
   let watch;
   const table = () => watch.element.querySelector("dl");
   const button = (label) => table().querySelector(`button[aria-label="${label}"]`);
@@ -25,7 +25,7 @@ describe("a topic that is looked at", () => {
     document.body.replaceChildren(watch.element);
   });
 
-  it("keeps what it knows of the type until a message says more", () => {
+  it("keeps the known type until a message brings another", () => {
     watch.show(shown(0, {}, { type: "*", refusal: { text: "Nothing has come on /a yet." } }));
     expect(watch.element.querySelector("h3").textContent).toContain(TYPE);
     expect(watch.element.querySelector(".why").textContent).toContain("Nothing has come");
@@ -33,14 +33,14 @@ describe("a topic that is looked at", () => {
     expect(watch.element.querySelector("h3").textContent).toContain("std_msgs/String");
   });
 
-  it("tells the whole length of a list that is shown in part", () => {
+  it("gives the whole length of a shortened list", () => {
     const fields = { ranges: [1, 2], constructor: [3] };
     watch.show(shown(1, fields, { shortened: { ranges: 666 } }));
     expect(table().textContent).toContain("[1, 2, … (666)]");
     expect(table().textContent).toContain("[3]");
   });
 
-  it("leaves the rows alone that are still there, whatever comes between them", () => {
+  it("keeps existing rows when others come between them", () => {
     const list = (...xs) => ({ list: xs.map((x) => ({ x })), last: 1 });
     watch.show(shown(1, list(1)));
     const before = button("Plot last");
@@ -58,7 +58,7 @@ describe("a topic that is looked at", () => {
     expect(table().textContent).toContain("7");
   });
 
-  it("says that nothing is heard of it any more, until something is", () => {
+  it("says when messages stop, until the next one", () => {
     vi.useFakeTimers();
     watch.show(shown(1, { data: 1 }));
     expect(watch.element.dataset.stale).toBe(undefined);
@@ -71,7 +71,7 @@ describe("a topic that is looked at", () => {
     vi.useRealTimers();
   });
 
-  it("shows whatever a text holds as text", () => {
+  it("shows any text as plain text", () => {
     const text = "<img src=x onerror=alert(1)>\u0000\n\u202eabc";
     watch.show(shown(1, { data: text }));
     expect(table().querySelector("img")).toBe(null);

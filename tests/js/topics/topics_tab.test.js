@@ -42,7 +42,7 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     vi.useRealTimers();
   });
 
-  it("says that control is needed to choose, when that is known and pressed", () => {
+  it("says that choosing needs control, once this is known", () => {
     const control = document.querySelector("[data-part=uses-control]");
     const [, change] = document.querySelectorAll("[data-part=uses] button");
     tab.mayAct = null;
@@ -54,7 +54,7 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     expect(document.querySelector("dialog").open).toBe(false);
   });
 
-  it("tells so once, and every empty list says that the robot is asked", async () => {
+  it("reports the delay once; empty lists say Asking the robot", async () => {
     [...document.querySelectorAll("button")].find((b) => b.textContent === "Change…").click();
     for (const name of ["topic-list", "service-list", "parameter-list", "choose-list"])
       expect([emptyOf(name).textContent, emptyOf(name).hidden]).toEqual([
@@ -69,7 +69,7 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     expect(document.querySelector("[data-part=choose-list] input").hidden).toBe(false);
   });
 
-  it("tells so again when it is opened again while what had no answer was to be asked once more", async () => {
+  it("reports the delay again when opened again while asking", async () => {
     const refusal = { code: "inspector_silent", text: "Ask again." };
     made[0].says(JSON.stringify({ t: "refused", seq: made[0].sent[0].seq, refusal }));
     answers(made[0]);
