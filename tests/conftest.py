@@ -1,12 +1,12 @@
-"""The standing cast: people by their role on one robot, and the robots.
+"""Fixtures for all tests: robots, and one person for each role.
 
-    staff       everything, on every robot
-    supervisor  of `robot`
-    operator    of `robot`
-    observer    of `robot`
-    stranger    signed in like the others, with no role on any robot
+    staff       all rights on every robot
+    supervisor  role on `robot`
+    operator    role on `robot`
+    observer    role on `robot`
+    stranger    has an account, but no role on any robot
 
-Transactional tests find the database as migrations leave it: `tests.pristine` makes it anew after each of them.
+Each transactional test starts with the freshly migrated database: `tests.pristine` restores it.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from teleop.stop import emergency_stop
 from tests.disk import Disk
 from tests.pristine import pristine_copy
 
-# The same examples in every run: what turns red does so because of a change. HYPOTHESIS_PROFILE=search looks further.
-# How long an example takes says how busy the machine is.
+# Every run tries the same examples, so that a failure has its cause in a change. HYPOTHESIS_PROFILE=search tries new
+# ones. No deadline: a busy machine slows examples.
 UNTIMED = hypothesis.settings(deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
 hypothesis.settings.register_profile("steady", UNTIMED, derandomize=True)
 hypothesis.settings.register_profile("search", UNTIMED)
@@ -43,7 +43,7 @@ PASSWORD = "a long walk on the beach"
 
 @pytest.fixture(scope="session")
 def django_db_setup(django_db_setup: None, django_db_blocker: DjangoDbBlocker) -> Iterator[None]:
-    """The test database, which transactional tests find as it was made (`tests.pristine`)."""
+    """The test database. It is restored after each transactional test (`tests.pristine`)."""
     with django_db_blocker.unblock():
         copy = pristine_copy()
     with pytest.MonkeyPatch.context() as patch:
@@ -56,7 +56,7 @@ def django_db_setup(django_db_setup: None, django_db_blocker: DjangoDbBlocker) -
 
 
 def _end_other_connections() -> None:
-    """Channels' test communicators leave connections open in their threads; PostgreSQL drops no database in use."""
+    """Channels' test communicators leave connections open, and PostgreSQL does not drop a database in use."""
     with connection.cursor() as cursor:
         cursor.execute(
             "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
@@ -66,7 +66,7 @@ def _end_other_connections() -> None:
 
 @pytest.fixture
 def disk(transactional_db: None) -> Iterator[Disk]:
-    """The disk of the database; `disk.fill()` fills it."""
+    """`disk.fill()` fills the disk of the database."""
     if connection.vendor != "sqlite":
         pytest.skip("limits the database file")
     disk = Disk()
@@ -76,19 +76,17 @@ def disk(transactional_db: None) -> Iterator[Disk]:
 
 @pytest.fixture(autouse=True)
 def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[refusals.RefusedRequest]]:
-    """What is refused in a test is written in it or not at all."""
+    """Refusals of this test. They are written before the test ends or never."""
     own = RepeatSuppressor(refusals.write_record)
     yield from _while_test_lasts(own, refusals, monkeypatch)
 
 
 @pytest.fixture(autouse=True)
 def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[emergency_stop.Press]]:
-    """Stops that are pressed in a test are written in it or not at all: the next test would wait for the database."""
+    """Stop presses of this test. They are written before it ends or never: a late write would delay the next test."""
     own = RepeatSuppressor(emergency_stop.write_record, most=None)
     yield from _while_test_lasts(own, emergency_stop, monkeypatch)
-    in_database_background(lambda: None).result(
-        10
-    )  # their results too must not be written during the next test
+    in_database_background(lambda: None).result(10)  # their results must not be written during the next test
 
 
 def _while_test_lasts(
@@ -105,13 +103,13 @@ def _while_test_lasts(
 
 @pytest.fixture
 def tiago(db: None) -> RobotProfile:
-    """The profile that the console ships."""
+    """The shipped TIAGo profile."""
     return RobotProfile.objects.get(slug="tiago")
 
 
 @pytest.fixture
 def robot(tiago: RobotProfile) -> Robot:
-    """The robot on which the cast has its roles. Its master does not exist."""
+    """The robot on which these people have their roles. Its master does not exist."""
     return Robot.objects.create(
         slug="tiago-1", name="TIAGo 1", profile=tiago, master_uri="http://127.0.0.1:9"
     )
@@ -119,7 +117,7 @@ def robot(tiago: RobotProfile) -> Robot:
 
 @pytest.fixture
 def other_robot(tiago: RobotProfile) -> Robot:
-    """A robot on which nobody but staff has a role."""
+    """A robot on which only staff has rights."""
     return Robot.objects.create(
         slug="tiago-2", name="TIAGo 2", profile=tiago, master_uri="http://127.0.0.1:9"
     )
@@ -164,7 +162,7 @@ def _person_with(username: str, full_name: str, robot: Robot, role: Role) -> Use
 
 @pytest.fixture
 def signed_in() -> Callable[[User], Client]:
-    """`signed_in(operator)`: that person's browser."""
+    """`signed_in(operator)`: return that person's signed-in browser."""
 
     def sign_in(person: User) -> Client:
         client = Client()
@@ -176,7 +174,7 @@ def signed_in() -> Callable[[User], Client]:
 
 @pytest.fixture
 def websocket_headers() -> Callable[[Client], list[tuple[bytes, bytes]]]:
-    """`websocket_headers(client)`: what that browser sends when a page of ours opens a WebSocket."""
+    """`websocket_headers(client)`: the headers with which that browser opens a WebSocket from a page of the console."""
 
     def headers(client: Client) -> list[tuple[bytes, bytes]]:
         cookie = "; ".join(f"{name}={morsel.value}" for name, morsel in client.cookies.items())
@@ -191,7 +189,7 @@ def websocket_headers() -> Callable[[Client], list[tuple[bytes, bytes]]]:
 
 @pytest.fixture
 def end_session() -> Callable[[Client], None]:
-    """`end_session(client)`: what happens to a browser's session when its sign-in is ended elsewhere."""
+    """`end_session(client)`: end a browser's session, as if its sign-in was ended elsewhere."""
 
     def end(client: Client) -> None:
         Session.objects.filter(pk=client.session.session_key).delete()

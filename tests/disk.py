@@ -1,4 +1,4 @@
-"""A disk that is full: SQLite's own limit of pages, so that a write fails as it does on a real one (SQLITE_FULL)."""
+"""A full disk: SQLite's page limit makes writes fail as on a full disk (SQLITE_FULL)."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from django.db.backends.signals import connection_created
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.services import record
 
-# Characters. Large records take the free pages, small ones what is left in others.
+# Characters. Large records use up free pages, small records the rest of other pages.
 FILLERS = (100_000, 1_000, 0)
-FAILURES = 100  # in a row, until nothing is taken to fit: records land on different pages of an index
+FAILURES = 100  # in a row mean full: records land on different pages of an index
 
 
 class Disk:
-    """The disk below the database file: no room from `fill` on, whichever thread or connection writes, until `free`."""
+    """The disk of the database file. Between `fill` and `free`, writes of all threads and connections fail."""
 
     def __init__(self) -> None:
         self._pages = 0
 
     def fill(self) -> None:
-        """Let the file not grow, and use up the room within it."""
+        """Forbid the file to grow, and use up its free space."""
         with connection.cursor() as cursor:
             cursor.execute("PRAGMA page_count")
             self._pages = cursor.fetchone()[0]
@@ -33,7 +33,7 @@ class Disk:
             self._use_up(length)
 
     def free(self) -> None:
-        """Room again, for connections opened from now on."""
+        """Allow new connections to write again."""
         connection_created.disconnect(self._created)
         connection.close()
 

@@ -1,7 +1,7 @@
-"""The test database as it was when the run began, and the way back to it.
+"""A copy of the new test database, to restore it after each transactional test.
 
-Django empties every table after a transactional test, which the triggers of the audit log refuse. So the database is
-made anew from a copy: nothing lifts a trigger, and what migrations had put there is there without running them again.
+Django empties all tables after a transactional test; the audit log's triggers refuse this. So the copy is restored
+instead: triggers stay on, and the rows that migrations wrote are there without running the migrations again.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ class Pristine(Protocol):
     """A copy of the test database."""
 
     def restore(self) -> None:
-        """Make the test database anew. Nothing may be under way in it."""
+        """Restore the test database. No transaction may be open."""
 
     def forget(self) -> None:
         """Remove the copy."""
 
 
 def pristine_copy() -> Pristine:
-    """A copy of the test database as it is now."""
+    """Copy the test database as it is now."""
     return OnSQLite() if connection.vendor == "sqlite" else OnPostgreSQL()
 
 
 class OnSQLite:
-    """A copy in memory. It is written over the file as one transaction, which connections of other threads survive."""
+    """A copy in memory. One transaction writes it over the file, so connections of other threads stay usable."""
 
     def __init__(self) -> None:
         self._file = connection.settings_dict["NAME"]
@@ -54,7 +54,7 @@ class OnSQLite:
 
 
 class OnPostgreSQL:
-    """A database to be the template of another one. Connections do not survive: every thread's is closed before."""
+    """A template database. Restoring needs the database unused, so the connections of all threads are closed first."""
 
     def __init__(self) -> None:
         self._name = connection.settings_dict["NAME"]
@@ -78,7 +78,7 @@ class OnPostgreSQL:
 
     def _close_all(self) -> None:
         for opened in list(self._opened):
-            opened.inc_thread_sharing()  # the threads are idle: they would find the connection dead
+            opened.inc_thread_sharing()  # safe: the threads are idle
             try:
                 opened.close()
             finally:

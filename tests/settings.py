@@ -1,6 +1,6 @@
-"""The product's settings for tests: a directory and a database of this run's own.
+"""The product's settings with a temporary directory and database for this test run.
 
-FLEET_DATABASE_URL may name a PostgreSQL server to run the same tests there.
+Set FLEET_DATABASE_URL to run the tests on a PostgreSQL server.
 """
 
 import atexit
@@ -12,7 +12,7 @@ from pathlib import Path
 if "PYTEST_VERSION" in os.environ:
     _directory = tempfile.mkdtemp(prefix="fleet-test-")
     atexit.register(shutil.rmtree, _directory, ignore_errors=True)
-else:  # mypy and the migrations check read these settings too, and mypy ends without cleaning up
+else:  # mypy and the migrations check read these settings too, and mypy does not clean up
     _directory = str(Path(__file__).resolve().parent.parent / "var/checks")
 
 for _name in [name for name in os.environ if name.startswith("FLEET_") and name != "FLEET_DATABASE_URL"]:
@@ -24,7 +24,7 @@ os.environ["FLEET_HOSTS"] = "testserver,localhost,127.0.0.1"
 from fleet.settings import *  # noqa: E402, F403
 from fleet.settings import DATABASES, FLEET_VAR, PASSWORD_HASHERS, STORAGES  # noqa: E402
 
-# A file, not memory: connections of several threads then wait for each other as they do in production.
+# A file, not memory: connections of several threads must wait for each other as in production.
 DATABASES["default"]["TEST"] = {
     "NAME": f"{_directory}/test.sqlite3"
     if "sqlite" in DATABASES["default"]["ENGINE"]
@@ -33,5 +33,5 @@ DATABASES["default"]["TEST"] = {
 (FLEET_VAR / "static").mkdir(exist_ok=True)  # WhiteNoise warns when there is none
 STORAGES["staticfiles"]["BACKEND"] = "django.contrib.staticfiles.storage.StaticFilesStorage"
 PRODUCTION_PASSWORD_HASHERS = PASSWORD_HASHERS
-# bcrypt takes a quarter of a second, each time.
+# Fast: bcrypt takes 0.25 s each time.
 PASSWORD_HASHERS = ["django.contrib.auth.hashers.MD5PasswordHasher"]

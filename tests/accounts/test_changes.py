@@ -1,4 +1,4 @@
-"""Whatever happens to an account is on record, also what happens on the command line."""
+"""Every change of an account is recorded, also changes by the command line."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.django_db
 
 
 def changes_of(person: User) -> list[list[dict[str, Any]]]:
-    """What the records say was changed in an account, oldest first."""
+    """Return the recorded changes of an account, oldest first."""
     records = Record.objects.filter(kind="account.change", parameters__user=str(person.pk)).order_by("id")
     return [entry.details["changes"] for entry in records]
 

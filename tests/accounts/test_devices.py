@@ -1,4 +1,4 @@
-"""A sign-in is shown by a device that its owner recognises."""
+"""A sign-in is listed with a device name that its owner recognises."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A person can be forgotten, and the log stays whole."""
+"""A person can be erased, and the log still verifies."""
 
 import io
 import uuid
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.django_db
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch):
-    """Nobody waits for what other processes have not written yet."""
+    """Skip the wait for unwritten records of other processes."""
     monkeypatch.setattr("fleet.accounts.management.commands.erase_person.sleep", lambda _s: None)
 
 
@@ -79,7 +79,7 @@ def test_others_records_do_not_name_them_either(operator, staff, name):
     [
         "fleet.audit.erasure._by_or_about",
         "fleet.audit.erasure.take_out",
-        "fleet.audit.erasure.time.sleep",  # after the first content, which has the names that the account had
+        "fleet.audit.erasure.time.sleep",  # after the first content, which holds the account's names
     ],
 )
 def test_who_is_interrupted_repeats_it_and_nothing_is_left(operator, staff, step, monkeypatch):
@@ -101,7 +101,7 @@ def test_it_waits_longer_than_the_fold_and_explains_restart(operator):
 
 
 def test_late_records_of_old_refusals_name_nobody(operator, staff, monkeypatch):
-    """Refusals are folded for some seconds in the memory of a web process."""
+    """A web process holds repeated refusals in memory for some seconds."""
 
     def recorded_meanwhile(_s):
         operator.refresh_from_db()
@@ -116,7 +116,7 @@ def test_late_records_of_old_refusals_name_nobody(operator, staff, monkeypatch):
 @pytest.mark.skipif(connection.vendor == "sqlite", reason="SQLite has one writer")
 @pytest.mark.django_db(transaction=True)
 def test_what_is_being_recorded_meanwhile_is_found_too(operator, staff):
-    """Its number is below one that is committed already."""
+    """Its number is lower than that of a record already committed."""
 
     def erase_and_close() -> None:
         erase()
@@ -191,7 +191,7 @@ def test_the_account_is_closed(operator, signed_in, client):
 def test_a_name_is_not_written_over_a_pseudonym(operator):
     record("stop.press", actor=operator)
     erase()
-    operator.save()  # somebody who still has the old account in hand
+    operator.save()  # a process that still holds the old account
     assert Actor.objects.get(pk=str(operator.pk)).name.startswith("Person ")
 
 

@@ -1,4 +1,4 @@
-"""Changing a password: everybody their own, staff anybody's; and only if it can be recorded."""
+"""People change their own password, staff changes anybody's; both only if it can be recorded."""
 
 from unittest import mock
 

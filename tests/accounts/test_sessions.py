@@ -1,4 +1,4 @@
-"""Where a person is signed in, and how that ends."""
+"""The sign-ins of a person, and how they end."""
 
 from datetime import timedelta
 
@@ -24,13 +24,13 @@ PAGE = "/accounts/sessions/"
 
 @pytest.fixture
 def desk(operator, signed_in):
-    """The operator's browser."""
+    """The operator's first browser."""
     return signed_in(operator)
 
 
 @pytest.fixture
 def phone(operator, signed_in):
-    """The same person, signed in a second time."""
+    """The operator's second browser."""
     return signed_in(operator)
 
 

@@ -1,4 +1,4 @@
-"""Signing in and out, what goes on record of it, and how guessing is slowed down."""
+"""Signing in and out, its records, and the limits on guessing passwords."""
 
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -59,7 +59,7 @@ def test_a_sign_in_goes_on_record_and_on_the_list(operator):
     (entry,) = _records("account.sign_in")
     assert entry.actor_id == str(operator.pk)
     assert entry.details == {"address": "10.0.0.7", "browser": "Browser/1"}
-    assert entry.parameters == {}  # what says where somebody was may expire
+    assert entry.parameters == {}  # the address is in a part that may expire
     sign_in = SignIn.objects.get(user=operator)
     assert (sign_in.address, sign_in.user_agent) == ("10.0.0.7", "Browser/1")
 
@@ -216,7 +216,7 @@ def test_people_are_shown_by_full_name_or_else_by_user_name():
 
 @pytest.mark.django_db(transaction=True)
 def test_attempts_at_the_same_moment_are_counted_together(operator):
-    """As of several web processes, each with a connection of its own; none is decided before all have asked."""
+    """Several web processes, each with its own connection, all ask before the first is decided."""
     asked = threading.Barrier(throttle.FAILURES + 5)
 
     def guess(_number):
@@ -234,7 +234,7 @@ def test_attempts_at_the_same_moment_are_counted_together(operator):
         let_in = list(everybody.map(guess, range(asked.parties)))
     assert let_in.count(True) == throttle.FAILURES
     with throttle.attempt(username="operator", address="10.0.0.7"):
-        pass  # all were right, and gave their places back
+        pass  # all had the right password and freed their places
 
 
 def test_an_attempt_of_a_process_that_died_is_forgotten(operator):

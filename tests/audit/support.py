@@ -1,4 +1,4 @@
-"""Somebody who may do more in the database than the console."""
+"""Changes to the audit tables that the console's triggers would refuse."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from django.db import DatabaseError, connection, transaction
 
 @contextmanager
 def past_the_triggers() -> Iterator[None]:
-    """Nothing refuses what is done to the tables here; afterwards all is there again. The search index follows."""
+    """Remove the triggers for the length of a `with` block. The search index still follows changes."""
     with transaction.atomic(), connection.cursor() as cursor:
         if connection.vendor == "postgresql":
             cursor.execute("SET LOCAL session_replication_role = replica")
@@ -30,21 +30,21 @@ def past_the_triggers() -> Iterator[None]:
 
 
 def tamper(statement: str, *values: Any) -> None:
-    """Change the tables behind the console's back."""
+    """Run a statement without the console and its triggers."""
     with past_the_triggers(), connection.cursor() as cursor:
         cursor.execute(statement, values)
         assert cursor.rowcount, "the statement met nothing"
 
 
 def index_anew() -> None:
-    """Make the search index one of the texts that are there now; PostgreSQL does so by itself."""
+    """Rebuild the search index from the current texts. PostgreSQL does this by itself."""
     if connection.vendor == "sqlite":
         with connection.cursor() as cursor:
             cursor.execute("INSERT INTO audit_content_search (audit_content_search) VALUES ('rebuild')")
 
 
 def refused_by_the_database(statement: str) -> str:
-    """What the database says to a statement that it refuses."""
+    """Return the error text of a statement that the database refuses, or "not refused"."""
     try:
         with transaction.atomic(), connection.cursor() as cursor:
             cursor.execute(statement)

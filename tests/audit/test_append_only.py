@@ -1,4 +1,4 @@
-"""The log only ever grows; the database itself sees to it."""
+"""The database itself keeps the audit log append-only."""
 
 import os
 import re
@@ -15,7 +15,7 @@ from tests.audit.support import refused_by_the_database
 
 pytestmark = pytest.mark.django_db
 
-APP = f"fleet_app_{os.getpid()}"  # roles belong to the whole server
+APP = f"fleet_app_{os.getpid()}"  # PostgreSQL roles are shared by all databases of a server
 
 
 def test_a_saved_record_cannot_be_saved_again():
@@ -124,7 +124,7 @@ def test_truncate_is_refused(table):
 
 @pytest.mark.skipif(connection.vendor != "postgresql", reason="SQLite has no roles")
 def test_the_documented_database_rights_are_enough(operator):
-    """docs/deployment.md, read and carried out."""
+    """Runs the statements of docs/deployment.md."""
     notes = (Path(__file__).parents[2] / "docs/deployment.md").read_text()
     grants = re.findall(r"^    ((?:REVOKE|GRANT) .* audit_.*;)$", notes, re.MULTILINE)
     assert len(grants) >= 5

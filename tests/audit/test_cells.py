@@ -1,4 +1,4 @@
-"""Cells of exported files: none is a formula."""
+"""No cell of an exported file is a formula."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Records are chained in a form that every database gives back the same, and no two writers fork a chain."""
+"""Chain digests are the same on every database, and parallel writers do not fork a chain."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def places(robot_id: uuid.UUID | None) -> list[int]:
 
 @pytest.mark.django_db(transaction=True)
 def test_threads_that_write_at_once_fork_no_chain(operator: User, staff: User) -> None:
-    """The first of each chain and of each person too: nobody had a row before."""
+    """This includes the first record of each chain and person, when no row exists to lock."""
     robots = [None, ROBOT, uuid.UUID(int=2)]
 
     def write(writer: int) -> None:
@@ -137,7 +137,7 @@ def test_threads_that_write_at_once_fork_no_chain(operator: User, staff: User) -
 
 @pytest.mark.django_db(transaction=True)
 def test_parallel_writers_fork_no_chain() -> None:
-    """Each bridge writes of its own robot, the web processes of every robot and of none."""
+    """Bridges write about their own robot; web processes write about every robot and about none."""
     robots = [uuid.UUID(int=number) for number in range(1, 6)]
     bridges = [["20", str(robot)] for robot in robots]
     web = ["10", *map(str, robots), "none"]
@@ -158,7 +158,7 @@ def test_parallel_writers_fork_no_chain() -> None:
 
 
 def _environment() -> dict[str, str]:
-    """That of a process of the console over the test database."""
+    """Environment of a console process that uses the test database."""
     told = connection.settings_dict
     if connection.vendor == "sqlite":
         url = f"sqlite:///{told['NAME']}"
@@ -198,7 +198,7 @@ def test_each_robot_has_a_chain_and_so_has_the_rest() -> None:
 def test_a_record_costs_few_queries(operator: User, django_assert_num_queries) -> None:
     known = {"actor": operator, "robot_id": ROBOT, "robot_name": "TIAGo 1"}
     record("speech.start", text="Hello.", **known)
-    with django_assert_num_queries(5):  # chain, people, the record before, number, insert
+    with django_assert_num_queries(5):  # chain, people, previous record, number, insert
         record("drive.start", **known)
     with django_assert_num_queries(6):
         record("speech.start", text="Hello.", **known)

@@ -1,4 +1,4 @@
-"""The log as a file."""
+"""Exports of the audit log as files."""
 
 import csv
 import io
@@ -26,7 +26,7 @@ SESSIONS = "admin:teleop_controlsession_export"
 
 @pytest.fixture
 def export(staff):
-    """`await export("csv", "q=hello")`: the file, as text, and the response."""
+    """`await export("csv", "q=hello")`: return the file's text and the response."""
 
     async def fetch(format_, query="", name=SPEECH):
         client = AsyncClient()
@@ -109,7 +109,7 @@ async def test_an_unread_export_is_recorded_as_broken_off(staff, monkeypatch):
         selection, Wanted(), actor=staff, name="speech", format_=Format.CSV
     )
     pieces = aiter(response.streaming_content)
-    await anext(pieces)  # its head
+    await anext(pieces)  # the header line
     await anext(pieces)
     await exports.sync_to_async(response.close)()
     await exports.sync_to_async(response.close)()
@@ -155,7 +155,7 @@ async def test_whatever_is_said_no_cell_of_the_file_is_a_formula(text, export):
 
 @pytest.fixture
 def sessions(robot, other_robot, operator, staff):
-    """Two control sessions; the newer one goes on."""
+    """Two control sessions; the newer one has not ended."""
     now = timezone.now()
     for fence, (of, person, reason) in enumerate(
         ((robot, operator, EndReason.TAKEN_OVER), (other_robot, staff, "")), 1

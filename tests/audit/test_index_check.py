@@ -1,4 +1,4 @@
-"""A search index that is not of the log's texts is found, and so is what changes either behind the console's back."""
+"""The index check finds a search index that does not match the log's texts, and hidden changes to both."""
 
 import pytest
 from django.db import connection
@@ -18,7 +18,7 @@ TEXTS = ["good morning", "good evening", "", "你好", "¿Cómo estás, mañana?
 
 @pytest.fixture(autouse=True)
 def texts():
-    """Records with these texts."""
+    """Write records with these texts."""
     return [record("speech.start", text=text).pk for text in TEXTS]
 
 
@@ -34,7 +34,7 @@ def findings():
 def test_as_it_was_written_index_and_log_agree(monkeypatch):
     monkeypatch.setattr(index_check, "AT_ONCE", 2)  # several batches
     assert findings() == []
-    Content.objects.filter(text="good evening").delete()  # as it expires
+    Content.objects.filter(text="good evening").delete()  # as at its expiry
     assert list(index_check.disagreements()) == []
     index_anew()
     assert list(index_check.disagreements()) == []
@@ -82,7 +82,7 @@ def test_an_index_of_another_make_is_found():
 )
 def test_a_missing_or_partial_short_word_index_is_found(instead):
     if connection.vendor == "postgresql":
-        execute("SET CONSTRAINTS ALL IMMEDIATE")  # or it makes no index in this transaction
+        execute("SET CONSTRAINTS ALL IMMEDIATE")  # otherwise PostgreSQL creates no index in this transaction
     execute("DROP INDEX audit_content_said")
     if instead:
         execute(instead)

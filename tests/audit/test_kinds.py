@@ -1,4 +1,4 @@
-"""What the code records, what `kinds.py` knows, and what docs/audit.md says are the same kinds."""
+"""The code, `kinds.py` and docs/audit.md list the same kinds of records."""
 
 import ast
 import re
@@ -18,10 +18,10 @@ RECORDING = {
     "_record",
     "request",
     "outcome",
-}  # what functions are called that put something on record
+}  # functions that write records
 KIND = re.compile(r"[a-z]+\.[a-z_]+|refusal|fault")
 
-# Where no kind is written out: file, as it is written there, and which kinds that can be.
+# Calls without a literal kind: file, expression, and the kinds that it can be.
 INDIRECT = {
     ("fleet/accounts/throttle.py", "KIND"): {"account.sign_in_failed"},
     ("robots/registry/services.py", "f'{entry._meta.model_name}.{verb}'"): {
@@ -33,7 +33,7 @@ INDIRECT = {
     ("teleop/live/service_calls.py", "kind"): {"service.call", "parameter.set"},
     ("teleop/live/tasks.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
     ("robots/recording/bridge_records.py", "kind"): {end for end, _ in ENDS.values()},
-    # Those hand on what is written out where they are called, or the kind of what is on record already.
+    # These pass on a kind that their caller gives, or the kind of an existing record.
     ("fleet/accounts/changes.py", "kind"): set(),
     ("teleop/control/services.py", "kind"): set(),
     ("robots/stop/presses.py", "record.kind"): set(),
@@ -42,7 +42,7 @@ INDIRECT = {
 
 
 def calls() -> Iterator[tuple[str, str, list[ast.expr]]]:
-    """File, called function and arguments of each call that records something."""
+    """List file, function and arguments of each call that writes a record."""
     for folder in ("fleet", "robots", "teleop"):
         for path in (ROOT / folder).rglob("*.py"):
             if "migrations" in path.parts:
@@ -96,7 +96,7 @@ def test_every_kind_has_a_row_in_the_docs_and_every_row_a_kind():
 
 
 def _in_full(names: list[str]) -> Iterator[str]:
-    """`control.take`, `.hand_over`: the second begins as the one before it."""
+    """Expand `control.take`, `.hand_over` to full kinds: the second has the prefix of the first."""
     group = ""
     for name in names:
         group = name.split(".")[0] or group

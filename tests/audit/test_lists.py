@@ -1,4 +1,4 @@
-"""The lists of the audit log: what they show, to whom, page by page."""
+"""The lists of the audit log: content, access rights, paging."""
 
 import datetime
 import re
@@ -32,7 +32,7 @@ def admin(staff, signed_in):
 
 @pytest.fixture
 def on_day(monkeypatch):
-    """`on_day("2026-11-03")`: what is recorded next is of that day."""
+    """`on_day("2026-11-03")`: date the next records to that day."""
 
     def at(day, hour=12):
         moment = datetime.datetime.fromisoformat(f"{day}T{hour:02}:00:00+00:00")
@@ -49,7 +49,7 @@ def say(text, *, actor=None, robot_id=ROBOT, robot_name="TIAGo 1", outcome="succ
 
 
 def shown(kinds=None, **wanted):
-    """The requests that a list shows, newest first."""
+    """Return the requests that a list shows, newest first."""
     return [row.record for row in Selection(Wanted(**wanted), kinds).page().rows]
 
 

@@ -1,4 +1,4 @@
-"""The past that `script/bench audit` makes up is one that the console could have recorded."""
+"""The invented history of `script/bench audit` could have been recorded by the console."""
 
 import pytest
 
@@ -13,7 +13,7 @@ from teleop.models import ControlSession
 from teleop.reports import robot_report, session_report
 
 pytestmark = pytest.mark.django_db
-COUNT = 1500  # records of the past, beside one that was there before
+COUNT = 1500  # invented records, besides one that was there before
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def test_it_verifies_and_has_kinds_that_are_known(past):
     kinds = set(Record.objects.values_list("kind", flat=True))
     assert kinds <= set(KINDS)
     assert {"drive.end", "control.end", "refusal", "camera.end", "account.sign_in"} <= kinds
-    assert not kinds & {"control.release", "control.expire"}  # nobody records these any more
+    assert not kinds & {"control.release", "control.expire"}  # no longer recorded
 
 
 def test_its_drives_are_as_bridges_record_them(past):

@@ -1,4 +1,4 @@
-"""What a record keeps, and when it is there."""
+"""The content of a record, and the moment when it is written."""
 
 import sqlite3
 import uuid

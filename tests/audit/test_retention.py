@@ -1,4 +1,4 @@
-"""Nothing is kept longer than the settings say, and the log verifies with what is left."""
+"""Records expire after the time in the settings, and the remaining log still verifies."""
 
 import io
 import sqlite3
@@ -28,7 +28,7 @@ TODAY = date(2033, 6, 1)
 
 @pytest.fixture
 def ago():
-    """`ago(days)`: what is recorded within was recorded that many days before `TODAY`."""
+    """`with ago(days)`: date records to that many days before `TODAY`."""
 
     def at(days: int):
         then = datetime(TODAY.year, TODAY.month, TODAY.day, 12, tzinfo=timezone.utc) - timedelta(days=days)
@@ -39,7 +39,7 @@ def ago():
 
 @pytest.fixture(autouse=True)
 def _nothing_but_what_the_test_records(ago, settings):
-    """It is `TODAY`. The shipped profiles were recorded on the day of the test run; that is before all days here."""
+    """Set the clock to `TODAY`. The records of shipped profiles are dated before all days of these tests."""
     settings.FLEET_AUDIT_KEEP_RECORDS_DAYS = 20 * 365
     with ago(0):
         yield
@@ -204,7 +204,7 @@ def test_a_checkpoint_of_another_robot_lets_nothing_go():
 
 
 def test_future_records_expire_with_their_successors(ago, five_years, monkeypatch):
-    """The clock was ahead for a while; that ends neither removal nor expiry for ever."""
+    """Records of a time when the clock was ahead do not block removal or expiry for ever."""
     monkeypatch.setattr(retention, "RECORDS_AT_ONCE", 2)
     days = (1900, -20000, -20000, -20000, 1850, 10, -20000)
     for before in days:
@@ -217,7 +217,7 @@ def test_future_records_expire_with_their_successors(ago, five_years, monkeypatc
 
 
 def test_also_if_nothing_was_recorded_later_for_that_robot(ago, five_years):
-    """Their contents went long before, and what says so goes, too."""
+    """Their contents expired long before; the records of that expiry are removed, too."""
     with ago(-20000):
         record("speech.start", robot_id=ROBOT, text="the last words of this robot")
     with ago(1900):
@@ -273,7 +273,7 @@ def test_removed_future_records_fit_heads_of_their_time(ago, five_years):
 
 @pytest.fixture
 def spoken(ago):
-    """`spoken(days, …)`: so many days ago a sentence was said."""
+    """`spoken(days, …)`: record a sentence said so many days ago."""
 
     def speak(*days: int) -> None:
         for before in days:
@@ -292,7 +292,7 @@ def keep_house(at=TODAY) -> None:
 
 
 def test_by_a_clock_that_is_years_ahead_nothing_goes(spoken, ago, caplog):
-    """Neither before nor after somebody has done something by it."""
+    """Neither before nor after a person caused a record with the wrong date."""
     spoken(4000, 3999)
     for _ in range(2):
         keep_house()
@@ -315,7 +315,7 @@ def test_expiry_continues_once_somebody_confirms_the_clock(spoken):
 
 
 def test_or_once_the_log_has_gone_on_for_as_long(spoken, ago):
-    """Nobody does anything, the console runs: that it doubts is on record day by day, and so is no silence."""
+    """Nobody uses the running console. Its daily records of the doubt do not count as use."""
     spoken(150)
     for before in range(retention.SILENCE.days, 0, -1):
         with ago(before):
@@ -340,7 +340,7 @@ def test_a_future_record_does_not_confirm_the_clock(spoken):
 
 @pytest.mark.parametrize("used", [True, False], ids=["used between", "idle"])
 def test_a_clock_that_is_ahead_again_and_again_is_believed_never(spoken, ago, used):
-    """Ahead at each weekly start, right soon after. Also where nothing is recorded then but by housekeeping."""
+    """The clock is wrong at each weekly start and right soon after, also if only housekeeping records then."""
     ahead = 3 * 365
     spoken(ahead + 60, ahead + 35)
     for week in range(8):
@@ -365,7 +365,7 @@ def test_a_confirmed_clock_counts_for_its_time_only(spoken, ago):
 
 
 def test_after_a_clock_that_was_years_behind_it_is_doubted_too(spoken):
-    """Of two clocks nobody can tell which is right, but somebody who looks."""
+    """Only a person can decide which of two clocks is right."""
     spoken(100, 60, 20, 4000, 0)
     keep_house()
     assert "100 days ago" in kept()

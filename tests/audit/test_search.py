@@ -1,4 +1,4 @@
-"""Searching what was said: any script, any part of a word."""
+"""Search in spoken texts: any script, any part of a word."""
 
 import pytest
 from django.db import connection
@@ -22,7 +22,7 @@ SAID = {
 
 @pytest.fixture(params=["by the index", "text by text"])
 def said(request, monkeypatch):
-    """The name of each text by its record; searched both ways, whatever their number."""
+    """Map each record to its text's name. Tests use both search methods for any number of records."""
     if request.param == "by the index":
         monkeypatch.setattr("fleet.audit.listing.FEW", 0)
     return {record("speech.start", text=text).pk: name for name, text in SAID.items()}

@@ -1,4 +1,4 @@
-"""A trigger that refuses nothing any more is found, whatever it is called."""
+"""The check finds a trigger that refuses nothing, whatever its name."""
 
 import pytest
 from django.db import connection
@@ -66,7 +66,7 @@ def test_one_that_has_only_the_name_is_named(statement, wrong):
 
 
 def test_one_that_was_put_in_is_named():
-    """Such as one that keeps a copy of what is to expire."""
+    """An example is a trigger that copies texts before they expire."""
     execute("CREATE TABLE elsewhere (text TEXT)")
     copy = "INSERT INTO elsewhere (text) VALUES (NEW.text)"
     if connection.vendor == "sqlite":

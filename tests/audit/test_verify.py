@@ -1,4 +1,4 @@
-"""Whatever is done to the log behind the console's back is found, and named."""
+"""Verification finds and names every change to the log that the console did not make."""
 
 import io
 import json
@@ -23,7 +23,7 @@ ROBOT = uuid.UUID("7b0c1d9e-0000-4000-8000-000000000001")
 
 @pytest.fixture
 def chain(operator) -> list[Record]:
-    """Records of one robot, among those of another and of none."""
+    """Records of one robot, mixed with records of another robot and of none."""
     return [_one(place, operator) for place in range(8)]
 
 
@@ -43,7 +43,7 @@ def _one(place: int, actor) -> Record:
 
 
 def found() -> list[tuple[int | None, int | None, str]]:
-    """What verification says: order number, place in the chain, words."""
+    """Return the findings of verification: number, place in the chain, text."""
     told = verify_all()
     assert all(finding.chain == "TIAGo 1" for finding in told.findings)
     return [(finding.number, finding.seq, finding.what) for finding in told.findings]
@@ -97,7 +97,7 @@ RUBBISH = ["'garbage'", "'2020-13-45'", "-1", "1e999", "x'ff'", "CAST(x'ff' AS T
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="PostgreSQL keeps nothing but values of the column")
 @pytest.mark.parametrize("rubbish", RUBBISH)
 def test_whatever_is_put_into_one_cell_the_record_is_named(chain, rubbish):
-    """SQLite keeps anything in any column, also what is no value of it."""
+    """SQLite stores any value in any column, also invalid ones."""
     columns = [field.column for field in Record._meta.fields if field.column != "id"]
     tamper("PRAGMA ignore_check_constraints = ON")
     tamper("CREATE TEMP TABLE kept AS SELECT * FROM audit_record WHERE id = %s", chain[3].pk)
@@ -105,7 +105,7 @@ def test_whatever_is_put_into_one_cell_the_record_is_named(chain, rubbish):
         tamper(f"UPDATE audit_record SET {column} = {rubbish} WHERE id = %s", chain[3].pk)
         numbers = {finding.number for finding in verify_all().findings}
         assert chain[3].pk in numbers, column
-        assert numbers <= {chain[3].pk, chain[4].pk}, column  # what follows on it may not fit any more
+        assert numbers <= {chain[3].pk, chain[4].pk}, column  # the next record may not fit any more
         tamper(f"UPDATE audit_record SET {column} = (SELECT {column} FROM kept) WHERE id = %s", chain[3].pk)
     tamper("PRAGMA ignore_check_constraints = OFF")
     assert verify_all().findings == []
@@ -253,7 +253,7 @@ FORGED = "is no checkpoint that the console makes: what it says counts for nothi
 
 
 def forge(chain, **changes) -> Record:
-    """Append a checkpoint by which the whole chain may go, and let it go; the triggers do not mind."""
+    """Append a checkpoint that covers the whole chain, then delete the chain. The triggers allow this."""
     last = chain[-1]
     told = {"through": last.seq, "digest": last.digest, "removed": last.seq, "before": "2020-01-01"}
     forged = record("audit.checkpoint", robot_id=ROBOT, robot_name="TIAGo 1", parameters=told | changes)
@@ -295,7 +295,7 @@ def test_a_checkpoint_goes_on_where_the_one_before_ended(chain):
 
 
 def test_early_removed_records_show_against_kept_heads(chain):
-    """Nothing in the database shows that the records were not of before 2020."""
+    """The database alone cannot show that the records were not from before 2020."""
     heads = verify_all().heads
     forge(chain)
     assert verify_all().findings == []
@@ -343,7 +343,7 @@ def test_a_cut_tail_shows_against_heads_kept_elsewhere(chain):
     heads = verify_all().heads
     tamper("DELETE FROM audit_content WHERE record_id = %s", chain[-1].pk)
     tamper("DELETE FROM audit_record WHERE id = %s", chain[-1].pk)
-    assert verify_all().findings == []  # the rest is in order
+    assert verify_all().findings == []  # the rest verifies
     [finding] = compare(heads)
     assert finding.chain == "TIAGo 1" and finding.what.startswith("its end is cut off: it had 8 records")
 
@@ -397,7 +397,7 @@ def test_of_robots_only_one_is_verified_when_one_is_named(chain):
 
 
 def test_a_deleted_robots_expiry_knowledge_goes_too(chain):
-    """Whoever writes what is missing into an old record of an erasure is found, whichever robot is asked about."""
+    """Verification of any robot finds a change to an old record of an erasure."""
     told = record("audit.erase", parameters={"person": "x", "records": [1]})
     later = record("audit.erase", parameters={"person": "x", "records": []})
     tamper(

@@ -1,4 +1,4 @@
-"""`script/serve --behind-proxy`: a proxy that ends TLS stands before the real web process."""
+"""`script/serve --behind-proxy`: a TLS proxy in front of the real web process."""
 
 import http.client
 import os
@@ -24,7 +24,7 @@ FROM_THE_PROXY = {"Host": HOST, "X-Forwarded-Proto": "https", "X-Forwarded-For":
 
 @pytest.fixture
 def environ(tmp_path):
-    """Debug spares the collecting of static files; what is tested here is the same."""
+    """Environment of the web process. Debug mode avoids collecting static files."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("FLEET_", "DJANGO_"))}
     return {
         **kept,
@@ -38,7 +38,7 @@ def environ(tmp_path):
 
 @pytest.fixture
 def port(environ, tmp_path):
-    """Where the web process listens; somebody named "first" has an account."""
+    """Port of a web process with one account, "first"."""
     manage = [sys.executable, "manage.py"]
     account = ["createsuperuser", "--no-input", "--username", "first", "--email", "", "--verbosity", "0"]
     with_password = {**environ, "DJANGO_SUPERUSER_PASSWORD": PASSWORD}

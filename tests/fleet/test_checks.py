@@ -1,4 +1,4 @@
-"""The system checks tell what is missing and how to get it."""
+"""The system checks report missing packages, static files and TLS, with a remedy."""
 
 from fleet import checks
 

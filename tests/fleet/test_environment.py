@@ -1,4 +1,4 @@
-"""Settings from the environment: what is missing or wrong stops the start, with the variable's name."""
+"""A missing or wrong environment variable stops the start with an error that names it."""
 
 import os
 import subprocess
@@ -17,7 +17,7 @@ SOUND = {"FLEET_SECRET_KEY": KEY, "FLEET_HOSTS": "fleet.example"}
 
 
 def _start(tmp_path, **variables):
-    """Import the real settings in a process of their own; None, or the last line of the trouble."""
+    """Import the real settings in a new process; return None or the last line of its error."""
     result = subprocess.run(
         [sys.executable, "-c", "import fleet.settings"],
         env={"PATH": os.environ["PATH"], "FLEET_VAR": str(tmp_path / "var"), **variables},
@@ -136,7 +136,7 @@ def test_a_web_processes_query_limit_can_be_set_by_the_url():
     assert plain["OPTIONS"]["options"] == "-c statement_timeout=30s -c lock_timeout=5s"
     assert (
         own["OPTIONS"]["options"] == "-c statement_timeout=30s -c statement_timeout=5min"
-    )  # the last counts
+    )  # the last one counts
     file = environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")
     environment.limit_queries(file)
     assert file == environment.database("sqlite:////var/lib/fleet/fleet.sqlite3")

@@ -1,4 +1,4 @@
-"""The layers of pyproject.toml are checked by lint-imports; this covers modules within a layer."""
+"""No import circles within a layer. Between layers, lint-imports checks the contracts of pyproject.toml."""
 
 from graphlib import TopologicalSorter
 

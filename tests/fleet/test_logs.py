@@ -1,4 +1,4 @@
-"""The log speaks to the administrator."""
+"""Log messages for the administrator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A database with the migrations of before 2026-11-23, which one for each app replaces now."""
+"""A database with the migrations of before 2026-11-23 migrates; one squashed migration per app replaces them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ APPS = ["accounts", "audit", "robots", "teleop"]
 
 @contextmanager
 def empty_database(tmp_path: Path) -> Iterator[BaseDatabaseWrapper]:
-    """The default connection, to a database in which nothing was migrated."""
+    """The default connection to an unmigrated database."""
     name = str(tmp_path / "old.sqlite3") if connection.vendor == "sqlite" else f"old_{uuid.uuid4().hex}"
     if connection.vendor == "postgresql":
         with connection._nodb_cursor() as cursor:
@@ -45,7 +45,7 @@ def empty_database(tmp_path: Path) -> Iterator[BaseDatabaseWrapper]:
 
 @contextmanager
 def old_database(tmp_path: Path) -> Iterator[MigrationRecorder]:
-    """One in which the replaced migrations were applied by their own names, with one record."""
+    """A database in which the replaced migrations were applied by their old names, with one record."""
     with empty_database(tmp_path) as database:
         call_command("migrate", verbosity=0)
         record("speech.start", robot_id=ROBOT, robot_name="TIAGo 1", text="Hello.")

@@ -1,4 +1,4 @@
-"""Every address answers every kind of request in words: nothing that anybody sends makes the console fail."""
+"""Every address answers every kind of request without a server error."""
 
 import logging
 from itertools import cycle
@@ -29,7 +29,7 @@ QUERIES = [
     "?limit=%00&before=x&p=x&o=x&all&e=1&next=//x",
     "?_popup=1&_to_field=x&q=%00%ff",
 ]
-IN_WORDS = {502, 503}  # the robot, or the database, is out of reach: said, and no fault of the console
+IN_WORDS = {502, 503}  # robot or database unreachable: no fault of the console
 
 
 # --- HTTP -----------------------------------------------------------------------------------------
@@ -45,7 +45,7 @@ def _patterns(resolver, before=()):
 
 
 def _addresses(robot):
-    """Two addresses for each pattern: of something that is there, and of something that is not."""
+    """Two addresses for each URL pattern: of an existing and of a missing object."""
     there = {"slug": robot.slug, "uuid": str(robot.pk), "int": "0", "object_id": str(robot.pk), "str": "x"}
     not_there = {"slug": "nowhere", "uuid": str(uuid4()), "int": "9" * 20, "object_id": "_5F_", "str": "%00"}
     found = {"/nowhere", "/nowhere/", "/api/nowhere", "/api/robots", "/admin/nowhere/", "/%00", "/%ff/"}
@@ -55,7 +55,7 @@ def _addresses(robot):
 
 
 def _filled(pattern, values):
-    """A pattern's own text, with values in it; of a regular expression, something that it may fit."""
+    """Fill a pattern with values; for a regular expression, a text that may match."""
     if not hasattr(pattern, "_route"):
         return values["str"] + "/"
     text = str(pattern)
@@ -67,7 +67,7 @@ def _filled(pattern, values):
 
 
 def _requests(address):
-    """Method, Accept, whether the page's token against forged requests is missing."""
+    """All combinations of method, Accept header, and a missing CSRF token."""
     methods = ["GET", "POST"] if address.startswith("/admin/") else ["GET", "POST", "PUT", "OPTIONS", "BREW"]
     for method in methods:
         for accept in ACCEPTS:
@@ -83,7 +83,7 @@ def test_no_request_fails_at_any_address(person, robot, caplog, request):
     bodies, queries = cycle(BODIES), cycle(QUERIES)
     failed = []
     for address in _addresses(robot):
-        if person:  # anew: one of these addresses signs out
+        if person:  # again: one of these addresses signs out
             client.force_login(request.getfixturevalue(person))
         for method, accept, forged in _requests(address):
             kind, body = next(bodies)
@@ -92,7 +92,7 @@ def test_no_request_fails_at_any_address(person, robot, caplog, request):
             answer = client.generic(method, address + next(queries), body, kind, headers=headers)
             if answer.status_code >= 500 and answer.status_code not in IN_WORDS:
                 failed.append((answer.status_code, method, address, accept, kind, forged, answer.exc_info))
-    # Django tells of suspicious requests, such as a filter that no list has, with a traceback; they are answered 400.
+    # Django logs suspicious requests, such as an unknown filter, with a traceback; their answer is 400.
     told = [record for record in caplog.records if not record.name.startswith("django.security")]
     faults = [
         record.getMessage() for record in told if record.exc_info or "not recorded" in record.getMessage()
@@ -136,7 +136,7 @@ async def _closed_with(path, headers):
 
 @pytest.fixture
 def headers(observer, signed_in, websocket_headers):
-    """What the observer's browser sends from a page of ours."""
+    """Headers of the observer's browser on a page of the console."""
     return dict(websocket_headers(signed_in(observer)))
 
 
@@ -150,4 +150,4 @@ async def test_a_websocket_to_an_unknown_address_is_closed_in_words(path, header
         "There is no such address.",
     )
     assert await _closed_with(path, list(signed_out.items())) == (CloseCode.SIGNED_OUT, "Sign in first.")
-    assert await _closed_with(path, list(foreign.items())) == (None, None)  # before it is accepted: 403
+    assert await _closed_with(path, list(foreign.items())) == (None, None)  # closed before acceptance: 403

@@ -1,4 +1,4 @@
-"""What every page has in common: its headers, its door; and the page for monitors."""
+"""Headers and access of every page, and the page for monitoring."""
 
 import pytest
 from django.conf import settings
@@ -72,7 +72,7 @@ def test_only_the_two_named_cookies_are_kept(staff, robot):
     assert set(client.cookies) == {settings.SESSION_COOKIE_NAME, settings.CSRF_COOKIE_NAME}
 
 
-# curl, requests; and nobody says anything
+# curl, requests; and no Accept header
 @pytest.mark.parametrize("accept", ["application/json", "*/*", None])
 @pytest.mark.parametrize("page", ["/stop-all/", "/your-data/export/"])
 def test_a_script_is_told_that_nobody_is_signed_in(page, accept):

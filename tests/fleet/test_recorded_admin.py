@@ -1,4 +1,4 @@
-"""The admin keeps no log of its own: people's names would stay there for ever."""
+"""The admin writes no separate log: people's names would stay there for ever."""
 
 import pytest
 from django.contrib import admin

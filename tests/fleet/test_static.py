@@ -1,4 +1,4 @@
-"""Static files in production: hashed names, the imports between ES modules too."""
+"""Static files in production have hashed names, also in imports between ES modules."""
 
 import re
 
@@ -8,14 +8,14 @@ from django.core.management import call_command
 
 @pytest.fixture
 def collected(settings, tmp_path):
-    """A page's modules, collected as production collects them."""
+    """A page's modules after `collectstatic` with production settings."""
     source = tmp_path / "source"
     source.mkdir()
     (source / "page.js").write_text(
         'import { stick } from "./stick.js";\nexport { zero } from "./stick.js";\nstick();\n'
     )
     (source / "stick.js").write_text("export const stick = () => {};\nexport const zero = 0;\n")
-    for number in range(18):  # deeper than the page's own modules import one another
+    for number in range(18):  # deeper than the imports of the page's modules
         (source / f"deep{number}.js").write_text(f'import {{ end }} from "./deep{number + 1}.js";\nend;\n')
     (source / "deep18.js").write_text("export const end = 0;\n")
     settings.STATICFILES_DIRS = [source]

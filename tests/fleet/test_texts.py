@@ -1,6 +1,6 @@
-"""What pages tell without anybody signed in: the texts of their scripts, and which cookies there are.
+"""Pages open to everybody: the texts of scripts, and the list of cookies.
 
-And that every text of a template can be translated.
+Also checks that every text of a template can be translated.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from django.utils import translation
 from fleet import languages
 
 TEMPLATES = sorted((settings.BASE_DIR / "templates").rglob("*.html"))
-# Blocks that fill the attributes of a tag in base.html: nothing of them is read.
+# Blocks that fill attributes of a tag in base.html: people do not read them.
 ATTRIBUTES = {"body_class", "main_attributes"}
-# The console's own name, an example of what is typed, and what reads the same in every language: keys, units.
+# The console's name, examples of input, and words equal in every language: keys, units.
 SAME_EVERYWHERE = re.compile(r"Fleet console|\{\"linear\.x\": 0\.2\}|\b(?:ms|m/s|rad/s|Hz)\b")
 READ_OUT_OR_SHOWN = {"alt", "aria-description", "aria-label", "aria-valuetext", "placeholder", "title"}
-NOT_FOR_PEOPLE = {"code", "kbd", "samp", "script", "style"}  # what is typed, not said
+NOT_FOR_PEOPLE = {"code", "kbd", "samp", "script", "style"}  # typed, not read
 A_DEFAULT_IN_WORDS = re.compile(r"""\|(?:default|default_if_none|yesno|pluralize):["'][^"']*[^\W\d_]""")
 
 
 class Visible(HTMLParser):
-    """Collects what a person would read or hear."""
+    """Collects texts that a person reads or hears."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -52,7 +52,7 @@ class Visible(HTMLParser):
 
 
 def not_translated(source: str) -> list[str]:
-    """Texts of a template that no translation reaches."""
+    """Return the texts of a template that cannot be translated."""
     visible = Visible()
     visible.feed("".join(_left_alone(Lexer(source).tokenize())))
     visible.close()
@@ -61,7 +61,7 @@ def not_translated(source: str) -> list[str]:
 
 
 def _left_alone(tokens: list[Token]) -> list[str]:
-    """The text outside of translations; of variables the words that they fall back to."""
+    """Return the text outside translation tags; for variables their default text."""
     kept, until = [], ""
     for token in tokens:
         words = token.contents.split() if token.token_type is TokenType.BLOCK else [""]
@@ -114,7 +114,7 @@ def test_a_language_is_there_when_its_texts_are_compiled(tmp_path: Path) -> None
 @pytest.mark.django_db
 def test_a_browser_gets_its_language_or_english(settings: Any) -> None:
     german = Client(headers={"Accept-Language": "de-AT, fr;q=0.5"})
-    with translation.override(None):  # a page leaves its language to the thread
+    with translation.override(None):  # a page sets its thread's language
         assert '<html lang="en-gb"' in german.get("/cookies/").content.decode()
         settings.LANGUAGES = [*settings.LANGUAGES, ("de", "Deutsch"), ("ar", "العربية")]
         assert '<html lang="de" dir="ltr"' in german.get("/cookies/").content.decode()

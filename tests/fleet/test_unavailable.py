@@ -1,4 +1,4 @@
-"""A database that is locked, full or away: every page says so in words, and nothing is half done."""
+"""With a locked, full or missing database, every page explains it and does nothing by half."""
 
 import sqlite3
 
@@ -20,7 +20,7 @@ SESSIONS = "/accounts/sessions/"
 
 @pytest.fixture
 def lock(transactional_db):
-    """`lock()`: from now on another process keeps the database locked."""
+    """`lock()`: let another process lock the database."""
     if connection.vendor != "sqlite":
         pytest.skip("locks the database file")
     other = sqlite3.connect(connection.settings_dict["NAME"])

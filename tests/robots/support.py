@@ -1,4 +1,4 @@
-"""Waiting for other processes, and programs for the supervisor to keep."""
+"""Waiting for other processes, and fake programs for the supervisor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 PATIENCE_S = 20.0
 
-# Says that it is there, and goes when its life line does; with "crash" beside its log it falls at once.
+# Logs its start, ends when its standard input closes. A file crash-NAME next to the log makes it exit at once.
 POLITE = """
 import os, pathlib, sys
 log = pathlib.Path(os.environ["FAKE_LOG"])
@@ -24,7 +24,7 @@ with log.open("a") as lines:
     print("end", name, file=lines)
 """
 
-# Heeds neither life line nor SIGTERM.
+# Ignores both its standard input and SIGTERM.
 STUBBORN = """
 import os, pathlib, signal, sys, time
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -35,7 +35,7 @@ time.sleep(60)
 
 
 def until(condition: Callable[[], Any], what: str) -> Any:
-    """Poll until `condition` is true, and return its value. For what other processes do: there is no event to await."""
+    """Poll until `condition` is true, and return its value. Other processes give no event to await."""
     last_s = time.monotonic() + PATIENCE_S
     while not (value := condition()):
         assert time.monotonic() < last_s, f"not within {PATIENCE_S} s: {what}"
@@ -44,7 +44,7 @@ def until(condition: Callable[[], Any], what: str) -> Any:
 
 
 class FakePrograms:
-    """A folder with a program and the log that its processes write."""
+    """A folder with a program and its processes' log."""
 
     def __init__(self, folder: Path, source: str = POLITE) -> None:
         self.folder = folder
@@ -54,14 +54,14 @@ class FakePrograms:
         self.script.write_text(source)
 
     def arguments(self, name: str) -> list[str]:
-        """How to run it under a name."""
+        """Command line to run it under a name."""
         return [sys.executable, str(self.script), name]
 
     def lines(self) -> list[str]:
-        """What was logged, without process ids."""
+        """The log's lines without process ids."""
         return [" ".join(line.split()[:2]) for line in self.log.read_text().splitlines()]
 
     def pids(self, name: str) -> list[int]:
-        """The processes started under a name, in order."""
+        """Ids of the processes started under a name, in order."""
         lines = (line.split() for line in self.log.read_text().splitlines())
         return [int(words[2]) for words in lines if words[:2] == ["start", name]]

@@ -1,4 +1,4 @@
-"""A real web process of its own, and strangers with plain sockets."""
+"""A real web process, and clients with plain sockets."""
 
 import http.client
 import os
@@ -22,7 +22,7 @@ READY_S = 60
 
 
 class Web:
-    """A running web process. Somebody named "first" has an account."""
+    """A running web process with one account, "first"."""
 
     def __init__(self, child, port, environ):
         self.child = child
@@ -33,20 +33,20 @@ class Web:
         return socket.create_connection(("127.0.0.1", self.port), timeout=30)
 
     def say(self, data):
-        """Send these bytes by a connection of their own; what comes until it closes."""
+        """Send these bytes on a new connection; return all bytes until it closes."""
         with self.connect() as stranger:
             stranger.sendall(data)
             return heard(stranger)
 
     def resident_bytes(self):
-        """Of the process that owns the port."""
+        """Resident memory of the process that owns the port."""
         pages = int(Path(f"/proc/{self.child.pid}/statm").read_text().split()[1])
         return pages * os.sysconf("SC_PAGESIZE")
 
 
 @pytest.fixture(scope="session")
 def session_cookie(web):
-    """Its name: consoles on one host have different ones. Everybody may know it."""
+    """Name of the session cookie. It differs between consoles on one host and is public."""
     connection = http.client.HTTPConnection("127.0.0.1", web.port)
     connection.request("GET", "/cookies/")
     return re.search(r"fleet_session_\w+", connection.getresponse().read().decode())[0]
@@ -54,7 +54,7 @@ def session_cookie(web):
 
 @pytest.fixture(scope="session")
 def session_key(web):
-    """Of a session that there is, of nobody."""
+    """Key of an existing session without a person."""
     key = "s" * 32
     with sqlite3.connect(Path(web.environ["FLEET_VAR"]) / "fleet.sqlite3") as database:
         database.execute("INSERT INTO django_session VALUES (?, '', '2100-01-01')", [key])
@@ -63,7 +63,7 @@ def session_key(web):
 
 
 def heard(stranger):
-    """Everything until the server closes the connection."""
+    """Read until the server closes the connection."""
     parts = []
     try:
         while part := stranger.recv(65536):
@@ -75,7 +75,7 @@ def heard(stranger):
 
 @pytest.fixture(scope="session")
 def web(tmp_path_factory):
-    """Debug spares the collecting of static files; what is tested here is the same."""
+    """A web process on a free port. Debug mode avoids collecting static files."""
     directory = tmp_path_factory.mktemp("web")
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("FLEET_", "DJANGO_"))}
     environ = {

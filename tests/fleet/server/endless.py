@@ -1,4 +1,4 @@
-"""Pages that answer without end, and a client that reads nothing and leaves: prints what happened."""
+"""Serves an endless page to a client that reads nothing and disconnects; prints the bytes sent."""
 
 import json
 import socket
@@ -45,7 +45,7 @@ def ask_and_leave(server):
         client.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
         opened.wait(30)
         before = -1
-        while before != sent_bytes:  # until nobody takes more
+        while before != sent_bytes:  # until all buffers are full
             before = sent_bytes
             time.sleep(0.5)
     print(json.dumps({"sent": sent_bytes, "closed": closed.wait(30), "taken": server.requests.taken}))

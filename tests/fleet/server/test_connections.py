@@ -1,4 +1,4 @@
-"""Places for connections and requests: a class fits behind one address, and no stranger locks anybody out."""
+"""Limits on connections and requests: a class fits behind one address, and a stranger cannot lock people out."""
 
 import pytest
 
@@ -40,7 +40,7 @@ def test_one_that_was_answered_waits_again(connections):
         connections.working(number)
     connections.waiting(3)
     assert connections.admit("new", "address") == (True, 3)
-    connections.waiting(3)  # it is gone
+    connections.waiting(3)  # the client has gone
     assert connections.admit("newer", "address") == (True, "new")
 
 

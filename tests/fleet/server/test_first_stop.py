@@ -1,4 +1,4 @@
-"""The first stop by HTTP waits for no code that is loaded only then."""
+"""The first stop by HTTP does not wait for imports."""
 
 from __future__ import annotations
 

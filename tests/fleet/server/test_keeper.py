@@ -1,12 +1,12 @@
-"""The pages process is started again, whatever kept it from starting."""
+"""The pages process is started again after any failure to start."""
 
 import threading
 
-from fleet.server.command import pages  # by way of Daphne, which chooses the reactor
+from fleet.server.command import pages  # imported through Daphne, which chooses the reactor
 
 
 class Started:
-    """A process that runs until the test is over."""
+    """A process that runs until the test ends."""
 
     def __init__(self, over):
         self._over = over
@@ -22,7 +22,7 @@ def test_a_process_that_cannot_be_started_is_tried_again(tmp_path, monkeypatch):
     def popen(*_, **__):
         tries.append(1)
         if len(tries) < 3:
-            raise BlockingIOError(11, "Resource temporarily unavailable")  # of fork
+            raise BlockingIOError(11, "Resource temporarily unavailable")  # from fork
         started.set()
         return Started(over)
 

@@ -1,4 +1,4 @@
-"""What strangers send is bounded before Django hears of it, by the real server."""
+"""The real server limits what strangers send before Django sees it."""
 
 import http.client
 import json
@@ -14,7 +14,7 @@ HEAD = b"POST /accounts/sign-in/ HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 
 
 def told(answer):
-    """Status and refusal of an answer."""
+    """Return the status and the refusal of an answer."""
     head, body = answer.split(b"\r\n\r\n", 1)
     return int(head.split()[1]), json.loads(body)
 
@@ -39,14 +39,14 @@ def test_a_body_in_chunks_is_read_up_to_its_limit_and_no_further(web):
             while sent < 200 * MEGABYTE:
                 stranger.sendall(chunk)
                 sent += len(chunk)
-    assert sent < 20 * MEGABYTE  # what fits into the kernel's buffers
+    assert sent < 20 * MEGABYTE  # fits into the kernel's buffers
     assert web.resident_bytes() - before < 20 * MEGABYTE
 
 
 def test_a_session_cookie_allows_an_admin_form_but_not_more(web, session_cookie):
     cookie = b"Cookie: %s=x\r\n" % session_cookie.encode()
     head = HEAD + cookie + b"Connection: close\r\nContent-Length: %d\r\n\r\n"
-    assert b" 403 " in web.say(head % MEGABYTE + bytes(MEGABYTE))  # Django's own answer: no token
+    assert b" 403 " in web.say(head % MEGABYTE + bytes(MEGABYTE))  # Django's answer: no token
     assert told(web.say(head % (500 * MEGABYTE)))[0] == 413
 
 

@@ -1,4 +1,4 @@
-"""Pages have a process of their own, which may die and takes nothing with it."""
+"""Pages are answered by a separate process, which may die without harm."""
 
 import http.client
 import os
@@ -13,7 +13,7 @@ from tests.script.support import command_line, until
 
 
 def pages_process(web):
-    """Its number."""
+    """Process id of the pages process."""
     [pid] = [pid for pid in children(web.child.pid) if "--life-line" in command_line(pid)]
     return pid
 
@@ -38,7 +38,7 @@ def test_pages_come_back_when_their_process_dies(web):
 
 
 def test_a_stop_is_answered_while_pages_are_not(web, session_cookie, session_key):
-    """401: it is nobody's session. Django said so, in the process that owns the port."""
+    """401, since nobody owns this session. Django in the process that owns the port says so."""
     frozen = pages_process(web)
     os.kill(frozen, signal.SIGSTOP)
     crowd = []
@@ -57,7 +57,7 @@ def test_a_stop_is_answered_while_pages_are_not(web, session_cookie, session_key
 
 
 def test_a_stranger_who_claims_a_session_waits_for_the_pages(web, session_cookie):
-    """Else anybody could keep the process that drives busy: the cookie's name is known to all."""
+    """Otherwise anybody could load the driving process: the cookie's name is public."""
     claim = f"POST /api/stop/ HTTP/1.0\r\nHost: 127.0.0.1\r\nCookie: {session_cookie}={'x' * 32}\r\n\r\n"
     frozen = pages_process(web)
     with web.connect() as stranger:
@@ -74,7 +74,7 @@ def test_a_stranger_who_claims_a_session_waits_for_the_pages(web, session_cookie
 
 
 def ask_no_longer(web):
-    """The status of an answer that comes at once, None if it has to be waited for."""
+    """Return the status of an immediate answer, or None if there is none."""
     with web.connect() as stranger:
         stranger.settimeout(0.2)
         stranger.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
@@ -104,7 +104,7 @@ def test_a_method_or_an_address_that_is_none_is_malformed(web, line):
 
 
 def test_no_header_of_a_stranger_says_where_a_request_came_from(web):
-    """With the root path of a stranger, redirects would lead where he likes."""
+    """A root path from a stranger could redirect people anywhere."""
     forged = {"Daphne-Root-Path": "/evil", "X-Forwarded-For": "10.0.0.7", "X-Forwarded-Proto": "https"}
     status, _body, headers = ask(web, "GET", "/", **forged, Accept="text/html")
     assert (status, headers["Location"]) == (302, "/accounts/sign-in/?next=/")

@@ -1,4 +1,4 @@
-"""Guessing passwords at the real server, many at once."""
+"""Many parallel guesses of passwords at the real server."""
 
 import http.client
 import re
@@ -27,7 +27,7 @@ class Guesser:
         self.cookie = answer.getheader("Set-Cookie").split(";")[0]
 
     def guess(self, username, password):
-        """The status of the answer."""
+        """Try a password; return the status."""
         form = urlencode({"csrfmiddlewaretoken": self.token, "username": username, "password": password})
         headers = {"Cookie": self.cookie, "Content-Type": "application/x-www-form-urlencoded"}
         self.connection.request("POST", PAGE, form, headers)
@@ -38,7 +38,7 @@ class Guesser:
 
 @pytest.fixture
 def failures(web):
-    """How many failed sign-ins are on record."""
+    """Count the recorded failed sign-ins."""
     database = sqlite3.connect(Path(web.environ["FLEET_VAR"]) / "fleet.sqlite3")
     sql = "SELECT count(*) FROM audit_record WHERE kind = 'account.sign_in_failed'"
     yield lambda: database.execute(sql).fetchone()[0]

@@ -1,4 +1,4 @@
-"""An answer is passed on as fast as its reader takes it, and ends when the reader leaves."""
+"""An answer is forwarded as fast as its client reads, and ends when the client disconnects."""
 
 import json
 import subprocess
@@ -15,4 +15,4 @@ def test_an_endless_answer_ends_with_its_reader():
     )
     assert told["closed"]
     assert told["taken"] == 0
-    assert told["sent"] < 20_000_000  # what fits into the kernel's buffers
+    assert told["sent"] < 20_000_000  # fits into the kernel's buffers

@@ -1,4 +1,4 @@
-"""A stop of somebody who says so in the head is answered from the head, whatever becomes of the body."""
+"""A stop with all data in its head is answered without its body."""
 
 import json
 
@@ -10,7 +10,7 @@ PATHS = [b"/stop-all/", b"/api/stop/?format=xml", b"/robots/x/stop", b"/api/robo
 
 @pytest.fixture
 def head(session_cookie, session_key):
-    """The head of a POST."""
+    """Build the head of a POST."""
 
     def made(path, *lines):
         first = b"POST %s HTTP/1.1\r\nHost: 127.0.0.1\r\nAccept: application/json" % path
@@ -30,7 +30,7 @@ def head(session_cookie, session_key):
     ],
 )
 def test_the_body_of_a_stop_is_not_waited_for(web, head, path, declared):
-    """401 is the view's own answer: it is nobody's session. Nothing of the body is ever sent."""
+    """401 is the view's answer, since nobody owns this session. The body is never sent."""
     with web.connect() as stranger:
         stranger.settimeout(5.0)
         stranger.sendall(head(path, b"X-CSRFToken: x", declared, b"Expect: 100-continue"))
@@ -40,7 +40,7 @@ def test_the_body_of_a_stop_is_not_waited_for(web, head, path, declared):
 
 
 def test_the_body_that_follows_is_no_request(web, head):
-    """It would be one if the connection went on."""
+    """On a kept connection the server would read it as a request."""
     smuggled = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
     with web.connect() as stranger:
         length = b"Content-Length: %d" % len(smuggled)
@@ -85,7 +85,7 @@ LONG = b"X-Long: " + b"x" * 20_000
     ids=lambda lines: lines[0].decode()[:30],
 )
 def test_a_stop_is_not_refused_for_its_head(web, head, path, lines):
-    """401 is the view's own answer. What follows is no request."""
+    """401 is the view's answer. The rest is not read as a request."""
     told = web.say(
         head(path, b"X-CSRFToken: x", *lines) + b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
     )
@@ -108,5 +108,5 @@ def test_the_query_of_a_stop_may_be_long(web, head):
 def test_other_requests_are_refused_for_their_head(web, head, line):
     code = b"headers_too_large" if line is LONG else b"malformed"
     assert code in web.say(head(b"/api/robots/", b"X-CSRFToken: x", line))
-    if line is LONG:  # the token, which a form has in its body, is missing
+    if line is LONG:  # the token of the form is in the body, which is missing
         assert code in web.say(head(b"/stop-all/", line))

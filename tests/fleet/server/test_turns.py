@@ -1,4 +1,4 @@
-"""One piece of what strangers send is heard in a turn of the loop, whatever waits."""
+"""The event loop reads one piece of a stranger's data per turn."""
 
 from collections import deque
 
@@ -9,7 +9,7 @@ from fleet.server.turns import Turns
 
 @pytest.fixture
 def loop():
-    """Of which a test makes each turn itself."""
+    """An event loop that the test steps turn by turn."""
     return deque()
 
 

@@ -1,4 +1,4 @@
-"""WebSockets through the real server."""
+"""WebSockets through the real web process."""
 
 import pytest
 from websockets.exceptions import ConnectionClosed

@@ -1,4 +1,4 @@
-"""The short way for whole texts and the full parser give the same, whatever the bytes and however they are cut."""
+"""The fast path for whole texts and the full parser agree for all bytes and all cuts."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ TEXTS = [
     DRIVE + b" " * 60,
     "€".encode() * 60,
     "𝄞".encode(),
-    b"\xed\xa0\x80",  # half of a pair
-    b"\xc0\xaf",  # too long a way to write it
-    b"\xf4\x90\x80\x80",  # beyond the last
-    b"\xe2\x82",  # cut short
+    b"\xed\xa0\x80",  # half of a surrogate pair
+    b"\xc0\xaf",  # overlong encoding
+    b"\xf4\x90\x80\x80",  # beyond the last code point
+    b"\xe2\x82",  # truncated
     b"x" * 2000,
     b"x" * (limits.MESSAGE_BYTES + 1),
 ]
 
 
 class Queue(list):
-    """Keeps what the console would hear."""
+    """Stores the messages for the console."""
 
     put_nowait = list.append
 
@@ -48,7 +48,7 @@ class Queue(list):
 
 
 class Transport(StringTransport):
-    """Notes how it ended."""
+    """Stores how the connection ended."""
 
     aborted = False
 
@@ -61,7 +61,7 @@ class Transport(StringTransport):
 
 
 class End:
-    """The server's end of one WebSocket, without a network."""
+    """The server's end of a WebSocket, without a network."""
 
     def __init__(self) -> None:
         self.heard = Queue()
@@ -85,7 +85,7 @@ class End:
         self.transport.clear()
 
     def outcome(self, parts):
-        """What is heard, what is answered, and how it ends, if these bytes arrive one after the other."""
+        """Return messages, answers and end for these pieces of bytes in order."""
         for part in parts:
             self.protocol.dataReceived(part)
         return (
@@ -128,14 +128,14 @@ def some_frames(chance):
                 masked=chance.random() < 0.9,
                 way=chance.choice([None, None, None, 2, 8]),
             )
-    if chance.random() < 0.3:  # one byte of the beginning is another
+    if chance.random() < 0.3:  # corrupt one byte of the beginning
         place = chance.randrange(min(len(found), 10))
         found = found[:place] + chance.randbytes(1) + found[place + 1 :]
     return found
 
 
 def cut(chance, data):
-    """In one piece as a rule, else in several."""
+    """Cut bytes in pieces; mostly one piece."""
     if chance.random() < 0.5:
         return [data]
     places = sorted(chance.randrange(len(data) + 1) for _ in range(chance.choice([1, 2])))
@@ -147,7 +147,7 @@ def test_mutated_frames_come_to_the_same_by_both_ways(seed, monkeypatch):
     chance = random.Random(seed)  # noqa: S311 - to be repeated
     short = 0
     for _ in range(ROUNDS // 4):
-        parts = [*cut(chance, some_frames(chance)), COMMAND]  # whatever was before, a command follows
+        parts = [*cut(chance, some_frames(chance)), COMMAND]  # a command follows any frames
         short += sum(whole_text(part) is not None for part in parts)
         with monkeypatch.context() as full:
             full.setattr(websocket, "whole_text", lambda _data: None)

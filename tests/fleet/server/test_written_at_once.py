@@ -1,4 +1,4 @@
-"""Bytes to a page go out at once, and in order when the kernel takes no more."""
+"""Bytes to a page are written at once, and stay in order when the kernel's buffer is full."""
 
 import socket
 from collections import deque
@@ -11,7 +11,7 @@ from fleet.server.websocket import WebSocketProtocol
 
 
 class _Reactor:
-    """Notes what wants to write."""
+    """Stores the transports that want to write."""
 
     def __init__(self):
         self.writers = set()
@@ -77,7 +77,7 @@ def test_bytes_stay_in_order_when_the_kernel_takes_only_some(page, ends):
             page.transport.doWrite()
     assert page.transport.reactor.writers, "more was told than the kernel takes"
     page.transport.loseConnection()
-    page.sendData(b"the last word")  # closing does not let it overtake
+    page.sendData(b"the last word")  # closing must not reorder it
     while len(got) < len(told):
         page.transport.doWrite()
         got += read(ends[1])

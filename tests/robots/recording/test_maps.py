@@ -1,4 +1,4 @@
-"""A robot's map is one row for as long as it stays the same."""
+"""An unchanged map of a robot is stored once."""
 
 from __future__ import annotations
 

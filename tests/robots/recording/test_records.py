@@ -1,4 +1,4 @@
-"""What a bridge has to say ends up in the audit log, or the bridge is told that it does not."""
+"""Reports of a bridge are recorded in the audit log, or the bridge receives an error."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from robots.wire import Grant, Refusal
 from tests.bridge.support import Bench
 from tests.disk import Disk
 
-pytestmark = pytest.mark.django_db(transaction=True)  # the sink opens a connection of its own each time
+pytestmark = pytest.mark.django_db(transaction=True)  # the sink opens a new connection each time
 
 HELD = Verdict(
     velocity=Velocity(0.2, 0.0, 0.0),
@@ -120,7 +120,7 @@ def test_a_drive_is_a_start_interventions_and_an_end(sink: AuditSink, holder: Ho
     assert {(str(found.session_id), found.fence) for found in records} == {(holder.session, 5)}
     assert {found.actor_name for found in records} == {"Olga Operator"}
     figures = {"distance_m": 3.142, "duration_s": 12.5, "top_mps": 0.4, "top_radps": 0.1, "interventions": 1}
-    assert [found.parameters for found in records] == [{}, {}, {}, figures]  # all else may expire
+    assert [found.parameters for found in records] == [{}, {}, {}, figures]  # other fields may expire
     assert [found.outcome for found in records] == ["", "obstacle", "", "halted"]
     assert start.content.data == {"pose": [1.0, 2.0, 0.5], "map_to_odom": [10.0, 0.0, 0.0]}
     assert begin.content.data == FIGURES_OF_HELD | {
@@ -180,7 +180,7 @@ def test_the_next_bridge_ends_open_tasks_once(sink: AuditSink, holder: Holder, r
     forget = sink.request(holder, "memory.forget", {})
     chosen = sink.request(holder, "topic.choose", {"use": "speech"})
     sink.outcome(chosen, holder, "topic.choose", "chosen", {})
-    record("motion.cancel", robot_id=robot.pk, outcome="accepted")  # the web process's, and whole
+    record("motion.cancel", robot_id=robot.pk, outcome="accepted")  # complete, written by the web process
     before = len(records_of(robot))
     sink.settle()
     ends = records_of(robot)[before:]
@@ -345,7 +345,7 @@ def test_a_kept_connection_never_writes_to_a_replaced_file(
 
 @contextmanager
 def locked_database() -> Iterator[None]:
-    """Another process has begun to write and does not finish."""
+    """Another process holds the database's write lock."""
     other = connection.copy()
     try:
         with other.cursor() as cursor:
@@ -361,7 +361,7 @@ def locked_database() -> Iterator[None]:
 
 @pytest.fixture
 def bench(sink: AuditSink, holder: Holder) -> Iterator[Bench]:
-    """A robot that can be driven, on record in the database."""
+    """A drivable robot whose records go to the database."""
     bench = Bench(sink=sink).online()
     bench.records.open(lambda: None, bench.now_s)
     bench.recorded()
@@ -373,7 +373,7 @@ def bench(sink: AuditSink, holder: Holder) -> Iterator[Bench]:
 
 
 def held_stick(bench: Bench, seconds: float) -> Refusal | None:
-    """The stick is out for so long; what it is told last."""
+    """Hold the stick for so long; return the last answer."""
     refusal = None
     for _ in range(round(seconds / 0.05)):
         refusal = bench.stick(0.5)
@@ -415,7 +415,7 @@ def test_a_locked_database_stops_the_robot_until_it_is_free(bench: Bench, robot:
     bench.driving()
     bench.pass_time(0.2)
     bench.stick(0.5)
-    bench.sink.open.clear()  # the bench waits for no record
+    bench.sink.open.clear()  # the bench does not wait for records
     with locked_database():
         refusal = held_stick(bench, 3.0)
         assert refusal is not None

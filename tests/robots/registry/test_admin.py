@@ -1,4 +1,4 @@
-"""The registry's admin pages, as staff uses them."""
+"""The registry's admin pages for staff."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def admin(staff: User, signed_in: Any) -> Client:
 
 
 def filled(client: Client, url: str, **changes: Any) -> dict[str, Any]:
-    """The form at `url` as a browser would send it back, with changes."""
+    """Return the fields of the form at `url` as a browser sends them, with changes."""
     page = client.get(url)
     adminform, formsets = page.context["adminform"], page.context["inline_admin_formsets"]
     forms = [adminform.form]

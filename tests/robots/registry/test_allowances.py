@@ -1,4 +1,4 @@
-"""The allow-list: what may be on it, who has it, and that the bridge and the pages get the same."""
+"""The allow-list: valid entries, their robots, and the same list for bridge and pages."""
 
 from __future__ import annotations
 
@@ -293,7 +293,7 @@ def admin(staff: User, signed_in: Any) -> Client:
 
 
 def entered(prefix: str = "allowances", **fields: Any) -> dict[str, Any]:
-    """One new line of the allow-list on the page of its owner."""
+    """Add one line of the allow-list on the page of its owner."""
     entry = {**NOTES, "role": "operator", **fields}
     return {f"{prefix}-TOTAL_FORMS": 1, **{f"{prefix}-0-{name}": value for name, value in entry.items()}}
 
@@ -343,7 +343,9 @@ def test_the_list_says_which_entries_count_not_and_why(
     allow(robot, staff)
     allow(tiago, staff, what="call", name="/demo/lamp", type="std_srvs/Trigger")
     assert "frames and clocks" not in admin.get(reverse("admin:robots_allowance_changelist")).content.decode()
-    Allowance.objects.filter(what="publish").update(name="/tf")  # as a console of before may have had it
+    Allowance.objects.filter(what="publish").update(
+        name="/tf"
+    )  # an older version of the console allowed this
     Allowance.objects.filter(what="call").update(type="")
     page = admin.get(reverse("admin:robots_allowance_changelist")).content.decode()
     assert "the gate uses frames and clocks" in page

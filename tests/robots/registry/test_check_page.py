@@ -1,4 +1,4 @@
-"""The page of a robot's check: one probe of a robot at a time, and nobody waits in line for it."""
+"""The robot check page probes a robot once at a time; a second request does not wait."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot's processes see its names and advertise the right address."""
+"""A robot's processes resolve its host names and advertise the right address."""
 
 from __future__ import annotations
 

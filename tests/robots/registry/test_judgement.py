@@ -1,4 +1,4 @@
-"""What the robot check makes of what it found: each answer says what to do."""
+"""Findings of the robot check, each with advice on what to do."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def config(robot: Robot) -> BridgeConfig:
 
 @pytest.fixture
 def well(config: BridgeConfig) -> Findings:
-    """A robot as it should be."""
+    """Findings of a robot without faults."""
     topics = [
         TopicFound(asked.what, ["/base"], asked.type, "abc", "abc", 1, asked.frames, 0.01)
         for asked in plan_for(config).listened

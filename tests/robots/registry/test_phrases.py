@@ -21,7 +21,7 @@ from robots.registry.phrases import MOST_PHRASES, Line, read, written
 from robots.registry.profile_schema import Problems
 from robots.registry.services import entry_delete, entry_save, phrases_import
 
-# 139 characters, until they are spaced
+# 139 characters before spaces are added
 MANY_TAGS = ",".join(chr(code) for code in range(0x4E00, 0x4E00 + 70))
 
 # --- files ---------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from tests.gate.conftest import Feeder, tiago_profile
 
 
 def recorded(path):
-    """Two seconds in which what is all around closes in."""
+    """A recording of 2 s in which obstacles come closer on all sides."""
     feeder, sent = Feeder(tiago_profile()), STILL
     with Recorder(path, feeder.gate.profile) as recorder:
         feeder.gate = recorder.recorded(feeder.gate)

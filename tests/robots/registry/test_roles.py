@@ -1,4 +1,4 @@
-"""Who may do what with a robot."""
+"""Rights of each role on a robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What script/demo begins with."""
+"""The content that script/demo creates at its start."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.django_db
 
 @pytest.fixture
 def seed(tmp_path: Path) -> Any:
-    """`seed(master_uri)`: what script/demo does when it starts. Returns what the command printed."""
+    """`seed(master_uri)`: run the command of script/demo's start; return its output."""
 
     def run(master_uri: str = "http://127.0.0.1:11311") -> Any:
         robot = {

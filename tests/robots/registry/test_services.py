@@ -1,4 +1,4 @@
-"""Every change of the registry is recorded with it; fencing numbers only grow."""
+"""Every change of the registry is recorded in the same transaction; fences only grow."""
 
 from __future__ import annotations
 

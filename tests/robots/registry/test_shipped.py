@@ -1,4 +1,4 @@
-"""Shipped profiles follow their files until somebody edits them."""
+"""Shipped profiles follow their files until a person edits them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.django_db
 
 @pytest.fixture
 def update(tmp_path: Path) -> Path:
-    """The files of a later version of the console: TIAGo turns more slowly."""
+    """Return a folder with a later version of the shipped files, in which TIAGo turns more slowly."""
     for file in DIRECTORY.glob("*.yaml"):
         content = yaml.safe_load(file.read_text())
         if content["slug"] == "tiago":
@@ -32,7 +32,7 @@ def update(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def more_phrases(update: Path) -> Path:
-    """The files of a later version, with one phrase more."""
+    """Return a folder with a later version of the shipped files, with one more phrase."""
     with (update / "phrases.txt").open("a", encoding="utf-8") as phrases:
         phrases.write("it-IT\tBuongiorno!\n")
     return update

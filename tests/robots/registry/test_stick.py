@@ -1,4 +1,4 @@
-"""The steps of a robot's stick: from profile or robot to its bridge, and what is wrong with them in words."""
+"""Input filters of a robot's stick: from profile or robot to its bridge, and errors about them."""
 
 from __future__ import annotations
 

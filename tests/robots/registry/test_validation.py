@@ -1,4 +1,4 @@
-"""What is wrong with a robot or a profile is said in words, at the field, with the path inside it."""
+"""Errors of a robot or profile are shown in words at the field, with the path inside it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from robots.registry.shipped import profile_files
 
 pytestmark = pytest.mark.django_db
 
-# As in a web process that has just begun, with several pages waiting for it.
+# As in a new web process, when several pages use it first at once.
 FIRST_USES = """
 import sys, threading
 from robots.registry import profile_schema
@@ -224,4 +224,4 @@ def test_a_differential_base_does_not_move_sideways(tiago: RobotProfile) -> None
 @pytest.mark.parametrize(("field", "kind"), [("topics", Topics), ("gate", Parameters)])
 def test_the_help_names_every_part_that_may_be_written(field: str, kind: type[Struct]) -> None:
     told = re.findall(r"\w+", str(RobotProfile._meta.get_field(field).help_text))
-    assert set(kind.__struct_fields__) - set(told) <= {"drive"}  # which has a field of its own
+    assert set(kind.__struct_fields__) - set(told) <= {"drive"}  # which has a separate field

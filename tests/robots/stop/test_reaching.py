@@ -1,4 +1,4 @@
-"""A stop goes to the bridge and to the watchdog at once; the first confirmation counts."""
+"""A stop is sent to bridge and watchdog in parallel; the first confirmation counts."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def press(path: Path, within_s: float = PATIENCE_S) -> wire.Stopped | wire.Refus
 
 
 def frozen_bridge(path: Path, closing: ExitStack) -> None:
-    """A bridge that was halted: it accepts connections and says nothing."""
+    """A frozen bridge: it accepts connections and answers nothing."""
     listener = closing.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
     listener.bind(str(path))
     listener.listen()

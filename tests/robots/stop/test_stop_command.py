@@ -1,4 +1,4 @@
-"""``manage.py stop``: every robot is told at once, and those not reached are named."""
+"""``manage.py stop`` stops all robots in parallel and names those not reached."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from robots.registry.selectors import link_address
 from robots.stop import courier
 from tests.robots.support import PATIENCE_S
 
-pytestmark = pytest.mark.django_db(transaction=True)  # the registry is asked in a thread
+pytestmark = pytest.mark.django_db(transaction=True)  # a thread reads the registry
 
 
 class Bridge:
-    """The far end of a bridge's link: says whose it is, remembers stops and answers them."""
+    """A fake bridge: says its robot, stores stops and answers them."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -71,14 +71,14 @@ def path_of(robot: Robot) -> Path:
 
 @pytest.fixture(autouse=True)
 def run_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A computer of its own."""
+    """An empty folder for bridge sockets."""
     monkeypatch.setattr(settings, "FLEET_RUN_DIR", tmp_path)
     return tmp_path
 
 
 @pytest.fixture
 def bridge() -> Iterator[Callable[[Robot], Bridge]]:
-    """`bridge(robot)`: that robot's bridge, where the console looks for it."""
+    """`bridge(robot)`: start a fake bridge at the robot's link address."""
     with ExitStack() as closing:
 
         def start(robot: Robot) -> Bridge:
@@ -108,7 +108,7 @@ def test_all_robots_are_stopped_with_who_and_why(
     assert [record.outcome for record in records] == [
         "",
         "stopping",
-    ] * 2  # as from a page: press, then outcome
+    ] * 2  # the same as from a page: press, then outcome
     assert {record.details.get("text") for record in records} == {"smoke in the lab", None}
 
 
@@ -154,7 +154,7 @@ def test_a_stop_that_cannot_be_recorded_is_made_all_the_same(
 
 @pytest.fixture
 def no_database(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From now on no robot can be looked up."""
+    """Make every look-up of a robot fail."""
 
     def away(**_: object) -> None:
         raise OperationalError("connection refused")
@@ -182,7 +182,7 @@ def test_without_database_every_local_bridge_is_stopped(
 
 
 def test_without_database_a_restarting_bridge_is_stopped_too(robot: Robot, no_database: None) -> None:
-    """Its watchdog is there: the stop waits for whichever of the two can be reached first."""
+    """Its watchdog runs: the stop waits for the first of the two that can be reached."""
     path_of(robot).with_suffix(".stop").touch()
     with pytest.raises(CommandError, match=r"0 robots are stopping, 1 did not answer; their stop is pending"):
         call_command("stop", "--all", stdout=StringIO())
@@ -238,7 +238,7 @@ def test_a_stop_of_a_robot_out_of_service_is_recorded(
     robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
 ) -> None:
     Robot.objects.update(enabled=False)
-    path_of(other_robot).touch()  # left over
+    path_of(other_robot).touch()  # left over by a bridge that ended
     bridge(robot)
     out = StringIO()
     call_command("stop", "--all", stdout=out)
@@ -250,7 +250,7 @@ def test_a_stop_is_never_pressed_at_another_robots_bridge(
     robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
 ) -> None:
     untouched, out = bridge(robot), StringIO()
-    path_of(other_robot).symlink_to(path_of(robot))  # as with one bridge address for both
+    path_of(other_robot).symlink_to(path_of(robot))  # both robots share one bridge address
     with pytest.raises(CommandError, match=r"Not reached: tiago-2\."):
         call_command("stop", "tiago-2", stdout=out)
     assert "belongs to another robot" in out.getvalue()

@@ -1,4 +1,4 @@
-"""A process hears at any moment that it is to end, and is gone in time."""
+"""A process can be ended at any moment and ends in time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Process = subprocess.Popen[bytes]
 
 @pytest.fixture
 def begin() -> Iterator[object]:
-    """`begin(how, then)`: a process that can be told to end."""
+    """`begin(how, then)`: start a process that can be asked to end."""
     with ExitStack() as ending:
 
         def begin(how: str, then: str) -> Process:
@@ -48,7 +48,7 @@ def begin() -> Iterator[object]:
 
 
 def test_a_signal_wakes_a_thread_about_to_wait(begin) -> None:
-    # Each of these would hang more often than not if a handler of the main thread set the event.
+    # Each of these mostly hangs if a signal handler in the main thread sets the event.
     for process in [begin(NO_LIFE_LINE, ALWAYS_ABOUT_TO_WAIT) for _ in range(6)]:
         process.terminate()
         assert process.wait(SOON_S) == 0

@@ -1,4 +1,4 @@
-"""Faults of bridges and robots are on record: when one began, and when it was over."""
+"""The begin and the end of faults of bridges and robots are recorded."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.django_db
 
 
 def told(robot: Robot) -> list[tuple[str, str]]:
-    """Parts and outcomes of what is on record, oldest first."""
+    """Return parts and outcomes of the recorded faults, oldest first."""
     records = Record.objects.filter(robot_id=robot.id, kind="fault").order_by("id")
     return [(record.parameters["part"], record.outcome) for record in records]
 

@@ -1,4 +1,4 @@
-"""The fleet follows the registry: each robot by itself. Bridges are real processes of a fake program."""
+"""The supervisor follows the registry, robot by robot. Bridges are real processes of a fake program."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from tests.robots.support import FakePrograms, until
 pytestmark = pytest.mark.django_db
 
 State = BridgeStatus.State
-QUIET = ("-c", "import sys; sys.stdin.read()")  # in the watchdogs' place
+QUIET = ("-c", "import sys; sys.stdin.read()")  # instead of watchdogs
 
 
 class Supervised:
-    """A fleet that steps while somebody waits for something."""
+    """A supervisor that steps while a test waits for a condition."""
 
     def __init__(self, programs: FakePrograms, only: frozenset[str] = frozenset()) -> None:
         self.programs = programs
@@ -127,7 +127,7 @@ def test_a_full_disk_blocks_one_edit_and_ends_no_bridge(supervised: Supervised, 
     assert "No space left on device" in status.detail
     assert status.pid == supervised.programs.pids("tiago-1")[0]
     assert not any(line.startswith("end") for line in supervised.programs.lines())
-    supervised.until_started("tiago-1", 2)  # the edit, once there is space
+    supervised.until_started("tiago-1", 2)  # the edit, once there is disk space
 
 
 def test_a_falling_bridge_is_shown_with_its_reason(supervised: Supervised, robot: Robot) -> None:
@@ -172,7 +172,7 @@ def test_a_remote_bridge_is_left_to_its_own_host(supervised: Supervised, other_r
     supervised.until_started("tiago-1", 1)
     supervised.until_started("run_housekeeping", 1)
     assert supervised.programs.pids("tiago-2") == []
-    assert not BridgeStatus.objects.filter(robot=other_robot).exists()  # nor is anything said of it
+    assert not BridgeStatus.objects.filter(robot=other_robot).exists()  # no status either
 
 
 @override_settings(FLEET_LINK_CERT="bridge.pem", FLEET_LINK_KEY=None, FLEET_LINK_SECRET=None)
@@ -194,10 +194,10 @@ def test_a_locked_database_holds_no_bridge_up(programs: FakePrograms, robot: Rob
     path = str(connection.settings_dict["NAME"])
     try:
         with closing(sqlite3.connect(path, isolation_level=None)) as other:
-            other.execute("BEGIN IMMEDIATE")  # a writer that does not finish
+            other.execute("BEGIN IMMEDIATE")  # holds the write lock
             began_s = time.monotonic()
             supervised.until_started("tiago-1", 1)
-            assert time.monotonic() - began_s < 4.0  # one wait of SQLite's usual 5 s would be more
+            assert time.monotonic() - began_s < 4.0  # less than one default wait of SQLite, 5 s
             other.execute("ROLLBACK")
         supervised.until(lambda: supervised.state(robot) == State.RUNNING, "the state, told late")
     finally:
@@ -213,6 +213,6 @@ def test_one_of_several_hosts_runs_the_robots_it_is_told(
     try:
         supervised.until_started("tiago-2", 1)
         assert programs.pids("tiago-1") == []
-        assert supervised.fleet._housekeeping.idle  # the host of the other robots keeps house
+        assert supervised.fleet._housekeeping.idle  # the host of the other robots does the housekeeping
     finally:
         supervised.fleet.end()

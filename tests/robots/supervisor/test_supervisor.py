@@ -1,4 +1,4 @@
-"""The supervisor keeps programs running, at a pace, and lets go of them in order. The programs are real processes."""
+"""The supervisor restarts programs at a limited rate and ends them in order. The programs are real processes."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_failing_watchdog_leaves_the_processor_to_others() -> None:
 
 
 class Kept:
-    """A keeper with its reports, and a clock of its own."""
+    """A process keeper with its reports and a fake clock."""
 
     def __init__(self, programs: FakePrograms) -> None:
         self.programs = programs
