@@ -1,7 +1,7 @@
 """The whole console with simulated robots, and people in front of real browsers.
 
 One stack (rosmasters, simulators, supervisor, bridges, web process) serves all browser tests of a test process;
-robots go on from where the test before left them.
+robots stay where the previous test left them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ARGUMENTS = [
     "--no-first-run",
     "--disable-quic",
 ]
-# The first looks at the east wall of the hall from two metres off; the second stands free in the hall.
+# The first faces the hall's east wall at 2 m; the second stands in free space in the hall.
 ROBOTS = (
     PracticeRobot("tiago-1", "TIAGo One", (7.6, 2.0, 0.0)),
     PracticeRobot("tiago-2", "TIAGo Two", (2.0, 1.8, 0.0)),
@@ -36,13 +36,13 @@ ROBOTS = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The usability tasks come first: they have robots of their own, and need not run beside everybody else's."""
+    """Run the usability tasks first: they start separate robots, and these need not run next to all others."""
     items.sort(key=lambda item: item.path.name != "test_usability.py")
 
 
 @pytest.fixture(scope="package")
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
-    """The console, ready, on a free port."""
+    """The running console on a free port."""
     stack = Stack(tmp_path_factory.mktemp("stack"), robots=ROBOTS)
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("DJANGO_SETTINGS_MODULE", raising=False)  # the stack runs the product's settings
@@ -65,7 +65,7 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture(scope="package")
 def cookies(stack: Stack, browser: Browser) -> Callable[[str], Any]:
-    """`cookies("operator")`: what the sign-in page gave that person. Each signs in once, by that page."""
+    """`cookies("operator")`: cookies of that person's sign-in. Each person signs in once by the page."""
 
     @cache
     def signed_in(role: str) -> Any:
@@ -81,7 +81,7 @@ def cookies(stack: Stack, browser: Browser) -> Callable[[str], Any]:
 
 @pytest.fixture(scope="package")
 def desks() -> dict[tuple[str, bool], list[Person]]:
-    """Browsers that tests have left, by role and touch: in one of them a page opens in a third of the time."""
+    """Browsers of finished tests, by role and touch. Reuse makes pages open in a third of the time."""
     return defaultdict(list)
 
 
@@ -93,16 +93,16 @@ def person(
     desks: dict[tuple[str, bool], list[Person]],
     request: pytest.FixtureRequest,
 ) -> Iterator[Callable[..., Person]]:
-    """`person("operator", width=360, height=640, touch=True)`: signed in, in a browser of their own, on no page yet.
+    """`person("operator", width=360, height=640, touch=True)`: a signed-in person in a browser without a page.
 
-    It may be one that a test before has left, its storage empty. `apart=True`: a new one that ends with the test, which
-    does to it what cannot be undone.
+    It may be a reused browser with empty storage. `apart=True`: a new browser that ends with the test, for changes that
+    cannot be undone.
     """
     failed_before = request.session.testsfailed
     with ExitStack() as leaving:
 
         def get_up(somebody: Person, free: list[Person]) -> None:
-            if request.session.testsfailed > failed_before:  # who knows which key is still down
+            if request.session.testsfailed > failed_before:  # a key may still be down
                 somebody.leave()
             else:
                 somebody.get_up()

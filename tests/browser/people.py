@@ -1,4 +1,4 @@
-"""A person in front of a browser: what they do, and what their page says to the console and hears from it."""
+"""A person at a browser: actions on pages, and the messages between page and console."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ POLL_MS = 50
 
 
 class Person:
-    """Signed in as `role`, in a browser context of their own.
+    """A person with an account of `role`, in a separate browser context.
 
-    `heard` holds the newest message of each kind from the server, `drives` every stick that the page sent.
+    `heard` holds the newest message of each kind from the server, `drives` every drive message that the page sent.
     """
 
     def __init__(
@@ -45,8 +45,7 @@ class Person:
         self.context = browser.new_context(
             has_touch=touch,
             reduced_motion="reduce",
-            ignore_https_errors=stack.certificate
-            is not None,  # as a person does who goes on past the warning
+            ignore_https_errors=stack.certificate is not None,  # as a person who ignores the warning
         )
         self.page: Page = self.context.new_page()
         self.complaints: list[str] = []
@@ -61,14 +60,14 @@ class Person:
         self.sit_down(width=width, height=height, theme=theme)
 
     def sit_down(self, *, width: int = 1440, height: int = 900, theme: str = "light") -> None:
-        """In front of a window of this size, pixels; nothing was seen or done in it yet."""
+        """Set the window's size (pixels) and theme, and forget all messages."""
         self.page.set_viewport_size({"width": width, "height": height})
         self.page.emulate_media(color_scheme=theme, forced_colors="null")  # type: ignore[arg-type]
         for said in (self.complaints, self.heard, self.drives, self.sent):
             said.clear()
 
     def get_up(self) -> None:
-        """Close the page and forget what it stored, for somebody of the same role to sit down."""
+        """Leave the page and clear its storage, for the next test with this role."""
         self.open("/healthz")
         self.page.evaluate("localStorage.clear(); sessionStorage.clear()")
         self.page.mouse.move(-1, -1)
@@ -98,7 +97,7 @@ class Person:
         self.page.goto(self.stack.url + path)
 
     def sign_in(self) -> None:
-        """By the sign-in page, as people do."""
+        """Sign in by the page."""
         self.open("/accounts/sign-in/")
         self.page.get_by_label("User name").fill(self.account.username)
         self.page.get_by_label("Password").fill(self.account.password)
@@ -130,7 +129,7 @@ class Person:
         self.until_in_control()
 
     def until_in_control(self) -> None:
-        """Wait until the bridge would let this page drive."""
+        """Wait until the bridge accepts drive input of this page."""
         self.until(lambda: self.control["state"] == "yours", "control")
         fence = self.control["fence"]
         self.until(
@@ -150,25 +149,25 @@ class Person:
 
     @property
     def control(self) -> dict[str, Any]:
-        """Who has control, as the server last said."""
+        """The newest message about control."""
         control: dict[str, Any] = self.heard["control"]
         return control
 
     @property
     def state(self) -> dict[str, Any]:
-        """The robot, as its bridge last said."""
+        """The robot's newest state."""
         state: dict[str, Any] = self.heard["view"]["state"]
         return state
 
     @property
     def place(self) -> tuple[float, float]:
-        """Where odometry says that the robot is, metres."""
+        """The robot's place by odometry, m."""
         odometry = self.state["odometry"]
         return odometry["x"], odometry["y"]
 
     @property
     def last_drive(self) -> tuple[float, float, float]:
-        """The stick that the page sent last: forward, left, turn."""
+        """The last drive message: forward, left, turn."""
         drive = self.drives[-1]
         return drive["x"], drive["y"], drive["w"]
 
@@ -180,16 +179,15 @@ class Person:
 
     @property
     def stick_reach(self) -> float:
-        """Pixels from the joystick's middle to well past full stick."""
+        """Pixels from the joystick's middle to beyond full stick."""
         box = self.part("zone").bounding_box()
         assert box is not None
         return 0.45 * min(box["width"], box["height"])
 
     def push(self, *keys: str, until: Callable[[], Any], what: str) -> None:
-        """Hold these keys until something is true; they stay down.
+        """Hold these keys until a condition is true; they stay down.
 
-        Where the stick has to return to the middle, because a busy machine heard a scan too late, they are let go of
-        and pressed again, as a person does.
+        If a late scan on a busy machine makes the gate ask for a neutral stick, release the keys and press them again.
         """
 
         def there() -> bool:
@@ -207,7 +205,7 @@ class Person:
         self.until(there, what)
 
     def drive(self, *keys: str, metres: float) -> None:
-        """Hold these keys until odometry is this far from where it was; they stay down."""
+        """Hold these keys until odometry has moved this far; they stay down."""
         start = self.place
         self.push(*keys, until=lambda: math.dist(self.place, start) > metres, what=f"{metres} m by odometry")
 
@@ -219,7 +217,7 @@ class Person:
     # --- waiting ---------------------------------------------------------------------------------
 
     def until(self, condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> None:
-        """Let the page live until `condition` is true."""
+        """Run the page until `condition` is true."""
         deadline = time.monotonic() + timeout_s
         while not condition():
             if time.monotonic() > deadline:
@@ -228,11 +226,11 @@ class Person:
             self.page.wait_for_timeout(POLL_MS)
 
     def until_driven(self, start: tuple[float, float], metres: float) -> None:
-        """Wait until odometry is this far from where it was."""
+        """Wait until odometry is this far from `start`."""
         self.until(lambda: math.dist(self.place, start) > metres, f"{metres} m by odometry")
 
     def until_still(self) -> None:
-        """Wait until odometry says that nothing turns or moves."""
+        """Wait for standstill by odometry."""
         self.until(
             lambda: all(abs(self.state["odometry"][axis]) < 0.02 for axis in ("vx", "vy", "w")), "standstill"
         )
@@ -240,7 +238,7 @@ class Person:
 
 @contextmanager
 def robot_side(robot: SimulatedRobot, role: str, said: Path) -> Iterator[subprocess.Popen[str]]:
-    """A rospy process at the robot (tests/browser/robot_side.py); what it prints goes to the file `said`."""
+    """A rospy process at the robot (tests/browser/robot_side.py); its output goes to the file `said`."""
     with said.open("w") as file:
         process = subprocess.Popen(
             [sys.executable, "-m", "tests.browser.robot_side", role],
@@ -254,26 +252,26 @@ def robot_side(robot: SimulatedRobot, role: str, said: Path) -> Iterator[subproc
 
 
 class Fingers:
-    """Touches, several at once, as a touch screen sends them."""
+    """Several parallel touches on a touch screen."""
 
     def __init__(self, person: Person) -> None:
         self._screen = person.context.new_cdp_session(person.page)
         self._down: dict[int, tuple[float, float]] = {}
 
     def put(self, finger: int, place: tuple[float, float]) -> None:
-        """A finger comes down."""
+        """Put a finger down."""
         self._down[finger] = place
         self._send("touchStart")
 
     def move(self, finger: int, place: tuple[float, float]) -> None:
-        """A finger that is down goes elsewhere."""
+        """Move a finger that is down."""
         self._down[finger] = place
         self._send("touchMove")
 
     def lift(self, finger: int) -> None:
-        """A finger leaves."""
+        """Lift a finger."""
         del self._down[finger]
-        self._send("touchMove" if self._down else "touchEnd")  # what is no longer named was lifted
+        self._send("touchMove" if self._down else "touchEnd")  # a point missing in the list was lifted
 
     def _send(self, kind: str) -> None:
         points = [{"x": x, "y": y, "id": finger} for finger, (x, y) in self._down.items()]

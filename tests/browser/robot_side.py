@@ -1,9 +1,9 @@
-"""``python -m tests.browser.robot_side ROLE``: what tests do at a robot without the console.
+"""``python -m tests.browser.robot_side ROLE``: actions at a robot without the console.
 
-keys     drive the course by keys, no gate between; prints the seconds that it took
-unknown  publish a type that is installed nowhere, on /weather
-hear     print what comes on /fleet_demo/place
-person   obey lines of stdin ("person 1.0 2.0") in the simulated world, print what the robot touches
+keys     drive the course by keys without the gate; print its duration in seconds
+unknown  publish a message type that is not installed on /weather
+hear     print the messages on /fleet_demo/place
+person   place people in the simulated world by lines of stdin ("person 1.0 2.0"), print the robot's contacts
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PERIOD_S = 0.05
 
 
 def drive_by_keys() -> None:
-    """As somebody would with a keyboard on the robot itself."""
+    """Drive like a person with a keyboard at the robot."""
     newest: list[Odometry] = []
     rospy.Subscriber("/mobile_base_controller/odom", Odometry, lambda message: newest.append(message))
     publisher = rospy.Publisher("/key_vel", Twist, queue_size=1)
@@ -48,7 +48,7 @@ def drive_by_keys() -> None:
 
 
 def be_the_world() -> None:
-    """People come where they are told to; contacts are told."""
+    """Place people by lines of stdin; print contacts."""
     rospy.Subscriber("/ground_truth/contacts", String, lambda message: print(message.data, flush=True))
     publisher = rospy.Publisher("/ground_truth/person", String, queue_size=5)
     while not publisher.get_num_connections():
@@ -58,18 +58,18 @@ def be_the_world() -> None:
 
 
 def publish_unknown() -> None:
-    """A message of a package that the console has not."""
+    """Publish a message of a package that the console lacks."""
     text = "uint8 SUN=0\nuint8 RAIN=1\nuint8 sky\nfloat32 celsius\nstring words\n"
     weather = genpy.dynamic.generate_dynamic("fleet_test_msgs/Weather", text)["fleet_test_msgs/Weather"]
     publisher = rospy.Publisher("/weather", weather, queue_size=1)
-    pace = rospy.Rate(10)  # a sleep of 0.1 s would be slower than that by what the rest takes
+    pace = rospy.Rate(10)  # a sleep of 0.1 s would add to the time of the loop
     while not rospy.is_shutdown():
         publisher.publish(weather(sky=1, celsius=7.5, words="Take a coat."))
         pace.sleep()
 
 
 def hear_places() -> None:
-    """Where somebody says that something is."""
+    """Print places that people publish."""
 
     def heard(message: PoseStamped) -> None:
         position = message.pose.position

@@ -1,4 +1,4 @@
-"""Somebody asks: who made the robot say that, and where did it drive? Staff find out."""
+"""Staff find out who made a robot say a sentence, and where it drove."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from tests.browser.test_pages import A_LONG_NAME, SIZES, found_by_axe
 Arrive = Callable[..., Person]
 
 SENTENCE = "The cat sat on the warm charger."
-STARTED = (2.0, 1.8)  # where tiago-2's odometry began, in the office
-ROOMS = (10.0, 7.0)  # metres from the lower left corner of the office's map to its upper right one
+STARTED = (2.0, 1.8)  # where tiago-2's odometry starts, in the office
+ROOMS = (10.0, 7.0)  # m, size of the office's map
 DRIFT_M = 0.5
 
 MARKER_ON_THE_MAP = """marker => {
@@ -38,7 +38,7 @@ SIZE_OF_THE_MAP = """async image => {
 
 @pytest.fixture(scope="module")
 def spoken(stack: Stack, browser: Browser) -> Iterator[Person]:
-    """An operator who had control, said the sentence, drove a little, and let go of the robot."""
+    """An operator takes control, says the sentence, drives a little, and releases control."""
     operator = Person(stack, browser, "operator")
     operator.sign_in()
     operator.take("tiago-2")
@@ -51,7 +51,7 @@ def spoken(stack: Stack, browser: Browser) -> Iterator[Person]:
     operator.drive("a", "w", metres=0.3)
     operator.let_go("a", "w")
     operator.until_still()
-    operator.page.wait_for_timeout(1000)  # standstill is what ends a drive
+    operator.page.wait_for_timeout(1000)  # standstill ends a drive
     operator.release()
     yield operator
     operator.leave()
@@ -62,7 +62,7 @@ def test_staff_find_a_text_in_three_steps_and_its_path(
 ) -> None:
     staff = person("staff")
     page = staff.page
-    # One: the history of speech. Two: the day, the person, a word of it. Three: open it.
+    # Step 1: the history of speech. Step 2: filter by day, person and a word. Step 3: open the record.
     staff.open("/admin/audit/speechrecord/")
     today = datetime.now(timezone.utc).date().isoformat()
     page.get_by_label("From").fill(today)
@@ -95,7 +95,7 @@ def test_staff_find_a_text_in_three_steps_and_its_path(
 
 
 def outcomes_stay_whole_words(staff: Person) -> None:
-    """However long the names beside them are."""
+    """Also next to long names."""
     torn = """name => {
       for (const who of document.querySelectorAll(".audit-who")) who.textContent = name;
       const words = [...document.querySelectorAll(".audit-table thead th:nth-child(5), .audit-outcome")];
@@ -109,14 +109,14 @@ def outcomes_stay_whole_words(staff: Person) -> None:
 
 
 def scrub_the_path(staff: Person) -> None:
-    """With keys, by the buttons, by a press on the timeline: the robot on the picture goes where it was then."""
+    """Keys, buttons and presses on the timeline move the robot in the picture."""
     moment, marker, entries = staff.part("moment"), staff.part("marker"), staff.part("timeline").locator("li")
     drives = entries.filter(has_text="Drive began")
 
     def place() -> str | None:
         return marker.get_attribute("transform")
 
-    staff.page.wait_for_load_state()  # with its script
+    staff.page.wait_for_load_state()  # and its script has loaded
     drives.last.locator("time").click()
     assert drives.last.get_attribute("aria-current") == "true"
     begun = place()
@@ -132,7 +132,7 @@ def scrub_the_path(staff: Person) -> None:
 
 
 def the_robot_is_where_it_was_on_the_map(staff: Person, stands: tuple[float, float]) -> None:
-    """At the session's end it stands where it stands now: `stands`, by its odometry."""
+    """At the session's end it is at its current place `stands`, by odometry."""
     image, marker = staff.page.locator(".path-plot image"), staff.part("marker")
     assert image.evaluate(SIZE_OF_THE_MAP) == [20 * metres for metres in ROOMS]  # cells of 5 cm
     staff.part("moment").press("End")
@@ -162,7 +162,7 @@ def test_a_person_finds_their_session_and_exports_their_data(
 
 
 def without_scripts(spoken: Person) -> None:
-    """The same page is a plain timeline beside the path."""
+    """Without scripts the page shows a plain timeline next to the path."""
     browser = spoken.context.browser
     assert browser is not None
     plain = browser.new_context(java_script_enabled=False, storage_state=spoken.context.storage_state())

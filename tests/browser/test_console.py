@@ -1,4 +1,4 @@
-"""Everything besides driving, as an operator does it: tabs, motions, speech, notices, keys."""
+"""All actions of an operator besides driving: tabs, motions, speech, notices, keys."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ TABS = ["Centre", "Drive", "Motions", "Speech", "Topics"]
 
 
 def go_to(person: Person, name: str) -> None:
-    """Press a tab and see that it is shown."""
+    """Press a tab and wait until it is shown."""
     tab = person.page.get_by_role("tab", name=name)
     tab.click()
     person.until(lambda: tab.get_attribute("aria-selected") == "true", f"the tab {name}")
 
 
 def notice(person: Person, text: str | re.Pattern[str]) -> Locator:
-    """Wait for a notice that says this."""
+    """Wait for a notice with this text."""
     found = person.part("notices").get_by_text(text).first
     found.wait_for()
     return found
@@ -75,7 +75,7 @@ def test_the_address_names_the_tab(person: Arrive) -> None:
     observer.page.locator(".control[data-tab=speech]").wait_for()
     observer.page.reload()
     observer.page.locator(".control[data-tab=speech]").wait_for()
-    # By keys: the arrows choose, and the search is the next thing but the refresh button.
+    # By keys: arrows choose a tab; after the refresh button, the search is next.
     observer.page.get_by_role("tab", name="Speech").focus()
     observer.page.keyboard.press("ArrowLeft")
     observer.page.locator(".control[data-tab=motions]").wait_for()
@@ -186,7 +186,7 @@ def test_keys_write_in_a_field_and_a_question_mark_shows_help(person: Arrive) ->
 
 
 def logged(person: Person) -> list[str]:
-    """What the log of notices has, newest first, each once, but for answers that a busy machine gives late."""
+    """Logged notices, newest first, each once, without notices of late answers on a busy machine."""
     person.part("log-open").evaluate("button => button.click()")
     told = person.part("log-list").locator("p > span").all_text_contents()
     person.part("log-dialog").evaluate("dialog => dialog.close()")
@@ -249,7 +249,7 @@ def test_quick_presses_do_not_give_control_away(person: Arrive) -> None:
     )
     staff.watch("tiago-2")
     staff.press("Ask for control")
-    operator.press("Hand over to Staff")  # when it can be pressed: it stands where a phrase was until now
+    operator.press("Hand over to Staff")  # waits: until now a phrase covers its place
     assert operator.page.evaluate("came") is True
     assert "release" not in operator.sent
     staff.until_in_control()
@@ -279,7 +279,7 @@ def test_notices_are_logged_and_never_cover_stop_or_stick(person: Arrive, width:
         play.evaluate("button => button.click()")
     notice(observer, re.compile("Take control first"))
     expect(observer.page.locator(".notices .notice-times").first).to_have_text(re.compile("6$"))
-    shown = box_of(observer.page.locator(".notices .notice").first)  # it goes by itself
+    shown = box_of(observer.page.locator(".notices .notice").first)  # it disappears by itself
     for protected in (observer.page.locator("form.stop .stop-button"), observer.part("zone")):
         assert not overlap(shown, box_of(protected))
     assert found_by_axe(observer) == []
@@ -309,7 +309,7 @@ def test_the_note_on_cookies_is_read_once_and_can_be_read_again(person: Arrive) 
 
 
 def bridge_of(stack: Stack, slug: str) -> int:
-    """Its process."""
+    """Process of the robot's bridge."""
     [bridge] = [
         child
         for child in process_stats.children(stack.supervisor.pid)
@@ -412,11 +412,11 @@ def test_out_of_reach_inputs_give_way_except_open_fields(person: Arrive, stack: 
     go_to(operator, "Speech")
     text.press_sequentially("was")
     bridge = bridge_of(stack, "tiago-2")
-    os.kill(stack.supervisor.pid, signal.SIGSTOP)  # however slow the browser is, no other bridge comes yet
+    os.kill(stack.supervisor.pid, signal.SIGSTOP)  # prevents a new bridge, also in a slow browser
     try:
         os.kill(bridge, signal.SIGKILL)
         operator.page.locator(".control[data-cut]").wait_for()
-        operator.page.keyboard.type(" wo dd")  # elsewhere letters drive, and a space stops
+        operator.page.keyboard.type(" wo dd")  # outside fields, letters drive and space stops
         assert text.input_value() == "was wo dd"
         expect(banner).to_contain_text("No link to the robot")
         go_to(operator, "Motions")

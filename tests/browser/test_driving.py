@@ -1,4 +1,4 @@
-"""The main job in a real browser, on the real chain: sign in, take control, drive, be held by the gate, stop."""
+"""Driving in a real browser with all real processes: sign in, take control, drive, be held by the gate, stop."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     operator.until_still()
     verdict = operator.state["verdict"]
     assert verdict["asked"][0] > 0
-    assert 0 < verdict["distance_m"] < 0.5  # at the wall, and not in it
-    words = operator.part("words").inner_text()  # at a wall, what laser and depth see is equally near
+    assert 0 < verdict["distance_m"] < 0.5  # at the wall, not in it
+    words = operator.part("words").inner_text()  # laser and depth camera see the wall equally near
     assert words.startswith("Stopped (0.4 m/s asked): ") and words.endswith(" m ahead")
 
-    # Along the wall it moves again; then the stop, with the first finger still on the stick.
+    # It moves along the wall; then stop, with the first finger still on the stick.
     fingers.move(1, (x, y + operator.stick_reach))
     operator.until(lambda: operator.state["odometry"]["vx"] < -0.05, "reverse")
     expect(operator.part("hint")).to_contain_text("Reversing")
@@ -45,7 +45,7 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     expect(operator.part("stop-state")).to_contain_text(f"{standstill_ms:.0f}\u00a0ms")
     assert operator.sent.count("stop") == 1
 
-    # The finger that is still down moves nothing, not even after the stop was cleared.
+    # The finger that is still down does not drive, also after the clear.
     fingers.lift(2)
     operator.clear()
     fingers.move(1, (x, y + 0.8 * operator.stick_reach))
@@ -105,7 +105,7 @@ def test_keys_drive_and_space_stops_only_for_the_holder(person: Arrive) -> None:
     assert not observer.part("clear").is_visible()
     operator.clear()
 
-    # Where no joystick is, letters and arrows drive nothing; a space still stops.
+    # On tabs without joystick, letters and arrows do not drive; space still stops.
     operator.page.evaluate("location.hash = 'topics'")
     operator.page.locator(".control[data-tab=topics]").wait_for()
     operator.drives.clear()
@@ -299,7 +299,7 @@ def test_space_stops_for_the_holder_while_the_connection_is_lost(person: Arrive)
     observer.until(lambda: observer.state["stop"]["state"] == "stopped", "the stop")
     assert observer.state["stop"]["by"] == "Operator"
     lost = False
-    operator.watch("tiago-2")  # within the ten seconds in which control is kept
+    operator.watch("tiago-2")  # within the 10 s for which control is kept
     operator.clear()
     operator.release()
 
@@ -319,7 +319,7 @@ def test_the_stop_arrives_though_the_socket_swallows_everything(
     operator, observer = person("operator"), person("observer", apart=True)
     operator.take("tiago-2")
     silent: list[WebSocketRoute] = []
-    observer.page.route_web_socket("**/ws/**", lambda socket: silent.append(socket))  # and that is all
+    observer.page.route_web_socket("**/ws/**", lambda socket: silent.append(socket))  # and sends nothing
     observer.open(path)
     observer.until(lambda: silent, "a socket")
     observer.page.get_by_role("button", name=button, exact=True).click()
@@ -345,7 +345,7 @@ def test_stop_all_stops_every_robot_from_the_fleet_page(person: Arrive, stack: S
     expect(staff.page.locator(".robot[data-stopped]")).to_have_count(len(stack.robots))
     expect(staff.page.locator("[data-part=stop-why]").first).to_contain_text("was standing")
 
-    # By keyboard: the list of who stopped what, and all of it cleared.
+    # By keyboard: list all stops and clear them.
     staff.part("clear-all").focus()
     staff.page.keyboard.press("Enter")
     rows = staff.page.get_by_role("dialog", name="Clear the stops?").get_by_role("listitem")

@@ -1,4 +1,4 @@
-"""How the pages look: nothing out of sight, nothing that axe-core complains of, nothing that CSP blocks."""
+"""Layout of pages: everything visible, no complaint by axe-core, nothing blocked by CSP."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SIZES = [(360, 640), (844, 390), (1440, 900)]
 A_LONG_NAME = "Wilhelmina-Konstantinopoulou van den Bergh-Featherstonehaugh"
 
 
-# Whatever is no violation is not told, which takes three times as long as to look.
+# Report violations only: other results take three times as long.
 RUN_AXE = """async () => {
   const { violations } = await axe.run({ resultTypes: ["violations"] });
   return violations.flatMap(({ id, nodes }) =>
@@ -45,7 +45,7 @@ RUN_AXE = """async () => {
 
 
 def found_by_axe(person: Person) -> list[str]:
-    """What axe-core has against the page, as lines."""
+    """axe-core's complaints about the page, as lines."""
     if not person.page.evaluate("'axe' in window"):
         person.page.evaluate(AXE.read_text())
     found: list[str] = person.page.evaluate(RUN_AXE)
@@ -60,7 +60,7 @@ def test_axe_has_nothing_against_any_page_light_or_dark(person: Arrive) -> None:
             staff.page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
             staff.page.evaluate(
                 "document.getAnimations().map(one => one.finish())"
-            )  # the admin's own colours fade
+            )  # the admin animates its colours
             assert found_by_axe(staff) == [], (path, theme)
 
 
@@ -104,7 +104,7 @@ def test_joystick_and_stop_are_in_sight_whatever_the_window(person: Arrive, widt
     stick, stop = places_of_stick_and_stop(operator)
     assert stick["x"] > stop["x"] or width < height
     assert operator.part("zone").evaluate("zone => getComputedStyle(zone).touchAction") == "none"
-    operator.page.evaluate("document.dir = 'rtl'")  # as in a language that is written so
+    operator.page.evaluate("document.dir = 'rtl'")  # as in a right-to-left language
     everything_is_in_sight(operator, width, height)
     stick, stop = places_of_stick_and_stop(operator)
     assert stick["x"] < stop["x"] or width < height
@@ -113,7 +113,7 @@ def test_joystick_and_stop_are_in_sight_whatever_the_window(person: Arrive, widt
 
 def test_controls_fit_a_finger_and_do_not_jump(person: Arrive) -> None:
     operator, staff = person("operator", width=360, height=640, touch=True), person("staff")
-    operator.take("tiago-2")  # another test may have left it stopped
+    operator.take("tiago-2")  # clears a stop of another test
     operator.release()
     before = places_on_tabs(operator)
     operator.take("tiago-2")
@@ -135,7 +135,7 @@ def test_controls_fit_a_finger_and_do_not_jump(person: Arrive) -> None:
 
 
 def places_on_tabs(person: Person) -> list[dict[str, float]]:
-    """Where stick, stop, the first motion and the first phrase are; on the way nothing is too small."""
+    """Places of stick, stop, first motion and first phrase; also checks that no control is too small."""
     places = []
     for tab, names in {
         "motions": [".motions .hit"],
@@ -151,7 +151,7 @@ def places_on_tabs(person: Person) -> list[dict[str, float]]:
 
 
 def too_small(person: Person) -> list[str]:
-    """What can be pressed and is less than 44 px high or wide, with what a finger hits beside it."""
+    """Controls less than 44 px high or wide, with their neighbours in reach of a finger."""
     found: list[str] = person.page.evaluate(
         """() => [...document.querySelectorAll("a, button, input, select, textarea, summary")]
           .filter((one) => one.checkVisibility({ visibilityProperty: true }) && !one.closest(".skip, p"))
@@ -201,7 +201,7 @@ def test_every_list_has_a_search_that_keys_are_enough_for(person: Arrive) -> Non
             expect(rows, label).to_have_count(many)
             field.fill(text)
             field.press("Enter")
-    # What Enter acted on: each by its own list.
+    # Enter acts on the list that has the focus.
     operator.part("watches").get_by_text("/scan_raw").first.wait_for()
     operator.part("service-call").get_by_text("/play_motion/list_motions").first.wait_for()
     operator.part("parameter-value").get_by_text(re.compile("robot_description")).first.wait_for()
@@ -212,7 +212,7 @@ def test_every_list_has_a_search_that_keys_are_enough_for(person: Arrive) -> Non
 
 
 def everything_is_in_sight(person: Person, width: int, height: int) -> None:
-    """Joystick, stop and picture: in the window, which has nothing to scroll, large enough, and apart."""
+    """Joystick, stop and picture are in the window, large enough and apart; the window does not scroll."""
     page_size = "[document.scrollingElement.scrollWidth, document.scrollingElement.scrollHeight]"
     assert person.page.evaluate(page_size) == [width, height]
     stick, stop = places_of_stick_and_stop(person)
@@ -230,7 +230,7 @@ def everything_is_in_sight(person: Person, width: int, height: int) -> None:
 
 
 def places_of_stick_and_stop(person: Person) -> tuple[dict[str, float], dict[str, float]]:
-    """Where a person finds them."""
+    """Places of stick and stop."""
     return box_of(person.part("zone")), box_of(person.page.locator("form.stop .stop-button"))
 
 
@@ -246,7 +246,7 @@ def test_nothing_that_opens_covers_the_stop(person: Arrive, width: int, height: 
 
 
 def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
-    """Neither details, nor the menu, nor a dialog."""
+    """Details, menu and dialogs leave the stop visible."""
     box = box_of(staff.page.locator("form.stop .stop-button"))
     spots = [[box["x"] + share * box["width"], box["y"] + box["height"] / 2] for share in (0.05, 0.5, 0.95)]
 
@@ -262,7 +262,7 @@ def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
     staff.page.locator("summary").click()
     assert is_free()
     menu = box_of(staff.page.locator(".menu-list"))
-    assert menu["y"] + menu["height"] <= height  # what does not fit is scrolled to
+    assert menu["y"] + menu["height"] <= height  # the rest can be scrolled to
     staff.page.locator("summary").click()
     staff.press("Take over…")
     assert is_free()
@@ -279,7 +279,7 @@ def test_long_names_cover_nothing_and_crush_nothing(person: Arrive, width: int, 
     operator.page.get_by_role("button", name="Hand over to Staff").wait_for()
     stop = operator.page.locator("form.stop .stop-button")
     place = box_of(stop)
-    # The page's own script writes the names again soon: it is measured at once.
+    # Measure at once: the page's script soon rewrites the names.
     back, burger, stop_now, free = operator.page.evaluate(
         """name => {
           for (const place of ["h1", ".menu-name", "[data-part=who]", ".requests span", ".requests .button"])
@@ -314,7 +314,7 @@ def test_no_page_is_too_wide_or_uses_the_internet(
         assert staff.page.evaluate("document.scrollingElement.scrollWidth") == 360, path
     assert any("/ws/" in url for url in asked)
     assert [url for url in asked if not url.startswith(staff.stack.url)] == []
-    assert [line for line in staff.complaints if "404" not in line] == []  # of /nowhere/
+    assert [line for line in staff.complaints if "404" not in line] == []  # 404 is for /nowhere/
 
 
 def test_the_theme_is_kept(person: Arrive) -> None:
@@ -340,14 +340,14 @@ def test_cards_say_how_each_robot_is(person: Arrive) -> None:
 
 
 def box_of(element: Locator) -> dict[str, float]:
-    """Its place in the window, pixels."""
+    """An element's box in the window, pixels."""
     box = element.bounding_box()
     assert box is not None
     return {"x": box["x"], "y": box["y"], "width": box["width"], "height": box["height"]}
 
 
 def overlap(a: dict[str, float], b: dict[str, float]) -> bool:
-    """Whether two boxes share a pixel."""
+    """True if two boxes share a pixel."""
     beside = a["x"] + a["width"] <= b["x"] or b["x"] + b["width"] <= a["x"]
     above = a["y"] + a["height"] <= b["y"] or b["y"] + b["height"] <= a["y"]
     return not (beside or above)

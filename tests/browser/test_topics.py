@@ -1,4 +1,4 @@
-"""The Topics tab, as an operator uses it: where input goes, what the robot says, what is published."""
+"""The Topics tab for an operator: choosing input topics, viewing topics, publishing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.browser.test_pages import found_by_axe
 
 Arrive = Callable[..., Person]
 ROBOT = "tiago-2"
-# A page behind another browser tab: it draws nothing. Counts how often the page says that it is cut off.
+# A page in a hidden browser tab draws nothing. Counts how often the page reports a lost connection.
 HIDDEN = """() => {
     const draw = window.requestAnimationFrame;
     const held = [];
@@ -35,7 +35,7 @@ HIDDEN = """() => {
 
 
 def topics_of(person: Person) -> None:
-    """Open the tab, and wait for the robot's topics."""
+    """Open the Topics tab and wait for the robot's topics."""
     person.page.get_by_role("tab", name="Topics").click()
     person.part("topic-list").get_by_role("button").first.wait_for()
 
@@ -64,13 +64,13 @@ def test_driving_goes_elsewhere_and_back_with_one_press(person: Arrive) -> None:
     assert "/phone_vel" in drive.inner_text()
 
     operator.page.get_by_role("tab", name="Drive").click()
-    operator.drive("ArrowDown", metres=0.05)  # at once: the tab changes with the click
+    operator.drive("ArrowDown", metres=0.05)  # at once: the click changes the tab
     operator.let_go("ArrowDown")
     operator.until_still()
     elsewhere = operator.part("elsewhere").get_by_text("Drive goes to /phone_vel")
     expect(elsewhere).to_be_visible()
     operator.page.get_by_role("tab", name="Speech").click()
-    expect(elsewhere).to_be_hidden()  # each tab has its own choice
+    expect(elsewhere).to_be_hidden()  # each tab shows its own redirected input
     operator.page.get_by_role("tab", name="Centre").click()
     operator.press("Drive: Back to the default")
     operator.until(lambda: operator.state["chosen"] == {}, "the default")
@@ -94,7 +94,7 @@ def test_focus_returns_with_the_browser_tab(person: Arrive) -> None:
     search = observer.part("topic-list").get_by_role("searchbox")
     search.focus()
     observer.page.evaluate(HIDDEN)
-    observer.page.wait_for_timeout(3500)  # pictures that are not drawn are not acknowledged: no more come
+    observer.page.wait_for_timeout(3500)  # undrawn pictures are not acknowledged, so no more arrive
     observer.heard.pop("view")
     observer.page.evaluate("hide(false)")
     observer.until(lambda: "view" in observer.heard, "pictures again")
@@ -121,7 +121,7 @@ def test_a_type_that_is_installed_nowhere_is_watched_and_plotted(
         watched.get_by_role("button", name="Plot celsius").click()
         watched.locator("canvas").wait_for()
         observer.page.get_by_role("tab", name="Drive").click()
-        observer.page.get_by_role("tab", name="Topics").click()  # what was watched is watched again
+        observer.page.get_by_role("tab", name="Topics").click()  # subscriptions are renewed
         watched.locator("canvas").wait_for()
         expect(watched).not_to_have_attribute("data-stale", "true")
         assert found_by_axe(observer) == []
@@ -201,7 +201,7 @@ def test_a_published_velocity_passes_the_gate_and_ends_with_tab(
     operator.until_driven(operator.place, 0.05)
     assert operator.state["verdict"]["asked"][0] < 0.0
     folded = operator.part("notices").locator(".notice-times", has_text=re.compile(r"\d"))
-    assert folded.count() == 0  # told once, not ten times a second
+    assert folded.count() == 0  # reported once, not ten times a second
     operator.page.evaluate("dispatchEvent(new Event('blur'))")
     operator.part("publish-running").get_by_text("/key_vel").wait_for(state="detached")
     operator.until_still()

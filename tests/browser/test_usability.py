@@ -1,4 +1,4 @@
-"""The tasks that the former controller was judged by, done as a person does them; prints time and presses of each."""
+"""The usability tasks of the former controller, done like a person; prints time and presses of each task."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from tests.browser.people import Person, robot_side
 
 STICK_PERIOD_MS = 30
 PATIENCE_S = 60.0
-TRIES = 3  # a busy machine may interrupt the driver of the course, which is not the page's doing
-SLOWER_AT_MOST = 1.15  # by joystick on the page, behind the gate, than by keys at the robot
+TRIES = 3  # a busy machine may interrupt the driver; this is no fault of the page
+SLOWER_AT_MOST = 1.15  # ratio: joystick on the page with the gate, to keys at the robot
 DRIVEN, BESIDE = (PracticeRobot(f"tiago-{number}", f"TIAGo {number}", START) for number in (1, 2))
 
 
 @contextmanager
 def started(folder: Path) -> Iterator[Stack]:
-    """Two robots at the same start, each in an office of its own: one behind the gate, one driven without."""
+    """Two robots at the same start in separate offices: one driven through the gate, one without."""
     stack = Stack(folder, robots=(DRIVEN, BESIDE))
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("DJANGO_SETTINGS_MODULE", raising=False)
@@ -41,7 +41,7 @@ def started(folder: Path) -> Iterator[Stack]:
 
 
 class Grip(NamedTuple):
-    """Where the joystick's middle is on the page, and how far from it is well past full stick; pixels."""
+    """The joystick's middle on the page, and the distance beyond full stick; pixels."""
 
     x: float
     y: float
@@ -49,7 +49,7 @@ class Grip(NamedTuple):
 
 
 class Tasks:
-    """What a person does, timed, with presses counted."""
+    """Measures the time and the presses of tasks."""
 
     def __init__(self, person: Person) -> None:
         self.person = person
@@ -58,7 +58,7 @@ class Tasks:
 
     @contextmanager
     def task(self, name: str, at_most: int | None = None) -> Iterator[None]:
-        """One of the tasks; `at_most` presses."""
+        """Measure one task; it may take `at_most` presses."""
         before, began_s = self.presses, time.monotonic()
         yield
         self.seconds[name] = time.monotonic() - began_s
@@ -67,12 +67,12 @@ class Tasks:
         assert at_most is None or presses <= at_most, name
 
     def press(self, name: str) -> None:
-        """A button, by its name."""
+        """Press a button by its name."""
         self.presses += 1
         self.person.press(name)
 
     def press_part(self, name: str) -> None:
-        """An element, by the name that the page's script knows."""
+        """Press an element by its `data-part` name."""
         self.presses += 1
         self.person.part(name).click()
 
@@ -92,7 +92,7 @@ def test_the_usability_tasks(browser: Browser, tmp_path_factory: pytest.TempPath
 
 
 def do_tasks(stack: Stack, browser: Browser, contacts: Path) -> tuple[float, int]:
-    """How much longer the course took than by keys without gate, and how often the stick had to be seized for it."""
+    """Do all tasks. Return the course's time as a ratio to keys without gate, and how often the stick was seized."""
     without_gate_s = driven_by_keys(stack.robots[BESIDE.slug])
     print(f"the course by keys, without gate: {without_gate_s:.1f} s")
     person = Person(stack, browser, "operator")
@@ -122,7 +122,7 @@ def do_tasks(stack: Stack, browser: Browser, contacts: Path) -> tuple[float, int
             person.until(lambda: person.state["speech"], "the sentence")
         tasks.presses += 1
         person.page.get_by_role("tab", name="Centre").click()
-        fold_arm(tasks)  # a wave ends with the arm held out, too wide for the door
+        fold_arm(tasks)  # a wave leaves the arm stretched out, too wide for the door
         person.until(lambda: person.state["speech"] is None, "silence")
         with tasks.task("drive the course through the door"):
             seized = follow_course(tasks)
@@ -142,11 +142,11 @@ def do_tasks(stack: Stack, browser: Browser, contacts: Path) -> tuple[float, int
 
 
 def fold_arm(tasks: Tasks) -> None:
-    """As often as it takes on a machine so busy that the laser is heard too late: then no arm moves."""
+    """Retry, since late laser data on a busy machine blocks arm motions."""
     person = tasks.person
 
     def answered() -> bool:
-        # A press right after an end counts as a cancel, and is refused as that.
+        # A press right after an end counts as a cancel and is refused.
         return bool(person.state["motion"]) or person.heard["refused"]["of"] in ("play", "play_cancel")
 
     deadline = time.monotonic() + PATIENCE_S
@@ -159,7 +159,7 @@ def fold_arm(tasks: Tasks) -> None:
 
 
 def driven_by_keys(robot: SimulatedRobot) -> float:
-    """Seconds that the course takes without console and gate."""
+    """Time (s) of the course without console and gate."""
     done = subprocess.run(
         [sys.executable, "-m", "tests.browser.robot_side", "keys"],
         cwd=REPOSITORY, env=robot.environment, capture_output=True, text=True, timeout=PATIENCE_S, check=True,
@@ -168,7 +168,7 @@ def driven_by_keys(robot: SimulatedRobot) -> float:
 
 
 def follow_course(tasks: Tasks) -> int:
-    """With the mouse on the joystick, at the speed that the page offers. How often it was seized: once, as a rule."""
+    """Drive the course with the mouse on the joystick at the page's default speed. Return how often it was seized."""
     person, follower = tasks.person, Follower()
     expect(person.part("speed")).to_have_text(re.compile(rf"^\s*{SHARE:.2f}"))
     grip, seized = seize_stick(tasks), 1
@@ -185,7 +185,7 @@ def follow_course(tasks: Tasks) -> int:
 
 
 def seize_stick(tasks: Tasks) -> Grip:
-    """The mouse goes down on the joystick's middle, which is there."""
+    """Press the mouse on the joystick's middle."""
     x, y = tasks.person.middle_of("zone")
     tasks.person.page.mouse.move(x, y)
     tasks.presses += 1
@@ -194,7 +194,7 @@ def seize_stick(tasks: Tasks) -> Grip:
 
 
 def seize_again(tasks: Tasks) -> Grip:
-    """The stick has to return to the middle: on a busy machine, what was heard of the robot was too old."""
+    """Return the stick to the middle, since robot data was too old on a busy machine; then seize it again."""
     person = tasks.person
     person.page.mouse.up()
     person.until(lambda: person.state["neutral_needed"] is None, "a free stick")
@@ -202,16 +202,16 @@ def seize_again(tasks: Tasks) -> Grip:
 
 
 def push_stick(person: Person, grip: Grip, forward: float, left: float) -> None:
-    """Hold it there for a moment."""
+    """Hold the stick at this position for a moment."""
     person.page.mouse.move(grip.x - grip.reach * left, grip.y - grip.reach * forward)
     person.page.wait_for_timeout(STICK_PERIOD_MS)
 
 
 def try_to_hit(tasks: Tasks, world: subprocess.Popen[str]) -> None:
-    """Somebody stands in the way; the stick is full ahead until the gate has stopped the robot."""
+    """Hold full stick towards a person until the gate has stopped the robot."""
     person = tasks.person
     assert world.stdin is not None
-    world.stdin.write("person 2.5 5.1\n")  # a metre ahead of the course's end
+    world.stdin.write("person 2.5 5.1\n")  # 1 m beyond the end of the course
     world.stdin.flush()
 
     def held() -> bool:
@@ -221,7 +221,7 @@ def try_to_hit(tasks: Tasks, world: subprocess.Popen[str]) -> None:
 
     grip = seize_stick(tasks)
     deadline = time.monotonic() + PATIENCE_S
-    while not held():  # by the gate, with words that say why
+    while not held():  # by the gate, with a reason
         assert time.monotonic() < deadline, f"not held: {person.state}"
         if person.state["neutral_needed"]:
             grip = seize_again(tasks)

@@ -1,4 +1,4 @@
-"""The screen stays on while somebody drives. The lock is Chromium's own."""
+"""The screen stays on while a person drives. The wake lock is Chromium's."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ navigator.wakeLock.request = async (kind) => {
   return lock;
 };
 """
-# Headless Chromium counts every page as visible: this is what a browser does as it hides one, and shows it again.
+# Headless Chromium counts every page as visible; these are the events of a page that is hidden and shown again.
 HIDE = """
 Object.defineProperty(document, 'hidden', {value: true, configurable: true});
 Promise.all(window.locks.map((lock) => lock.release()))

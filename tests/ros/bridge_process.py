@@ -21,7 +21,7 @@ from robots.bridge.process import run
 
 
 class FileSink:
-    """One line per record, in order."""
+    """Writes one line for each record."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("a", buffering=1)

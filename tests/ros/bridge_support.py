@@ -1,4 +1,4 @@
-"""A real bridge process and a hand on its link."""
+"""Real bridge and watchdog processes, and a client of the bridge's link."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SONARS = {
 
 
 def tiago_config(master: Master, folder: Path, **changes: Any) -> BridgeConfig:
-    """A TIAGo as the registry would describe it. The socket lies in a short folder: its path is limited."""
+    """A TIAGo's configuration as the registry writes it. Sockets lie in a short folder: their paths are limited."""
     robot_id = uuid.uuid4().hex
     sockets = Path(tempfile.gettempdir()) / f"fleet-test-{robot_id[:8]}"
     config = BridgeConfig(
@@ -69,12 +69,12 @@ def tiago_config(master: Master, folder: Path, **changes: Any) -> BridgeConfig:
 
 
 def drivable(state: wire.State) -> bool:
-    """Online, and every sensor has spoken: before, the gate holds and asks for a neutral stick."""
+    """True if the robot is online and all sensors have sent data. Before this, the gate asks for a neutral stick."""
     return state.phase == "online" and all(sensor.ok for sensor in state.sensors if sensor.kind != "depth")
 
 
 class BridgeProcess:
-    """One bridge, its standard input the life line that the supervisor would hold."""
+    """One bridge. It ends when its standard input closes, as when the supervisor dies."""
 
     def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
         self.config = config
@@ -90,14 +90,14 @@ class BridgeProcess:
             )  # fmt: skip
 
     def link(self) -> Hand:
-        """A link to it; waits until it listens."""
+        """Wait until the bridge listens, and open a link."""
         path = self.config.link.unix_path
         assert path is not None
         until(lambda: _listens(path) or self.process.poll() is not None, f"a listener on {path}")
         return Hand(path)
 
     def cut_life_line(self) -> int:
-        """As if the supervisor died; the exit code."""
+        """Close its standard input, as if the supervisor died; return the exit code."""
         assert self.process.stdin is not None
         self.process.stdin.close()
         return self.process.wait(PATIENCE_S)
@@ -116,7 +116,7 @@ class BridgeProcess:
 
 
 class WatchdogProcess:
-    """The watchdog of a bridge's robot, its standard input the life line."""
+    """The watchdog of a bridge's robot. It ends when its standard input closes."""
 
     def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
         self.config = config
@@ -141,11 +141,11 @@ class WatchdogProcess:
         robot: uuid.UUID | None = None,
         press: uuid.UUID | None = None,
     ) -> wire.LinkReport:
-        """Stop the robot, as a web process does that cannot reach the bridge; waits for the answer."""
+        """Stop the robot like a web process that cannot reach the bridge; return the answer."""
         return self.say(wire.encode(wire.LinkStop(by, reason, 7, robot, press)))
 
     def say(self, message: bytes) -> wire.LinkReport:
-        """Something on its socket; waits for the answer."""
+        """Send a message on its socket; return the answer."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as lane:
             lane.settimeout(PATIENCE_S)
             lane.connect(lane_path(self.config))
@@ -164,18 +164,18 @@ class WatchdogProcess:
 
 
 def _fence_told(report: Any) -> int | None:
-    """Of whose control a state is, 0 if of nobody's; None: it is no state."""
+    """Fence of a state report, 0 without control; None if the report is no state."""
     return report.state.fence or 0 if isinstance(report, wire.Status) else None
 
 
 def _listens(path: str) -> bool:
-    """A killed bridge leaves a socket file behind, so the file alone says nothing."""
+    """True if the socket accepts connections. The file alone proves nothing: a killed bridge leaves it behind."""
     with socket.socket(socket.AF_UNIX) as probe:
         return probe.connect_ex(path) == 0
 
 
 class Hand:
-    """A web process of one: sends link messages and drives at 20 Hz from a thread."""
+    """Client of a bridge's link: sends messages, and drives at 20 Hz from a thread."""
 
     def __init__(self, path: str) -> None:
         self._closing = ExitStack()
@@ -184,7 +184,7 @@ class Hand:
         self._news = threading.Condition()
         self._stick: tuple[float, float, float] | None = None
         self._seq = 0
-        self._sending = threading.Lock()  # the test and the thread that drives: numbers go out in their order
+        self._sending = threading.Lock()  # keeps numbers in order between the test and the driving thread
         self.fence = 0
         self.state: wire.State | None = None
         threading.Thread(target=self._read, daemon=True).start()
@@ -215,9 +215,9 @@ class Hand:
         return state
 
     def drive_until(self, x: float, condition: Callable[[wire.State], Any], what: str) -> wire.State:
-        """The first state for which `condition` holds, while the stick is pushed there as a person does it.
+        """Push the stick until `condition` holds for a state; return that state.
 
-        On a busy machine a scan may come too late, and the gate asks for a stick in the middle: it is let return there.
+        On a busy machine a late scan makes the gate ask for a neutral stick: the stick then returns to the middle.
         """
 
         def pushed(state: wire.State) -> Any:
@@ -230,18 +230,18 @@ class Hand:
         self.send(wire.Grant(fence, seconds, f"session-{fence}", "Ann", "ann", 1.0))
         self.until(lambda r: isinstance(r, wire.Granted) and r.fence == fence, "a grant")
         self.state_until(lambda state: state.fence == fence, "control")
-        with self._news:  # limits are told to who drives: earlier states say nothing of them
+        with self._news:  # speed limits are reported only to the driver: drop earlier states
             self._reports = [report for report in self._reports if _fence_told(report) in (None, fence)]
         self.fence = fence
         self.stick(0.0, 0.0)
 
     def stick(self, x: float, w: float = 0.0, y: float = 0.0) -> None:
-        """Hold the stick there from now on."""
+        """Hold the stick at this position from now on."""
         self._stick = (x, y, w)
         self._send_stick()
 
     def let_go(self) -> None:
-        """Send no commands any more."""
+        """Send no more drive messages."""
         self._stick = None
 
     def close(self) -> None:
@@ -262,7 +262,7 @@ class Hand:
         while not pace.wait(0.05):
             try:
                 self._send_stick()
-            except ConnectionClosed:  # the test is over, or cut it
+            except ConnectionClosed:  # the test ended or cut the link
                 return
 
     def _read(self) -> None:

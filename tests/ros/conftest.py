@@ -13,7 +13,7 @@ from tests.ros.support import Master, RosClient, SimulatorProcess
 
 @pytest.fixture(scope="session")
 def rosmaster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Master]:
-    """This test process' own rosmaster."""
+    """The rosmaster of this test process."""
     master = Master(tmp_path_factory.mktemp("ros")).start()
     yield master
     master.stop()
@@ -21,7 +21,7 @@ def rosmaster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Master]:
 
 @pytest.fixture(scope="session")
 def ros(rosmaster: Master) -> Iterator[RosClient]:
-    """This test process' own node at `rosmaster`."""
+    """The ROS node of this test process at `rosmaster`."""
     client = RosClient(rosmaster)
     yield client
     client.close()
@@ -29,7 +29,7 @@ def ros(rosmaster: Master) -> Iterator[RosClient]:
 
 @pytest.fixture(scope="module")
 def make_master(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], Master]]:
-    """Start more masters, one per robot, or to be killed; ended after the module."""
+    """Start more masters, for more robots or to kill them. They end after the module."""
     started: list[Master] = []
 
     def make() -> Master:
@@ -45,7 +45,7 @@ def make_master(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[
 def simulator(
     rosmaster: Master, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Callable[..., SimulatorProcess]]:
-    """Start simulated robots: ``simulator(pose="2,2,0", seed=1)``; ended after the module.
+    """Start simulated robots: ``simulator(pose="2,2,0", seed=1)``. They end after the module.
 
     Two robots need two masters (``simulator(master=make_master())``): their topics have the same names.
     """

@@ -1,4 +1,4 @@
-"""A man in the middle: a ROS master whose answers a test spoils, and heals again."""
+"""A proxy of a ROS master that replaces answers as a test asks."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from tests.ros.support import Master
 
-CUT_SHORT = b"<"  # what is there of an answer when its master is killed
-GONE = (OSError, http.client.HTTPException)  # is the master: there is no answer, and the line is cut
+CUT_SHORT = b"<"  # part of an answer, as left by a killed master
+GONE = (OSError, http.client.HTTPException)  # errors of a master that has ended
 
 
 def answer_of(value: object) -> bytes:
-    """A master's word that a call went well, with this value."""
+    """A master's answer: success, with this value."""
     return xmlrpc.client.dumps(([1, "", value],), methodresponse=True).encode()
 
 
 class MeddledMaster(Master):
-    """The same master at another address; `spoiled` are the answers that it gives there instead of its own."""
+    """The same master at another address, where it gives the answers in `spoiled` instead of its own."""
 
-    spoiled: dict[str, bytes]  # by the method that is called, or what it is asked for
-    given: list[str]  # of these, in order
+    spoiled: dict[str, bytes]  # by method or argument
+    given: list[str]  # keys of `spoiled` that were used, in order
 
 
 @contextmanager
 def meddled(master: Master) -> Iterator[MeddledMaster]:
-    """Whoever is to be told rubbish has this one as its master."""
+    """Run the proxy for the length of a `with` block."""
     through: MeddledMaster = copy.copy(master)  # type: ignore[assignment]
     through.spoiled, through.given = {}, []
 
@@ -59,7 +59,7 @@ def meddled(master: Master) -> Iterator[MeddledMaster]:
         def log_message(self, *_: object) -> None: ...
 
     with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
-        server.block_on_close = False  # whoever watches for our death holds a connection
+        server.block_on_close = False  # a node that monitors the master holds a connection
         through.uri = f"http://127.0.0.1:{server.server_port}/"
         thread = threading.Thread(target=server.serve_forever, args=(0.05,))
         thread.start()

@@ -1,6 +1,6 @@
-"""What a stranger on a robot's network can do to its bridge: nodes and connections made by hand, without rospy.
+"""Attacks on a bridge from the robot's network: hostile nodes and connections, without rospy.
 
-Each attack is a context manager: it begins at once and runs until its block ends, bounded in what it sends.
+Each attack is a context manager: it runs until its block ends, and sends a limited amount.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ class _Quiet(SimpleXMLRPCRequestHandler):
 
 
 class Node:
-    """A node's two servers, and its entries at the master. A context manager: leaves the master at its end."""
+    """A node's two servers and its registrations. As a context manager it unregisters at its end."""
 
     def __init__(self, master_uri: str, name: str) -> None:
         self.name = name
         self.over = threading.Event()
         self.sent = 0  # messages
-        self.dropped = 0  # connections that the other side closed
+        self.dropped = 0  # connections closed by the other side
         self._master = ServerProxy(master_uri)
         self._leave = ExitStack()
         self._topics: dict[str, tuple[Callable[[], Messages], float]] = {}
@@ -69,19 +69,19 @@ class Node:
         messages: Callable[[], Messages] = lambda: iter(()),
         rate_hz: float = 10.0,
     ) -> None:
-        """Advertise a topic; every listener gets `messages()` at that rate. 0 Hz: as fast as it reads."""
+        """Advertise a topic and send `messages()` to every subscriber. 0 Hz: as fast as it reads."""
         self._topics[topic] = (messages, rate_hz)
         self._register("registerPublisher", "unregisterPublisher", topic, kind)
 
     def subscribe(self, topic: str, kind: str) -> None:
-        """Be on the master's books as a listener."""
+        """Register as a subscriber."""
         self._register("registerSubscriber", "unregisterSubscriber", topic, kind)
 
     def _register(self, do: str, undo: str, topic: str, kind: str) -> None:
         getattr(self._master, do)(self.name, topic, kind, self.uri)
 
         def leave() -> None:
-            with suppress(Exception):  # a master that has ended
+            with suppress(Exception):  # the master has ended
                 getattr(self._master, undo)(self.name, topic, self.uri)
 
         self._leave.callback(leave)
@@ -100,7 +100,7 @@ class Node:
             threading.Thread(target=self._talk, args=(connection,), daemon=True).start()
 
     def _talk(self, connection: socket.socket) -> None:
-        """Say that we are what the listener wants, then send."""
+        """Claim the type that the subscriber wants, then send."""
         with connection, suppress(OSError, struct.error, KeyError):
             told = _fields(_exactly(connection, struct.unpack("<I", _exactly(connection, 4))[0]))
             messages, rate_hz = self._topics[told["topic"]]
@@ -152,7 +152,7 @@ def _exactly(connection: socket.socket, size: int) -> bytes:
 
 
 def framed(message: bytes) -> bytes:
-    """With its length before it, as TCPROS has it."""
+    """Prefix bytes with their length, as in TCPROS."""
     return struct.pack("<I", len(message)) + message
 
 
@@ -162,7 +162,7 @@ def text(value: str) -> bytes:
 
 
 def stamped(number: int, frame: str) -> bytes:
-    """A std_msgs/Header of now."""
+    """A std_msgs/Header with the current time."""
     now_ns = time.time_ns()
     return struct.pack("<III", number, *divmod(now_ns, 1_000_000_000)) + text(frame)
 
@@ -175,7 +175,7 @@ def scan(number: int, beams: int, frame: str = "base_laser_link") -> bytes:
 
 
 def transforms(number: int, frames: int) -> bytes:
-    """A tf2_msgs/TFMessage of child frames that nobody has told of before."""
+    """A tf2_msgs/TFMessage with new child frames."""
     parts = [struct.pack("<I", frames)]
     for frame in range(frames):
         parts.append(stamped(number, "base_footprint") + text(f"flood_{number}_{frame}"))
@@ -194,7 +194,7 @@ def result(goal_id: str, words: str) -> bytes:
 
 @contextmanager
 def long_name(master_uri: str, topic: str = "/key_vel") -> Iterator[Node]:
-    """A node with a name of 9 MB says that it publishes on the drive topic."""
+    """A node with a name of 9 MB registers as publisher of the drive topic."""
     with Node(master_uri, f"/{'n' * LONG}") as node:
         node.publish(topic, "geometry_msgs/Twist")
         yield node
@@ -202,7 +202,7 @@ def long_name(master_uri: str, topic: str = "/key_vel") -> Iterator[Node]:
 
 @contextmanager
 def long_type(master_uri: str, topic: str = "/key_vel") -> Iterator[Node]:
-    """A node says that it publishes on the drive topic, of a type with 9 MB."""
+    """A node registers as publisher of the drive topic with a type name of 9 MB."""
     with Node(master_uri, "/long_type") as node:
         node.publish(topic, f"geometry_msgs/{'T' * LONG}")
         yield node
@@ -210,7 +210,7 @@ def long_type(master_uri: str, topic: str = "/key_vel") -> Iterator[Node]:
 
 @contextmanager
 def long_result(master_uri: str, action: str = "/play_motion", rate_hz: float = 2.0) -> Iterator[Node]:
-    """A second motion server sends results with 9 MB of words."""
+    """A second motion server sends results with 9 MB of text."""
     message = framed(result("a goal", "w" * LONG))
     with Node(master_uri, "/long_result") as node:
         node.publish(
@@ -235,7 +235,7 @@ def huge_scans(
 
 @contextmanager
 def declared_scan(master_uri: str, topic: str = "/scan_raw", number: int = 1) -> Iterator[Node]:
-    """A second laser declares a message of 4 GB, and sends of it as much as the bridge reads, up to 4 GB."""
+    """A second laser declares a message of 4 GB and sends as much of it as the bridge reads."""
     part = bytes(1 << 20)
 
     def messages() -> Messages:
@@ -249,7 +249,7 @@ def declared_scan(master_uri: str, topic: str = "/scan_raw", number: int = 1) ->
 
 @contextmanager
 def frames(master_uri: str, topic: str = "/tf", rate_hz: float = 50.0, each: int = 200) -> Iterator[Node]:
-    """Ever new child frames on /tf."""
+    """A stream of new child frames on /tf."""
     with Node(master_uri, "/frames") as node:
         node.publish(
             topic,
@@ -276,7 +276,7 @@ def tiny_messages(
 
 @contextmanager
 def fast_scans(master_uri: str, topic: str = "/scan_raw", beams: int = 20_000) -> Iterator[Node]:
-    """A second laser sends scans as large as a scan may be, as fast as they are read."""
+    """A second laser sends scans of the largest allowed size, as fast as the bridge reads."""
     message = framed(scan(1, beams))
     with Node(master_uri, "/fast_scans") as node:
         node.publish(topic, "sensor_msgs/LaserScan", lambda: itertools.repeat(message), 0.0)
@@ -287,7 +287,7 @@ BRIDGE = "/fleet_bridge"
 
 
 def bridge_uri(master_uri: str) -> str:
-    """Where the bridge's XML-RPC server is."""
+    """Address of the bridge's XML-RPC server."""
     master: Any = ServerProxy(master_uri)
     code, words, uri = master.lookupNode("/attack", BRIDGE)
     if code != 1:
@@ -296,7 +296,7 @@ def bridge_uri(master_uri: str) -> str:
 
 
 def _data_address(master_uri: str, topic: str) -> tuple[str, int]:
-    """Where the bridge's listeners connect."""
+    """Address of the bridge's TCPROS server."""
     bridge: Any = ServerProxy(bridge_uri(master_uri))
     code, words, told = bridge.requestTopic("/attack", topic, [["TCPROS"]])
     if code != 1:
@@ -305,10 +305,10 @@ def _data_address(master_uri: str, topic: str) -> tuple[str, int]:
 
 
 class Listener:
-    """Hears the twists of the bridge until it closes the connection. A context manager."""
+    """Receives the bridge's twists until the bridge closes the connection. A context manager."""
 
     def __init__(self, master_uri: str, topic: str = "/key_vel") -> None:
-        self.last = b""  # as it came
+        self.last = b""  # raw bytes
         self.ended = threading.Event()
         self._connection = socket.create_connection(_data_address(master_uri, topic), 5.0)
         self._connection.settimeout(None)
@@ -332,7 +332,7 @@ class Listener:
 
 @contextmanager
 def declared_header(master_uri: str, topic: str = "/key_vel", connections: int = 4) -> Iterator[None]:
-    """Listeners declare a connection header of 4 GB, and send of it as much as the bridge reads, up to 4 GB each."""
+    """Subscribers declare a connection header of 4 GB and send as much of it as the bridge reads."""
     address = _data_address(master_uri, topic)
     over = threading.Event()
 
@@ -350,7 +350,7 @@ def declared_header(master_uri: str, topic: str = "/key_vel", connections: int =
 
 @contextmanager
 def silent_listeners(master_uri: str, topic: str = "/key_vel", connections: int = 40) -> Iterator[None]:
-    """Listeners connect to the bridge, and say nothing."""
+    """Subscribers connect to the bridge and send nothing."""
     address = _data_address(master_uri, topic)
     with ExitStack() as stack:
         for _ in range(connections):
@@ -361,7 +361,7 @@ def silent_listeners(master_uri: str, topic: str = "/key_vel", connections: int 
 
 @contextmanager
 def declared_call(master_uri: str, connections: int = 40) -> Iterator[None]:
-    """Calls of the bridge's XML-RPC server declare a body of 4 GB, and send of it as much as is read, up to 1 GB."""
+    """XML-RPC calls declare a body of 4 GB and send as much of it as the bridge reads, up to 1 GB."""
     parts = urlsplit(bridge_uri(master_uri))
     over = threading.Event()
 
@@ -382,7 +382,7 @@ def declared_call(master_uri: str, connections: int = 40) -> Iterator[None]:
 
 @contextmanager
 def false_publishers(master_uri: str, topic: str = "/scan_raw", publishers: int = 2000) -> Iterator[None]:
-    """A call tells the bridge of thousands of publishers, at addresses where nobody listens."""
+    """A call names thousands of publishers at addresses where nobody listens."""
     bridge = ServerProxy(bridge_uri(master_uri))
     with suppress(Exception):  # it may refuse
         bridge.publisherUpdate(

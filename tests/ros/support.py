@@ -1,7 +1,7 @@
 """A real rosmaster, simulated robots and a ROS client for tests and benchmarks.
 
 rospy knows one master per process. So each test process (each pytest-xdist worker) has its own
-master on a free port and at most one node of its own; robots run in processes of theirs.
+master on a free port and at most one node; each robot runs in a separate process.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ ROSMASTER = "/usr/bin/rosmaster"
 PATIENCE_S = 30.0
 # rospy also logs as the interpreter exits, when pytest's streams are closed.
 logging.getLogger("rospy").setLevel(logging.WARNING)
-LAST_TOPIC = "/scan"  # what a simulator advertises last, whatever its base
+LAST_TOPIC = "/scan"  # the last topic that a simulator advertises, for every base
 
 
 def until(condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> Any:
-    """Poll until `condition` is true and return its value. For what has no event to await: other processes."""
+    """Poll until `condition` is true and return its value. Other processes give no event to await."""
     deadline = time.monotonic() + timeout_s
     while not (value := condition()):
         if time.monotonic() > deadline:
@@ -44,7 +44,7 @@ def until(condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S
 
 
 def free_port() -> int:
-    """A TCP port that nobody uses now."""
+    """A TCP port that is free now."""
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         port: int = listener.getsockname()[1]
@@ -52,7 +52,7 @@ def free_port() -> int:
 
 
 def end(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> int:
-    """Ask a process to end, insist after `timeout_s`; its exit code."""
+    """Terminate a process, kill it after `timeout_s`; return its exit code."""
     if process.poll() is None:
         process.send_signal(signal.SIGTERM)
     try:
@@ -63,7 +63,7 @@ def end(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> int:
 
 
 class Master:
-    """A rosmaster of one's own. `kill` and `start` again on the same port, as often as a test likes."""
+    """A separate rosmaster. It can be killed and started again on the same port."""
 
     def __init__(self, folder: Path, port: int | None = None) -> None:
         self.port = port or free_port()
@@ -72,7 +72,7 @@ class Master:
         self.process: subprocess.Popen[bytes] | None = None
 
     def environment(self) -> dict[str, str]:
-        """For processes that are to use this master."""
+        """Environment of processes that use this master."""
         return {
             **os.environ,
             "ROS_MASTER_URI": self.uri,
@@ -95,7 +95,7 @@ class Master:
         return self
 
     def answers(self) -> bool:
-        """True when it serves."""
+        """True if it answers."""
         try:
             ServerProxy(self.uri).getPid("/test")
         except OSError:
@@ -103,7 +103,7 @@ class Master:
         return True
 
     def kill(self) -> None:
-        """As a crash: SIGKILL."""
+        """Kill it with SIGKILL, as a crash."""
         if self.process is not None:
             self.process.kill()
             self.process.wait()
@@ -133,12 +133,12 @@ class SimulatorProcess:
             )  # fmt: skip
 
     def wait_ready(self) -> SimulatorProcess:
-        """Return when its topics are at the master."""
+        """Wait until its topics are registered."""
         until(self._is_ready, f"simulator {self.name}; its log:\n{self.log.read_text()}")
         return self
 
     def stop(self) -> int:
-        """End it; its exit code."""
+        """End it; return its exit code."""
         code = end(self.process)
         assert self.process.stdin is not None
         self.process.stdin.close()
@@ -185,13 +185,13 @@ class Inbox:
         raise AssertionError(f"no such message on {self.topic} within {timeout_s} s; the last was\n{last}")
 
     def settle(self) -> None:
-        """Wait for a message that was sent after this call: the one under way may be older."""
+        """Wait for a message sent after this call. The next message may be older, so wait for two."""
         self.drain()
         self.next()
         self.next()
 
     def drain(self) -> list[Any]:
-        """What has arrived and was not taken yet."""
+        """Take all messages that have arrived."""
         arrived = []
         while not self._queue.empty():
             arrived.append(self._queue.get())
@@ -203,7 +203,7 @@ class Inbox:
 
 
 class RosClient:
-    """This process' only ROS node. Made once per process, by the `ros` fixture."""
+    """The only ROS node of this process. The `ros` fixture makes it once."""
 
     def __init__(self, master: Master) -> None:
         self.master = master
@@ -225,7 +225,7 @@ class RosClient:
     def speak(self, topic: str, kind: type, listeners: int = 1) -> Iterator[rospy.Publisher]:
         """Publish for the length of a `with` block, which begins when `listeners` are connected.
 
-        At once: what still stood in a queue at the end of the block would be lost.
+        Messages are sent at once: messages in a queue would be lost at the end of the block.
         """
         publisher = immediate_publisher(topic, kind, PATIENCE_S)
         try:
@@ -235,7 +235,7 @@ class RosClient:
             publisher.unregister()
 
     def connected(self, *inboxes: Inbox) -> None:
-        """Wait until each hears somebody: what is published before is lost."""
+        """Wait until each inbox has a publisher: earlier messages are lost."""
         until(lambda: all(inbox.publishers for inbox in inboxes), "publishers of what is listened to")
 
     def close(self) -> None:

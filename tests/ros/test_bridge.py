@@ -1,4 +1,4 @@
-"""The bridge against a real master and a simulated TIAGo: what it survives, and what it refuses."""
+"""The bridge with a real master and a simulated TIAGo: faults that it survives, commands that it refuses."""
 
 from __future__ import annotations
 
@@ -222,10 +222,10 @@ def test_a_wrong_type_in_the_registry_is_said_in_words(bridges, rosmaster, tmp_p
 
 
 def test_a_bridge_that_lost_its_name_ends_for_a_new_one(bridge, bridges, hand, rosmaster):
-    with ServerProxy(rosmaster.uri) as master:  # another node of this name, which is gone again at once
+    with ServerProxy(rosmaster.uri) as master:  # another node of this name, which ends at once
         gone = "http://127.0.0.1:9/"
         master.registerPublisher("/fleet_bridge", "/elsewhere", "std_msgs/Empty", gone)
-        assert bridge.process.wait(PATIENCE_S) == EXIT_NAME_LOST  # although it publishes all the time
+        assert bridge.process.wait(PATIENCE_S) == EXIT_NAME_LOST  # although it publishes continuously
         fresh = bridges(rosmaster, bridge.config).link()
         fresh.state_until(drivable, "the fresh bridge to be online")
         master.unregisterPublisher("/fleet_bridge", "/elsewhere", gone)
@@ -239,7 +239,7 @@ def test_sonars_sharing_a_topic_are_all_heard(ros, bridges, rosmaster, tmp_path)
     hand = bridges(rosmaster, msgspec.structs.replace(config, topics=topics)).link()
 
     def burst() -> None:
-        packet = BytesIO()  # one: they arrive together
+        packet = BytesIO()  # one packet: they arrive together
         for number, sonar in enumerate(sonars):
             reading = Range(range=0.5, min_range=0.1, max_range=1.0)
             reading.header.frame_id = sonar.frame_id
@@ -268,16 +268,16 @@ def test_a_listener_that_does_not_read_is_cut_off(ros, hand):
     with ros.listen("/key_vel", Twist) as twists, ros.listen(ODOMETRY, Odometry) as odometry:
         longest_s = [longest_wait_with_a_deaf_one_s(ros, hand, twists, odometry) for _ in range(3)]
         twists.next()
-    assert statistics.median(longest_s) < 0.4  # for a busy machine may stand still once
+    assert statistics.median(longest_s) < 0.4  # median: a busy machine may pause once
 
 
 def longest_wait_with_a_deaf_one_s(ros, hand, twists, odometry):
-    """Between a stick and its twist, until the one that does not read is cut off."""
+    """Longest time (s) between a stick and its twist, until the bridge cuts off the subscriber that does not read."""
     waits_s = []
     with deaf_subscriber("/key_vel", Twist, ros.master.uri) as bridge_node:
         hand.stick(0.0, 0.1)
         twists.until(lambda twist: twist.angular.z > 0.0)
-        while serves_deaf(bridge_node):  # the test's time limit is its end, if never
+        while serves_deaf(bridge_node):  # ends at the test's time limit at the latest
             odometry.next()
             twists.drain()
             for _ in range(10):
@@ -290,7 +290,7 @@ def longest_wait_with_a_deaf_one_s(ros, hand, twists, odometry):
 
 @contextmanager
 def deaf_subscriber(topic: str, kind: type, master_uri: str):
-    """Shakes hands as a subscriber with the smallest buffer there is, and never reads again."""
+    """A subscriber with the smallest buffer that never reads after the handshake."""
     master = ServerProxy(master_uri)
     _, _, publishers = master.registerSubscriber("/deaf", topic, kind._type, "http://127.0.0.1:9/")
     node = next(uri for uri in publishers if uri == master.lookupNode("/deaf", "/fleet_bridge")[2])
@@ -310,7 +310,7 @@ def deaf_subscriber(topic: str, kind: type, master_uri: str):
 
 
 def serves_deaf(node: str) -> bool:
-    """Whether the bridge writes to the deaf listener, by what the bridge's node says of its connections."""
+    """True if the bridge's node lists a connection to the deaf subscriber."""
     _, _, connections = ServerProxy(node).getBusInfo("/test")
     return any("/deaf" in connection for connection in connections)
 
@@ -324,7 +324,7 @@ def test_rubbish_on_the_link_is_answered_and_the_link_stays(hand):
 
 
 class TestMasterGone:
-    """These break a master, so they have one of their own."""
+    """These tests break their master, so each starts a new one."""
 
     @pytest.fixture
     def master(self, tmp_path):

@@ -1,4 +1,4 @@
-"""``manage.py check_robot`` against a real rosmaster."""
+"""``manage.py check_robot`` with a real rosmaster."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.django_db
 
 ODOMETRY = "/mobile_base_controller/odom"
 
-# A robot whose nodes go by a name that nobody else knows.
+# A robot whose nodes use a host name that no other computer knows.
 NAMED_ROBOT = """
 import os, sys
 import robots.bridge.ros
@@ -44,14 +44,14 @@ while not rospy.is_shutdown():
 
 @pytest.fixture
 def fresh_master(tmp_path: Any) -> Iterator[Master]:
-    """A master that no other test has spoken to."""
+    """A master that no other test has used."""
     master = Master(tmp_path).start()
     yield master
     master.stop()
 
 
 def check(robot: Robot, master: Master, **changes: Any) -> dict[str, dict[str, str]]:
-    """Every answer of the command, by name."""
+    """Run the command; return its answers by name."""
     Robot.objects.filter(pk=robot.pk).update(
         **{"master_uri": master.uri, "advertised_address": "127.0.0.1", **changes}
     )
@@ -68,7 +68,7 @@ def check(robot: Robot, master: Master, **changes: Any) -> dict[str, dict[str, s
 
 @contextmanager
 def odometry_from(client: RosClient, ahead_s: float) -> Iterator[None]:
-    """Odometry stamped by a clock that is ahead."""
+    """Publish odometry with stamps of a clock that is ahead."""
     ending = threading.Event()
 
     def publish(publisher: rospy.Publisher) -> None:
@@ -160,7 +160,7 @@ def test_a_topic_of_another_type_is_told_with_both(robot: Robot, ros: RosClient)
 
 
 def test_a_short_message_of_another_type_spoils_no_other_answer(robot: Robot, ros: RosClient) -> None:
-    # two bytes, where a stamp was looked for
+    # two bytes where a stamp is expected
     publisher = rospy.Publisher(ODOMETRY, Bool, queue_size=1, latch=True)
     publisher.publish(Bool(True))
     try:

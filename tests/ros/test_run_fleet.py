@@ -1,4 +1,4 @@
-"""``manage.py run_fleet`` with real bridges: one of a robot that is there, one of a robot that is away."""
+"""``manage.py run_fleet`` with real bridges: one robot is present, one is away."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 
 
 class Supervisor:
-    """The command as a lab runs it, on this test's database."""
+    """The command as in a lab, with the test's database."""
 
     def __init__(self) -> None:
         database = f"sqlite:///{connection.settings_dict['NAME']}"
@@ -46,7 +46,7 @@ class Supervisor:
 
         def listening() -> psutil.Process | None:
             for child in psutil.Process(self.process.pid).children():
-                with contextlib.suppress(psutil.Error):  # it has ended, and is not waited for yet
+                with contextlib.suppress(psutil.Error):  # it has ended and was not reaped yet
                     told = child.cmdline()
                     if "robots.bridge.watchdog" in told and path in told[-1] and child.pid != not_pid:
                         return child if connects(path, socket.SOCK_SEQPACKET) else None
@@ -73,13 +73,13 @@ def connects(path: str, kind: int = socket.SOCK_STREAM) -> bool:
 
 @pytest.fixture
 def away(other_robot: Robot) -> Robot:
-    """A robot whose master is not there."""
+    """A robot without a running master."""
     return other_robot
 
 
 @pytest.fixture
 def there(robot: Robot, rosmaster: Master) -> Robot:
-    """A robot whose master is."""
+    """A robot with a running master."""
     robot.master_uri, robot.advertised_address = rosmaster.uri, "127.0.0.1"
     robot.save()
     return robot

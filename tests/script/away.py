@@ -1,4 +1,4 @@
-"""A robot is driven while the database goes away and comes back."""
+"""Checks for tests that drive a robot while the database disappears and returns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robots import wire
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import Stack
 
-STANDS_S = 3.0  # 2.5 s without the database, and what two busy cores add
+STANDS_S = 3.0  # 2.5 s without the database, and the delay of two busy cores
 NOTICED_S = 10.0
 LOOKED_S = 0.5
 TURN, TURNING_RADPS = 0.6, 0.1
@@ -20,9 +20,9 @@ NOTES, NOTES_HZ = "/fleet_demo/notes", 5.0
 
 
 async def stands_while(stack: Stack, database_away: AbstractContextManager[object]) -> None:
-    """The robot stops and says why, stays where it is, and can be driven again through a neutral stick.
+    """Check that the robot stops with a reason, stays, and drives again after a neutral stick.
 
-    What is published at a rate ends with it.
+    Repeated publishing ends, too.
     """
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
     async with Witness(stack) as witness:
@@ -36,7 +36,7 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
             await hold(driver, TURN, NOTICED_S, until=lambda: code(driver) == "not_recorded")
             assert driver.state
             assert "cannot be recorded" in driver.state.verdict.text
-            # A new drive is refused at the first failure, what is under way ends when patience does.
+            # A new drive is refused at the first failure; running tasks end after the time limit.
             told = f"Ended: publishing on {NOTES}."
             await hold(driver, TURN, NOTICED_S, until=lambda: told in driver.state.verdict.text)
             assert driver.state.publishing == []
@@ -57,7 +57,7 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
         log = await asyncio.to_thread(read_log, stack)
         notes_s = [one.at_s for one in witness.received if one.kind == "publish.start"]
         assert notes_s[-1] < away_s + STANDS_S, "the robot was told something when nothing could be recorded"
-        # Of what is published at a rate there is one record, but a message now and then.
+        # Repeated publishing has one record, but many messages: compare without them.
         received = [one for one in witness.received if one.kind != "publish.start"]
         assert log.findings + unrecorded(received, log.entries) == []
         since = [entry for entry in log.entries if entry.at_s > away_s]
@@ -67,7 +67,7 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
 
 
 async def hold(driver: Driver, turn: float, seconds: float, until=None) -> None:
-    """Hold the stick there whatever the console says: for so long, or until something, for which that is too long."""
+    """Hold the stick for this time, or until `until` is true, which must happen within this time."""
     end_s = time.monotonic() + seconds
     while not (until and until()):
         if time.monotonic() > end_s:
@@ -78,7 +78,7 @@ async def hold(driver: Driver, turn: float, seconds: float, until=None) -> None:
 
 
 def free(driver: Driver) -> bool:
-    """The bridge has seen the stick of this control in the middle."""
+    """True if the bridge has seen a neutral stick in this control."""
     state = driver.state
     return bool(state and state.fence == driver.fence and not state.neutral_needed)
 

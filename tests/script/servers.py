@@ -1,4 +1,4 @@
-"""A PostgreSQL and a Redis of a test's own, on Unix sockets, which end with the test."""
+"""Temporary PostgreSQL and Redis servers on Unix sockets."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from script.stack.processes import Child
 from tests.script.support import Family, outside, until
 
 PROGRAMS = Path("/usr/lib/postgresql")
-OWNER = "postgres"  # by Debian's package; PostgreSQL does not run as root
+OWNER = "postgres"  # account of Debian's package; PostgreSQL does not run as root
 STARTED_S = 30.0
 POSTGRESQL_END = signal.SIGQUIT  # at once; SIGTERM would wait for its clients
 
 
 def postgresql_installed() -> bool:
-    """Whether this machine has its programs."""
+    """True if PostgreSQL's programs are installed."""
     return any(PROGRAMS.glob("*/bin"))
 
 
 class Postgresql:
-    """A PostgreSQL; `url` is its `FLEET_DATABASE_URL`. What it writes is not forced to the disk."""
+    """A PostgreSQL server; `url` is its `FLEET_DATABASE_URL`. It runs without fsync."""
 
     def __init__(self, directory: Path) -> None:
         self._programs = max(PROGRAMS.glob("*/bin"))
@@ -44,7 +44,7 @@ class Postgresql:
         self.start()
 
     def start(self) -> None:
-        """Returns when it answers."""
+        """Start it and wait until it answers."""
         place = self._command("postgres", "-D", self._directory / "data", "-k", self._directory)
         run = [*place, "-c", "listen_addresses=", "-c", "fsync=off"]
         log = self._directory / "log"
@@ -56,27 +56,27 @@ class Postgresql:
         return [str(self._programs / program), *map(str, words)]
 
     def signal_all(self, number: signal.Signals) -> None:
-        """To the server and to each of its processes."""
+        """Send a signal to the server and to all its processes."""
         for pid in (self._server.pid, *children(self._server.pid)):
             with suppress(ProcessLookupError):
                 os.kill(pid, number)
 
     def kill(self) -> None:
-        """kill -9 of all of it; returns when none is left that holds its files."""
+        """Kill all its processes (SIGKILL) and wait until they have ended."""
         family = Family(self._server.pid)
         self.signal_all(signal.SIGKILL)
         self._server.wait(STARTED_S)
         family.assert_gone()
 
     def end(self) -> None:
-        """At once."""
+        """End it at once."""
         self._server.signal(POSTGRESQL_END)
         self._server.wait(STARTED_S)
 
 
 @contextmanager
 def running_postgresql() -> Iterator[Postgresql]:
-    """One that can be killed and started again."""
+    """Run a PostgreSQL that can be killed and started again."""
     directory = Path(tempfile.mkdtemp(prefix="fleet-pg-"))
     try:
         server = Postgresql(directory)
@@ -90,7 +90,7 @@ def running_postgresql() -> Iterator[Postgresql]:
 
 @contextmanager
 def postgresql() -> Iterator[str]:
-    """The `FLEET_DATABASE_URL` of one."""
+    """Run a PostgreSQL; yield its `FLEET_DATABASE_URL`."""
     with running_postgresql() as server:
         yield server.url
 

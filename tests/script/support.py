@@ -1,4 +1,4 @@
-"""Programs started as a person starts them, and what must not be left of them."""
+"""Programs started like a person starts them, and checks that no process is left."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ENDED_S = 30.0
 
 
 def until(condition: Callable[[], object], what: str, timeout_s: float) -> None:
-    """Poll: what we wait for happens in processes that are not ours."""
+    """Poll until `condition` is true. Other processes give no event to wait for."""
     deadline = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < deadline, f"not within {timeout_s} s: {what}"
@@ -23,7 +23,7 @@ def until(condition: Callable[[], object], what: str, timeout_s: float) -> None:
 
 
 def outside() -> dict[str, str]:
-    """The environment of a person's shell, which knows nothing of tests."""
+    """The environment of a person's shell, without variables of the tests."""
     foreign = ("FLEET_", "DJANGO_", "ROS_")
     return {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
 
@@ -35,20 +35,20 @@ def free_port() -> int:
 
 
 def listens(port: int) -> bool:
-    """Whether somebody listens there."""
+    """True if a server listens on this port."""
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def command_line(pid: int) -> str:
-    """What it was started as."""
+    """Command line of a process, "" if it has ended."""
     with suppress(FileNotFoundError):
         return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ").strip()
     return ""
 
 
 class Family:
-    """A process and all that come from it, as they are now."""
+    """A process and its current descendants."""
 
     def __init__(self, pid: int) -> None:
         self.commands = {member: command_line(member) for member in _descent(pid)}
@@ -57,12 +57,12 @@ class Family:
         return len(self.commands)
 
     def named(self, words: str) -> int:
-        """The one whose command line has these words."""
+        """Id of the one process whose command line contains these words."""
         [pid] = [pid for pid, command in self.commands.items() if words in command]
         return pid
 
     def assert_gone(self) -> None:
-        """None of them is left, shortly."""
+        """Wait until all of them have ended."""
         try:
             until(lambda: not any(map(_alive, self.commands)), "every process has ended", ENDED_S)
         except AssertionError as error:
@@ -75,7 +75,7 @@ def _descent(pid: int) -> list[int]:
 
 
 def _alive(pid: int) -> bool:
-    """Neither gone nor waiting to be."""
+    """True unless it has ended or is a zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""kill -9 of web process, bridge and database in the middle of a session loses no request that reached the robot."""
+"""SIGKILL of web process, bridge or database during a session loses no request that reached the robot."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ async def rounds(stack: Stack, seed: int) -> Counter[str]:
     reached = Counter[str]()
     async with Witness(stack) as witness:
         tried = Rounds(stack, Embedded(), person, witness)
-        # Once more where the moments were such that one kind never reached the robot.
+        # Repeat if the random moments let one kind never reach the robot.
         for number, victims in enumerate([*person.chance.sample(ROUNDS, len(ROUNDS)), *ROUNDS]):
             if number >= len(ROUNDS) and reached.keys() >= KINDS:
                 break
@@ -56,7 +56,7 @@ def test_a_robot_stands_while_the_database_is_locked(stack: Stack) -> None:
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Somebody has begun to write and does not finish."""
+    """Hold the database's write lock."""
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
         yield

@@ -1,4 +1,4 @@
-"""The tests of the audit log, once more over PostgreSQL: its triggers, locks and JSON are others than SQLite's."""
+"""The audit tests on PostgreSQL, whose triggers, locks and JSON differ from SQLite's."""
 
 from __future__ import annotations
 

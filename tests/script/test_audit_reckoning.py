@@ -1,4 +1,4 @@
-"""What reached a robot and is not on record, or was only recorded afterwards, is found."""
+"""The comparison of log and robot finds requests that were recorded late or never."""
 
 from __future__ import annotations
 

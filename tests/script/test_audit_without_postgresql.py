@@ -1,4 +1,4 @@
-"""A PostgreSQL that hangs or is killed while a robot is driven: the robot stands, and no request is lost."""
+"""If PostgreSQL hangs or is killed while a robot is driven, the robot stops and no request is lost."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_robot_stands_while_the_server_is_dead(house: House) -> None:
 
 @contextmanager
 def hanging(server: Postgresql) -> Iterator[None]:
-    """Nothing is refused, nothing is answered."""
+    """Freeze PostgreSQL: it neither refuses nor answers."""
     server.signal_all(signal.SIGSTOP)
     try:
         yield

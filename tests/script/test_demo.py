@@ -1,4 +1,4 @@
-"""script/demo as a person starts and ends it."""
+"""script/demo, started and ended like by a person."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PATIENCE_S = 120.0
 
 
 class Demo:
-    """A running demo on a port of its own."""
+    """A running demo on a free port."""
 
     def __init__(self, output: Path, port: int, *flags: str) -> None:
         self.port = port
@@ -59,7 +59,7 @@ class Demo:
         self.family = Family(self.process.pid)
 
     def end(self) -> None:
-        """If it still runs."""
+        """End it if it still runs."""
         self.process.terminate()
         self.process.wait()
 
@@ -68,7 +68,7 @@ class Demo:
         return self._output.read_text()
 
     def assert_nothing_left(self) -> None:
-        """No process, no port, no socket file."""
+        """Check that no process, port or socket file is left."""
         self.family.assert_gone()
         assert not listens(self.port)
         assert not list((self.directory / "run").glob("*.sock"))
@@ -79,7 +79,7 @@ Start = Callable[..., Demo]
 
 @pytest.fixture(scope="module")
 def port() -> Iterator[int]:
-    """All tests here start the same demo: only the first start has a database to make."""
+    """Port of the one demo of these tests: only its first start creates a database."""
     number = free_port()
     yield number
     shutil.rmtree(REPOSITORY / "var" / f"demo-{number}")
@@ -87,7 +87,7 @@ def port() -> Iterator[int]:
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    """Start a demo on a port; what a test leaves running is ended."""
+    """Start a demo on a port. It ends with the test at the latest."""
     started: list[Demo] = []
 
     def start(port: int, *flags: str) -> Demo:
@@ -150,7 +150,7 @@ def test_a_part_that_dies_is_named_and_ends_the_demo(port: int, start: Start):
 
 @dataclass(frozen=True)
 class OnTheNetwork:
-    """A demo as other machines reach it."""
+    """A demo that other computers can reach."""
 
     demo: Demo
     hosts: tuple[str, ...]
@@ -174,7 +174,7 @@ class OnTheNetwork:
         return {role: Account(role, role, password) for role, password in map(str.split, lines)}
 
     def get(self, path: str, host: str | None = None) -> http.client.HTTPResponse:
-        """Over TLS that trusts the demo's own authority, and checks the address."""
+        """Get a page over TLS, with the demo's certificate authority and a check of the address."""
         connection = http.client.HTTPSConnection(
             self.hosts[0], self.port, timeout=PATIENCE_S, context=trust(self)
         )

@@ -1,4 +1,4 @@
-"""The hands that benchmarks/stick.py judges by are those of the stated model."""
+"""The simulated hands of benchmarks/stick.py follow the stated model."""
 
 from __future__ import annotations
 

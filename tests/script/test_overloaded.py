@@ -1,4 +1,4 @@
-"""A computer with far too much to do: takes of control come through, and the operator is not blamed for it."""
+"""On an overloaded computer people can take control, and the operator is not blamed for missing commands."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, temporary_stack
 
-BURNERS = 8  # on two cores a process has a fifth of one
-BURNED_S = 40  # then they end by themselves
+BURNERS = 8  # on two cores, each process gets a fifth of a core
+BURNED_S = 40  # s, then they end by themselves
 TAKES = 5
 HELD_S = 5.0
 BURN = f"import time\nend = time.monotonic() + {BURNED_S}\nwhile time.monotonic() < end: pass"
@@ -22,7 +22,7 @@ BURN = f"import time\nend = time.monotonic() + {BURNED_S}\nwhile time.monotonic(
 
 @contextmanager
 def burners() -> Iterator[None]:
-    """Processes that want nothing but processor time."""
+    """Run processes that use all processor time."""
     burning = [subprocess.Popen([sys.executable, "-c", BURN]) for _ in range(BURNERS)]
     try:
         yield
@@ -47,7 +47,7 @@ async def drive_under_load(stack, cookie) -> None:
 
 
 async def hold(driver: Driver, seconds: float) -> None:
-    """Turn on the spot. Where this hand itself was in time, no command was missing."""
+    """Turn on the spot. Check that no command was missing while this client was in time."""
     own_gap_s = 0.0
     sent_s = time.monotonic()
     end_s = sent_s + seconds

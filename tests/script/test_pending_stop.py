@@ -1,4 +1,4 @@
-"""Stops over HTTP at a real server: in any form, and while bridge and watchdog are frozen."""
+"""Stops over HTTP at a real server: all request forms, and frozen bridge and watchdog."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def motion_processes(stack: Stack) -> list[int]:
         try:
             command = (process / "cmdline").read_bytes()
             environment = (process / "environ").read_bytes()
-        except OSError:  # it is gone, or another account's
+        except OSError:  # it has ended, or belongs to another account
             continue
         if stack.environment["FLEET_VAR"].encode() in environment and (
             b"run_bridge" in command or b"watchdog" in command
@@ -87,7 +87,7 @@ async def test_a_stop_of_a_frozen_robot_is_pending_then_holds(stack: Stack) -> N
 
 
 async def hold(driver: Driver) -> None:
-    """As a page whose finger stays on the stick."""
+    """Send drive input like a page with a held stick."""
     while True:
         await driver.drive(0.0, 0.5)
         await asyncio.sleep(DRIVE_PERIOD_S)

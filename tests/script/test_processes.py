@@ -1,4 +1,4 @@
-"""Children end with us, and are started so that they do not end before."""
+"""Child processes end with their parent, and not before."""
 
 from __future__ import annotations
 

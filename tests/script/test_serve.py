@@ -1,4 +1,4 @@
-"""script/serve as an administrator starts it: for real robots, here a rosmaster and a simulator of the test's own."""
+"""script/serve as an administrator starts it for real robots; here with a rosmaster and a simulator."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from script.stack.stack import Account, Certificate
 from tests.script.support import ENDED_S, Family, free_port, listens, outside, until
 
 READY_S = 120.0
-EDIT_S = 3.0  # what docs/admins.md promises
+EDIT_S = 3.0  # promised by docs/admins.md
 ROBOT = "tiago-42"
 STAFF = Account("first", "staff", "a long walk on the beach")
 ADD = "/admin/robots/robot/add/"
@@ -36,7 +36,7 @@ ADD = "/admin/robots/robot/add/"
 
 @pytest.fixture
 def settings_of_a_lab(tmp_path: Path) -> dict[str, str]:
-    """The least that docs/deployment.md asks for."""
+    """The minimal settings of docs/deployment.md."""
     return {
         **outside(),
         "FLEET_SECRET_KEY": "a key for one test, which protects nothing at all",
@@ -49,7 +49,7 @@ def settings_of_a_lab(tmp_path: Path) -> dict[str, str]:
 
 
 def refused(environment: dict[str, str], *words: str) -> str:
-    """What `script/serve` says as it does not start."""
+    """Run `script/serve`, which must not start; return its output."""
     done = subprocess.run(
         ["script/serve", *words],
         cwd=REPOSITORY,
@@ -110,7 +110,7 @@ def test_a_port_that_is_taken_is_said_before_anything_starts(settings_of_a_lab: 
 
 @dataclass(frozen=True)
 class Served:
-    """A console that `script/serve` runs, as an administrator and their browser know it."""
+    """A console run by `script/serve`, with an administrator and a browser."""
 
     environment: dict[str, str]
     log: Path
@@ -148,7 +148,7 @@ class Served:
         subprocess.run(command, cwd=REPOSITORY, env={**self.environment, **more}, check=True, timeout=READY_S)
 
     def submit(self, cookie: str, path: str, **filled: str) -> str:
-        """Open a page with a form, fill these fields, save; where that leads, without the form's complaints."""
+        """Open a page with a form, fill these fields and save without errors; return the next page's path."""
         fields = Form.of(self.browse(cookie, path)[1]).fields | filled
         leads_to, page = self.browse(cookie, path, urllib.parse.urlencode(fields).encode())
         assert re.findall(r'class="errorlist[^>]*>(.*?)</ul>', page, re.DOTALL) == []
@@ -162,12 +162,12 @@ class Served:
 
 
 class Form(HTMLParser):
-    """The fields of a page's forms with what stands in them, as a browser would send them."""
+    """The fields and values of a page's forms, as a browser sends them."""
 
     def __init__(self) -> None:
         super().__init__()
         self.fields: dict[str, str] = {}
-        self.options: dict[str, str] = {}  # what people read -> what is sent
+        self.options: dict[str, str] = {}  # shown text -> sent value
         self._text_of = self._option = ""
 
     @classmethod
@@ -208,7 +208,7 @@ class Form(HTMLParser):
 
 @pytest.fixture
 def master_uri(tmp_path: Path) -> Iterator[str]:
-    """The master of the robot, which stands in the middle of the office."""
+    """The master of a simulated robot in the middle of the office."""
     port = ReservedPort()
     uri = f"http://127.0.0.1:{port.number}"
     ros = {**outside(), "ROS_MASTER_URI": uri, "ROS_IP": "127.0.0.1", "ROS_LOG_DIR": str(tmp_path / "ros")}
@@ -229,7 +229,7 @@ def master_uri(tmp_path: Path) -> Iterator[str]:
 
 @pytest.fixture
 def served(tmp_path: Path, settings_of_a_lab: dict[str, str]) -> Iterator[Served]:
-    """Not started yet; what a test leaves running is ended."""
+    """A console that is not started yet. It ends with the test at the latest."""
     served = Served(settings_of_a_lab, tmp_path / "serve.log")
     yield served
     print(served.log.read_text())
@@ -292,7 +292,7 @@ async def drive_stop_edit(served: Served, cookie: str) -> None:
 
 
 async def drive_on(served: Served, cookie: str) -> None:
-    """After the restart: still signed in, still stopped, until it is cleared."""
+    """After the restart the person is still signed in and the robot still stopped; clear it and drive."""
     async with Driver(served, ROBOT, cookie) as driver:
         await driver.until(lambda: driver.state and driver.state.phase == "online")
         assert driver.state and driver.state.stop.state == "stopped"

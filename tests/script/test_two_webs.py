@@ -1,4 +1,4 @@
-"""Two web processes over one PostgreSQL and one Redis: who comes by one sees and stops who comes by the other."""
+"""Two web processes share PostgreSQL and Redis: people on one see and stop people on the other."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.script.support import listens, until
 
 READY_S = 120.0
 NEWS_S = 15.0
-ZERO_S = 2.0  # from the death of a web process to standstill, as a page sees it
+ZERO_S = 2.0  # from the death of a web process to standstill on a page
 ROBOT = PRACTICE_ROBOTS[0].slug
 
 
@@ -36,7 +36,7 @@ class House:
     second_port: int
 
     def said(self, words: str) -> bool:
-        """Whether a web process logged that."""
+        """True if a web process logged these words."""
         return any(words in (self.stack.logs / f"{name}.log").read_text() for name in ("web", "web-2"))
 
 
@@ -91,7 +91,7 @@ async def meet(house: House) -> None:
         await operator.until(lambda: operator.state and operator.state.stop.state == "clear", NEWS_S)
 
         assert not house.said("hint")
-        house.redis.kill()  # news takes longer; nothing else changes
+        house.redis.kill()  # news arrives later; nothing else changes
         await drive_a_little(supervisor)
         await supervisor.send(wire.Release())
         await operator.until(lambda: operator.control and operator.control.state == "free", NEWS_S)
@@ -105,7 +105,9 @@ async def meet(house: House) -> None:
         assert time.monotonic() - killed_s < ZERO_S
 
     fence = supervisor.fence
-    async with Driver(stack, ROBOT, supervisors, tab=supervisor.tab) as resumed:  # by the one that lives
+    async with Driver(
+        stack, ROBOT, supervisors, tab=supervisor.tab
+    ) as resumed:  # through the other web process
         await resumed.until(lambda: resumed.fence)
         assert resumed.fence == fence
         await drive_a_little(resumed)
@@ -118,7 +120,7 @@ def holder(page: Driver) -> str | None:
 
 async def drive_a_little(driver: Driver) -> None:
     await driver.until(lambda: driver.odometry and driver.state and driver.state.fence == driver.fence)
-    await driver.drive(0.0, 0.0)  # in the middle first
+    await driver.drive(0.0, 0.0)  # first a neutral stick
     start = driver.odometry
     assert start
 

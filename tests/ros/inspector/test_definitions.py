@@ -1,4 +1,4 @@
-"""Message definitions as others tell them: believed at their md5 sum, and not without end."""
+"""Message definitions of publishers are believed if their md5 sum fits, and are limited in size."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ BREAK = f"{'=' * 80}\nMSG: "
 
 
 def told(type_name: str, text: str) -> dict[str, str]:
-    """A publisher's connection header."""
+    """A publisher's connection header with this definition."""
     return {"type": type_name, "md5sum": parsed(type_name, text).md5, "message_definition": text}
 
 
 def nested(levels: int, fields: int) -> str:
-    """A text of so many types, each with so many fields of the next."""
+    """A definition of so many types, each with so many fields of the next type."""
     texts = ["".join(f"T{level + 1} {chr(97 + n)}\n" for n in range(fields)) for level in range(levels)]
     own, *embedded = [*texts, "bool last\n"]
     return own + "".join(f"{BREAK}lab_msgs/T{level}\n{text}" for level, text in enumerate(embedded, start=1))

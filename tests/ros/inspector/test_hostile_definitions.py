@@ -1,4 +1,4 @@
-"""A publisher's definition is bounded in what it means, not only in how long it is."""
+"""A publisher's definition is limited in the size of its messages, not only in its length."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ EMBEDS = f"{'=' * 80}\nMSG: "
 
 
 def nested(array: str, depth: int) -> str:
-    """Arrays of messages of arrays, and at the bottom a message without fields."""
+    """Nested arrays of messages; the innermost message has no fields."""
     text = f"e/T1[{array}] a\n"
     for level in range(1, depth):
         text += f"{EMBEDS}e/T{level}\ne/T{level + 1}[{array}] a\n"

@@ -1,4 +1,4 @@
-"""The inspector against a real rosmaster: whatever is published is shown, whatever is asked is answered."""
+"""The inspector with a real rosmaster shows all published messages and answers all queries."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ ALLOWED = (
     Allowed("call", "/lamp", "std_srvs/SetBool"),
     Allowed("call", "/slow", "std_srvs/Trigger"),
     Allowed("set", "/greeting"),
-    Allowed("publish", "/lab/joy", "std_msgs/String"),  # what no list admits, is not allowed by being on one
+    Allowed("publish", "/lab/joy", "std_msgs/String"),  # a forbidden topic stays forbidden on the allow-list
     Allowed("set", "/robot_description"),
     Allowed("set", "/hall"),
     Allowed("publish", "/order", "lab_msgs/Order"),
@@ -79,7 +79,7 @@ _shown = msgspec.json.Decoder(wire.Sample)
 
 
 class InspectorProcess:
-    """One inspector, spoken to as its bridge does, who lives unless `silent`."""
+    """One inspector and its side of a bridge. It sends the bridge's signs of life unless `silent`."""
 
     def __init__(self, config: Any, master: Master, silent: bool = False) -> None:
         self.process = subprocess.Popen(
@@ -97,7 +97,7 @@ class InspectorProcess:
             threading.Thread(target=self._live, daemon=True).start()
 
     def ask(self, question: Any, until_s: float | None = None) -> Any:
-        """Its answer. `until_s`: when its asker is told that there is none."""
+        """Send a query; return its answer. `until_s`: the time when the asker stops waiting."""
         self._number += 1
         self.send(InspectorQuery(self._number, question, until_s))
         return _answer.decode(
@@ -105,7 +105,7 @@ class InspectorProcess:
         )
 
     def done(self, request: Callable[[int], Any]) -> wire.Refusal | None:
-        """What came of a numbered request."""
+        """Send a numbered request; return its refusal, None if it was done."""
         self._number += 1
         self.send(request(self._number))
         refusal: wire.Refusal | None = self._reply(
@@ -114,13 +114,13 @@ class InspectorProcess:
         return refusal
 
     def look(self, **topics: float) -> None:
-        """At these, by names without their slash."""
+        """Subscribe to these topics (names without slash) at these rates, Hz."""
         for name in topics:
             self._shown.setdefault(f"/{name}", queue.SimpleQueue())
         self.send(wire.LinkSubscribe({f"/{name}": rate for name, rate in topics.items()}))
 
     def shown(self, topic: str, condition: Callable[[wire.Sample], Any] = lambda _: True) -> wire.Sample:
-        """The next of the topic for which `condition` holds."""
+        """The next sample of the topic for which `condition` holds."""
         deadline, last = time.monotonic() + PATIENCE_S, None
         while time.monotonic() < deadline:
             last = self._shown[topic].get(timeout=PATIENCE_S)
@@ -133,9 +133,9 @@ class InspectorProcess:
             self._write(wire.encode(request))
 
     def _live(self) -> None:
-        """Signs of life."""
+        """Send signs of life."""
         while not self._ended.wait(0.1):
-            with suppress(ValueError, OSError):  # it ends, or did
+            with suppress(ValueError, OSError):  # the process has ended
                 self.send(KeepAlive())
 
     def stop(self) -> int:
@@ -186,7 +186,7 @@ def inspector(process, rosmaster) -> Iterator[InspectorProcess]:
 
 @contextmanager
 def talking(topic: str, message: Any, rate_hz: float = 20.0) -> Iterator[rospy.Publisher]:
-    """Publish it again and again for the length of a `with` block."""
+    """Publish a message repeatedly for the length of a `with` block."""
     publisher = rospy.Publisher(topic, type(message), queue_size=1)
     over = threading.Event()
 
@@ -215,7 +215,7 @@ def serving(name: str, kind: Any, answer: Callable[[Any], Any]) -> Iterator[None
 
 
 def generated(name: str, text: str) -> Any:
-    """A class as a publisher has it whose package is not installed here."""
+    """A message class of a package that is not installed here."""
     return genpy.dynamic.generate_dynamic(name, text)[name]
 
 
@@ -224,7 +224,7 @@ def tts(part: str) -> Any:
 
 
 def subscribed(master: Master) -> dict[str, list[str]]:
-    """By topic, what inspectors listen to."""
+    """The subscriptions of inspectors, by topic."""
     _, subscribers, _ = rosgraph.Master("/test", master.uri).getSystemState()
     return {topic: nodes for topic, nodes in subscribers if any("fleet_inspector" in node for node in nodes)}
 
@@ -264,7 +264,7 @@ def test_a_missing_type_is_shown_by_its_publishers_definition(inspector):
     sky, _, stations = described.fields
     assert sky.constants == {"SUN": 0, "RAIN": 1}
     assert (stations.array, [field.name for field in stations.fields]) == (2, ["name", "place"])
-    # Once met, it stays known, also to publishers that send no definition and without a topic.
+    # A type stays known, also without a topic and for publishers that send no definition.
     assert inspector.ask(wire.Describe(UNKNOWN)).md5 == weather._md5sum
 
 
@@ -280,14 +280,14 @@ def test_a_definition_with_a_wrong_md5_sum_is_refused(inspector):
     with talking("/look/mute", type("Mute", (honest,), {"_full_text": ""})(2.0)):
         inspector.look(**{"look/mute": 10.0})
         assert inspector.shown("/look/mute", lambda s: s.number).refusal.code == "type_unknown"
-        with talking("/look/honest", honest(3.0)):  # who says what it is, speaks for both
+        with talking("/look/honest", honest(3.0)):  # its definition serves both
             inspector.look(**{"look/honest": 10.0, "look/mute": 10.0})
             assert inspector.shown("/look/honest", lambda s: s.number).fields == {"level": 3.0}
             assert inspector.shown("/look/mute", lambda s: s.fields).fields == {"level": 2.0}
 
 
 def test_bytes_that_are_not_of_the_definition_are_told(inspector):
-    class Cut(Float64):  # says that it is a Float64, and sends half of one
+    class Cut(Float64):  # claims to be a Float64, and sends half of one
         __slots__ = ()
 
         def serialize(self, buff: Any) -> None:
@@ -540,7 +540,7 @@ def test_a_parameter_is_set_only_from_the_allow_list(inspector):
     [
         ({"light": 1}, {"light": 2, "scan": {"enabled": False}}),
         ({"light": 1}, {"robot": {"use_sim_time": True}}),
-        ({"light": 1, "robot_description": "<robot/>"}, 5),  # which would be lost
+        ({"light": 1, "robot_description": "<robot/>"}, 5),  # it would delete robot_description
     ],
 )
 def test_no_parameter_branch_with_forbidden_names_is_set(inspector, before, value):
@@ -563,7 +563,7 @@ def test_no_parameter_is_set_while_its_old_value_is_unknown(inspector, rosmaster
 
 
 def test_a_service_is_called_with_the_allow_lists_type(inspector):
-    """What took its name since, is another service."""
+    """Another service with the same name is not called."""
     with serving("/lamp", Trigger, lambda _: TriggerResponse(True, "")):
         refusal = inspector.ask(wire.CallService("/lamp")).refusal
         assert (refusal.code, refusal.figures["type"]) == ("not_allowed", "std_srvs/Trigger")
@@ -625,7 +625,9 @@ def test_a_nested_message_is_published_at_a_rate_until_stop(inspector, ros):
         with pytest.raises(AssertionError):
             goals.next(0.3)
     assert (first.pose.position.x, first.pose.orientation.w, first.header.frame_id) == (1.5, 1.0, "map")
-    assert 0 < second.header.stamp.to_sec() - first.header.stamp.to_sec() < PATIENCE_S  # each at its own time
+    assert (
+        0 < second.header.stamp.to_sec() - first.header.stamp.to_sec() < PATIENCE_S
+    )  # each with its own stamp
 
 
 def test_fields_that_do_not_fit_are_refused_with_their_path(inspector):
@@ -695,7 +697,7 @@ def test_with_its_master_it_ends(make_master, tmp_path):
 
 
 def test_only_so_many_questions_are_under_way_at_once(monkeypatch, tmp_path, rosmaster):
-    """What is over is refused by the bridge, as all that has no answer in time."""
+    """The inspector drops queries above the limit; the bridge refuses them for lack of an answer."""
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     begun = threading.Semaphore(0)
     go_on = threading.Event()

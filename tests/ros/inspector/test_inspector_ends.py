@@ -1,4 +1,4 @@
-"""What the inspector was given to do is not done after a halt, without its bridge, or once nobody waits for it."""
+"""The inspector drops its work after a halt, without its bridge, or when nobody waits for it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NOTES = "/notes"
 
 @pytest.fixture(scope="module")
 def inspector(rosmaster, ros, tmp_path_factory) -> Iterator[InspectorProcess]:
-    """One whose bridge gives no sign of life but what a test sends."""
+    """An inspector that gets signs of life only from the test."""
     config = tiago_config(rosmaster, tmp_path_factory.mktemp("inspector"), allowed=ALLOWED)
     inspector = InspectorProcess(config, rosmaster, silent=True)
     yield inspector
@@ -46,7 +46,7 @@ def inspector(rosmaster, ros, tmp_path_factory) -> Iterator[InspectorProcess]:
 
 @pytest.fixture
 def ghost(rosmaster):
-    """A listener to the notes on the master's books that nobody can reach: messages wait for it a while."""
+    """A registered subscriber of the notes that cannot be reached: messages wait for it for a while."""
     master = rosgraph.Master("/ghost", rosmaster.uri)
     address = "http://127.0.0.1:1/"
     master.registerSubscriber(NOTES, "std_msgs/String", address)
@@ -63,7 +63,7 @@ def checked(inspector: InspectorProcess, told: wire.Publish) -> None:
 
 
 def heard(inspector: InspectorProcess, notes: Inbox) -> str:
-    """The next note, while the bridge lives."""
+    """The next note, while signs of life are sent."""
 
     def attempt() -> Any:
         inspector.send(KeepAlive())
@@ -191,12 +191,12 @@ def test_who_only_looks_is_no_listener(inspector, ros):
     inspector.look()
 
 
-NEVER_HZ = 1e-300  # no door lets it in: nobody can wait for so long
+NEVER_HZ = 1e-300  # not accepted from pages: the wait overflows and the thread fails
 
 
 @pytest.fixture
 def given_up(monkeypatch) -> threading.Event:
-    """Set where the process would end."""
+    """Set when the process would end."""
     event = threading.Event()
     monkeypatch.setattr(os, "_exit", lambda _status: event.set())
     return event
@@ -218,7 +218,7 @@ def test_with_a_thread_that_publishes_the_process_ends(rosmaster, ros, tmp_path,
 
 
 def test_what_another_process_checked_is_judged_again(rosmaster, ros, tmp_path):
-    """An inspector that was started in between sends nothing that the list has not."""
+    """An inspector started after the check publishes only by the allow-list."""
     inspector = answers.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
     with pytest.raises(Declined):
         inspector._publish(wire.Publish(1, "/diary", "std_msgs/String"), PublishPermit())

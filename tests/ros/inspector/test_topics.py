@@ -1,4 +1,4 @@
-"""The robot's topics over the link: shown to whoever looks, published by whoever has control, on record first."""
+"""The robot's topics over the link: every link can subscribe; only the holder of control publishes, recorded first."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def hand(bridge):
 
 @pytest.fixture
 def holder(hand):
-    """In control, with a fencing number that grows from test to test."""
+    """A link in control, with a fence that grows from test to test."""
     hand.take_control(time.time_ns() // 1_000_000)
     yield hand
     hand.send(wire.Revoke(hand.fence, "the test is over"))
@@ -68,7 +68,7 @@ def inspector_of(bridge: BridgeProcess) -> psutil.Process:
 
 
 def ended(process: psutil.Process) -> bool:
-    """Gone, or a zombie where nobody collects orphans."""
+    """True if it has ended, also as a zombie without a parent that reaps it."""
     try:
         return bool(process.status() == psutil.STATUS_ZOMBIE)
     except psutil.NoSuchProcess:
@@ -91,7 +91,7 @@ def shown(hand: Hand, topic: str) -> wire.Sample:
 
 
 def answered(hand: Hand, order: Any) -> wire.Refusal | None:
-    """The one answer that an order gets; None: accepted."""
+    """Send a task; return its refusal, None if accepted."""
     hand.send(order)
     report = hand.until(
         lambda r: (
@@ -103,7 +103,7 @@ def answered(hand: Hand, order: Any) -> wire.Refusal | None:
 
 
 def falls_silent(inbox: Inbox) -> None:
-    """What was under way may still come; then nothing does."""
+    """Check that messages end; some may still be on the way."""
     inbox.drain()
     with pytest.raises(AssertionError, match="nothing on"):
         for _ in range(5):

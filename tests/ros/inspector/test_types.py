@@ -1,4 +1,4 @@
-"""The generated ROS classes are the robot's: every md5 sum agrees with PAL's."""
+"""The generated ROS classes have PAL's md5 sums."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_parallel_starts_agree_and_later_ones_are_fast(tmp_path):
         assert process.returncode == 0
     assert len(list((tmp_path / "ros-types").iterdir())) == 1, "no drafts stay behind"
 
-    # The best of three: the machine is shared.
+    # Best of three: the machine is shared.
     assert min(float(ask(tmp_path).communicate(timeout=60)[0]) for _ in range(3)) < 0.1
 
 

@@ -1,4 +1,4 @@
-"""What a robot's network may cost is bounded: texts, tables, messages, time of the loop, connections."""
+"""Limits on the robot's network: texts, tables, messages, time of the event loop, connections."""
 
 from __future__ import annotations
 
@@ -90,8 +90,8 @@ def test_endless_frames_drop_old_unneeded_ones():
     frames = Frames("base")
     told = (_transform("base", "torso"), _transform("torso", "camera"))
     with pytest.raises(PoseUnknown):
-        frames.place("camera", 1.0, patience_s=0.0)  # so it is wanted
-    for transform in told * 2:  # the camera's is heard first: of its parent it is known then
+        frames.place("camera", 1.0, patience_s=0.0)  # so this frame is wanted
+    for transform in told * 2:  # twice: the first round makes the parent known
         frames.hear(transform, fixed=False)
         with pytest.raises(PoseUnknown):
             frames.place("camera", 99.0, patience_s=0.0)
@@ -139,7 +139,7 @@ def test_a_laser_may_have_as_many_beams_as_the_gate_takes():
 
 def test_ten_thousand_messages_a_second_are_too_many():
     reading = Reading(Kind(most_hz=1000.0))
-    assert reading.why_not(10, 1500, 0.0, 0.0) == ""  # they waited while the network stood
+    assert reading.why_not(10, 1500, 0.0, 0.0) == ""  # they waited while the network paused
     seconds = itertools.count(1)
     assert all(reading.why_not(10, 1000, 0.0, float(next(seconds))) == "" for _ in range(5))
     whys = [reading.why_not(10, 1000, 0.0, 6.0 + number / 10) for number in range(5)]
@@ -157,7 +157,7 @@ def test_reading_that_takes_too_much_of_a_processor_ends():
 
 
 class _Loop:
-    """Runs what was handed to it when it is told to; working costs what `cost_s` says."""
+    """An event loop that runs its calls when the test asks."""
 
     def __init__(self) -> None:
         self.calls: list = []
@@ -245,7 +245,7 @@ def test_a_source_that_never_rests_does_not_keep_the_loop():
 
     def again() -> None:
         done.append(1)
-        if len(done) < 1000:  # posted by its thread meanwhile
+        if len(done) < 1000:  # posted by its thread
             mail.post("sonar", again, can_wait=True)
 
     mail.post("sonar", again, can_wait=True)
@@ -334,7 +334,7 @@ def test_ports_use_the_local_advertised_address_or_all(monkeypatch):
     everywhere = str(ipaddress.IPv4Address(0))
     monkeypatch.setenv("ROS_HOSTNAME", "127.0.0.3")
     assert doors.bind_address() == "127.0.0.3"
-    addresses = {"another-computer": "192.0.2.1", "our-console": "127.0.1.1"}  # as in Debian's /etc/hosts
+    addresses = {"another-computer": "192.0.2.1", "our-console": "127.0.1.1"}  # as in /etc/hosts of Debian
     monkeypatch.setattr(socket, "gethostbyname", addresses.__getitem__)
     for name in addresses:
         monkeypatch.setenv("ROS_HOSTNAME", name)
@@ -382,7 +382,7 @@ def test_an_address_that_calls_without_pause_is_not_served():
 
 def test_a_call_refused_for_its_rate_makes_the_bridge_ask_master(monkeypatch):
     monkeypatch.setattr(doors, "UNHEARD", threading.Event())
-    monkeypatch.setattr(doors, "AT_ONCE", 2.0)  # the connection, and one call
+    monkeypatch.setattr(doors, "AT_ONCE", 2.0)  # one connection and one call
     with (
         call_server() as server,
         xmlrpc.client.ServerProxy("http://{}:{}/".format(*server.server_address)) as proxy,
@@ -395,7 +395,7 @@ def test_a_call_refused_for_its_rate_makes_the_bridge_ask_master(monkeypatch):
 
 
 def test_a_laser_of_40_hz_may_cost_a_slow_computers_loop_a_fifth():
-    """1081 beams took 0.06 of it on a computer of 2026, without pictures for those who look."""
+    """1081 beams took 0.06 of the loop's time on a computer of 2026, without pictures for viewers."""
     loop, speaker, now_s = _Loop(), _Speaker(), itertools.count(step=0.025)
     mail = Mailboxes(
         loop.later, speaker=lambda: speaker, worked=lambda: loop.worked_s, clock=lambda: next(now_s)
@@ -415,7 +415,7 @@ def test_static_transforms_may_have_a_node_each():
 
 
 class _Topics:
-    """A TCPROS server as rospy has it, which takes everybody."""
+    """A TCPROS server like rospy's that accepts every connection."""
 
     def __init__(self) -> None:
         self.taken: list[dict[str, str]] = []
@@ -440,7 +440,7 @@ def test_a_listener_that_declares_4_gb_delays_nobody():
     assert len(topics.taken[0]["callerid"]) == texts.NAME
     ours[1].settimeout(10)
     with suppress(ConnectionResetError):
-        assert ours[1].recv(1) == b""  # the one with 4 GB is cut off
+        assert ours[1].recv(1) == b""  # the connection with 4 GB is cut off
     for connection in (*ours, near, far):
         connection.close()
 
@@ -497,7 +497,7 @@ def test_more_unread_listeners_do_not_wait_longer():
         )
         for end in ends:
             end.close()
-    assert 0.0 < patience_s < 0.03  # the kernel counts in some milliseconds
+    assert 0.0 < patience_s < 0.03  # the kernel's clock has steps of some milliseconds
 
 
 def test_of_listeners_there_are_not_too_many(monkeypatch):

@@ -1,4 +1,4 @@
-"""What the kernel keeps of a connection tells how long the robot's machine takes; no master is needed."""
+"""The kernel's unacknowledged bytes show how long the robot's machine takes. Needs no master."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.ros.support import until
 
 
 class Listener:
-    """One that listens to the topic from an address of its own."""
+    """A subscriber of the topic at its own address."""
 
     def __init__(self, host):
         with socket.socket() as door:
@@ -25,11 +25,11 @@ class Listener:
         self.connection = Connection(ours)
 
     def acknowledges(self):
-        """By its kernel, some milliseconds later."""
+        """Wait until its kernel has acknowledged, some milliseconds."""
         until(lambda: _kept(self.connection) == 0, "an acknowledgement")
 
     def stalls(self):
-        """Its machine takes nothing more."""
+        """Fill its buffers, so that its machine accepts nothing more."""
         while self.connection.write(4096):
             pass
 
@@ -40,7 +40,7 @@ class Listener:
 
 
 class Connection:
-    """As rospy keeps one."""
+    """A connection as in rospy."""
 
     endpoint_id = "/robot"
 
@@ -101,7 +101,7 @@ def test_remote_viewers_are_not_awaited_remote_robots_are(listen):
     stalled = []
 
     def looked(now_s, *listeners):
-        """What is told 0.4 s after all of them were written to."""
+        """Write to all; return the reported time 0.4 s later."""
         for listener in listeners:
             listener.connection.write(52)
         echoes.wrote(topic(*listeners), now_s)

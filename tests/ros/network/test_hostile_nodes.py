@@ -1,4 +1,4 @@
-"""What is no ROS, where a node or a master should be, harms nobody who asks it."""
+"""Servers that are no ROS node or master do not harm a bridge that calls them."""
 
 from __future__ import annotations
 
@@ -31,11 +31,13 @@ from tests.ros.support import until
 
 @contextmanager
 def answering(answer: bytes) -> Iterator[str]:
-    """The address of a server that answers every call with this."""
+    """Yield the address of a server that answers every call with these bytes."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
-            self.rfile.read(int(self.headers["Content-Length"]))  # unread, it would cut off a long answer
+            self.rfile.read(
+                int(self.headers["Content-Length"])
+            )  # an unread request would cut off a long answer
             self.send_response(200)
             self.send_header("Content-Length", str(len(answer)))
             self.end_headers()
@@ -82,7 +84,7 @@ def test_no_answer_is_not_taken_for_none_of_that_name():
 
 @contextmanager
 def dripping(parts: Iterable[bytes], pause_s: float) -> Iterator[tuple[str, queue.SimpleQueue[float]]]:
-    """A master that answers one call in parts, with pauses: its address, and for how long (s) it was listened to."""
+    """A master that answers one call in parts with pauses. Yields its address, and a queue with the call's time (s)."""
     heard: queue.SimpleQueue[float] = queue.SimpleQueue()
     over = threading.Event()
 
@@ -90,7 +92,9 @@ def dripping(parts: Iterable[bytes], pause_s: float) -> Iterator[tuple[str, queu
         connection, _ = listener.accept()
         began_s = time.monotonic()
         with connection, connection.makefile("rb") as asked, suppress(OSError):
-            any(line.startswith(b"</methodCall>") for line in asked)  # unread, it would cut off the answer
+            any(
+                line.startswith(b"</methodCall>") for line in asked
+            )  # an unread request would cut off the answer
             connection.sendall(b"HTTP/1.0 200 OK\r\n\r\n")
             for part in parts:
                 if over.wait(pause_s):
@@ -150,7 +154,7 @@ def test_an_unusable_connection_without_owner_is_closed(monkeypatch):
         connection, _ = listener.accept()
         with connection:
             connection.settimeout(1.0)
-            assert connection.recv(1) == b"", caught  # which still holds whatever was not closed
+            assert connection.recv(1) == b"", caught  # the traceback still holds unclosed sockets
 
 
 def test_repeated_requests_run_now_and_once_more_later():
@@ -186,7 +190,7 @@ def test_a_silent_name_server_delays_no_survey(monkeypatch):
 
     monkeypatch.setattr(socket, "getaddrinfo", hangs)
     monkeypatch.setattr(Master, "node_uri", lambda *_: "http://tiago-9c:1/")
-    monkeypatch.setattr(node, "BOARD", Board())  # another test of this process may have filled the other
+    monkeypatch.setattr(node, "BOARD", Board())  # another test may have filled the shared one
     base = RosBase(CONFIG)
     system = SystemState({CONFIG.topics.odometry.name: ["/base"]}, {}, {}, {})
     assert base._survey(system).problems == []

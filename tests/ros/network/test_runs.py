@@ -1,4 +1,4 @@
-"""Another publisher of odometry, or another run of the master, is another run of the robot."""
+"""A new publisher of odometry or a restarted master counts as a restarted robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stranger on the robot's network: the bridge goes on, stays small, says what it does not take, and stops."""
+"""Under attack from its network the bridge runs on, stays small, reports rejected messages, and stops the robot."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from tests.ros.bridge_support import BridgeProcess, Hand, drivable, tiago_config
 from tests.ros.support import PATIENCE_S
 
 LARGEST_STATE = 16 * 1024  # bytes on the link
-GROWN = 60 * 1024 * 1024  # bytes of memory, through any attack
+GROWN = 60 * 1024 * 1024  # bytes of memory, at most, by any attack
 
 
 @pytest.fixture(scope="module")
 def attacked(make_master, simulator, tmp_path_factory):
-    """A robot on a master of its own, its bridge and who drives it."""
+    """A robot on a separate master, its bridge and a driving link."""
     master, folder = make_master(), tmp_path_factory.mktemp("attacked")
     simulator(master=master, name="attacked")
     config = tiago_config(master, folder)
     topics = msgspec.structs.replace(
         config.topics,
         motions=Topic("/play_motion", "play_motion_msgs/PlayMotionAction"),
-        depth=DepthSource("/nobody/depth", "sensor_msgs/Image"),  # so that tf is listened to
+        depth=DepthSource("/nobody/depth", "sensor_msgs/Image"),  # makes the bridge subscribe to tf
     )
     gate = msgspec.structs.replace(config.gate, depth=DepthView(height_m=1.5))
     bridge = BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
@@ -43,13 +43,13 @@ def attacked(make_master, simulator, tmp_path_factory):
 
 
 def memory(bridge: BridgeProcess) -> int:
-    """Bytes that it has in memory."""
+    """Resident memory, bytes."""
     pages = int(Path(f"/proc/{bridge.process.pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 def goes_on(attacked, hand: Hand) -> None:
-    """It lives, is small, says little, and still says it."""
+    """Check that the bridge runs and still sends small states."""
     assert attacked.bridge.process.poll() is None, attacked.bridge.log.read_text()[-2000:]
     state = hand.state_until(lambda state: True, "a state")
     assert len(wire.encode(state)) < LARGEST_STATE
@@ -107,7 +107,7 @@ def test_endless_frames_neither_fill_nor_stop_the_bridge(attacked):
 
 
 def test_a_cut_off_publisher_is_heard_again_once_it_behaves(attacked):
-    """The stranger's laser sends what none may, and after a while a battery's level as it should be."""
+    """The publisher first sends a broken message, later correct battery levels."""
     hand, levels = attacked.hand, iter([b"\xff" * 4, *[strangers.framed(b"\0\0\x28\x42")] * 1000])
     with strangers.Node(attacked.master.uri, "/mended") as node:
         node.publish("/power/battery_level", "std_msgs/Float32", lambda: levels, 10.0)
@@ -118,7 +118,7 @@ def test_a_cut_off_publisher_is_heard_again_once_it_behaves(attacked):
 
 
 def test_a_bridge_out_of_memory_leaves_the_robot_at_zero(attacked):
-    """Last: it ends. Its ceiling is brought down to what it has, then a laser sends the largest scans there may be."""
+    """Runs last, as it ends the bridge: the memory limit is lowered, then a laser sends the largest allowed scans."""
     bridge, hand = attacked.bridge, attacked.hand
     hand.take_control(fence=20)
     with strangers.Listener(attacked.master.uri) as heard:

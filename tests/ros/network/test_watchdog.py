@@ -1,4 +1,4 @@
-"""A stop reaches the robot and holds, whatever becomes of the bridge: real processes, real master, simulated robot."""
+"""A stop reaches the robot and holds, also without the bridge: real processes, real master, simulated robot."""
 
 from __future__ import annotations
 
@@ -77,20 +77,20 @@ def zeros(ros: RosClient, config: BridgeConfig) -> Iterator[Zeros]:
 
 
 class Zeros:
-    """What is published on the drive topic, and by whom."""
+    """Messages on the drive topic, by publisher."""
 
     def __init__(self, inbox: Inbox, watchdog: str) -> None:
         self._inbox = inbox
         self._watchdog = watchdog
 
     def of_the_watchdog(self, count: int = 5) -> None:
-        """Wait for so many, from now on."""
+        """Wait for so many new zeros of the watchdog."""
         self._inbox.drain()
         for _ in range(count):
             self._inbox.until(lambda message: _caller(message) == self._watchdog and _still(message))
 
     def end(self) -> None:
-        """Wait until the watchdog is quiet: nothing of its comes for half a second."""
+        """Wait until the watchdog has published nothing for 0.5 s."""
 
         def quiet() -> bool:
             time.sleep(0.5)
@@ -100,7 +100,7 @@ class Zeros:
         until(quiet, "the watchdog to be quiet")
 
     def none_but_zeros(self) -> bool:
-        """Whether nothing of ours moves the robot."""
+        """True if bridge and watchdog published only zeros."""
         ours = (BRIDGE, self._watchdog)
         return all(_still(message) for message in self._inbox.drain() if _caller(message) in ours)
 
@@ -116,7 +116,7 @@ def _still(message: Twist) -> bool:
 
 @contextmanager
 def usurper(master: Master, name: str) -> Iterator[None]:
-    """A node of that name, from elsewhere."""
+    """A node of the same name, which displaces ours."""
     script = "import rospy, sys; rospy.init_node(sys.argv[1], disable_signals=True); print(1, flush=True); rospy.spin()"
     process = subprocess.Popen(
         ["/usr/bin/python3", "-c", script, name.strip("/")], env=master.environment(), stdout=subprocess.PIPE
@@ -130,7 +130,7 @@ def usurper(master: Master, name: str) -> Iterator[None]:
 
 
 def turn(hand: Hand) -> None:
-    """Turn the robot on the spot, with the stick held there from now on."""
+    """Turn the robot on the spot and keep the stick there."""
 
     def turns(state: wire.State) -> bool:
         hand.stick(0.0, 0.0 if state.neutral_needed else 0.5)

@@ -20,7 +20,7 @@ from robots.bridge.watchdog.socket import WatchdogSocket
 
 
 class Robot:
-    """Takes zeros."""
+    """Counts zeros."""
 
     def zero(self) -> int:
         return 1
@@ -33,7 +33,7 @@ class Robot:
 
 
 class Kept:
-    """What would be on disk."""
+    """A state file in memory."""
 
     def __init__(self) -> None:
         self.press: StopPress | None = None
@@ -59,7 +59,7 @@ def lane(config: WatchdogConfig) -> Iterator[WatchdogSocket]:
 def test_the_latch_of_an_ended_bridge_stays_in_its_state_file(
     config: WatchdogConfig, lane: WatchdogSocket
 ) -> None:
-    """Kept here as well, it would come back after it was cleared while no watchdog was there."""
+    """A copy in the watchdog would come back after a clear without a running watchdog."""
     rules, kept = StopRules(first=100), Kept()
     watchdog = Watchdog(config, rules, kept, lane, Robot())  # type: ignore[arg-type]
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as bridge:

@@ -1,4 +1,4 @@
-"""The robot's master watched: whatever it answers, and however it or another console's bridge goes silent or dies."""
+"""The master monitor: any answer of the master, and the silence or death of master or another console's bridge."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def bridges(tmp_path):
 
 
 class Told:
-    """The watcher's node: what it was told, in order. `begins` are done as it begins, one by one."""
+    """The monitor's node: stores its calls in order. Each `begin` runs the next of `begins`."""
 
     def __init__(self, *begins) -> None:
         self._begins = list(begins)
@@ -73,7 +73,7 @@ class Told:
         return self._heard.get(timeout=PATIENCE_S)
 
     def until(self, wanted: str) -> list[str]:
-        """What was told before that."""
+        """Wait for a call; return the calls before it."""
         before = []
         while (heard := self.next()) != wanted:
             before.append(heard)
@@ -82,7 +82,7 @@ class Told:
 
 @contextmanager
 def watching(uri: str, node: Told):
-    """A watcher that asks often."""
+    """Run a master monitor."""
     watch = MasterMonitor(Master(uri, BRIDGE), node)
     watch.start()
     try:
@@ -154,7 +154,7 @@ def test_a_dead_node_is_not_blamed_on_type_or_address(bridges, rosmaster, hangs,
 
 
 def test_a_half_joined_bridge_ends_so_that_another_joins(bridges, rosmaster):
-    bridge = bridges(rosmaster, speech=Topic("/tts", "std_msgs/Bool"))  # a voice that nobody can speak with
+    bridge = bridges(rosmaster, speech=Topic("/tts", "std_msgs/Bool"))  # wrong type for a voice
     assert bridge.process.wait(PATIENCE_S) == EXIT_NOT_JOINED
     assert "KeyError: 'std_msgs/Bool'" in bridge.log.read_text()
 
@@ -200,7 +200,7 @@ def test_the_watcher_outlives_whatever_fails_in_it(rosmaster, soon, monkeypatch)
 
 
 class TestNamesake:
-    """Another console's bridge, of which this one must find out whether it lives."""
+    """Another console's bridge: this bridge must find out whether it is alive."""
 
     def test_one_that_hangs_for_a_while_keeps_the_robot(self, bridges, rosmaster):
         first, second = bridges(rosmaster), None
@@ -234,7 +234,7 @@ class TestNamesake:
         second.close()
 
     def test_only_silence_without_a_break_is_a_death(self, rosmaster, soon, monkeypatch):
-        clock = itertools.count(100.0)  # a second for each time that it is asked
+        clock = itertools.count(100.0)  # each reading is one second later
         patient = int(SILENCE_S)
         answers = [*[None] * patient, True, *[None] * patient, None]
         monkeypatch.setattr(master_monitor, "monotonic", lambda: next(clock))

@@ -1,4 +1,4 @@
-"""A rosbag of a drive, told to the gate."""
+"""A rosbag of a drive, replayed to the gate."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PROFILE = tiago_profile(sonar_poses={}, sonar_fov={})
 
 
 def filled(path, *, odometry=True):
-    """Two seconds of full stick towards a wall that comes nearer."""
+    """A bag with 2 s of full stick towards a wall."""
     with rosbag.Bag(str(path), "w") as file:
         for tick in range(100):
             at = Time.from_sec(1000.0 + 0.02 * tick)

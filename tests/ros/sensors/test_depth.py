@@ -1,4 +1,4 @@
-"""The depth camera on the way from the robot to the gate: subscribed when needed, a table top stops the robot."""
+"""The depth camera from the robot to the gate: it is subscribed when needed; a table top stops the robot."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CLOUDS = msgspec.structs.replace(
     IMAGES, topic="/xtion/depth_registered/points", type="sensor_msgs/PointCloud2", info=None
 )
 HEAD = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)
-# its top's edge is at y = 1.0, its legs to either side of the way
+# its edge is at y = 1.0, its legs are left and right of the path
 BEFORE_TABLE = Pose2D(5.0, 2.9, -math.pi / 2.0)
 EDGE_Y = 1.0
 
@@ -60,7 +60,7 @@ def bridge(master, folder, source, **topics):
 
 @pytest.fixture
 def stage(ros, tmp_path):
-    """The robot before the table, by the ground truth."""
+    """Place the robot before the table; yield its ground truth and its contacts."""
     with (
         ros.listen("/ground_truth/pose", Odometry) as truth,
         ros.listen("/ground_truth/contacts", String) as contacts,

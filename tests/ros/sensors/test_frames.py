@@ -1,4 +1,4 @@
-"""Raw tf messages tell where a camera is on the base at a stamp; what they do not tell is said."""
+"""Raw tf messages give a camera's pose on the base at a stamp; a missing transform is reported."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def raw(*told_transforms):
 
 @pytest.fixture
 def frames():
-    """A camera 0.1 m ahead on a head that turns slowly, 1 m above the base; and other frames that matter to nobody."""
+    """A camera 0.1 m ahead on a head that turns slowly, 1 m above the base, and unneeded frames."""
     frames = Frames("base")
     frames.hear(raw(told("/head", "camera", 0.0, (0.1, 0.0, 0.0)), told("map", "door", 0.0)), fixed=True)
     for step in range(11):

@@ -1,4 +1,4 @@
-"""The robot's map, taken from ROS while somebody has control, until it stands in the console's table."""
+"""The robot's map, from ROS to the console's table, fetched while a person has control."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def simulated(ros, simulator):
 
 
 def opacity(told: TakenMap | RobotMap, x: float, y: float) -> int:
-    """The picture's at a place of the world, of which the simulated map has the axes: 34 free, 255 occupied."""
+    """The picture's opacity at a place of the simulated world: 34 free, 255 occupied."""
     origin = told.origin if isinstance(told, TakenMap) else (told.origin_x_m, told.origin_y_m)
     with Image.open(BytesIO(told.picture)) as picture:
         pixels = np.array(picture.convert("RGBA"))
@@ -52,10 +52,10 @@ def test_the_simulated_map_is_stored_with_its_walls(rosmaster, robot):
     assert isinstance(taken, TakenMap)
     sink = AuditSink(robot.pk, robot.name)
     sink.keep_map(taken)
-    sink.keep_map(taken)  # five minutes later
+    sink.keep_map(taken)  # as five minutes later
     [told] = RobotMap.objects.filter(robot=robot)
     assert told.last_seen_at > told.first_seen_at
-    # The hall, its west wall, the cupboard's side and its inside, which no laser saw.
+    # The hall, its west wall, the cupboard's side and its unseen inside.
     places = [(2.0, 1.8), (0.03, 3.0), (0.58, 1.0), (0.35, 1.0)]
     assert [opacity(told, *place) for place in places] == [34, 255, 255, 0]
 
@@ -104,9 +104,9 @@ def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):
                         place, turn = told.transform.translation, told.transform.rotation
                         return place.x, place.y, 2.0 * math.atan2(turn.z, turn.w)
 
-        assert believed() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)  # odometry began here
+        assert believed() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)  # odometry starts here
         teleport.publish(Pose2D(3.0, 1.8, 0.0))
-        assert believed() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)  # and does not notice
+        assert believed() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)  # odometry does not notice
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The robot's own arm in its depth camera's picture, of a description that lacks the hand: from joints to the gate."""
+"""The robot's arm in its depth camera's picture, also if the robot's description lacks the hand."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FOLDED = [HOME[joint] for joint in JOINTS]
 RAISED = [0.9, -0.4, -0.3, 1.7, -1.5, 0.9, 0.0]
 AHEAD = [1.5, 0.2, -0.4, 1.2, -1.2, 0.3, 0.0]
 WHOLE = urdf(BODIES["tiago"], "tiago-1")
-HALF_M = 0.045  # of the arm's thickness
+HALF_M = 0.045  # half of the arm's thickness
 
 
 def without_hand() -> str:
@@ -84,7 +84,7 @@ class Robot:
 
 @pytest.mark.parametrize("description", [WHOLE, without_hand()], ids=["whole", "without hand"])
 def test_an_arm_goes_home_again_and_the_robot_drives(monkeypatch, description):
-    """The robot said "depth, remembered, 0.08 m ahead" and refused `home` and driving for good."""
+    """Once the robot said "depth, remembered, 0.08 m ahead" and refused `home` and driving for ever."""
     robot = Robot(monkeypatch, description)
     robot.stay(0.2)
     robot.move(RAISED)

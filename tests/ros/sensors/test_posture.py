@@ -1,4 +1,4 @@
-"""The arm on the way from joint states to the footprint: reaching out, it stops the robot before a wall."""
+"""The arm from joint states to the footprint: a stretched arm stops the robot before a wall."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ARM = ArmSource(
     home={joint: HOME[joint] for joint in JOINTS},
     links=[*(f"arm_{number}_link" for number in range(1, 8)), "gripper_grasping_frame"],
 )
-AHEAD = [1.5, 0.0, -0.3, 0.3, -1.2, 0.3, 0.0]  # the hand 1.03 m ahead of the middle of the base
+AHEAD = [1.5, 0.0, -0.3, 0.3, -1.2, 0.3, 0.0]  # the hand is 1.03 m ahead of the base's centre
 BEFORE_WALL = Pose2D(7.6, 2.6, -math.pi / 2.0)  # the wall's face is at y = 0
 
 
@@ -64,7 +64,7 @@ def test_an_arm_that_reaches_out_keeps_clear_of_the_wall(ros, rosmaster, tmp_pat
         ros.listen("/ground_truth/contacts", String) as contacts,
         ros.speak("/ground_truth/teleport", Pose2D) as teleport,
     ):
-        hand.take_control(1)  # limits are told to who drives
+        hand.take_control(1)  # limits are reported to the driver
         hand.state_until(lambda state: not arm_limits(state) and not state.arm, "an arm at home")
         teleport.publish(BEFORE_WALL)
         truth.until(lambda message: abs(message.pose.pose.position.y - BEFORE_WALL.y) < 0.01)

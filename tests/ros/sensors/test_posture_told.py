@@ -1,4 +1,4 @@
-"""The arm's posture from joint states and goals, message by message; no master is needed."""
+"""The arm's posture from joint states and goals, message by message. Needs no master."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ DESCRIPTION = """<robot name="r">
 
 
 class Listener:
-    """The arm's topics without a master, at a time of its own."""
+    """The arm's topics without a master, with a fake clock."""
 
     def __init__(self, monkeypatch):
         self.now_s = 100.0
@@ -145,7 +145,7 @@ TIAGO = ArmSource(
 
 @pytest.mark.parametrize("lacks_hand", [True, False])
 def test_the_hand_belongs_to_the_arm_without_description(arm, lacks_hand):
-    """After `wave` the hand that nobody knew of was an obstacle for good."""
+    """Once an undescribed hand stayed an obstacle for ever after `wave`."""
     whole = urdf(BODIES["tiago"], "tiago-1")
     hand = ElementTree.fromstring(whole)  # noqa: S314 - our own
     for joint in hand.findall("joint"):

@@ -1,4 +1,4 @@
-"""What is subscribed only while somebody has control."""
+"""Topics that are subscribed only while a person has control."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robots.bridge.ros.on_demand_topics import OnDemandTopics
 
 
 class AtOnce:
-    """Errands without a thread."""
+    """A worker without a thread."""
 
     def do(self, errand):
         with contextlib.suppress(OSError):
@@ -16,7 +16,7 @@ class AtOnce:
 
 
 class Part:
-    """One topic, to which nobody can subscribe if it is broken."""
+    """One topic. Subscribing fails if it is broken."""
 
     def __init__(self, broken=False):
         self.broken = broken

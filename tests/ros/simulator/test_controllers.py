@@ -1,4 +1,4 @@
-"""The joint trajectory controllers move what /joint_states shows, through real ROS messages."""
+"""The joint trajectory controllers move the joints of /joint_states, with real ROS messages."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def at(joint: str, position: float):
 
 @contextmanager
 def following(ros, controller: str):
-    """``begin(trajectory)`` tells the goal's id, ``result(id)`` waits for its result; and a way to cancel."""
+    """``begin(trajectory)`` returns the goal's id, ``result(id)`` waits for its result; a third function cancels."""
     action = f"/{controller}/follow_joint_trajectory"
     goal_type = message_class("control_msgs/FollowJointTrajectoryActionGoal")
     result_type = message_class("control_msgs/FollowJointTrajectoryActionResult")

@@ -1,4 +1,4 @@
-"""A simulated robot is cheap, and does without what a machine lacks."""
+"""A simulated robot needs little processor time, and runs on a machine without OpenGL."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulated robot drives as TIAGo does, seen from another node."""
+"""The simulated robot drives like a TIAGo, as seen from another node."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def robot(ros, simulator):
 
 @pytest.fixture
 def odometry(ros):
-    """Odometry, of a robot that stands at its start."""
+    """Odometry of a robot that stands at its start."""
     with (
         ros.listen(ODOMETRY, Odometry) as odometry,
         ros.listen("/ground_truth/pose", Odometry) as truth,
@@ -54,7 +54,7 @@ def moves(message: Odometry) -> bool:
 
 
 def drive(publisher: rospy.Publisher, twist: Twist, odometry, ticks: int) -> Odometry:
-    """Publish once per odometry message, so that the pace is the robot's own; the last message."""
+    """Publish once per odometry message, at the robot's pace; return the last message."""
     for _ in range(ticks):
         publisher.publish(twist)
         last = odometry.next()
@@ -115,7 +115,7 @@ def test_the_labs_joystick_wins_over_the_keys(ros, odometry):
         drive_until(moves, keys, forward(0.3), odometry)
         joystick.publish(forward(0.0))
         drive_until(stands, keys, forward(0.3), odometry, also=lambda: joystick.publish(forward(0.0)))
-        # The joystick falls silent: after 0.5 s the keys count again.
+        # The joystick is silent: after 0.5 s the keys drive again.
         drive_until(moves, keys, forward(0.3), odometry)
 
 

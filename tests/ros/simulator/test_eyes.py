@@ -1,4 +1,4 @@
-"""The thread that sees, and what becomes of its owner when it dies."""
+"""The simulator's vision thread, and the end of its owner when it dies."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robots.simulator.ros.eyes import Eyes
 
 
 def test_a_dead_thread_with_a_full_queue_holds_no_exit_up():
-    eyes = Eyes.__new__(Eyes)  # without its topics: only the thread and its queue are of interest
+    eyes = Eyes.__new__(Eyes)  # without topics: this test needs only the thread and its queue
     eyes._moments = queue.Queue(maxsize=1)
     eyes._moments.put(None)
     eyes._thread = threading.Thread(target=lambda: None)

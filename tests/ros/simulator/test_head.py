@@ -1,4 +1,4 @@
-"""/head_controller/point_head_action turns the head towards a point, through real ROS messages."""
+"""/head_controller/point_head_action turns the head towards a point, with real ROS messages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def robot(ros, simulator):
 
 @pytest.fixture
 def look(ros):
-    """``look(x, y, z, frame="base_footprint", **goal)`` tells the goal's id; `look.result(id)` waits for its result."""
+    """``look(x, y, z, frame="base_footprint", **goal)`` returns the goal's id; `look.result(id)` waits for the end."""
     kinds = {
         part: message_class(f"control_msgs/PointHeadAction{part}") for part in ("Goal", "Result", "Feedback")
     }

@@ -1,4 +1,4 @@
-"""A simulator's life: begun, its master restarted, ended; it leaves nothing behind."""
+"""A simulator starts, survives a restart of its master, and leaves nothing behind at its end."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ import rosgraph
 from tests.ros.meddling import CUT_SHORT, meddled
 from tests.ros.support import PATIENCE_S, REPOSITORY, end, until
 
-HANGING_S = 3.0  # to end although the master hangs
+HANGING_S = 3.0  # time to end although the master hangs
 
 
 def topics_of(master, node: str) -> set[str]:
-    """What `node` is registered for with a master that answers."""
+    """Topics for which `node` is registered at a running master."""
     published, subscribed, _ = rosgraph.Master("/test", master.uri).getSystemState()
     return {topic for topic, nodes in (*published, *subscribed) if node in nodes}
 
 
 @contextmanager
 def early_bird(master, log: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """A simulator that begins before its master answers."""
+    """A simulator that starts before its master answers."""
     with open(log, "wb") as output:
         process = subprocess.Popen(
             [sys.executable, "-m", "robots.simulator", "--name=early"],

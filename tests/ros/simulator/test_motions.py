@@ -1,4 +1,4 @@
-"""/play_motion behaves as PAL's, through real actionlib messages."""
+"""/play_motion behaves like PAL's, with real actionlib messages."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def test_motions_stand_on_the_parameter_server():
 
 
 def motion_topics(actions, uri):
-    """Topics whose news nobody hears."""
+    """Motion topics without a listener."""
     mail, deaf = Mailboxes(lambda call: None), SimpleNamespace()
     return MotionTopics(
         actions, "play_motion_msgs/PlayMotionAction", Master(uri, "/test"), mail, deaf, lambda: None
@@ -193,7 +193,7 @@ def test_a_long_list_of_motions_is_offered_with_durations(reads):
 
 @contextmanager
 def hung(service: str, master_uri: str) -> Iterator[queue.SimpleQueue]:
-    """A service that takes every question and answers none: the connections that were made to it."""
+    """A service that reads every call and answers none. Yields its connections."""
     connections: queue.SimpleQueue = queue.SimpleQueue()
 
     def take() -> None:
@@ -223,7 +223,7 @@ def test_an_action_that_hangs_is_let_go_of(reads, rosmaster):
         connection = connections.get(timeout=PATIENCE_S)
         with connection:
             connection.settimeout(PATIENCE_S)
-            while connection.recv(4096):  # up to its end: nobody waits any more
+            while connection.recv(4096):  # up to its end: the client no longer waits
                 pass
         assert connections.empty()
 

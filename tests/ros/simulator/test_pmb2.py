@@ -1,4 +1,4 @@
-"""A base without an upper body keeps what it promises on ROS."""
+"""A base without an upper body has the ROS interface that its profile states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulated robot's sensors on ROS: types, frames, paces, and what faults do to them."""
+"""The simulated robot's sensors on ROS: types, frames, rates, and faults."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def robot(ros, simulator):
 
 @contextmanager
 def fault(ros, names: str):
-    """A robot with something wrong, for the length of a `with` block."""
+    """Switch a fault on for the length of a `with` block."""
     with ros.listen("/ground_truth/faults", String) as told, ros.speak("/ground_truth/fault", String) as ask:
         ask.publish(names)
         told.until(lambda message: message.data == names)
@@ -96,7 +96,7 @@ def test_frames_reach_from_odom_to_the_sensors(ros):
     assert dynamic["base_footprint"].header.frame_id == "odom"
     parents = {child: frame.header.frame_id for child, frame in (static | dynamic).items()}
     frame = "xtion_rgb_optical_frame"
-    while frame in parents and frame != "odom":  # which may be in the map, if that was told by then
+    while frame in parents and frame != "odom":  # its parent may be the map, if already published
         frame = parents[frame]
     assert frame == "odom"
 

@@ -1,4 +1,4 @@
-"""Input goes where its holder chose on a real robot: another velocity input, another voice, and back."""
+"""The holder redirects input on a real robot: to another velocity topic, another voice, and back."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.ros.support import until
 TTS, PLAY = "pal_interaction_msgs/TtsAction", "play_motion_msgs/PlayMotionAction"
 ALLOWED = (
     Allowed("choose", "/phone_vel", "geometry_msgs/Twist", "drive"),
-    Allowed("choose", "/my_vel", "geometry_msgs/Twist", "drive"),  # the robot has no such input itself
+    Allowed("choose", "/my_vel", "geometry_msgs/Twist", "drive"),  # the robot itself has no such input
     Allowed("choose", "/second_tts", TTS, "speech"),
     Allowed("choose", "/second_play", PLAY, "motions"),
     Allowed("choose", "/third_play", PLAY, "motions"),
@@ -39,7 +39,7 @@ def robot(ros, simulator):
 
 @pytest.fixture(scope="module")
 def talk(robot, rosmaster, tmp_path_factory):
-    """A hand that has control, and the records so far."""
+    """A link in control, and the records so far."""
     folder = tmp_path_factory.mktemp("bridge")
     config = tiago_config(rosmaster, folder)
     topics = msgspec.structs.replace(
@@ -62,7 +62,7 @@ def hand(talk):
 
 
 def answered(hand, order):
-    """The one answer to an order."""
+    """Send a task; return its answer, Accepted or Refused."""
     hand.send(order)
     return hand.until(
         lambda report: isinstance(report, wire.Accepted | wire.Refused) and report.seq == order.seq,
@@ -71,7 +71,7 @@ def answered(hand, order):
 
 
 def choose(hand, use, topic):
-    """Choose it, as soon as the base stands and the bridge's survey of the robot's topics has it."""
+    """Choose a topic as soon as the base stands and the bridge's survey lists the topic."""
 
     def chosen():
         answer = answered(hand, wire.Choose(1, use, topic, seq=next(_numbers)))
@@ -84,7 +84,7 @@ def choose(hand, use, topic):
 
 
 def drives(hand, inbox):
-    """The stick's velocities come in there, until it is let go."""
+    """Check that the stick's velocities arrive on this topic, until the stick returns to the middle."""
     hand.stick(0.0)
     hand.state_until(
         lambda state: state.neutral_needed is None and state.phase == "online", "a neutral stick"
@@ -96,7 +96,7 @@ def drives(hand, inbox):
 
 
 def stood(inbox):
-    """Whether no speed came in there lately."""
+    """True if all new messages on this topic are zeros."""
     return all(twist.linear.x == 0.0 for twist in inbox.drain())
 
 
@@ -147,13 +147,13 @@ def test_a_text_goes_to_the_chosen_voice_until_it_vanishes(ros, hand):
             asked = goals.next()
             assert (asked.goal.rawtext.text, asked.goal.rawtext.lang_id) == ("good evening", "en_GB")
             ended = hand.state_until(lambda state: state.speech_ended, "its end").speech_ended
-            assert ended.outcome == "unheard"  # nobody performs it here
+            assert ended.outcome == "unheard"  # no server performs it here
             assert cancels.next().id == asked.goal_id.id
         hand.state_until(lambda state: state.chosen == {}, "the default again")
 
 
 def offers(hand, condition):
-    """What the robot offers, asked for until it is that."""
+    """Ask for the robot's offers until they fit; return them."""
     hand.send(wire.Refresh())
     return hand.until(lambda report: isinstance(report, wire.Offers) and condition(report), "offers")
 
@@ -174,7 +174,7 @@ def test_motions_are_in_the_robots_words_of_the_chosen_action(ros, hand):
 
 def test_an_action_of_another_type_is_reported(ros, rosmaster, hand):
     tts = {part: message_class(f"{TTS}{part}") for part in ("Goal", "Result", "Feedback")}
-    with (  # in the order of actionlib's servers
+    with (  # the same order as actionlib's servers
         ros.speak("/third_play/status", GoalStatusArray),
         ros.speak("/third_play/result", tts["Result"], listeners=0),
         ros.speak("/third_play/feedback", tts["Feedback"], listeners=0),

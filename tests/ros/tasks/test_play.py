@@ -1,4 +1,4 @@
-"""A recorded motion from the link to the robot's arm: with room it is performed, without it is not."""
+"""A recorded motion from the link to the robot's arm: performed with free space, refused without."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.ros.support import until
 
 IN_THE_OPEN = Pose2D(3.8, 2.2, 0.0)
 BEFORE_WALL = Pose2D(7.6, 0.75, -math.pi / 2.0)  # the wall's face is at y = 0
-TRIES = 20  # on a machine so busy that scans come too late
+TRIES = 20  # for late scans on a busy machine
 _numbers = itertools.count(1)
 FAR_AWAY, BEFORE_THE_ROBOT = "person 8.8 1.0", "person 4.5 2.2"
 
@@ -48,7 +48,7 @@ def started(master, folder, action="/play_motion"):
 
 @contextmanager
 def bridge(master, folder):
-    """A bridge of a TIAGo, in whose control somebody is, and its records so far."""
+    """A TIAGo's bridge, a link in control, and the records so far."""
     process = started(master, folder)
     try:
         with holder(process) as hand:
@@ -59,7 +59,7 @@ def bridge(master, folder):
 
 @contextmanager
 def holder(process):
-    """Somebody in control."""
+    """A link in control."""
     hand = process.link()
     try:
         hand.until(lambda report: isinstance(report, wire.Offers) and report.motions, "a robot with motions")
@@ -72,7 +72,7 @@ def holder(process):
 
 @contextmanager
 def at(ros, pose):
-    """The robot stands there."""
+    """Place the robot."""
     with (
         ros.listen("/ground_truth/pose", Odometry) as truth,
         ros.speak("/ground_truth/teleport", Pose2D) as teleport,
@@ -88,7 +88,7 @@ def at(ros, pose):
 
 
 def asked(hand, motion):
-    """The answer to Play: why not, None if it is performed."""
+    """Send Play; return its refusal, None if accepted."""
     seq = next(_numbers)
     hand.send(wire.Play(1, motion, seq))
     answer = hand.until(
@@ -98,7 +98,7 @@ def asked(hand, motion):
 
 
 def ask(hand, motion):
-    """The same, as often as it takes where what is heard of the robot is too old."""
+    """The same, repeated while robot data is too old."""
     for _ in range(TRIES):
         refusal = asked(hand, motion)
         if refusal is None or refusal.code not in {"base_moving", "not_watched"}:
@@ -108,24 +108,24 @@ def ask(hand, motion):
 
 
 def last_end(state):
-    """The number of the last end that the robot tells of."""
+    """Number of the last reported end of a motion."""
     return state.motion_ended.number if state.motion_ended else 0
 
 
 def play(hand, motion):
-    """The state in which it is under way."""
+    """Start a motion; return the first state in which it runs."""
     assert ask(hand, motion) is None
     return hand.state_until(lambda state: state.motion and state.motion.name == motion, f"{motion} under way")
 
 
 def end_of(hand, begun):
-    """How what was under way in that state ended."""
+    """Wait for the end of the motion that runs in this state."""
     state = hand.state_until(lambda state: last_end(state) > last_end(begun), "the end")
     return state.motion_ended
 
 
 def perform(hand, motion, meanwhile=lambda: None):
-    """To its end, which a busy machine may put off: where the laser is silent, nothing goes on."""
+    """Perform a motion to its end; repeat it if late laser data interrupts it."""
     for _ in range(TRIES):
         begun = play(hand, motion)
         meanwhile()
@@ -224,7 +224,7 @@ def test_a_changed_motion_is_judged_by_its_new_points(ros, rosmaster, tmp_path):
             assert len(told["list"]) == len(rospy.get_param("/play_motion/motions"))
         finally:
             rospy.set_param("/play_motion/motions/open", opens)
-        assert perform(hand, "open").outcome == "succeeded"  # it moves no arm, by its points of now
+        assert perform(hand, "open").outcome == "succeeded"  # by its current points it does not move the arm
         assert records()[:3] == [
             "motion.start open /play_motion",
             "motion.end motion_blocked",
@@ -250,7 +250,7 @@ def test_the_list_is_read_again_when_motions_restart(ros, rosmaster, tmp_path):
 
 
 def test_an_action_that_has_just_joined_performs(ros, rosmaster, tmp_path):
-    """The bridge surveys the robot every two seconds: the action is there, and the last survey does not have it."""
+    """The bridge surveys the robot every 2 s: the last survey does not contain the new action yet."""
     goals, results = (
         message_class(f"play_motion_msgs/PlayMotionAction{part}") for part in ("Goal", "Result")
     )

@@ -1,4 +1,4 @@
-"""What a robot's motion action tells, in words: names, codes, ends. The action is played by the test itself."""
+"""Reports of a robot's motion action in words: names, codes, ends. The test plays the action server."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ODD_NAME = "grüß <b>你好 & Co."
 
 
 class Heard:
-    """Everything that a bridge would hear, in the place of its `Motions`."""
+    """Stores everything that a bridge's `Motions` would receive."""
 
     def __init__(self):
         self.ends = queue.SimpleQueue()
@@ -62,7 +62,7 @@ def motions(ros, rosmaster, heard):
 
 @contextmanager
 def action(answer=None):
-    """Somebody who takes goals, and answers each with a result; their goals."""
+    """An action server that answers each goal with `answer`. Yields its goals."""
     goals = queue.SimpleQueue()
     results = rospy.Publisher(f"{ACTION}/result", ENDED, queue_size=5)
 

@@ -1,4 +1,4 @@
-"""A message waits a moment for its first listeners, and never longer."""
+"""A message waits a short limited time for its first subscribers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def topic(sender):
 
 
 class Connected(rospy.SubscribeListener):
-    """Told of each connection, after whoever was told of it before."""
+    """Called for each connection, after the previous callback."""
 
     def __init__(self) -> None:
         self.news: queue.SimpleQueue[str] = queue.SimpleQueue()
@@ -52,7 +52,7 @@ def test_new_listeners_are_reported_except_own_nodes(ros, node, told):
     try:
         with listening("/first"):
             connected.news.get(timeout=PATIENCE_S)
-            with listening(node):  # maybe the first, begun again
+            with listening(node):  # may be the first one, started again
                 connected.news.get(timeout=PATIENCE_S)
                 assert len(joined) == 1 + told
     finally:

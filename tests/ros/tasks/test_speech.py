@@ -1,4 +1,4 @@
-"""/tts behaves as PAL's, through real actionlib messages, and the bridge has it say what its holder asks for."""
+"""/tts behaves like PAL's, with real actionlib messages, and the bridge lets its holder speak through it."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ LONG = "una frase muy larga " * 10
 
 @contextmanager
 def bridge(master, folder, speech=TTS, allowed=()):
-    """A bridge of a robot that speaks, a hand that has control, and its records so far."""
+    """A speaking robot's bridge, a link in control, and the records so far."""
     config = tiago_config(master, folder)
     topics = msgspec.structs.replace(config.topics, speech=speech, languages=["es-ES", "en-GB"])
     process = BridgeProcess(msgspec.structs.replace(config, topics=topics, allowed=allowed), master, folder)
@@ -120,13 +120,13 @@ def bridge(master, folder, speech=TTS, allowed=()):
 
 @pytest.fixture(scope="class")
 def talk(robot, rosmaster, tmp_path_factory):
-    """A hand on a robot with PAL's voice, and the records. A master takes one bridge at a time."""
+    """A link to a robot with PAL's voice, and the records. A master has one bridge at a time."""
     with bridge(rosmaster, tmp_path_factory.mktemp("bridge")) as talk:
         yield talk
 
 
 def answered(hand, order):
-    """The one answer to an order."""
+    """Send a task; return its answer, Accepted or Refused."""
     hand.send(order)
     return hand.until(
         lambda report: isinstance(report, wire.Accepted | wire.Refused) and report.seq == order.seq,
@@ -135,7 +135,7 @@ def answered(hand, order):
 
 
 def word_of(hand, text, language="es-ES"):
-    """Have it say `text`; what pages see once a word was begun."""
+    """Say `text`; return the speech state at the first word."""
     assert isinstance(answered(hand, wire.Say(1, text, language, seq=next(_numbers))), wire.Accepted)
     return hand.state_until(
         lambda state: state.speech and state.speech.text == text and state.speech.word, f"a word of {text}"
@@ -143,7 +143,7 @@ def word_of(hand, text, language="es-ES"):
 
 
 def end_of(hand, number):
-    """How the text of that number ended."""
+    """Wait for the end of the text with this number."""
     return hand.state_until(
         lambda state: state.speech_ended and state.speech_ended.number == number, f"the end of {number}"
     ).speech_ended
@@ -182,7 +182,7 @@ class TestPalsVoice:
 
     def test_what_the_robot_will_not_say_fails_in_its_own_words(self, talk):
         hand, records = talk
-        hand.send(wire.Say(1, "saluton", "eo"))  # none of its languages: sent as it is
+        hand.send(wire.Say(1, "saluton", "eo"))  # none of its languages: sent unchanged
         ended = hand.state_until(
             lambda state: state.speech_ended and state.speech_ended.outcome == "failed", "its end"
         ).speech_ended
