@@ -70,21 +70,21 @@ CONFIG = BridgeConfig(
 
 
 class OpenGate:
-    """A gate that allows everything unless told otherwise. It knows from odometry what the real gate knows."""
+    """A gate that allows everything unless a test says otherwise. It uses odometry like the real gate."""
 
     def __init__(self, profile: GateProfile) -> None:
         real = Gate(profile)
         self.observe_odometry, self.standstill = real.observe_odometry, real.standstill
         self.footprint = real.footprint
-        self.seen: list[tuple[float, float]] = []  # by its one laser
-        self.pictured: list[tuple[float, float]] = []  # by its depth camera
+        self.seen: list[tuple[float, float]] = []  # points of its laser
+        self.pictured: list[tuple[float, float]] = []  # points of its depth camera
         self.health: list[SensorHealth] = []
         self.says: Callable[[Velocity], Verdict] | None = None
-        self.misses: Fault | None = None  # data without which nothing moves
+        self.misses: Fault | None = None  # missing data, which forbids all motion
         self.latency = Latency(LIMITS, 0.2)
         self.arm_discs: tuple[tuple[float, float, float], ...] = ()
         self.operator_delay_s: float | None = None
-        self.forgot: list[bool] = []  # how often it was told to forget, and whether the robot restarted
+        self.forgot: list[bool] = []  # calls of `forget`, each with `restarted`
 
     def forget(self, restarted: bool = False) -> None:
         self.forgot.append(restarted)
@@ -132,16 +132,16 @@ class MemoryBase:
     sent: list[Velocity] = field(default_factory=list)
     aims: list[Aim] = field(default_factory=list)
     sweeps: dict[str, tuple[Disc, ...]] = field(default_factory=dict)
-    asked: list[Callable[[], None]] | None = None  # a list: the robot's answers about motions wait there
-    lies: tuple[Disc, ...] | None = None  # the arm, by its joints
-    echo_s: float | None = None  # how long its machine takes to acknowledge a twist
+    asked: list[Callable[[], None]] | None = None  # a list delays the robot's answers about motions
+    lies: tuple[Disc, ...] | None = None  # place of the arm by its joints
+    echo_s: float | None = None  # delay of its acknowledgement of a twist
     played: list[tuple[str, str]] = field(default_factory=list)
     cancelled_goals: list[str] = field(default_factory=list)
     said: list[tuple[str, Utterance]] = field(default_factory=list)
-    tells: bool = True  # what becomes of what is said
+    tells: bool = True  # it reports the end of texts
     attended: list[tuple[str, frozenset[str]]] = field(default_factory=list)
-    switched: list[tuple[str, int]] = field(default_factory=list)  # to which topic, after how many twists
-    readings: int = 0  # of its motions
+    switched: list[tuple[str, int]] = field(default_factory=list)  # topic, and number of twists before
+    readings: int = 0  # how often its motions were read
     cancelled: int = 0
     listeners: int = 1
 
@@ -264,7 +264,7 @@ class MemoryPublisher:
         self.stopped: list[str] = []
         self.halts = 0
         self.kept_alive = 0
-        self.waiting: list[Callable[[], None]] | None = None  # a list: answers wait there
+        self.waiting: list[Callable[[], None]] | None = None  # a list delays the answers
 
     def check(self, order: wire.Publish, then: Callable[[Refusal | None, float], None]) -> None:
         if self.waiting is None:
@@ -316,9 +316,9 @@ class Bench:
             self.publisher,
             on_news=self._count_news,
         )
-        self.news = 0  # what sensors told while somebody had control
+        self.news = 0  # sensor messages while a person had control
         self.seq = 0
-        self.stamp_s = 50.0  # of the newest odometry: the robot's clock is another
+        self.stamp_s = 50.0  # stamp of the newest odometry, by the robot's clock
         self.speed = STILL
         self.x = 0.0
         self.map_to_odom: Pose | None = None
@@ -396,7 +396,7 @@ class Bench:
             self.odometry()
             self.core.tick(self.now_s)
             if self.sink.open.is_set():
-                self.recorded()  # time passes faster here than the records' worker can tell
+                self.recorded()  # time passes faster here than records are written
 
     @property
     def last(self) -> Velocity:
@@ -437,7 +437,7 @@ class ObedientBench(Bench):
 
     @property
     def begun(self) -> list[object]:
-        """What was begun on the robot."""
+        """Everything begun on the robot."""
         base = self.base
         return [*base.played, *self.publisher.published, *base.aims, *base.said, *base.switched]
 

@@ -169,7 +169,7 @@ def test_a_page_that_came_back_may_count_from_one_again(bench):
     assert bench.last == STILL
     bench.seq = 0
     bench.pass_time(1.0)
-    bench.granted()  # the same number, a fresh page with a fresh clock
+    bench.granted()  # same fence, but a new page with a new clock
     bench.driving()
 
 
@@ -225,7 +225,7 @@ def test_stop_without_master_cancels_when_the_master_is_back():
     bench = Bench()
     bench.core.stop("Bob", "", bench.now_s)
     bench.pass_time(60.0)
-    assert cancels(bench.online(), 1.0) >= 2  # the first may find no listener connected yet
+    assert cancels(bench.online(), 1.0) >= 2  # the first may have no subscriber yet
 
 
 def test_stop_of_an_earlier_bridge_cancels_after_joining():
@@ -235,10 +235,10 @@ def test_stop_of_an_earlier_bridge_cancels_after_joining():
 def test_cancel_is_repeated_exactly_while_stop_is_latched(bench):
     bench.pass_time(5.0)
     bench.core.stop("Bob", "", bench.now_s)
-    assert cancels(bench, 10.0) == pytest.approx(20, abs=2)  # also what others ask for meanwhile
+    assert cancels(bench, 10.0) == pytest.approx(20, abs=2)  # also goals that others send meanwhile
     before = bench.base.cancelled
     assert bench.core.clear(bench.core.stop_state.number, bench.now_s) is None
-    assert bench.base.cancelled == before + 1  # and what they asked for a moment ago
+    assert bench.base.cancelled == before + 1  # and goals from just before
     assert cancels(bench, 10.0) == 0
 
 
@@ -253,7 +253,7 @@ def test_stop_cleared_before_joining_still_cancels_once_joined():
 
 def test_stop_cleared_while_master_is_away_cancels_later(bench):
     bench.pass_time(5.0)
-    bench.core.stop("Bob", "", bench.now_s)  # over a network that is gone already
+    bench.core.stop("Bob", "", bench.now_s)  # over a failed network
     bench.core.ros_status(RosStatus("waiting", "No ROS master answers."), bench.now_s)
     bench.core.clear(bench.core.stop_state.number, bench.now_s)
     bench.pass_time(60.0)
@@ -261,7 +261,7 @@ def test_stop_cleared_while_master_is_away_cancels_later(bench):
 
 
 def test_a_stop_cancels_although_its_zero_fails(monkeypatch):
-    """The press counts as handled, and the same press on another way cancels nothing."""
+    """The press counts as handled: the same press on the other path cancels nothing."""
     bench = ObedientBench()
     bench.ask(ORDERS["motion"])
     bench.obeys()
@@ -302,7 +302,7 @@ def test_standstill_comes_from_odometry_not_from_commands(bench):
 
 
 def test_time_to_standstill_counts_from_the_watchdogs_press(bench):
-    """The press comes to a bridge that was frozen for two seconds, by either way."""
+    """The press reaches a bridge that was frozen for two seconds, by link or watchdog."""
     bench.granted().driving()
     bench.odometry(FORWARD)
     pressed_s, press = bench.now_s - 2.0, uuid4()
@@ -314,7 +314,7 @@ def test_time_to_standstill_counts_from_the_watchdogs_press(bench):
     bench.pass_time(0.05)
     took_ms = bench.core.stop_state.standstill_ms
     assert took_ms == pytest.approx(2100, abs=110)
-    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s, pressed_s - 1.0)  # told late, too
+    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s, pressed_s - 1.0)  # also late
     assert bench.core.stop_state.standstill_ms == took_ms + 1000
 
 
@@ -332,7 +332,7 @@ def test_a_stop_that_was_pending_has_no_time_to_standstill(bench):
     bench.odometry(FORWARD)
     press = uuid4()
     bench.core.stop("Bob", "", bench.now_s, press, waited=True)
-    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s)  # its other way
+    bench.core.stop_from_watchdog("Bob", "", press, bench.now_s)  # the other path
     bench.odometry(STILL)
     bench.pass_time(0.1)
     assert (bench.core.stop_state.state, bench.core.stop_state.standstill_ms) == ("stopped", None)
@@ -371,7 +371,7 @@ def test_without_odometry_standstill_is_not_claimed(bench):
 
 def test_frozen_odometry_does_not_confirm_standstill(bench):
     bench.granted().driving()
-    bench.speed = STILL  # what the frozen message has said all the time
+    bench.speed = STILL  # the same as in the frozen message
     bench.core.stop("Bob", "", bench.now_s)
     for _ in range(5):
         bench.now_s += 0.05
@@ -435,7 +435,7 @@ def test_after_clearing_nothing_moves_before_neutral(bench):
 def test_a_pressed_stop_is_found_again_after_a_kill():
     bench = Bench(left=SavedState(True, "Bob", "", 4))
     bench.core.tick(bench.now_s)
-    assert bench.core.stop_state.state == "stopping"  # nobody has seen yet whether the robot stands
+    assert bench.core.stop_state.state == "stopping"  # standstill is not observed yet
     bench.online().granted(5)
     assert bench.stick(1.0, fence=5).code == "stopped"
     assert bench.core.stop_state.by == "Bob"

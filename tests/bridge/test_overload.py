@@ -1,4 +1,4 @@
-"""An overloaded computer blames itself and not the operator: in words, with numbers, once in the log."""
+"""An overloaded computer does not blame the operator: it reports itself with numbers, once in the log."""
 
 from __future__ import annotations
 

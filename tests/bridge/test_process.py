@@ -1,4 +1,4 @@
-"""The loop of a bridge: commands go before each piece of work, and it ticks as often as needed."""
+"""The event loop of a bridge: commands go before other work, and ticks are on time."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ async def test_command_between_two_pieces_of_work_goes_first(bridge, monkeypatch
 
     def sonar():
         done.append("sonar")
-        bridge._soon(picture)  # what comes of a piece is another piece
+        bridge._soon(picture)  # one piece of work creates another
         bridge._soon(picture)
         inbox.append("second command")
 

@@ -1,4 +1,4 @@
-"""The standing cast: a TIAGo, and a box on wheels that is no disc."""
+"""Robots for tests of the gate: a TIAGo, and a rectangular base."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ SONARS = {
 
 
 def tiago_profile(**changes) -> GateProfile:
-    """TIAGo as INTERFACE.md has it. Its depth camera is left out unless a test asks for it.
+    """A TIAGo, without a depth camera unless a test adds it.
 
-    It trusts its sonars with all of its speed in reverse, so that tests of other limits see those alone.
+    Its sonars allow full speed in reverse, so that tests see only the limits that they test.
     """
     facts = {
         "limits": Limits(1.0, 0.2, 0.0, 2.0944, 1.0, 2.0944),
@@ -40,7 +40,7 @@ def tiago_profile(**changes) -> GateProfile:
 
 
 def box_profile(**changes) -> GateProfile:
-    """A rectangle of 0.8 m x 0.5 m with a laser that sees all round."""
+    """A rectangle of 0.8 m x 0.5 m with a laser that sees in all directions."""
     facts = {
         "limits": Limits(1.0, 1.0, 0.0, 2.0, 1.0, 2.0),
         "radius_m": None,
@@ -65,14 +65,14 @@ class Feeder:
         self.sonar_m = math.inf
         self.pose = Pose(0.0, 0.0, 0.0)
         self.velocity = Velocity(0.0, 0.0, 0.0)
-        self._told: tuple[float, Pose] | None = None  # odometry of before
+        self._told: tuple[float, Pose] | None = None  # previous time and pose
 
     @property
     def stamp_s(self) -> float:
         return self.now_s + self.clock_offset_s
 
     def odometry(self) -> None:
-        """Of now, and on the way here ten times a second: a hole in it would begin everything anew."""
+        """Feed odometry up to now, ten times a second: the gate treats a gap as a restart."""
         began_s, pose = self._told or (self.now_s, self.pose)
         steps = max(math.ceil((self.now_s - began_s) / 0.1 - 1e-6), 1)
         for step in range(1, steps + 1):
@@ -108,7 +108,7 @@ class Feeder:
         self.ranges[285 - half_width_beams : 286 + half_width_beams] = distance_m
 
     def decide(self, vx: float = 0.0, vy: float = 0.0, w: float = 0.0):
-        """As if the same had been sent before: there is no step up left to be made, and no answer to wait for."""
+        """Decide as if the same twist was sent before: no acceleration step, no pending acknowledgement."""
         asked = Velocity(vx, vy, w)
         with patch.object(self.gate.latency, "sent"):
             verdict = self.gate.decide(asked, asked, self.now_s)
@@ -117,7 +117,7 @@ class Feeder:
 
 @pytest.fixture
 def tiago() -> Feeder:
-    """A TIAGo in an empty hall, everything fresh."""
+    """A TIAGo in an empty hall with fresh sensor data."""
     feeder = Feeder(tiago_profile())
     feeder.all()
     return feeder

@@ -1,4 +1,4 @@
-"""A robot, or an odometry, that begins anew: what was seen and measured before counts no more."""
+"""After a restart of the robot or a break in odometry, the gate forgets earlier obstacles and measurements."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.gate.conftest import SONARS, Feeder, tiago_profile
 
 @pytest.fixture
 def haunted() -> Feeder:
-    """A TIAGo that remembers something 0.3 m to its right and behind, where its laser does not look any more."""
+    """A TIAGo that remembers an obstacle 0.3 m to its right and behind, out of its laser's view."""
     feeder = Feeder(tiago_profile(has_arm=True))
     feeder.gate.observe_posture(AT_HOME, feeder.now_s)
     feeder.sonar_m = 0.3
@@ -30,7 +30,7 @@ def haunted() -> Feeder:
 
 
 def known(feeder: Feeder) -> dict[str, int]:
-    """How many points each source knows of."""
+    """Number of points of each source."""
     obstacles = feeder.gate.obstacles(feeder.now_s)
     counts = np.bincount(obstacles.source, minlength=len(obstacles.names))
     return {name: count for name, count in zip(obstacles.names, counts.tolist(), strict=True) if count}
@@ -39,12 +39,12 @@ def known(feeder: Feeder) -> dict[str, int]:
 @pytest.mark.parametrize(
     ("silent_s", "clock_s", "x", "run"),
     [
-        (10.0, 0.0, 0.0, 0),  # silence, and the robot did not move
+        (10.0, 0.0, 0.0, 0),  # a gap, and the robot did not move
         (10.0, 0.0, 20.0, 0),
         (0.4, 0.0, 0.0, 0),
-        (0.05, 0.0, 0.0, 1),  # another publisher, or another run of the master
-        (0.05, -2.0, 0.0, 0),  # stamps that go back
-        (0.05, 0.0, 1.0, 0),  # a jump
+        (0.05, 0.0, 0.0, 1),  # another publisher, or a restarted master
+        (0.05, -2.0, 0.0, 0),  # stamps go back
+        (0.05, 0.0, 1.0, 0),  # the pose jumps
     ],
 )
 def test_when_odometry_begins_anew_so_does_the_memory(haunted, silent_s, clock_s, x, run):

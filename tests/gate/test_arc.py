@@ -1,4 +1,4 @@
-"""The arc formulas against brute force: play the motion in small steps and look."""
+"""The arc formulas, compared with a simulation in small steps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RADIUS = 0.3
 
 
 def no_dust(axis):
-    """The gate flushes what is next to nothing before it comes to arcs."""
+    """Set tiny values to zero, as the gate does before it computes arcs."""
     return axis if abs(axis) > 1e-6 else 0.0
 
 
@@ -46,7 +46,7 @@ outlines = st.sampled_from(
 
 
 def contact_times(hull, points, twist, growth=0.0):
-    """When the hull first touches each point; infinity for never."""
+    """Time (s) at which the hull first touches each point; infinity for never."""
     way = arc.way(twist)
     courses = [arc.course(arc.seen_along(point[None], way), way, twist) for point in points]
     return np.array(
@@ -63,7 +63,7 @@ def clearances_of(hull, points, twist):
 
 
 def path_in_base_frame(point, twist):
-    """Where a standing point is in the base frame of a robot that follows `twist`, step by step (S, 2)."""
+    """Times, and the path (S, 2) of a fixed point in the base frame of a robot that follows `twist`."""
     time = np.arange(0.0, SPAN_S, STEP_S)
     yaw = twist.w * time
     sin_over = np.where(np.abs(yaw) < 1e-9, time, np.sin(yaw) / np.where(twist.w == 0, 1, twist.w))
@@ -77,7 +77,7 @@ def path_in_base_frame(point, twist):
 
 
 def check_against(gaps_at, time, contact_s, tolerance_m):
-    """`contact_s` is when the gap first closes: nothing before, touch at it."""
+    """Check that the gap first closes at `contact_s`."""
     before = time < contact_s - STEP_S
     assert gaps_at[before].min(initial=np.inf) > -tolerance_m, "touched before the contact time"
     if contact_s < SPAN_S - STEP_S:
@@ -113,7 +113,7 @@ def test_polygon_contact_is_when_brute_force_says(twist, point, outline, growth)
 def test_of_many_points_the_one_is_told_that_is_first_alone(twist, several, outline, reserve_m):
     together, way = np.array(several), arc.way(twist)
     for hull in (Disc(RADIUS), Polygon(outline), Discs(((-0.15, 0.0, 0.25), (0.2, 0.1, 0.22)))):
-        each = hull.gaps(together) - 0.01  # its own growth
+        each = hull.gaps(together) - 0.01  # each point has its growth
         for growth in (float(each.min()), each):
             course = arc.course(arc.seen_along(together, way), way, twist)
             first = min(hull.contacts(course, growth, reserve_m), default=arc.NEVER)

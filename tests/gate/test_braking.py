@@ -1,4 +1,4 @@
-"""How much of a twist is left: monotone, and braking that starts in time also ends in time."""
+"""The allowed share of a twist is monotone, and braking that starts in time ends in time."""
 
 from __future__ import annotations
 

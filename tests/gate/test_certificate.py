@@ -1,4 +1,4 @@
-"""The certificates never pass what the full looks would take something from: both are asked, side by side."""
+"""A certificate never passes a twist that the full computation would reduce: both are compared."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def any_twist(random, limits, sideways=0.0):
 
 
 def on_the_border(certified, random):
-    """Points all round, each as near as is certified: the worst that a certificate passes."""
+    """Points in all directions, as near as the certificate allows."""
     rays = np.concatenate((random.uniform(-math.pi, math.pi, 60), np.linspace(-math.pi, math.pi, 60)))
     points = []
     for x, y in zip(np.cos(rays), np.sin(rays), strict=True):
@@ -140,7 +140,7 @@ def test_a_command_from_the_future_is_played():
 
 
 class World:
-    """Posts and a wall about a robot that drifts through them, some of them walking; sensors that fail now and then."""
+    """A robot drifts among posts and a wall; some posts move, and sensors fail sometimes."""
 
     def __init__(self, random):
         self._random = random
@@ -231,4 +231,4 @@ def test_with_and_without_certificates_the_gate_says_the_same(seed, monkeypatch)
         sent = verdict.velocity
         if verdict.neutral:
             stick = STILL
-    assert len(said) == 4, said  # each of both says yes and no
+    assert len(said) == 4, said  # both say yes and no at least once

@@ -1,4 +1,4 @@
-"""Depth pictures become obstacles: floor, robot and ceiling away, table tops and walls kept and remembered."""
+"""Depth pictures become obstacles without floor, robot and ceiling; table tops and walls are remembered."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FOV = math.radians(63.0)
 WIDTH, HEIGHT = 640, 480
 LENS = Lens.seeing(FOV, WIDTH, HEIGHT)
 VIEW = DepthView(height_m=1.10)
-HOME_M = 1.217  # the camera with the torso as in TIAGo's home posture
+HOME_M = 1.217  # camera height with the torso in TIAGo's home posture
 LOOK_AHEAD = -0.68
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -52,8 +52,10 @@ def camera(tilt=0.0, pan=0.0, height_m=HOME_M):
 
 
 def drawn(boxes, to_base, at=ORIGIN, noise=0.0, seed=0):
-    """What a camera on a robot at `at` measures of axis-parallel boxes, metres along its axis; NaN for nothing."""
-    right = (np.arange(2, WIDTH, 4) - LENS.cx) / LENS.fx  # as the simulated camera: one ray for 4 x 4 pixels
+    """Depth picture of axis-parallel boxes from a robot at `at`, m along the camera's axis; NaN for nothing."""
+    right = (
+        np.arange(2, WIDTH, 4) - LENS.cx
+    ) / LENS.fx  # like the simulated camera: one ray for 4 x 4 pixels
     down = (np.arange(2, HEIGHT, 4) - LENS.cy) / LENS.fy
     rays = np.stack(np.broadcast_arrays(right[None, :], down[:, None], 1.0), axis=-1) @ to_base[:3, :3].T
     cos, sin = math.cos(at.yaw), math.sin(at.yaw)
@@ -85,7 +87,7 @@ def picture(boxes, to_base, **options):
 
 
 def cloud_of(shown: Picture, big_endian=False, organised=True):
-    """The same as a cloud: x, y, z and four bytes of colour for each point."""
+    """The same as a point cloud: x, y, z and four bytes of colour for each point."""
     x, y = shown.ahead * shown.right, shown.ahead * shown.down[:, None]
     points = np.stack((x, y, shown.ahead, np.zeros_like(x)), axis=-1).astype(">f4" if big_endian else "<f4")
     rows, columns = x.shape if organised else (1, x.size)
@@ -282,7 +284,7 @@ def test_what_is_still_there_is_not_seen_through():
 
 
 def test_a_thing_gone_below_stays_above():
-    """A chair's back without its seat: each height where something was must be free."""
+    """For example a chair's back: each height with a remembered point must be seen free."""
     back, seat = ((1.5, -0.3, 0.3), (1.55, 0.3, 0.9)), ((1.5, -0.3, 0.3), (1.55, 0.3, 0.5))
     upper, middle = ((1.5, -0.3, 0.5), (1.55, 0.3, 0.9)), ((1.5, -0.3, 0.45), (1.55, 0.3, 0.75))
     found = obstacles([FLOOR, back, WALL], camera(-0.3))
@@ -319,7 +321,7 @@ def test_nothing_is_seen_through_out_of_view_or_behind_something():
 
 
 class Looker(Feeder):
-    """A TIAGo whose laser sees an empty hall and whose camera sees boxes of the odometry frame."""
+    """A TIAGo whose laser sees an empty hall and whose camera sees boxes (odometry frame)."""
 
     def __init__(self, boxes, own_m=0.05, **profile) -> None:
         super().__init__(tiago_profile(has_depth=True, depth=DepthView(1.10, own_m), **profile))
@@ -453,7 +455,7 @@ def test_the_robots_own_arm_is_no_obstacle():
 
 
 def test_points_in_a_moving_arms_reach_are_not_remembered():
-    """The hand that `wave` leaves in the picture, of which nobody knows where it is, held the robot for good."""
+    """Once an undescribed hand, left in the picture by `wave`, held the robot for ever."""
     hand, shelf = ((0.55, -0.1, 0.7), (0.65, 0.1, 0.8)), ((1.3, -0.6, 0.2), (1.7, 0.6, 0.3))
     looker = Looker([FLOOR, hand, shelf], has_arm=True)
     looker.to_base = camera(-0.9)
@@ -465,7 +467,7 @@ def test_points_in_a_moving_arms_reach_are_not_remembered():
         assert looker.nearest_by("depth") == pytest.approx(0.55, abs=0.1)
     looker.boxes = [FLOOR]
     looker.gate.observe_posture(AT_HOME, looker.now_s)
-    looker.to_base = camera(LOOK_AHEAD, pan=1.2)  # what was there nobody can see now
+    looker.to_base = camera(LOOK_AHEAD, pan=1.2)  # the hand's place is out of view now
     looker.stand(0.3)
     assert looker.nearest_by("depth, remembered") == pytest.approx(1.3, abs=0.05), (
         "the hand is gone, the shelf is not"

@@ -1,4 +1,4 @@
-"""The robot as it drives, with delay, limits and a noisy laser: nothing is touched, and doors are passed."""
+"""Simulated driving with delay, limits and a noisy laser: no contact, and the robot passes doors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robots.bridge.gate.values import Pose, Velocity, Verdict
 from tests.gate.conftest import LASER, box_profile, tiago_profile
 from tests.gate.world import World, doorway, leg, wall
 
-SEEDS = [1]  # script/bench gate-world has the many
+SEEDS = [1]  # script/bench gate-world uses many seeds
 FULL = Velocity(1.0, 0.0, 0.0)
 HALF = Velocity(0.5, 0.0, 0.0)
 
@@ -66,7 +66,7 @@ def test_swinging_the_stick_in_front_of_a_wall_touches_nothing(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_turning_away_late_from_a_wall_touches_nothing(seed):
-    """The base needs time to turn: until then it follows the old arc."""
+    """The base needs time to change its arc."""
     for turn_at_m in (1.2, 1.0, 0.8, 0.6):
         world = World(tiago_profile(), wall(3.0, -6, 3.0, 6), seed)
 
@@ -79,7 +79,7 @@ def test_turning_away_late_from_a_wall_touches_nothing(seed):
 
 
 def towards(x, y, speed):
-    """A driver who steers for a point."""
+    """A driver who steers to a point."""
 
     def stick(world):
         error = math.atan2(y - world.pose.y, x - world.pose.x) - world.pose.yaw
@@ -149,7 +149,7 @@ def test_nose_at_the_wall_the_robot_backs_off(seed):
 
 
 def test_the_robot_drives_along_a_wall_within_the_margin():
-    """With a laser that sees to all sides: what is beside the hull tells how much room there is."""
+    """A laser that sees in all directions also measures the space next to the hull."""
     seeing = tiago_profile(scan_poses={LASER: (0.0, 0.0, 0.0)})
     world = World(seeing, wall(-5, 0.285, 15, 0.285), half_view=math.pi * 0.999, beams=720, noise_m=0.0)
     world.drive(HALF, 10.0)
@@ -168,7 +168,7 @@ def test_the_robot_leaves_a_wall_within_laser_noise(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("delay_s", [0.1, 0.15])
 def test_the_assumed_latency_may_be_used_up(delay_s, seed):
-    """Scan up to 0.1 s old, tick of 0.05 s, and the delay: 0.3 s in the worst case, 0.2 s on average."""
+    """Scan age up to 0.1 s, tick 0.05 s, and the delay: 0.3 s in the worst case, 0.2 s on average."""
     world = World(tiago_profile(), wall(2.5, -5, 2.5, 5), seed, delay_s=delay_s)
     world.drive(FULL, 6.0)
     assert world.least_gap_m > 0.0
@@ -203,7 +203,7 @@ def test_a_box_drives_a_corridor_without_turning_into_walls(seed):
 
 
 def test_without_the_gate_this_world_does_crash():
-    """The tests above would notice: the same course, the asked twist straight to the base."""
+    """Proves that these tests notice a crash: the same course with the asked twist sent straight to the base."""
     world = World(tiago_profile(), wall(2.5, -5, 2.5, 5))
     world.gate.decide = lambda asked, sent, now_s: unrestrained(asked)
     world.drive(FULL, 4.0)

@@ -1,4 +1,4 @@
-"""How long the other machine takes to acknowledge is told by what it has acknowledged when one looks."""
+"""The delay of the robot's machine is measured by its acknowledged bytes at each reading."""
 
 import pytest
 
@@ -9,17 +9,17 @@ SIZE = 52
 
 
 class Line:
-    """A connection that is written to each period, after a look; `way_s` is there and back."""
+    """A connection with one reading and one write per period; `way_s` is the round trip."""
 
     def __init__(self, way_s):
         self.way_s = way_s
         self.now_s = 100.0
         self.echo = Echo()
         self.total = 0
-        self.acknowledgements = []  # when, of how many bytes
+        self.acknowledgements = []  # time, bytes in total
 
     def passes(self, seconds, writes=True):
-        """What each look showed."""
+        """Return the result of each reading."""
         shown = []
         for _ in range(round(seconds / PERIOD_S)):
             self.now_s += PERIOD_S

@@ -1,4 +1,4 @@
-"""Hulls of several discs: one disc alone is a disc, and together they do what each does by itself."""
+"""Hulls of several discs: one disc behaves like a round hull, several like the union of each."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_point_keeps_its_clearance_from_the_swept_area(kind, twist, point):
     clearance = float(clearances_of(hull, point[None], twist)[0])
     assume(clearance > 0.0)
     _, path = path_in_base_frame(point, twist)
-    # The gap to a box is told by its edges: beside a corner it is less. And an arc of a kilometre counts as straight.
+    # The gap to a box is measured to its edges: it is less next to a corner. An arc of 1 km counts as straight.
     nearest = 0.0 if kind == "box" else clearance
     assert hull.gaps(path).min() > nearest - 0.02
     assert math.isinf(contact_times(hull, point[None], twist)[0])
@@ -108,7 +108,7 @@ def test_least_gaps_are_those_of_pose_by_pose(kind, several, cloud, drifting):
             cos, sin = math.cos(yaw), math.sin(yaw)
             local = (there - (x, y)) @ np.array([[cos, -sin], [sin, cos]])
             least = np.minimum(least, hull.gaps(local))
-        outside = least > -0.2  # the middle of a disc is not told to the millimetre
+        outside = least > -0.2  # deep inside a disc the gap is not exact to 1 mm
         np.testing.assert_allclose(gaps[outside], least[outside], atol=2e-5)
 
 

@@ -1,4 +1,4 @@
-"""Wheels that slip while the robot turns: the laser tells how far it really turned."""
+"""When wheels slip in a turn, the laser measures the true turn."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ HALL = [
 
 
 def slipping(segments, slip=0.28, **changes) -> World:
-    """A TIAGo without sonars before a leg: behind itself it knows of nothing that it does not remember."""
+    """A TIAGo without sonars before a leg: behind itself it has only its memory."""
     profile = tiago_profile(sonar_poses={}, sonar_fov={})
     return World(profile, segments + leg(*LEG, 0.06), slip=slip, **changes)
 
 
 def turned(world: World, yaw: float, asked=TURN) -> World:
-    """Once the robot has turned, and stands."""
+    """Turn the robot to `yaw`, then stop it."""
     while world.pose.yaw < yaw:
         world.drive(asked, 0.05)
     world.drive(Velocity(0.0, 0.0, 0.0), 1.5)
@@ -36,7 +36,7 @@ def turned(world: World, yaw: float, asked=TURN) -> World:
 
 
 def off_rad(world: World) -> float:
-    """How much farther the robot turned by the gate's reckoning than it did."""
+    """Error (rad) of the gate's heading."""
     return math.remainder(world.gate._trail.newest.yaw - world.pose.yaw, math.tau)
 
 
@@ -80,7 +80,7 @@ def test_somebody_who_walks_along_changes_nothing():
     world = slipping(ROOM, slip=0.0)
 
     def walked(world: World) -> Velocity:
-        """Round the robot as it turns, so that by him alone it does not turn."""
+        """A person walks around the turning robot, so that measured by him the robot does not turn."""
         yaw = 0.9 * world.pose.yaw + 0.3
         world.put(ROOM + leg(*LEG, 0.06) + leg(0.8 * math.cos(yaw), 0.8 * math.sin(yaw), 0.4))
         return TURN

@@ -1,4 +1,4 @@
-"""What a robot's delay is measured to be, from commands and odometry alone."""
+"""The robot's delay, measured from commands and odometry."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Base:
         self.speed = Velocity(vx, 0.0, w)
 
     def about(self) -> float:
-        """Some driving to and fro."""
+        """Drive forwards and backwards."""
         for vx, w in (
             (0.5, 0.0),
             (0.0, 0.0),
@@ -104,7 +104,7 @@ def test_a_late_robot_counts_from_its_first_measurement():
 def test_an_unanswered_command_makes_the_wait_the_latency():
     base = Base(0.60)
     base.drive(0.5, 0.0, 0.5)
-    # of 0.5 s, the first step is too small
+    # at 0.5 s, the first step is too small
     assert base.latency.in_force_s(base.now_s) == pytest.approx(0.44, abs=0.06)
 
 
@@ -118,7 +118,7 @@ def test_a_robot_that_is_restarted_is_measured_anew():
 
 
 def ramp(base, seconds, step=0.05):
-    """Commands that rise as the gate lets them; the greatest latency that was reckoned with on the way."""
+    """Send rising commands at the gate's limit; return the greatest worst-case latency."""
     vx, most_s = 0.0, 0.0
     for _ in range(round(seconds / COMMAND_S)):
         vx = min(vx + step, 1.0)
@@ -152,7 +152,7 @@ def test_a_late_answer_counts_until_the_measurement_is_done():
 def test_an_answer_to_what_may_have_been_sent_before_is_none():
     base = Base(0.5)
     base.drive(0.0, 0.0, 1.0)
-    for _ in range(8):  # the stick is tapped: the base answers to the first tap during the second or third
+    for _ in range(8):  # tapped stick: the base reacts to the first tap during the second or third
         base.drive(0.3, 0.0, 0.1)
         base.drive(0.0, 0.0, 0.1)
         assert base.latency.worst_s(base.now_s) >= 0.5
@@ -178,7 +178,7 @@ def test_a_base_that_leaves_its_commanded_speed_counts_as_latest():
     base.about()
     base.drive(0.8, 0.0, 3.0)
     assert base.latency.worst_s(base.now_s) < 0.25
-    base.late.append((base.now_s, Velocity(0.0, 0.0, 0.0)))  # its controller brakes, for nothing came
+    base.late.append((base.now_s, Velocity(0.0, 0.0, 0.0)))  # its controller brakes without commands
     base.late += [(base.now_s + 0.2, Velocity(0.8, 0.0, 0.0))]
     base.delay_s = 0.5
     base.drive(0.8, 0.0, 0.2)
@@ -286,7 +286,7 @@ def test_an_operator_far_away_drives_slower_and_is_told(tiago):
 
 
 def came(latency, delays_s, begin_s=50.0, clock_s=3600.0, source="odometry", period_s=0.05):
-    """Messages with these delays, from a robot whose clock is an hour off; when the last one came."""
+    """Feed messages with these delays from a robot with a clock one hour ahead; return the last arrival time."""
     for number, delay_s in enumerate(delays_s):
         stamp_s = begin_s + number * period_s
         latency.arrived(source, stamp_s + clock_s, stamp_s + delay_s)
@@ -391,7 +391,7 @@ def test_the_gate_hears_of_messages_that_come_later_and_says_so(tiago, source):
 
 
 def answered(latency, *took_s, begin_s=50.0):
-    """Twists were acknowledged after these times, one a period; what is reckoned with then."""
+    """Acknowledge one twist a period after these times; return the latency above the assumed one."""
     for number, one_s in enumerate(took_s):
         latency.acknowledged(one_s, begin_s + 0.05 * number)
     return latency.in_force_s(begin_s + 0.05 * len(took_s)) - ASSUMED_S

@@ -1,4 +1,4 @@
-"""What has left does not hold the robot, and what is still there does."""
+"""Obstacles that have left do not hold the robot; obstacles still there do."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LASER_M = 0.09  # above the floor
 
 
 def column(x, low, high, without=()):
-    """One column straight ahead, seen at all levels but some."""
+    """A remembered column straight ahead, with points at all levels except `without`."""
     levels = [n for n in range(math.floor(low * 10.0), math.floor(high * 10.0) + 1) if n not in without]
     numbers = (np.array([value], dtype=np.float32) for value in (low, high))
     bits = np.array([sum(1 << n for n in levels)], dtype=np.uint16)
@@ -50,7 +50,7 @@ def test_a_person_is_gone_though_the_picture_ends_below_the_head(x):
 
 
 def test_noise_above_a_box_out_of_view_does_not_free_it():
-    """Of the box only what noise added is in the picture: the end of a thing tells nothing of the thing."""
+    """Only noise above the box is in view: seeing its end free does not prove the box gone."""
     assert not gone([FLOOR], 0.55, 0.06, 0.45)
     assert not gone([FLOOR], 0.55, 0.06, 0.50)
 
@@ -67,7 +67,7 @@ REAR = "/scan_rear"
 
 
 class Watcher(Looker):
-    """Its laser sees the same boxes as its camera. A second one at the rear, if it has one, sees nothing."""
+    """A Looker whose laser sees the same boxes as its camera. An optional rear laser sees nothing."""
 
     def __init__(self, boxes, rear=False):
         poses = tiago_profile().scan_poses
@@ -108,7 +108,7 @@ class Watcher(Looker):
         return self.decide(0.3).velocity.vx < 0.05
 
     def walk(self, ways):
-        """Somebody is here and there, a picture each."""
+        """A person appears at these places, one picture each."""
         around = self.boxes
         for x, y in ways:
             self.boxes = [*around, *person(x, y)]
@@ -188,7 +188,7 @@ def test_a_person_who_leaves_holds_the_robot_below_a_second(rear):
 
 @pytest.mark.parametrize("rear", [False, True])
 def test_posts_moved_by_slipping_wheels_are_gone(rear):
-    """The wheels slip, so the odometry moves what is remembered nearer than it is; the laser shows where it is."""
+    """Wheel slip moves remembered points nearer than they are; the laser shows their true place."""
     posts = [((0.62, side * 0.35 - 0.1, 0.0), (0.74, side * 0.35 + 0.1, 2.0)) for side in (-1.3, 1.3)]
     watcher = Watcher([FLOOR, *posts], rear)
     for x in np.arange(-1.0, 0.301, 0.05):
@@ -196,7 +196,7 @@ def test_posts_moved_by_slipping_wheels_are_gone(rear):
         watcher.stand(0.2)
     watcher.boxes = [FLOOR, *(((x + 0.1, *low), (u + 0.1, *high)) for (x, *low), (u, *high) in posts)]
     watcher.stand(0.5, looks=False)
-    assert not (remembered(watcher)[:, 0] < 0.35).any()  # 7 cm before the live ones
+    assert not (remembered(watcher)[:, 0] < 0.35).any()  # 7 cm nearer than the live ones
 
 
 def test_a_counter_standing_back_stays_though_scans_see_below():
@@ -211,7 +211,7 @@ def test_a_counter_standing_back_stays_though_scans_see_below():
 
 @pytest.mark.parametrize(("seconds", "stays"), [(0.3, False), (1.0, True)])
 def test_brief_visitors_fade_where_no_sensor_looks(seconds, stays):
-    """Also at standstill: an arm that passed beside the laser held the robot for 5 s after a person had gone."""
+    """Also at standstill: once a person's arm next to the laser held the robot for 5 s after the person had gone."""
     looker = Looker([FLOOR])
     looker.stand(1.0)
     looker.boxes = [FLOOR, ((1.0, -0.2, 0.8), (1.2, 0.2, 1.0))]
@@ -233,6 +233,6 @@ def test_a_body_leaning_over_its_feet_stays_in_memory():
 
 
 def remembered(watcher):
-    """What the camera showed earlier, base frame."""
+    """Points remembered from the camera, base frame."""
     known = watcher.gate.obstacles(watcher.now_s)
     return known.points[known.source == known.names.index("depth, remembered")]

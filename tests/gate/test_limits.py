@@ -1,4 +1,4 @@
-"""Limits that hold whatever is in the way: the robot's own, and those of what nobody watches."""
+"""Speed limits without obstacles: the robot's own limits, and limits for unwatched directions."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_a_robot_without_any_sensor_crawls_everywhere():
     for stick in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (0.7, 0.7)):
         verdict = feeder.decide(*stick)
         assert math.hypot(verdict.velocity.vx, verdict.velocity.vy) == pytest.approx(0.2)
-        # The page finds the one in force by code and way, and by nothing else.
+        # The page finds the active limit by code and way only.
         [holds] = [limit for limit in limits if (limit.code, limit.way) == (verdict.code, verdict.way)]
         assert holds.text == verdict.text
 

@@ -1,4 +1,4 @@
-"""What is out of view is remembered for a while, and what is seen to be gone is forgotten."""
+"""Points out of view are remembered for a while; points seen to be gone are forgotten."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SPOT = np.array([[1.0, 0.5]])
 
 
 def watched(layer, seconds, period_s=0.1):
-    """A memory that saw SPOT for so long, until now = `seconds`."""
+    """A memory that saw SPOT for `seconds`, until now."""
     memory = Memory(layer)
     for number in range(round(seconds / period_s) + 1):
         memory.see(SPOT, HERE, number * period_s)
@@ -78,7 +78,7 @@ def test_two_ghosts_in_one_place_do_not_count_as_seen():
 
 def test_after_six_metres_older_points_are_forgotten():
     memory = watched(LASER_LAYER, 3.0)
-    for step in range(59):  # to and fro, so that it is the way that counts
+    for step in range(59):  # forwards and backwards, so that only the way driven counts
         memory.follow(Pose(0.1 * ((step + 1) % 2), 0.0, 0.0), 3.0)
     assert len(memory.points(3.0)) == 1
     memory.follow(HERE, 3.0)
@@ -87,7 +87,7 @@ def test_after_six_metres_older_points_are_forgotten():
 
 
 def test_of_what_is_near_the_robot_only_the_way_driven_forgets():
-    """Random seed 194: a table top 0.55 m behind the robot was forgotten after 20 s of turning, and backed into."""
+    """Random seed 194: the robot forgot a table top 0.55 m behind it after 20 s of turning, and backed into it."""
     memory = Memory(DEPTH_LAYER)
     memory.see(SPOT, HERE, 0.0)
     for second in range(120):
@@ -101,7 +101,7 @@ def test_of_what_is_near_the_robot_only_the_way_driven_forgets():
 def test_what_is_near_is_remembered_for_twice_the_way():
     memory = Memory(DEPTH_LAYER)
     memory.see(np.array([[0.8, 0.0], [1.5, 0.0]]), HERE, 0.0)
-    for step in range(110):  # 11 m, to and fro
+    for step in range(110):  # 11 m, forwards and backwards
         memory.follow(Pose(0.1 * ((step + 1) % 2), 0.0, 0.0), 0.0)
         assert len(memory.points(0.0)) == (2 if step < 60 else 1)
     for step in range(15):
@@ -116,7 +116,7 @@ def test_doubt_grows_with_way_and_turns_only():
         memory.follow(Pose(0.002 * (step % 2), 0.0, 0.004 * (step % 2)), 0.0)
     np.testing.assert_array_equal(memory.doubts_m(), [0.0])
     memory.follow(Pose(0.5, 0.0, 0.0), 0.0)
-    np.testing.assert_array_equal(memory.doubts_m(), [0.0])  # what passes beside the hull
+    np.testing.assert_array_equal(memory.doubts_m(), [0.0])  # passes next to the hull
     memory.follow(Pose(1.0, 0.0, 0.0), 0.0)
     np.testing.assert_allclose(memory.doubts_m(), [0.015])
     memory.follow(Pose(1.0, 0.0, 2.0), 0.0)
@@ -182,7 +182,7 @@ def test_the_revision_changes_with_new_and_expired_points():
 
 
 class Naive:
-    """The same rules over a dictionary, cell by cell."""
+    """The same rules in plain Python, cell by cell."""
 
     def __init__(self, layer):
         self.layer, self.cells, self.robot, self.way = layer, {}, None, 0.0
@@ -234,16 +234,16 @@ class Naive:
         return sorted(cell["point"] for cell in self.cells.values())
 
 
-# An odd cell and odd steps: no figure falls upon a limit, where rounding would decide.
+# Odd cell and step sizes: no value hits a limit, where rounding would decide.
 COARSE = Layer(0.55, 3.03, 7.013, cell_m=0.0307)
 MOMENTS = st.lists(
     st.tuples(
         st.sampled_from([0.07, 0.11, 0.39]),  # seconds passed
         st.integers(-9, 9),  # steps of the robot along x and y
         st.integers(-9, 9),
-        st.integers(0, 2**20),  # which points: few places, so that they are seen again
+        st.integers(0, 2**20),  # which points: few places, so that they repeat
         st.integers(0, 12),  # how many
-        st.integers(0, 3),  # what is passed through: every n-th point
+        st.integers(0, 3),  # points seen through: every n-th
     ),
     max_size=60,
 )
@@ -285,7 +285,7 @@ def at(distance_m, degrees):
 
 
 def told(ranges, distance_m, degrees):
-    """(vouched, through) for one place."""
+    """(vouched for, seen through) for one place."""
     answer = sight(sweep(ranges), at(distance_m, degrees))
     return bool(answer.vouched[0]), bool(answer.through[0])
 
@@ -369,7 +369,7 @@ def test_sight_agrees_with_asking_beam_by_beam(bearing, start, sign, beams, shar
     offsets = [abs(math.remainder(start + number * increment - bearing, math.tau)) for number in range(beams)]
     nearest = int(np.argmin(offsets))
     if abs(sorted(offsets)[0] - sorted(offsets)[1]) < 1e-9:
-        return  # between two beams either may be the nearest
+        return  # between two beams, either may be the nearest
     circle = abs(increment) * (beams + 0.5) > math.tau
     three = [nearest - 1, nearest, nearest + 1]
     seen = offsets[nearest] <= abs(increment) / 2
@@ -401,16 +401,16 @@ def scanned(at_s, ranges):
 
 
 class Bench:
-    """A laser at the base origin with its memory; the robot goes where it is told."""
+    """A laser at the base origin with its memory, on a robot that the test moves."""
 
     def __init__(self):
         self.laser = Laser("/scan", "laser", HERE, Disc(0.27))
         self.memory = LaserMemory(self.laser)
-        self.trail = Trail(1.0, 20.0)  # it may turn at once
+        self.trail = Trail(1.0, 20.0)  # no limit on turning
         self.now_s = 100.0
 
     def look(self, ranges, pose=HERE, seconds=0.1):
-        """Scans of this for so long, every 0.1 s."""
+        """Feed this scan every 0.1 s for so long."""
         for _ in range(round(seconds / 0.1)):
             self.now_s += 0.1
             self.trail.add(self.now_s, pose, STILL)
@@ -536,11 +536,11 @@ def test_a_scan_that_matches_no_odometry_teaches_nothing():
 
 # --- the robot as it drives -----------------------------------------------------------------------
 
-SEEDS = [1]  # script/bench gate-world has the many
+SEEDS = [1]  # script/bench gate-world uses many seeds
 
 
 def half_blind_tiago():
-    """A TIAGo without sonars that reverses fast: what is behind it is known from memory only."""
+    """A TIAGo without sonars that reverses fast: behind it, it has only its memory."""
     return tiago_profile(
         limits=Limits(1.0, 0.6, 0.0, 2.0944, 1.0, 2.0944), sonar_poses={}, sonar_fov={}, blind_mps=0.6
     )
@@ -553,7 +553,7 @@ def without_memory(world):
 
 
 def past_a_leg_and_back(world):
-    """Past a leg at the side, out of view, then back in a bend that leads over it. Returns all that was said."""
+    """Pass a leg until it is out of view, then reverse in a bend over it. Returns the verdicts."""
     world.drive(Velocity(0.5, 0.0, 0.0), 3.6)
     world.drive(STILL, 1.0)
     return [world.drive(Velocity(-0.5, 0.0, -0.5), 0.05) for _ in range(80)]
@@ -583,7 +583,7 @@ def turn_beside_a_leg(world):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_corner_does_not_turn_into_a_leg_that_is_out_of_view(seed):
-    """The rear corner of a long box sweeps over what stands beside it, behind the laser's field of view."""
+    """The rear corner of a long box sweeps over the space next to it, outside the laser's field of view."""
     world = World(box_profile(), leg(0.4, 0.32), seed)
     verdict = turn_beside_a_leg(world)
     assert world.least_gap_m > 0.0
@@ -597,7 +597,7 @@ def test_without_memory_the_corner_does_hit_it():
 
 
 def through_a_door(world):
-    """Seconds until it is passed."""
+    """Time (s) to pass the door."""
     while world.pose.x < 3.2 and world.steps < 1500:
         world.drive(towards(1.4 if world.pose.x < 0.9 else 4.5, 0.0, 0.5), 0.05)
     return world.now_s - 50.0
@@ -619,7 +619,7 @@ def person(x, y):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_passer_by_blocks_for_the_shortest_life_only(seed):
-    """Somebody walks from the front along the side, close, to behind the robot and away."""
+    """A person walks close along the robot's side from front to rear, and away."""
     world = World(half_blind_tiago(), wall(6, -6, 6, 6), seed)
     nobody = world.ends
     for step in range(16):
@@ -638,7 +638,7 @@ def test_a_passer_by_blocks_for_the_shortest_life_only(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("stick", [Velocity(0.0, 0.0, 1.0), Velocity(0.3, 0.0, 0.4)], ids=["turn", "bend"])
 def test_boxed_in_by_what_is_no_longer_there_the_robot_gets_out(stick, seed):
-    """Everything about it was carried away unseen: the gate believes in a ring of walls around three sides."""
+    """The obstacles were removed out of view: the gate still remembers walls on three sides."""
     ring = wall(-0.4, -0.4, 0.3, -0.4) + wall(-0.4, 0.4, 0.3, 0.4) + wall(-0.4, -0.4, -0.4, 0.4)
     world = World(half_blind_tiago(), ring, seed, half_view=math.pi * 0.999, beams=1000)
     world.drive(STILL, 4.0)

@@ -1,4 +1,4 @@
-"""Movers in ray-cast scans: who walks is seen with his speed, and a standing world never moves, however badly seen."""
+"""Movers in ray-cast scans: walking people are seen with their velocity; a static world never moves."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ SENSOR = Pose(*tiago_profile().scan_poses[LASER])
 
 
 def person(x, y, radius=0.15):
-    """A body as an octagon."""
+    """A person as an octagon."""
     turns = np.linspace(0.0, math.tau, 9)
     corners = [(x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns]
     return [(*a, *b) for a, b in pairwise(corners)]
 
 
 class Scene:
-    """Scans at 10 Hz of a room in which somebody may walk, from a robot that may drive, into one `Movers`."""
+    """Feeds one `Movers` with 10 Hz scans of a room, from a robot that may drive."""
 
     def __init__(self, seed=0, furniture=(), noise_m=0.01, drop_out=0.01, yaw_drift=0.0, way_drift=0.0):
         self.world = World(tiago_profile(), ROOM, seed)
@@ -48,7 +48,7 @@ class Scene:
         self.now_s = 1000.0
         self.noise_m, self.drop_out = noise_m, drop_out
         self.yaw_drift, self.way_drift = yaw_drift, way_drift
-        self.told = ORIGIN  # by the odometry
+        self.told = ORIGIN  # pose by odometry
         self.points = NO_POINTS
 
     def scan(self, somebody=(), frame=0):
@@ -64,7 +64,7 @@ class Scene:
         self.movers.observe(lambda: points, sweep, sensor, self.now_s, frame)
 
     def drive(self, velocity):
-        """On by 0.1 s; the odometry errs in proportion to the time that passes and the way that is made."""
+        """Drive for 0.1 s. The odometry's error grows with time and way."""
         self.now_s += SCAN_S
         self.world.pose = self._on(self.world.pose, velocity.vx, velocity.w)
         self.told = self._on(self.told, velocity.vx * (1 + self.way_drift), velocity.w + self.yaw_drift)
@@ -79,7 +79,7 @@ class Scene:
         )
 
     def moving(self):
-        """The points that move, and their velocities."""
+        """The moving points and their velocities."""
         drift = self.movers.drift(self.points)
         moving = drift.any(axis=1)
         assert self.movers.any or not moving.any()
@@ -87,7 +87,7 @@ class Scene:
 
 
 def walked(scene, start, velocity, seconds, robot=STILL, radius=0.15):
-    """What `Movers` says at each scan from half a second on: (where the person is, points, velocities)."""
+    """Results of `Movers` at each scan from 0.5 s on: (place of the person, points, velocities)."""
     seen = []
     for step in range(round(seconds / SCAN_S)):
         x, y = (start[axis] + velocity[axis] * step * SCAN_S for axis in (0, 1))
@@ -166,7 +166,7 @@ STANDING = {
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("robot", STANDING.values(), ids=STANDING)
 def test_in_a_standing_world_nothing_moves(robot, seed):
-    """Noise of 1 cm, 2% of drop-outs, 5% of the way and 1.2 deg/s wrong."""
+    """Noise 1 cm, 2% drop-outs; odometry wrong by 5% of the way and 1.2 deg/s."""
     sign = 1 if seed % 2 else -1
     scene = Scene(seed, FURNITURE, drop_out=0.02, yaw_drift=sign * 0.02, way_drift=-sign * 0.05)
     for _ in range(25):
@@ -231,7 +231,7 @@ def test_an_empty_scan_is_fine():
 
 
 class Crossing(World):
-    """Somebody walks across, or at the robot, on a straight line and through it if need be."""
+    """A person walks straight across or towards the robot and does not stop."""
 
     def __init__(self, seed, start, velocity):
         super().__init__(tiago_profile(), ROOM, seed)
@@ -250,7 +250,7 @@ class Crossing(World):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("early_s", [0.0, 0.3, 0.6])
 def test_the_robot_stands_when_somebody_walks_into_its_way(seed, early_s):
-    """At 0.6 m/s it would meet him 2 m ahead, in the middle or with its shoulder."""
+    """At 0.6 m/s it would meet the person 2 m ahead, frontally or with its side."""
     world = Crossing(seed, (2.0, -3.3 + 0.8 * early_s), (0.0, 0.8))
     codes = set()
     for _ in range(120):
@@ -283,4 +283,4 @@ def test_points_are_reckoned_only_when_somebody_asks_what_moves():
         scene.drive(STILL)
     assert not asked
     assert not scene.movers.any
-    assert len(asked) <= 2  # the newest scan, and the one that it is compared with
+    assert len(asked) <= 2  # the newest scan and the one compared with it

@@ -1,4 +1,4 @@
-"""A depth camera that measures nothing near by: what reaches into its blind range reaches on to the robot."""
+"""A depth camera that is blind near by: an obstacle that enters its blind range may reach the robot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RADIUS_M = 0.27
 
 
 class NearSighted(Looker):
-    """A TIAGo whose camera measures nothing within half a metre, before a table top without legs."""
+    """A TIAGo whose camera is blind within 0.5 m, next to a table top without legs."""
 
     def __init__(self, gap_m, camera_m, blind_m=BLIND_M):
         edge_m = RADIUS_M + gap_m

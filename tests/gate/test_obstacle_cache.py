@@ -1,4 +1,4 @@
-"""Points are carried when something comes, and each source is asked only for what is new."""
+"""Points move with new odometry, and each source is read only if it has changed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robots.bridge.gate.values import STILL, Pose
 
 
 class Counting:
-    """A source with one point, that counts how often it is asked for it."""
+    """A source with one point that counts its readings."""
 
     def __init__(self, name, x):
         self.name, self.kind, self.word = name, "scan", name

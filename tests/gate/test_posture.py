@@ -1,4 +1,4 @@
-"""The arm as part of the footprint."""
+"""The arm is part of the footprint."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_a_robot_without_an_arm_knows_nothing_of_it(tiago):
 def test_a_box_held_by_its_arm_is_not_limited_again_below_it():
     feeder = Feeder(box_profile(has_arm=True))
     feeder.ranges = np.full(571, math.inf)
-    feeder.ranges[255:316] = 0.7  # right before the hand
+    feeder.ranges[255:316] = 0.7  # just before the hand
     feeder.ranges[281:290] = 0.55  # under it
     feeder.all()
     feeder.gate.observe_posture(Posture(at_home=False, discs=((0.55, 0.0, 0.12),)), feeder.now_s)

@@ -1,4 +1,4 @@
-"""The rules together, on points that are known exactly: nothing is hit, nothing is trapped, rotation comes back."""
+"""All rules together on exact points: no contact, no trapped robot, rotation returns."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def decide(kind, twist, points, turn_rates=()):
 
 
 def braked_path(twist, profile, step_s=0.005):
-    """Poses (x, y, yaw) while the twist takes effect for the latency and then brakes along its arc."""
+    """Poses (x, y, yaw) of a twist that holds for the latency and then brakes along its arc."""
     latency, brake = profile.parameters.latency_s, braking.braking_time(twist, profile)
     time = np.arange(0.0, latency + brake, step_s)
     share = np.clip(1.0 - (time - latency) / max(brake, 1e-9), 0.0, 1.0)
@@ -56,7 +56,7 @@ def test_what_is_allowed_brakes_before_every_point(kind, twist, points):
     for x, y, yaw in braked_path(allowed, profile):
         cos, sin = math.cos(yaw), math.sin(yaw)
         local = (points - (x, y)) @ np.array([[cos, -sin], [sin, cos]])
-        assert hull.gaps(local).min() > -0.004  # the play's own steps
+        assert hull.gaps(local).min() > -0.004  # tolerance for the simulation's steps
 
 
 @given(kinds, twists, clouds)
@@ -95,7 +95,7 @@ def touching_a_box(draw):
 @given(touching_a_box())
 @settings(max_examples=200, deadline=None)
 def test_a_box_may_always_do_something_that_leads_away(point):
-    """Wherever one point touches it, in the hull or out, some stick moves the box, and away from the point."""
+    """For any touching point, some stick moves the box away from it."""
     sticks = [Velocity(v, 0.0, w) for v in (0.3, 0.0, -0.3) for w in (0.8, 0.0, -0.8) if v or w]
     assert any(decide("box", stick, [point]).velocity == stick for stick in sticks)
 
@@ -110,7 +110,7 @@ def test_a_box_backs_off_from_a_wall_that_it_touches(gap):
 
 @pytest.mark.parametrize("w", [0.8, -0.8])
 def test_a_box_turns_its_corner_out_of_a_wall_but_not_into_it(w):
-    """The wall stands obliquely before the front left corner: one way of turning frees it, the other drives it in."""
+    """A diagonal wall at the front left corner: turning one way frees the corner, the other drives it into the wall."""
     wall = [(0.41 - t, 0.25 + t) for t in np.linspace(-0.05, 0.3, 60)]
     free = decide("box", Velocity(0.0, 0.0, w), wall).velocity.w != 0.0
     assert free == (w < 0.0)
@@ -165,7 +165,7 @@ def test_passing_close_by_is_slow(clearance, fastest):
 
 
 def test_a_wall_is_approached_at_braking_speed():
-    """Its flanks are near misses, but only when the robot gets there."""
+    """The wall's sides are near misses, but only later on the way."""
     wall = [(1.0, y) for y in np.linspace(-1, 1, 400)]
     assert decide("disc", Velocity(1.0, 0.0, 0.0), wall).velocity.vx > 0.75
 

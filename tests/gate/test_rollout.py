@@ -1,4 +1,4 @@
-"""The roll-out against a fine play of the same motion, one point and one pose at a time."""
+"""The roll-out, compared with a fine simulation of the same motion."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def roll(kind, candidate, points, queue=(), velocity=STILL, drift=None):
 
 
 def played(profile, candidate, queue, velocity, step_s=0.002):
-    """Every 2 ms: the time and the pose, and whether the queue is still what decides it."""
+    """Yield time, pose, and whether the queue still decides the command, every 2 ms."""
     linear, angular = braking.deceleration(profile)
     limits = profile.limits
     rates = ((limits.linear_mps2, linear), (limits.linear_mps2, linear), (limits.angular_radps2, angular))
@@ -85,7 +85,7 @@ def played(profile, candidate, queue, velocity, step_s=0.002):
 
 
 def least_gaps(kind, candidate, points, queue, velocity, drift=None):
-    """The least gap of each point by fine play."""
+    """The least gap of each point in the simulation."""
     profile = PROFILES[kind]
     hull = footprint_of(profile)
     drift = np.zeros_like(points) if drift is None else drift
@@ -104,7 +104,7 @@ def test_allowed_twists_stop_clear_or_no_nearer(kind, candidate, queue, now, poi
     allowed = Velocity(*(share * axis for axis in candidate))
     stopping = least_gaps(kind, STILL, points, queue, now)
     going = least_gaps(kind, allowed, points, queue, now)
-    # Half of what is left, for hulls that turn a corner out; the play's and the roll-out's steps differ a little.
+    # Half of the gap is enough for hulls that turn a corner out. Simulation and roll-out have different steps.
     must = np.minimum(HARD_M, max(0.0, 0.5 * stopping.min()))
     between_poses_m = 0.004 if "disc" in kind else 0.014
     assert (going >= np.minimum(must, stopping) - between_poses_m).all()
@@ -124,7 +124,7 @@ def test_what_drifts_is_met_where_it_will_be(kind, candidate, queue, now, points
     several = min(len(points), len(drifts))
     points, drift = points[:several], drifts[:several]
     going = least_gaps(kind, candidate, points, queue, now, drift)
-    far = going > MOVER_MARGIN_M + 0.06  # how far it drifts between two poses
+    far = going > MOVER_MARGIN_M + 0.06  # drift between two poses
     assert roll(kind, candidate, points[far], queue, now, drift[far]) == CLEAR
     stopping = least_gaps(kind, STILL, points, queue, now, drift)
     hit = (going < -0.02) & (stopping > MOVER_MARGIN_M + 0.06)
@@ -158,7 +158,7 @@ def test_the_quick_check_never_clears_what_the_play_forbids(kind, stick):
 
 
 def test_commands_on_their_way_count():
-    """Standing, 5 cm before a wall: a little step is fine, unless more of it has been sent already."""
+    """At standstill 5 cm before a wall a small step is allowed, unless earlier commands are on the way."""
     nudge = Velocity(0.1, 0.0, 0.0)
     assert roll("disc", nudge, wall_at(0.27 + 0.05)) == CLEAR
     on_their_way = [Sent(Velocity(0.5, 0.0, 0.0), age_s) for age_s in (0.20, 0.15, 0.10, 0.05)]
@@ -171,7 +171,7 @@ def test_an_old_command_that_was_overtaken_does_not_count():
 
 
 def test_a_late_turn_bends_the_arc_into_an_obstacle():
-    """At 1 m/s the base cannot turn at once: what it wants to go round is in its way."""
+    """At 1 m/s the base cannot turn at once, so it would hit the obstacle that it steers around."""
     fast, post = Velocity(1.0, 0.0, 0.0), [(0.95, 0.0)]
     rushing = [Sent(fast, 0.20), Sent(fast, 0.05)]
     evading = roll("disc", Velocity(1.0, 0.0, 1.0), post, rushing, fast)
@@ -180,7 +180,7 @@ def test_a_late_turn_bends_the_arc_into_an_obstacle():
 
 @pytest.mark.parametrize(("room_m", "share"), [(0.37, 1.0), (0.34, 0.85), (0.31, 0.7), (0.28, 0.0)])
 def test_of_shares_the_largest_clear_one_is_taken(room_m, share):
-    """At 0.5 m/s: 0.6 takes 0.358 m, 0.85 of it takes 0.325 m, braking now 0.292 m, and 0.7 slows it no less."""
+    """At 0.5 m/s: share 1 of 0.6 m/s needs 0.358 m, 0.85 needs 0.325 m, braking now 0.292 m; 0.7 brakes as much."""
     half = Velocity(0.5, 0.0, 0.0)
     wall = wall_at(0.27 + HARD_M + room_m)
     rolled = roll("disc", Velocity(0.6, 0.0, 0.0), wall, [Sent(half, LATENCY_S)], half)
@@ -280,7 +280,7 @@ def test_the_first_step_is_one_period_of_acceleration():
 
 
 def ticks(feeder, stick, count):
-    """Decisions at 20 Hz in an unchanging world, each told what was sent before."""
+    """Decisions at 20 Hz in a static world, each with the previous command."""
     verdicts, sent = [], STILL
     for _ in range(count):
         feeder.now_s += 0.05
@@ -304,7 +304,7 @@ def test_after_a_pause_the_first_step_is_as_short_as_ever(tiago):
 
 
 def test_the_gate_remembers_obstacles_and_names_them():
-    """A post beside the nose of a robot that drives on and is about to turn: the arcs pass it, their blend does not."""
+    """A post next to the front of a robot that starts to turn: both arcs pass it, the transition does not."""
     feeder = Feeder(tiago_profile(scan_poses={LASER: (0.0, 0.0, 0.0)}))
     feeder.velocity = Velocity(0.8, 0.0, 0.0)
     feeder.ranges = np.full(571, math.inf)

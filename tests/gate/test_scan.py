@@ -1,4 +1,4 @@
-"""From measurements to points: noise, bad data, pairing by stamps, sonar cones and their memory."""
+"""From measurements to points: noise, bad data, matching by stamps, sonar cones and their memory."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def test_unknown_sources_are_ignored(tiago):
 
 
 def test_a_scan_counts_at_its_stamp_however_late_it_comes():
-    """Paired by stamps: the robot was at x = 1 when the beam came back, and is at x = 1.5 now."""
+    """Matched by stamps: the robot was at x = 1 at the scan's stamp, and is at x = 1.5 now."""
     feeder = Feeder(tiago_profile())
     for step in range(51):
         moment = 100.0 + 0.02 * step

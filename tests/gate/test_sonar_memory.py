@@ -1,4 +1,4 @@
-"""Whatever a sonar heard is kept clear of until a sensor that covers the place shows it free."""
+"""The robot keeps away from sonar echoes until a sensor that covers the place shows it free."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ BEHIND = {
 
 
 def full_reverse(world, seconds=10.0):
-    """Parked before what nobody saw coming, then full stick. False: no sonar heard it."""
+    """Park before an unseen obstacle, then drive with full stick. Returns False if no sonar heard it."""
     world.drive(STILL, 4.0)
     heard = bool(world.heard)
     world.drive(REVERSE, seconds)
@@ -115,7 +115,7 @@ def test_the_middle_of_another_cone_clears_and_its_rim_does_not():
     world = World(tiago_profile(), leg(-0.95, 0.0, 0.2))
     world.drive(STILL, 1.0)
     world.put(FAR)
-    world.drive(lambda world: Velocity(0.4, 0.0, 0.0), 0.5)  # away from where it was heard
+    world.drive(lambda world: Velocity(0.4, 0.0, 0.0), 0.5)  # away from the echo
     world.drive(STILL, 2.0)
     places = world.gate.obstacles(world.now_s).points
     assert len(places), "the rim of the cone tells nothing"
@@ -140,7 +140,7 @@ def test_after_a_jump_of_the_odometry_nothing_is_remembered():
 
 
 def test_without_a_camera_the_laser_clears_sonar_echoes():
-    """Turn round and look: the laser sees that who stood there has left."""
+    """After a turn the laser sees that the person has left."""
     world = World(tiago_profile(), shins(-0.9, 0.0))
     world.drive(STILL, 2.0)
     world.put(FAR)
@@ -152,7 +152,7 @@ def test_without_a_camera_the_laser_clears_sonar_echoes():
 @pytest.mark.parametrize("sonar_hz", [4, 10])
 @pytest.mark.parametrize("other", ["laser", "depth"])
 def test_no_other_sensor_denies_what_a_sonar_hears_now(other, sonar_hz, other_hz):
-    """Glass, which only the sonar meets; or a seat above the laser's plane."""
+    """For example glass, which only sonars detect, or a seat above the laser's plane."""
     view = DepthView(1.10) if other == "depth" else None
     ahead = {"ahead": (0.25, 0.0, 0.0)}
     gate = Gate(
@@ -177,7 +177,7 @@ def test_no_other_sensor_denies_what_a_sonar_hears_now(other, sonar_hz, other_hz
 
 
 def test_sonars_whose_stamps_differ_do_not_make_the_way_longer():
-    """What was heard is forgotten by the way driven since: 4 m, and not 1.4 m."""
+    """Echoes are forgotten after 4 m of driving, not 1.4 m."""
     gate = Gate(tiago_profile())
     for step in range(400):
         now_s = 100.0 + 0.01 * step
@@ -204,10 +204,10 @@ def test_an_odometry_that_trembles_goes_no_way():
 
 
 def test_far_echoes_do_not_push_out_a_near_leg():
-    """On the spot between table legs the table of places fills within half a turn, and fuller than full."""
+    """Turning on the spot between table legs overfills the list of places within half a turn."""
     places = [
         (0.9 * math.cos(yaw), 0.9 * math.sin(yaw), 0.03) for yaw in np.linspace(-2.6, 2.6, 13)
-    ]  # none behind the leg
+    ]  # no leg behind the near one
     world = World(tiago_profile(has_depth=True), leg(-0.55, 0.0) + legs(*places), 1, sonar_noise_m=0.03)
     world.drive(STILL, 3.0)
     world.drive(Velocity(0.0, 0.0, 0.4), 13.0)
@@ -217,7 +217,7 @@ def test_far_echoes_do_not_push_out_a_near_leg():
 
 
 class Trembling(World):
-    """A parked robot whose odometry, fused with other sensors, is never at rest."""
+    """A parked robot with noisy odometry, as from sensor fusion."""
 
     @property
     def odometry(self):

@@ -1,4 +1,4 @@
-"""Old or missing data: slower, then stop, then neutral; and a clock that is wrong is not old data."""
+"""Old or missing data: slower, then stop, then neutral stick. A wrong clock does not count as old data."""
 
 from __future__ import annotations
 

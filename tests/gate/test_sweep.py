@@ -1,4 +1,4 @@
-"""The space that an arm sweeps covers the arm at every moment of its way, and little more."""
+"""The swept space covers the arm at every moment of its motion, and little more."""
 
 import math
 import time
@@ -14,7 +14,7 @@ RADIUS_M = 0.1
 
 
 def two_links(positions):
-    """An arm of two links of 0.4 m in the plane: its joints and its tip."""
+    """Joints and tip of a planar arm with two links of 0.4 m."""
     first = np.asarray(positions["shoulder"])
     second = first + positions["elbow"]
     elbow = 0.4 * np.stack((np.cos(first), np.sin(first)), axis=-1)
@@ -36,7 +36,7 @@ def gaps(obstacles):
 
 
 def outline(motion, present, pieces=400):
-    """The arm's rim at every moment, in far smaller steps than the sweep takes, (N, 2); and its middle line."""
+    """The arm's outline (N, 2) and middle line at all moments, in much smaller steps than the sweep."""
     way = np.array([[present[joint] for joint in motion.joints], *motion.points])
     moments = np.concatenate([np.linspace(*ends, pieces) for ends in pairwise(way)])
     lines = two_links({**present, **dict(zip(motion.joints, moments.T, strict=True))})

@@ -1,4 +1,4 @@
-"""What the operator reads: sensor, side, distance, what was asked and what is left."""
+"""The verdict's text for the operator: sensor, side, distance, asked and allowed speed."""
 
 from __future__ import annotations
 

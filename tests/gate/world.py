@@ -1,7 +1,7 @@
-"""A small kinematic world to judge the gate in: line segments, a laser, sonars, a base with delay and limits.
+"""A small kinematic world for tests of the gate: line segments, laser, sonars, a base with delay and limits.
 
-It shares nothing with the gate but the robot's facts: contact is judged by the distance of the true hull to the
-true segments. The time from a tick to the base's obedience is `delay_s`; 10 Hz scans and 20 Hz ticks add to it.
+It shares only the robot's profile with the gate: contact is the distance of the true hull to the true segments.
+The base obeys a command after `delay_s`; 10 Hz scans and 20 Hz ticks add to this delay.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def leg(x, y, width=0.04):
 
 
 def doorway(x, width, thickness=0.1, y=0.0):
-    """Two wall ends with a hole of `width` about (x, y), to be driven through along x."""
+    """Two wall ends with an opening of `width` around (x, y), to be passed along x."""
     segments = []
     for sign in (1, -1):
         edge, far = y + sign * width / 2, y + sign * 3.0
@@ -58,7 +58,7 @@ def moved(pose, v):
 
 @dataclass
 class World:
-    """One robot among segments. `step` plays 10 ms."""
+    """One robot among segments, simulated in steps of 10 ms."""
 
     profile: GateProfile
     segments: list
@@ -71,7 +71,7 @@ class World:
     sonar_cone: float = 0.5
     sonar_noise_m: float = 0.0
     lost_echoes: float = 0.0
-    slip: float = 0.0  # of the wheels' way, share that the robot does not make
+    slip: float = 0.0  # share of the wheels' way lost by slip
     velocity: Velocity = STILL  # of the wheels
     steps: int = 0
     least_gap_m: float = math.inf
@@ -82,16 +82,16 @@ class World:
         self.queue = deque([STILL] * round(self.delay_s / STEP_S))
         self.sent = STILL
         self._told = self.pose if self.slip else None
-        self.heard = set()  # names of the sonars that had an echo
+        self.heard = set()  # names of sonars with an echo
         self.put(self.segments)
 
     def put(self, segments):
-        """From now on this is what stands there."""
+        """Replace the segments."""
         self.ends = np.array(segments, dtype=float).reshape(-1, 2, 2)
 
     @property
     def odometry(self):
-        """Where the wheels tell that the robot is."""
+        """The pose by the wheels."""
         return self._told or self.pose
 
     @property

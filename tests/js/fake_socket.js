@@ -1,4 +1,4 @@
-/** A browser's WebSocket, as tests play it: `made` has every one since the last `FakeSocket.begin()`. */
+/** A fake of the browser's WebSocket: `made` holds every one since the last `FakeSocket.begin()`. */
 
 export let made = [];
 

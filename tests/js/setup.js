@@ -1,4 +1,4 @@
-/** Django's catalog of texts, as its script puts it on a page: here every text is its own translation. */
+/** Replaces Django's catalog of translations: every text translates to itself. */
 
 globalThis.gettext = (text) => text;
 globalThis.ngettext = (one, many, count) => (count === 1 ? one : many);

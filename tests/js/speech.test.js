@@ -21,7 +21,7 @@ describe("languages", () => {
   it("are shown by name, the robot's own first", () => {
     expect(languageName("es", "en")).toBe("Spanish");
     expect(languageName("not a code", "en")).toBe("not a code");
-    expect(languageName("en-abc1", "en-abc1")).toBe("en-abc1"); // which a profile may have
+    expect(languageName("en-abc1", "en-abc1")).toBe("en-abc1"); // a valid language of a profile
     const choices = languageChoices(["es-ES", "en-GB"], "en");
     expect(choices.slice(0, 2).map(({ code }) => code)).toEqual(["es-ES", "en-GB"]);
     expect(choices.filter(({ code }) => code.startsWith("es"))).toHaveLength(1);
@@ -296,11 +296,11 @@ describe("the history", () => {
       await vi.waitFor(() => expect(rows()[0].textContent).toContain("not over yet"));
       history.state = saying(9);
       expect(fetch).toHaveBeenCalledTimes(1);
-      // The robot has told how it ended; that is not on record yet.
+      // The robot has reported the end, which is not recorded yet.
       history.state = said(9);
       await vi.waitFor(() => expect(rows()[0].textContent).toContain("failed"));
       expect(rows()[0].querySelector(".hit-note").title).toBe("No voice.");
-      // Another bridge, which knows of nothing: not all is on record that its predecessor knew.
+      // A new bridge without history: some ends of the previous bridge may not be recorded.
       history.state = { speech: null, speech_ended: null };
       await vi.waitFor(() => expect(rows()[0].textContent).toContain("end not known"));
     });
@@ -319,7 +319,7 @@ describe("the history", () => {
       expect(texts()).toEqual(["Text 10", "Text 9", "Text 8", "Text 7"]);
       expect(parts["history-more"].hidden).toBe(true);
       expect(rows()[2].contains(document.activeElement)).toBe(true);
-      await history.load(); // so much was said that some is missing in between
+      await history.load(); // so many new texts that some between are missing
       expect(texts()).toEqual(["Text 20", "Text 19"]);
       expect(parts["history-more"].hidden).toBe(false);
     });
@@ -420,7 +420,7 @@ describe("what is being said", () => {
   it("is reported when it ends", () => {
     expect(speechEndNotice({ outcome: "done", text: "" }, "Hola")).toMatchObject({
       level: "success",
-      text: "Said: “\u2068Hola\u2069”.", // a text from right to left keeps its full stop
+      text: "Said: “\u2068Hola\u2069”.", // isolates keep the full stop in place after right-to-left text
     });
     expect(speechEndNotice({ outcome: "failed", text: "No voice." }, "Hola")).toMatchObject({
       level: "error",
@@ -428,6 +428,6 @@ describe("what is being said", () => {
     });
     expect(speechEndNotice({ outcome: "unheard", text: "" }, "Hola").level).toBe("warning");
     for (const text of ["Hola.", "¿Qué?", "مرحبا؟", "你好。", "He said “no.”", `${"a".repeat(60)}`])
-      expect(speechEndNotice({ outcome: "done", text: "" }, text).text).toMatch(/”$/); // its own is enough
+      expect(speechEndNotice({ outcome: "done", text: "" }, text).text).toMatch(/”$/); // the text's own end mark is enough
   });
 });

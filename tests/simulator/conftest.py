@@ -1,4 +1,4 @@
-"""Robots in small rooms of known measures."""
+"""Simulated robots in small rooms of known size."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ORIGIN = Pose(0.0, 0.0, 0.0)
 
 
 def room(**things) -> World:
-    """4 m by 4 m around the origin, inner faces at +-2 m, with `things` in it."""
+    """A room of 4 m by 4 m around the origin, inner faces at +-2 m, with `things` in it."""
     corners = [(-2.05, -2.05), (2.05, -2.05), (2.05, 2.05), (-2.05, 2.05)]
     sides = zip(("south", "east", "north", "west"), corners, corners[1:] + corners[:1], strict=True)
     walls = [Wall(name=f"{side} wall", start=start, end=end) for side, start, end in sides]
@@ -26,7 +26,7 @@ def room(**things) -> World:
 
 
 class Driven:
-    """A robot with a clock that only runs when it drives."""
+    """A robot whose clock advances only in `drive` and `wait`."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -40,7 +40,7 @@ class Driven:
             self.now += TICK_S
 
     def wait(self, seconds: float) -> None:
-        """Say nothing for `seconds`."""
+        """Send nothing for `seconds`."""
         for _ in range(round(seconds / TICK_S)):
             self.robot.tick(self.now)
             self.now += TICK_S

@@ -1,4 +1,4 @@
-"""The arm is where its joints say, and touches what stands there."""
+"""The arm's place follows its joints, and it collides with objects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bench that judges the gate sees crashes where there are some, and judges by the true world."""
+"""The gate's benchmark detects crashes and judges by the true world."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_what_hangs_above_the_robot_is_not_in_its_way():
 
 
 def moments(sent_mps: float, asked: Velocity = AHEAD) -> Trace:
-    """Two seconds of full stick at the origin, with this published."""
+    """A run of 2 s of full stick at the origin with these published twists."""
     sent = Velocity(sent_mps, 0.0, 0.0)
     return Trace(
         [Moment(0.05 * n, ORIGIN, Twist(), asked if n else STILL, sent, "", "", 1.0, True) for n in range(41)]
@@ -150,7 +150,7 @@ def test_bounds_are_poissons():
 def touched(
     world: World, other: str, *, reverse: bool = True, faults: Faults | None = None
 ) -> tuple[Loop, Touch]:
-    """Nobody holds back the robot, until it touches `other`."""
+    """Drive without a gate until the robot touches `other`."""
     x = -1.0 if reverse else 1.0
     wrong = ((0.0, faults),) if faults else ()
     case = Case(world, ORIGIN, lambda _: FullStick(x, 0.0, 1.0), 15.0, conditions=Conditions(faults=wrong))
@@ -302,7 +302,7 @@ def held(asked: Velocity, pose: Pose = ORIGIN, moving: Twist = Twist(), sent: Ve
 
 def test_who_is_held_with_a_free_way_or_a_turn_is_stuck():
     limits = loop_of(Case(world_of(), ORIGIN, lambda _: FullStick(0, 0, 1), 1.0), "none", 0).limits
-    truth = Truth(box_at(0.42, 0.0))  # its face 5 cm before the hull
+    truth = Truth(box_at(0.42, 0.0))  # 5 cm in front of the hull
     back, turn = Velocity(-0.2, 0.0, 0.0), Velocity(0.0, 0.0, 1.0)
     assert is_stuck(held(back), truth, limits)
     assert is_stuck(held(turn), truth, limits)
@@ -312,14 +312,14 @@ def test_who_is_held_with_a_free_way_or_a_turn_is_stuck():
 
 
 def test_a_way_back_out_of_a_narrow_place_is_free():
-    truth = Truth(box_at(0.0, 0.40))  # 3 cm beside the hull
+    truth = Truth(box_at(0.0, 0.40))  # 3 cm next to the hull
     assert truth.free_m(ORIGIN, AHEAD, 2.0) == 0.0
     assert truth.free_m(ORIGIN, AHEAD, 2.0, from_near=True) == 2.0
     assert truth.free_m(Pose(-0.5, 0.0, 0.0), AHEAD, 2.0, from_near=True) < 0.6
 
 
 def leaves(gaps_m: list[float], sent_mps: list[float]) -> leaving.Outcome:
-    """Every second one decision; what stands there goes from second 2 on."""
+    """One decision per second; the obstacle leaves from second 2 on."""
     found = [
         Moment(float(n), ORIGIN, Twist(), AHEAD, Velocity(mps, 0.0, 0.0), "", "why", gap_m, True)
         for n, (gap_m, mps) in enumerate(zip(gaps_m, sent_mps, strict=True))
@@ -358,7 +358,7 @@ def test_the_head_turns_away_before_a_chair_leaves():
     assert aside == [glance.pan] * len(aside) != []
     assert all(abs(pan) < 0.31 for at_s, pan in pans.items() if at_s > glance.ahead_s + 1.6)
     turning = [at_s for at_s in pans if glance.ahead_s + 0.1 < at_s < glance.ahead_s + 1.4]
-    assert not turning  # the bridge takes no pictures of a head that turns so fast
+    assert not turning  # the bridge ignores pictures from a fast turning head
 
 
 def test_random_stick_drives_both_ways_and_half_begins_cold():

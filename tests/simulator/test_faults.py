@@ -1,4 +1,4 @@
-"""Faults are asked for in words."""
+"""Faults are requested by text commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The head turns so that what it carries points at the target, as far as the neck turns."""
+"""The head turns its camera towards the target, within the limits of its neck."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OPTICAL_AXIS = (0.0, 0.0, 1.0)
 
 
 def looking(frame, axis, target) -> tuple[dict[str, float], float]:
-    """Pan and tilt for the target, and how far off they leave the eye, rad."""
+    """Pan, tilt, and the remaining error of the camera's direction, rad."""
     looks = eye(TABLE, frame, axis)
     turned = aim(TABLE, looks, np.array(target), HOME)
     return turned, error(TABLE, looks, np.array(target), HOME | turned)

@@ -1,4 +1,4 @@
-"""What /joint_states is made of: positions and velocities that belong together."""
+"""Positions and velocities in /joint_states belong together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recorded motions: begun, refused, ended, cancelled."""
+"""Recorded motions: start, refusal, end, cancel."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from robots.simulator.joints.joint_table import HOME, JOINTS
 from robots.simulator.joints.motions import ErrorCode, Phase, Player, RefusedMotionError, load_motions
 
-# INTERFACE: the motions of the gripper model.
+# The motions of the TIAGo with gripper.
 NAMES = [
     "home",
     "unfold_arm",

@@ -1,4 +1,4 @@
-"""The mux obeys whom twist_mux would."""
+"""The mux selects the same input as twist_mux."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The map that the simulated robot has of its world, and where it believes to be on it."""
+"""The simulated robot's map of its world, and its believed place on it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HEIGHT_M = 0.0945
 
 @pytest.fixture
 def at(robot_in):
-    """`at(**things)(x, y)`: what the map of a room with these things has there."""
+    """`at(**things)(x, y)`: the cell at (x, y) in the map of a room with these things."""
 
     def of_room(pose=ORIGIN, **things):
         world = room(**things)
@@ -53,14 +53,14 @@ def test_of_furniture_there_is_what_the_laser_meets(at):
         people=[Person("person", (0.0, 1.2))],
     )
     assert cell(1.0, 1.0) == FREE  # below the top
-    assert cell(1.45, 1.25) == cell(0.55, 0.75) == OCCUPIED  # its legs
+    assert cell(1.45, 1.25) == cell(0.55, 0.75) == OCCUPIED  # the table's legs
     assert cell(-1.0, 1.0) == FREE
-    assert cell(-0.803, 1.197) == OCCUPIED  # the chair's, 2.5 cm thick
+    assert cell(-0.803, 1.197) == OCCUPIED  # the chair's leg, 2.5 cm thick
     assert cell(-1.0, -1.0) == UNKNOWN
     assert cell(-1.18, -1.0) == cell(-1.0, -1.28) == OCCUPIED  # turned: 0.4 m wide, 0.6 m long
     assert cell(-1.23, -1.0) == FREE
     assert cell(1.0, -1.0) == FREE  # above the laser
-    assert cell(0.0, 1.2) == FREE  # people go
+    assert cell(0.0, 1.2) == FREE  # people are not mapped
 
 
 def test_a_room_where_the_robot_cannot_get_to_is_unknown(at):
@@ -76,7 +76,7 @@ def test_odometry_drifts_and_its_map_pose_corrects_it(robot_in):
     robot = driven.robot
 
     def believed():
-        """Where the robot is on the map, by odometry and that one's place there."""
+        """The robot's place on the map, by odometry and the pose of the odometry frame."""
         x, y, yaw = robot.localisation.map_to_odom(robot.physics.pose)
         told = robot.odometry
         c, s = math.cos(yaw), math.sin(yaw)

@@ -1,4 +1,4 @@
-"""Odometry follows the wheels and drifts as they do."""
+"""Odometry follows the wheels and drifts with them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.simulator.conftest import room
 
 
 def gap(driven) -> float:
-    """How far odometry is from the truth."""
+    """Distance of odometry from the truth, m."""
     truth, told = driven.robot.physics.pose, driven.robot.odometry
     return math.hypot(told.x - truth.x, told.y - truth.y)
 

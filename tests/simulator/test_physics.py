@@ -1,4 +1,4 @@
-"""The body goes where it is driven, and stops where something stands."""
+"""The body follows its commands and stops at obstacles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Speech takes its time, word by word."""
+"""Speech takes time, word by word."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def player():
 
 
 def ways(player: Player, run) -> float:
-    """Step until the run ends; the seconds it took. No joint is ever too fast or beyond its limits."""
+    """Step until the run ends; return its duration, s. Checks that no joint exceeds its speed and limits."""
     player.step(0.0)
     tick = 0
     while run.phase is Phase.MOVING:

@@ -1,4 +1,4 @@
-"""Worlds are data files."""
+"""Worlds are loaded from data files."""
 
 from __future__ import annotations
 

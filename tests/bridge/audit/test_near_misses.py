@@ -1,6 +1,6 @@
-"""Recorded near misses through the present gate, judged by the true scene, which no gate has seen.
+"""Recorded near misses, replayed through the current gate and judged by the true scene.
 
-A better gate may answer otherwise; it passes all tests here but the last.
+A better gate may answer differently: it passes all tests except the last.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from robots.bridge.gate_recording import Decision, replay
 RECORDINGS = sorted((Path(__file__).parents[2] / "data" / "recordings").glob("*.gate"))
 THINGS = [path for path in RECORDINGS if not path.stem.startswith("doorway")]
 MADE_BY = "python -m benchmarks.world.recordings tests/data/recordings"
-# The robot's motion as in MuJoCo's wheels, not as in the gate's model.
+# The robot moves as in MuJoCo, not as in the gate's model.
 ANSWERS_S = 0.2
 BRAKES_MPS2 = 1.0
-SEES_S = 0.25  # what moves was seen where it was so long ago
+SEES_S = 0.25  # s, age of moving obstacles in the sensor data
 
 
 class Truth(NamedTuple):
@@ -35,7 +35,7 @@ class Truth(NamedTuple):
     people: list[list[tuple[float, float, float]]]
 
     def gap_m(self, number: int, seen: int, twist: Velocity) -> float:
-        """The least gap if `twist` is the last at decision `number`; people stand where they were at `seen`."""
+        """The least gap if `twist` is sent last, at decision `number`, with people at their places of `seen`."""
         way = way_of(self.poses[number], twist)
         gaps = [math.inf]
         if len(self.outline):
@@ -45,7 +45,7 @@ class Truth(NamedTuple):
 
 
 def way_of(pose: tuple[float, float, float], twist: Velocity) -> np.ndarray:
-    """The way of the robot's middle, every centimetre, with `twist` and then a stop."""
+    """The path of the robot's centre, every centimetre, with `twist` and then a stop."""
     speed = abs(twist.vx)
     length = speed * ANSWERS_S + speed**2 / (2.0 * BRAKES_MPS2)
     along = np.linspace(0.0, length, max(math.ceil(length / 0.01), 1) + 1)

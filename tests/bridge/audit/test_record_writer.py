@@ -1,4 +1,4 @@
-"""Requests are written or refused; events are written sooner or later, in order."""
+"""Requests are written or refused; events are written in order, possibly later."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robots.bridge.audit.record_writer import RecordWriter
 
 
 class Log:
-    """A database with one table, which can be away or hang."""
+    """A database with one table, which can fail or hang."""
 
     def __init__(self) -> None:
         self.rows: list[str] = []
@@ -54,7 +54,7 @@ def writer(log: Log) -> Iterator[RecordWriter]:
 
 
 def written(writer: RecordWriter) -> None:
-    """Wait until the worker has done what it can."""
+    """Wait until the worker is idle."""
     done = threading.Event()
     writer.run_in_background(done.set)
     assert done.wait(10)

@@ -17,7 +17,7 @@ def test_age_is_the_delay_beyond_the_fastest_message():
     age = AgeEstimator()
     assert age.age_s(sent_s=5.0, now_s=100.05) == 0.0
     assert age.age_s(sent_s=5.1, now_s=100.25) == pytest.approx(0.10)
-    assert age.age_s(sent_s=5.2, now_s=100.21) == pytest.approx(0.0)  # a faster one: the new measure
+    assert age.age_s(sent_s=5.2, now_s=100.21) == pytest.approx(0.0)  # a faster message is the new reference
     assert age.age_s(sent_s=5.3, now_s=100.35) == pytest.approx(0.04)
 
 
@@ -34,7 +34,7 @@ def test_a_burst_after_a_stall_is_dropped_and_not_replayed():
     assert stick.take(drive(1, 0.0), 10.0) is None
     held_up = [stick.take(drive(2 + n, 0.02 * (n + 1)), 11.01) for n in range(40)]
     assert [refusal.code for refusal in held_up if refusal] == ["too_old"] * 35
-    assert stick.current(11.01) is not None  # the youngest few still hold
+    assert stick.current(11.01) is not None  # the newest commands still count
 
 
 def test_command_life_counts_from_sending_not_from_arrival():

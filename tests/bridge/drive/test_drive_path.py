@@ -16,7 +16,7 @@ CENTIMETRE = 0.01
 
 
 def straight(*speeds_mps: float) -> list[Sample]:
-    """Two samples a second along a line, each second at another speed."""
+    """Two samples a second along a line, with a new speed each second."""
     samples, x, t_s = [Sample(0.0, 0.0, 0.0, 0.0, 0.0)], 0.0, 0.0
     for speed, _half in itertools.product(speeds_mps, range(2)):
         t_s, x = t_s + 0.5, x + speed / 2

@@ -61,7 +61,7 @@ def through(chain: tuple[StickStep, ...], hand: list[tuple[StickPosition, float]
 
 
 def steadily(chain: tuple[StickStep, ...], values: list[float]) -> list[float]:
-    """The forward axis alone, 20 times a second."""
+    """Filter only the forward axis, 20 times a second."""
     return [p.x for p in through(chain, [(StickPosition(value, 0.0, 0.0), PERIOD_S) for value in values])]
 
 

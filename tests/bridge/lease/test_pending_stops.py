@@ -35,7 +35,7 @@ def run_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A run folder for this test only."""
     monkeypatch.setattr(settings, "FLEET_RUN_DIR", tmp_path)
     yield tmp_path
-    for stop in courier.pending_stops().all():  # so that the courier of this test ends
+    for stop in courier.pending_stops().all():  # ends this test's courier
         courier.pending_stops().settle(stop, wire.Refusal("over", "The test is over.", "wire"))
 
 
@@ -183,7 +183,7 @@ async def test_pending_stop_does_not_stop_again_after_a_clear(
     async with open_link(address, stops) as link:
         await link.stop(wire.LinkStop("Ben"))
         stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
-        stops.keep(stop)  # by a process whose delivery is under way meanwhile
+        stops.keep(stop)  # by a process that is delivering at the same time
         cleared = await link.clear(wire.LinkClear("Ben", bridge.stop.number), asked_s=time.time())
         assert cleared.stop.state == "clear"
         assert waiting(run_dir) == []
@@ -238,7 +238,7 @@ def test_unwritable_stop_leaves_an_older_one_on_disk(run_dir: Path) -> None:
     stops, robot = PendingStops(run_dir), uuid4()
     older, newer = (Waiting(name_of(robot), uuid4(), robot, "Ann", at=at) for at in (1.0, 2.0))
     assert stops.keep(older)
-    (run_dir / FOLDER / f"{newer.name}-{newer.press.hex}.new").mkdir()  # in the way, as a full disk is
+    (run_dir / FOLDER / f"{newer.name}-{newer.press.hex}.new").mkdir()  # blocks the write like a full disk
     assert not stops.keep(newer)
     assert stops.of(older.name) == [older, newer]
     assert PendingStops(run_dir).of(older.name) == [older], "another process must find it"

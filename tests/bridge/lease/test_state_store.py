@@ -1,4 +1,4 @@
-"""The state that survives a kill."""
+"""The saved state survives a kill."""
 
 import errno
 import os

@@ -28,7 +28,7 @@ def with_map(topic: Topic | None) -> BridgeConfig:
 
 
 class Taker:
-    """`MapFetcher` and a process that notes its request and gives the present answer."""
+    """`MapFetcher` and a process that stores its request and gives the current answer."""
 
     def __init__(self, folder: Path, topic: Topic | None = MAP) -> None:
         self.kept: list[TakenMap] = []

@@ -93,7 +93,7 @@ async def test_a_stop_takes_the_lane_and_its_answer_the_socket(bridge, link):
 
 
 async def test_the_word_that_ends_control_overtakes_no_command(bridge, link):
-    """If the end of control came first, motion would follow it."""
+    """If the end of control arrived first, a late command would move the robot."""
     for seq in range(20):
         assert await link.forward(drive(seq))
     link.send(wire.Pause(2, "The page is gone."))
@@ -104,7 +104,7 @@ async def test_the_word_that_ends_control_overtakes_no_command(bridge, link):
 
 async def test_slow_bridge_reads_only_few_commands_late(bridge, link):
     sent = 0
-    while await link.forward(drive(sent)):  # nobody reads: this loop is the bridge's too
+    while await link.forward(drive(sent)):  # nobody reads: the bridge runs in this event loop, too
         sent += 1
         assert sent < 100
     await bridge.until(lambda: len(bridge.heard) == sent + 1)
@@ -116,7 +116,9 @@ async def test_the_end_of_the_lane_is_the_end_of_the_link(bridge, link):
     link._lane.close()
     await asyncio.wait_for(bridge.closed.wait(), PATIENCE_S)
     assert end.lane is not None
-    await bridge.until(lambda: bridge.server.links and end not in bridge.server.links)  # and it is made anew
+    await bridge.until(
+        lambda: bridge.server.links and end not in bridge.server.links
+    )  # the bridge makes a new lane
 
 
 async def test_a_bridge_that_ends_the_lane_ends_the_link(bridge, link):
@@ -158,5 +160,5 @@ async def closed(stranger: socket.socket) -> None:
 
 
 async def test_a_message_that_breaks_the_bridge_ends_its_link(bridge, link):
-    link._lane.send(b"not a message")  # this bridge lets it break; the real one refuses it
+    link._lane.send(b"not a message")  # breaks this fake bridge; the real one refuses it
     await asyncio.wait_for(bridge.closed.wait(), PATIENCE_S)

@@ -27,7 +27,7 @@ from robots.link.client import BridgeLink, LinkRefused, Links, state_once, stop_
 from robots.link.connections import _headers
 from tests.bridge.support import CONFIG, Bench
 
-ROBOT = uuid.UUID(CONFIG.robot_id)  # of the bridge on the bench
+ROBOT = uuid.UUID(CONFIG.robot_id)  # the robot of the test bench
 
 
 def free_port() -> int:
@@ -196,7 +196,7 @@ async def test_control_is_granted_and_refused_by_the_bridges_answer(link):
 async def test_a_drive_message_arrives_as_it_was_sent(link, bridge):
     raw = '{"t":"drive","fence":2,"seq":1,"sent_ms":5.25,"x":0.5,"w":-0.25,"share":1}'
     assert await link.forward(raw)
-    await link.stop(wire.LinkStop("Ann"))  # answered after everything before it
+    await link.stop(wire.LinkStop("Ann"))  # its answer comes after all earlier ones
     assert bridge.drives == [wire.Drive(fence=2, seq=1, sent_ms=5.25, x=0.5, w=-0.25, share=1.0)]
 
 
@@ -268,7 +268,7 @@ async def test_no_queue_grows_before_a_bridge_that_reads_nothing(link, bridge):
 async def test_a_large_answer_does_not_cut_the_link(link, bridge):
     [remote] = bridge.server.links
     asking = asyncio.ensure_future(link.query_topics(wire.ListTopics()))
-    await link.stop(wire.LinkStop("Ann"))  # the question is there by now
+    await link.stop(wire.LinkStop("Ann"))  # by now the query has arrived
     large = wire.encode(wire.Parameter("/large", "x" * 3_000_000))
     remote.report(wire.LinkAnswer(1, msgspec.Raw(large)))
     assert await asking == large.decode()
@@ -312,7 +312,7 @@ async def test_a_stop_command_without_a_bridge_says_so(tmp_path):
 
 async def test_an_answer_goes_to_the_question_that_it_answers(link, bridge):
     assert link.send(wire.LinkStop("Ben"))
-    await asyncio.sleep(0)  # it is on its way; its answer comes first, and nobody waits for it
+    await asyncio.sleep(0)  # sent; the answer comes before anybody waits for it
     seen = bridge.bench.core.stop_state.number + 1
     assert (await link.clear(wire.LinkClear("Ann", seen), asked_s=0.0)).stop.state == "clear"
 
@@ -327,9 +327,9 @@ async def test_refused_clear_carries_the_bridges_reason(link, bridge):
 async def test_late_answer_is_ignored(link, bridge):
     late = asyncio.ensure_future(link.stop(wire.LinkStop("Ben")))
     await asyncio.sleep(0)
-    await asyncio.sleep(0)  # it is on its way, by a task of its own
+    await asyncio.sleep(0)  # a separate task is sending it
     [(number, [waiting])] = link._latch._waiting.items()
-    waiting.cancel()  # as a time-out leaves it for one turn of the loop
+    waiting.cancel()  # the state for one loop turn after a time-out
     link._handle_report(wire.Stopped(wire.StopState("stopping"), number))
     await asyncio.wait({late})
     await link.stop(wire.LinkStop("Ann"))
@@ -456,7 +456,7 @@ class TestWhoseBridge:
     async def test_the_link_never_comes_up_and_says_why(self, stray, bridge):
         refusal = await stray.follower.until_refused("other_robot")
         assert (refusal.rule, stray.up, stray.highest_fence) == ("robot", False, 0)
-        assert "tiago" not in refusal.text  # who may see this robot need not know of the other
+        assert "tiago" not in refusal.text  # people of this robot may not see the other
 
     async def test_bridge_that_gets_only_a_hello_refuses_the_stop(self, stray, bridge):
         stray.set_viewers(stray.follower, ["Ann"])
@@ -512,7 +512,7 @@ class TestWhoseBridge:
     async def test_a_bridge_of_another_protocol_is_stopped_all_the_same(self, bridge, address, monkeypatch):
         def opened(link):
             hello = {"t": "bridge_hello", "protocol": wire.PROTOCOL + 1, "robot": str(ROBOT), "slug": "tiago"}
-            offers = {"t": "offers", "motions": 5}  # no word of ours
+            offers = {"t": "offers", "motions": 5}  # not a valid value
             link._reports.extend(map(msgspec.json.encode, (hello, offers)))
             link._news.set()
 

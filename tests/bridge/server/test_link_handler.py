@@ -42,7 +42,7 @@ def drive(seq: int, fence: int = GRANT.fence, x: float = 0.0) -> bytes:
 
 
 async def driven(door, bench) -> Wire:
-    """A link through which somebody drives, by the handler's clock."""
+    """A link that drives, with the handler's clock."""
     bench.now_s = time.monotonic()
     bench.online()
     link = Wire(1)

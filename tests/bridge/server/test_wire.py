@@ -1,4 +1,4 @@
-"""Messages that are let in: names end where they end; only the rule for texts refuses texts."""
+"""Accepted messages: patterns for names match whole names; only the rule for texts refuses texts."""
 
 import json
 

@@ -35,12 +35,12 @@ class Scene:
         return Obstacles(np.array(points, float).reshape(-1, 2), source, KINDS, KINDS)
 
     def why_not(self, running=True):
-        """The sensor that sees an obstacle in the way."""
+        """The sensor that sees an obstacle in the arm's way, None if there is none."""
         refusal = self.room.refuse(SPACE, self.now_s, running=running)
         return refusal and refusal.figures["sensor"]
 
     def moves(self, lies, seconds):
-        """The arm lies there for some seconds."""
+        """Place the arm there for some seconds."""
         self.lies = lies
         until_s = self.now_s + seconds
         while self.now_s < until_s - 1e-9:
@@ -86,7 +86,7 @@ def test_without_arm_position_only_the_depth_camera_is_ignored(scene):
     scene.lies = None
     assert scene.why_not() is None
     scene.moves((HAND,), LATELY_S - 0.1)
-    assert scene.why_not() is None  # a picture may be from before
+    assert scene.why_not() is None  # a picture may be older than the motion
     scene.moves((HAND,), 0.2)
     assert scene.why_not() == "depth"
     scene.lies = None

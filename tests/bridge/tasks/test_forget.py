@@ -15,7 +15,7 @@ def bench():
 
 
 def ask(bench, fence=1, link=1):
-    """The answers so far."""
+    """Send the request; return its answers so far."""
     return bench.ask(wire.Forget(fence), link)
 
 

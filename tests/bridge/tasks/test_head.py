@@ -26,7 +26,7 @@ def bench():
 
 
 def ask(bench, fence=1, link=1):
-    """The answers so far."""
+    """Send the request; return its answers so far."""
     return bench.ask(wire.LookAhead(fence), link)
 
 
@@ -159,7 +159,7 @@ def test_head_is_not_moved_during_a_motion():
 
 
 def test_looking_ahead_shows_floor_from_half_to_three_metres():
-    """TIAGo at home: camera 1.217 m high, 0.175 m in front of the base's middle, 49.4 degrees from top to bottom."""
+    """TIAGo at home: camera 1.217 m high, 0.175 m in front of the base's centre, 49.4 degrees vertical view."""
     half = math.atan(240 / (320 / math.tan(math.radians(31.5))))
     nearest, farthest = (1.217 / math.tan(-SOURCE.look_tilt + side) + 0.175 - 0.27 for side in (half, -half))
     assert nearest <= 0.51

@@ -20,7 +20,7 @@ ALLOWED = (
     Allowed("choose", "/second_tts", TTS, "speech"),
     Allowed("choose", "/second_play", PLAY, "motions"),
     Allowed("publish", "/notes", "std_msgs/String"),
-    Allowed("call", "/third_tts", TTS, "speech"),  # of a service: no input goes there
+    Allowed("call", "/third_tts", TTS, "speech"),  # a service takes no input
 )
 LISTENED = {
     "/key_vel": TWIST,
@@ -43,12 +43,12 @@ def bench():
 
 
 def ask(bench, use, topic, fence=1):
-    """The answers so far."""
+    """Send the choice; return its answers so far."""
     return bench.ask(wire.Choose(fence, use, topic))
 
 
 def connects(bench):
-    """The topics that were requested last are connected."""
+    """Connect the topics requested last."""
     use, topics = bench.base.attended[-1]
     bench.core.tasks.routing.attended(use, topics, bench.now_s)
 
@@ -99,7 +99,7 @@ def test_chosen_action_performs_and_cancels_the_motion(bench):
 
 
 def test_every_allowed_motion_action_is_subscribed_always(bench):
-    """A motion that an earlier bridge left, or that this one gave up, must be observed."""
+    """Motions left by an earlier bridge, or given up by this one, must be observed."""
     both = {"/play_motion", "/second_play"}
     assert bench.core.tasks.routing.connected("motions") == both
     choose(bench, "motions", "/second_play")
@@ -112,7 +112,7 @@ def test_every_allowed_motion_action_is_subscribed_always(bench):
     bench.core.tick(bench.now_s)
     assert chosen(bench) == {}
     assert bench.core.tasks.routing.connected("motions") == both
-    assert "motions" not in dict(bench.base.attended)  # nothing was left, and nothing joined late
+    assert "motions" not in dict(bench.base.attended)  # no action was lost or found later
 
 
 def test_motions_are_read_again_after_each_change_of_action(bench):
@@ -278,7 +278,7 @@ def test_return_to_default_works_without_subscribers(bench):
     bench.core.tasks.routing.surveyed({"/second_tts/goal": f"{TTS}Goal"}, bench.now_s)
     answers = ask(bench, "speech", None)
     settled(bench)
-    assert (answers, chosen(bench)) == ([None], {})  # it is connected already
+    assert (answers, chosen(bench)) == ([None], {})  # already connected
     bench.core.tick(bench.now_s)
     assert bench.base.attended[-1] == ("speech", {"/tts"})
 

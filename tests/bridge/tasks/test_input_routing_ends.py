@@ -7,11 +7,11 @@ from robots.bridge.gate.values import STILL
 from tests.bridge.support import Outcome
 from tests.bridge.tasks.test_input_routing import LISTENED, ask, bench, choose, chosen, connects, settled
 
-__all__ = ["bench"]  # the fixture
+__all__ = ["bench"]  # a fixture
 
 
 def vanish(bench, *names):
-    """These topics have no subscriber on the robot any more."""
+    """Report that these topics have lost their subscribers on the robot."""
     left = {name: kind for name, kind in LISTENED.items() if name not in names}
     bench.core.tasks.routing.surveyed(left, bench.now_s)
 
@@ -50,7 +50,7 @@ def test_lost_choice_is_reported_until_the_next_choice(bench):
     assert bench.last == STILL
     bench.stick(0.0)
     bench.pass_time(1.0)
-    connects(bench)  # with the default alone
+    connects(bench)  # with only the default
     assert list(ended(bench)) == ["drive"]
     vanish(bench)
     choose(bench, "speech", "/second_tts")

@@ -181,14 +181,14 @@ def test_an_arm_does_not_move_where_nobody_looks(bench, kind):
     refusal = denied(bench)
     assert refusal.code == "not_watched"
     assert refusal.text == "Obstacles around the arm are unknown: eye: nothing has come yet."
-    begun(bench, "nod")  # which moves no arm
+    begun(bench, "nod")  # moves no arm
 
 
 def test_a_laser_that_falls_silent_cancels_it(bench):
     goal_id = begun(bench)
     bench.gate.health = [SensorHealth("depth", "depth", False, 0.6, "nothing new for 0.6 s")]
     bench.pass_time(0.05)
-    assert bench.base.cancelled_goals == []  # it may look at the arm, or be carried by it
+    assert bench.base.cancelled_goals == []  # the camera may see the arm, or move with it
     bench.gate.health = [SensorHealth("laser", "scan", False, 0.3, "nothing new for 0.3 s")]
     bench.pass_time(0.05)
     assert bench.base.cancelled_goals == [goal_id]
@@ -231,7 +231,7 @@ def test_base_stands_during_a_motion_and_needs_neutral_after(bench):
     goal_id = begun(bench)
     assert bench.stick(0.5).code == "motion_running"
     assert bench.last == STILL
-    told = "nothing drives during a motion"  # true while it runs, and afterwards
+    told = "nothing drives during a motion"  # true during the motion and after it
     assert bench.core.state(bench.now_s, []).neutral_needed.text == told
     ends(bench, goal_id, "succeeded")
     assert bench.stick(0.5).code == "neutral_needed"
@@ -287,7 +287,7 @@ def test_motion_is_judged_by_its_present_points(bench):
     bench.pass_time(0.1)
     assert bench.sink.kinds == ["motion.start"]
     assert (answers, bench.base.played) == ([], [])
-    bench.base.sweeps["wave"] = ((-0.6, 0.0, 0.2),)  # it was recorded anew
+    bench.base.sweeps["wave"] = ((-0.6, 0.0, 0.2),)  # it was recorded again on the robot
     bench.base.asked.pop()()
     assert [refusal.code for refusal in answers] == ["motion_blocked"]
     assert bench.base.played == []

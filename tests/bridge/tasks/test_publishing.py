@@ -20,7 +20,7 @@ from robots.wire import Refusal
 from tests.bridge.support import CONFIG, Bench, MemoryPublisher, Outcome, settled
 
 NOTES = Allowed("publish", "/notes", "std_msgs/String")
-SERVICE = Allowed("call", "/diary", "std_msgs/String")  # of a service: nothing that is published
+SERVICE = Allowed("call", "/diary", "std_msgs/String")  # a service cannot be published
 ALLOWING = msgspec.structs.replace(CONFIG, allowed=(NOTES, SERVICE))
 
 
@@ -286,7 +286,7 @@ def test_twist_still_sent_after_a_stop_does_not_drive(bench):
 
 def test_resting_program_does_not_free_a_stick_not_in_the_middle(bench):
     bench.driving(0.5)
-    for _ in range(10):  # the page is frozen, its stick held out
+    for _ in range(10):  # the page is frozen with its stick held out
         bench.order(twist(bench, 0.0))
         bench.pass_time(0.05)
     needed = bench.core.state(bench.now_s, []).neutral_needed
@@ -306,7 +306,7 @@ def test_resting_stick_does_not_free_a_silent_program(bench):
     bench.stick(0.0)
     bench.pass_time(0.4)
     bench.stick(0.0)
-    assert bench.core.state(bench.now_s, []).neutral_needed is None  # the stick may
+    assert bench.core.state(bench.now_s, []).neutral_needed is None  # the stick may drive
     refusal = bench.order(twist(bench, 0.3))
     assert refusal.text == "Publish a velocity of zero first: no command came for 0.3 s."
     assert bench.last == STILL
@@ -326,7 +326,7 @@ def test_a_stick_that_dies_while_out_hands_over_to_no_tool(bench):
 def test_program_started_while_stick_was_out_waits_after_stop(bench):
     bench.driving(0.5)
     bench.stick(0.5)
-    bench.order(twist(bench, 0.3))  # the stick has it
+    bench.order(twist(bench, 0.3))  # the stick is driving
     bench.core.stop("Bob", "", bench.now_s)
     bench.core.clear(bench.core.stop_state.number, bench.now_s)
     for _ in range(10):
@@ -424,7 +424,7 @@ def test_bad_velocity_fields_are_refused(fields, path):
 
 
 class Arriving(Future):
-    """A record that is done just after it was checked for the first time."""
+    """A record that is finished just after its first check."""
 
     looks = 0
 

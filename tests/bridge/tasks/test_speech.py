@@ -78,7 +78,7 @@ def bench():
 
 
 def ask(bench, text="Hola a todos", topic=None, fence=1, language="es-ES"):
-    """The answers so far."""
+    """Send the text; return its answers so far."""
     return bench.ask(wire.Say(fence, text, language, topic))
 
 
@@ -324,7 +324,7 @@ def test_a_text_may_go_to_the_topic_that_an_earlier_one_went_to(bench):
     answers = ask(bench, topic="/second_tts")
     settled(bench)
     assert answers == [None]
-    assert bench.base.said == []  # it is being connected
+    assert bench.base.said == []  # still connecting
     bench.core.tick(bench.now_s)
     assert bench.base.attended == [("speech", {"/tts", "/second_tts"})]
     bench.core.tasks.routing.attended("speech", {"/tts", "/second_tts"}, bench.now_s)
@@ -346,7 +346,7 @@ def test_plain_topic_stays_connected_shortly_after_its_text(bench):
     bench.core.tick(bench.now_s)
     assert len(bench.base.said) == 1
     assert bench.core.state(bench.now_s, []).speech_ended.outcome == "sent"
-    bench.pass_time(LINGER_S - 0.1)  # who listens there may only just have begun to
+    bench.pass_time(LINGER_S - 0.1)  # a subscriber there may have just joined
     assert bench.base.attended == [("speech", {"/tts", "/second_tts"})]
     bench.pass_time(0.2)
     assert bench.base.attended[-1] == ("speech", {"/tts"})
@@ -367,11 +367,11 @@ def test_a_text_whose_topic_cannot_be_connected_is_given_up(bench):
         ("hello lab", "hello", 0, (0, 5)),
         ("hello  lab", "hello lab", 0, (7, 10)),
         ("no no no", "no no", 2, (3, 5)),
-        ("no no no", "no", 2, (3, 5)),  # robots that tell only the newest word
+        ("no no no", "no", 2, (3, 5)),  # robots that report only the newest word
         ("one, two", "two", 4, (5, 8)),
         ("hello lab", "", 0, None),
         ("hello lab", "elsewhere", 0, None),
-        ("Ho a to", "ho a", 0, (3, 4)),  # which spell it their way
+        ("Ho a to", "ho a", 0, (3, 4)),  # robots with their own spelling
     ],
 )
 def test_the_word_that_is_spoken_is_found_in_the_text(text, said, after, word):

@@ -8,7 +8,7 @@ from robots.bridge.messages.packing import MAX_STEPS, MAX_WRITTEN_BYTES, Detail,
 from robots.wire import Field
 
 DETAIL = Detail(whole=32, first=16, text=500)
-SOON_S = 5.0  # on a busy machine; without a bound it is minutes, or for ever
+SOON_S = 5.0  # on a busy machine; without a limit it takes minutes or for ever
 
 
 def nested(array, depth):

@@ -18,7 +18,7 @@ from robots.bridge.topics.inspector_client import MAX_QUERIES, InspectorClient
 from tests.bridge.support import CONFIG
 
 PATIENCE_S = 20.0
-KILLED = (-signal.SIGKILL, 255)  # 255: somebody in asyncio asked before its watcher, who then cannot know
+KILLED = (-signal.SIGKILL, 255)  # 255: asyncio read the status before its child watcher
 ORDER = wire.Publish(1, "/notes", "std_msgs/String", {"data": "hello"})
 AT_A_RATE = msgspec.structs.replace(ORDER, rate_hz=5.0)
 
@@ -161,11 +161,11 @@ async def test_inspector_runs_only_while_needed_and_shortly_after(make):
     relay.set_subscriptions(ann, {"/x": 1.0})
     await ann.until(lambda: ann.seen)
     process = relay._child._process
-    relay._end_if_idle()  # looked at for longer than the pause
+    relay._end_if_idle()  # subscribed for longer than the pause
     assert process is not None and relay._child._process is process and not relay._child._end_asked
     relay.set_subscriptions(ann, {})
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == 0
-    relay.set_subscriptions(ann, {"/y": 1.0})  # and again
+    relay.set_subscriptions(ann, {"/y": 1.0})  # subscribe again
     await ann.until(lambda: "/y" in ann.seen)
 
 
@@ -216,7 +216,7 @@ async def test_publishing_at_a_rate_is_lost_with_the_process(make, monkeypatch):
     ann.seen.clear()
     relay.ask(ann, question(2, "/die"))
     await asyncio.wait_for(lost.wait(), PATIENCE_S)
-    assert await ann.until(lambda: ann.seen) == {"/published": {"rate": 1.0}}  # and it does not begin again
+    assert await ann.until(lambda: ann.seen) == {"/published": {"rate": 1.0}}  # and it does not start again
 
 
 async def test_message_without_a_process_is_never_published(relay):
@@ -249,7 +249,7 @@ async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypa
     relay.publish_stop("/notes")
     relay.ask(ann, question(1))
     await ann.answer(1)
-    assert process.returncode is None  # it said that it stopped
+    assert process.returncode is None  # it reported that it stopped
     relay.publish(msgspec.structs.replace(AT_A_RATE, topic="/deaf"))
     relay.publish_stop("/deaf")
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) in KILLED
@@ -264,7 +264,7 @@ async def test_a_process_that_reads_nothing_is_killed(relay, monkeypatch):
     assert process is not None
     relay.ask(ann, question(1, "/doze"))
     assert relay.publish(ORDER)
-    for _ in range(10):  # more than a pipe holds
+    for _ in range(10):  # more than a pipe's buffer
         relay.check(msgspec.structs.replace(ORDER, fields={"data": "x" * 60_000}), lambda *_: None)
     assert not relay.publish(ORDER)
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) in KILLED
@@ -292,7 +292,7 @@ async def test_with_the_bridge_its_inspector_ends(make):
 async def test_inspector_in_its_start_ends_with_the_bridge(make):
     relay = make()
     relay.ask(Viewer(), question(1, "/doze"))
-    await asyncio.sleep(0)  # it is on its way
+    await asyncio.sleep(0)  # let it be sent
     assert relay._child._running is not None and relay._child._process is None
     await asyncio.wait_for(relay.close(), PATIENCE_S)
 

@@ -19,7 +19,7 @@ from tests.bridge.topics.test_inspector_client import AT_A_RATE, ORDER, PATIENCE
 
 __all__ = ["bench", "make"]  # fixtures
 
-# An inspector that reports each line it hears, and answers as the names in it demand.
+# An inspector that reports each line it receives, and answers as the names in the line demand.
 PROGRAM = textwrap.dedent("""
     import json, sys, time
 
@@ -42,7 +42,7 @@ PROGRAM = textwrap.dedent("""
 
 
 class Ear(Viewer):
-    """Subscribes to the lines that the inspector hears."""
+    """Stores the lines that the inspector receives."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -204,7 +204,7 @@ async def test_query_carries_its_time_limit(talk, monkeypatch):
 async def test_query_to_an_ending_inspector_goes_to_the_next(listen, monkeypatch, tmp_path):
     monkeypatch.setattr(line_process, "RESTART_S", (600.0, 600.0))
     monkeypatch.setattr(line_process, "END_S", PATIENCE_S)
-    monkeypatch.setattr(inspector_client, "ANSWER_S", 0.0)  # not enough for the process that ends
+    monkeypatch.setattr(inspector_client, "ANSWER_S", 0.0)  # too short for the ending process
     may_end = tmp_path / "may end"
     os.mkfifo(may_end)
     relay, ear = await listen(end=f"open({str(may_end)!r}).read()")
@@ -218,4 +218,4 @@ async def test_query_to_an_ending_inspector_goes_to_the_next(listen, monkeypatch
     assert (await ear.answer(1)).name == "/a"
     assert process.returncode == 0
     may_end.unlink()
-    may_end.touch()  # the next may end when it will
+    may_end.touch()  # the next process may end at any time

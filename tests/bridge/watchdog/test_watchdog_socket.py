@@ -1,4 +1,4 @@
-"""The watchdog's socket and file, and the bridge's end: one watchdog after another, and two at once."""
+"""The watchdog's socket and state file, and the bridge's end: one watchdog after another, and two in parallel."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ async def test_stops_with_lower_numbers_of_a_new_watchdog_are_heard(
 async def test_stop_that_the_bridge_failed_on_is_sent_again(
     tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
-    """Otherwise the watchdog would stop the robot for ever, and no bridge would know why."""
+    """Otherwise the watchdog would stop the robot for ever without the bridge knowing."""
     presses: asyncio.Queue[StopPress] = asyncio.Queue()
     broken = asyncio.Event()
 
@@ -131,15 +131,15 @@ async def test_watchdog_without_reading_is_missing_after_seconds(
     tmp_path: Path, open_lane: Callable[[], WatchdogSocket]
 ) -> None:
     beats = WatchdogClient(str(tmp_path / "robot.stop"), lambda _: None)
-    assert not beats.missing(0.0)  # nothing was asked of it yet
-    beats.beat(Heartbeat(), 100.0)  # none is there
+    assert not beats.missing(0.0)  # no heartbeat was sent yet
+    beats.beat(Heartbeat(), 100.0)  # no watchdog is there
     assert not beats.missing(100.0 + MISSING_S)
     assert beats.missing(100.1 + MISSING_S)
     lane = open_lane()
     beats.beat(Heartbeat(), 110.0)
     assert not beats.missing(110.0 + MISSING_S)
     now_s = 110.0
-    while not beats.missing(now_s):  # it is frozen: what waits for it has an end
+    while not beats.missing(now_s):  # it is frozen: its socket's buffer gets full
         assert now_s < 200.0
         now_s += 0.05
         beats.beat(Heartbeat(), now_s)

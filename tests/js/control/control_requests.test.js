@@ -70,7 +70,7 @@ describe("control requests", () => {
   });
 
   it("end when the robot reports the result", () => {
-    requests.done("clear"); // somebody else cleared it
+    requests.done("clear"); // another person cleared it
     requests.send({ t: "clear", number: 2 });
     requests.done("clear");
     requests.done("clear");

@@ -86,7 +86,7 @@ describe("the stop button", () => {
     answered(pending);
     await settle();
     expect(ways.fail.mock.calls.map(([text]) => text)).toEqual(["Pending."]);
-    stop.refused("The stop is pending."); // of a press that only the socket took
+    stop.refused("The stop is pending."); // of a press sent only by the socket
     expect(ways.fail).toHaveBeenCalledTimes(2);
   });
 
@@ -106,7 +106,7 @@ describe("the stop button", () => {
     expect(ways.fail).not.toHaveBeenCalled();
   });
 
-  /** An answer that comes so many seconds after it was asked for. */
+  /** An answer that comes after so many seconds. */
   const later = (seconds, come, what) => () =>
     new Promise((resolve, reject) => {
       setTimeout(come === "answer" ? resolve : reject, 1000 * seconds, what);
@@ -184,7 +184,7 @@ describe("the stop button", () => {
     );
     press();
     await settle();
-    expect(ways.say).toHaveBeenCalledTimes(1); // that it is being sent
+    expect(ways.say).toHaveBeenCalledTimes(1); // only that it is being sent
     expect(ways.fail).toHaveBeenCalledWith(body.text, robots);
   });
 

@@ -69,7 +69,7 @@ describe("the words next to Stop all", () => {
     expect(element.textContent).toBe("Not reached: b. Not reached: c.");
     words.say("Stop sent");
     expect(element.textContent).toBe("Stop sent");
-    words.forget("b"); // of which there is nothing to forget: the news stays
+    words.forget("b"); // it has no failure: the news stays
     expect(element.textContent).toBe("Stop sent");
   });
 });

@@ -5,7 +5,7 @@ import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
 const SIZE = 200;
 let resized;
 
-/** A zone of 200 by 200 pixels at the page's corner; happy-dom lays nothing out. */
+/** A zone of 200 by 200 pixels at the page's corner; happy-dom has no layout. */
 function makeZone() {
   const zone = document.body.appendChild(document.createElement("div"));
   zone.style.position = "relative";

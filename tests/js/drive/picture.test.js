@@ -11,7 +11,7 @@ const FACTS = {
   ],
 };
 
-/** A pen that notes every call. */
+/** A drawing context that stores every call. */
 function recorder() {
   const calls = [];
   const measured = { width: 10 };

@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { screenLock } from "../../../static/js/drive/wake_lock.js";
 
-/** As the browser's: releasing is told later, and hiding the page releases. */
+/** Like the browser's lock: the release event comes later, and hiding the page releases. */
 class Sentinel extends EventTarget {
   released = false;
 

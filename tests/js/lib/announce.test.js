@@ -10,7 +10,7 @@ describe("announcements", () => {
     const announcer = new Announcer(region);
     announcer.say("slowed to 0.3 m/s", "slowed ahead");
     expect(region.textContent).toBe("slowed to 0.3 m/s");
-    announcer.say("slowed to 0.2 m/s", "slowed ahead"); // only a figure changed
+    announcer.say("slowed to 0.2 m/s", "slowed ahead"); // only a number changed
     announcer.say("held: laser, ahead left", "held left");
     announcer.say("held: laser, ahead", "held ahead");
     expect(region.textContent).toBe("slowed to 0.3 m/s");
@@ -24,7 +24,7 @@ describe("announcements", () => {
     const announcer = new Announcer(region);
     announcer.say("No connection. Connecting again.", "No connection");
     announcer.say("Slowed.", "slowed");
-    announcer.forget("No connection"); // something else was said since
+    announcer.forget("No connection"); // another text was announced since
     announcer.forget("slowed");
     vi.advanceTimersByTime(4000);
     expect(region.textContent).toBe("No connection. Connecting again.");

@@ -140,7 +140,7 @@ describe("notices", () => {
     expect(parts.alarm.textContent).toBe("Error: Not confirmed.");
     expect(parts.said.textContent).toBe("");
     vi.advanceTimersByTime(1500);
-    expect(parts.alarm.textContent).toBe(""); // a screen reader finds it once
+    expect(parts.alarm.textContent).toBe(""); // so that a screen reader reads it once
   });
 
   it("show at most four at once, and log the last hundred", () => {

@@ -65,7 +65,7 @@ describe("the tabs", () => {
     expect(click({})).toBe(false);
     expect(root.dataset.tab).toBe("drive");
     expect(location.hash).toBe("#drive");
-    window.dispatchEvent(new Event("hashchange")); // as the browser tells, later
+    window.dispatchEvent(new Event("hashchange")); // the browser sends it later
     expect(changes).toHaveLength(2);
   });
 

@@ -2,7 +2,7 @@ import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { TopicsChannel } from "../../../static/js/topics/channel.js";
 import { FakeSocket, made } from "../fake_socket.js";
 
-/** A browser tells the end of a socket later than it was asked for, on a dead network by many seconds. */
+/** Like a browser, it reports the end of a socket late: on a dead network after many seconds. */
 class SlowSocket extends FakeSocket {
   close() {
     this.readyState = 2;
@@ -92,7 +92,7 @@ describe("the channel of the topics", () => {
     made[0].ends();
     vi.advanceTimersByTime(250);
     made[1].opens();
-    expect(made[1].sent).toEqual([]); // a connection that comes back meanwhile is not looked at either
+    expect(made[1].sent).toEqual([]); // a connection that returns meanwhile has no subscriptions either
     hidden.mockReturnValue(false);
     document.dispatchEvent(new Event("visibilitychange"));
     expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);

@@ -85,7 +85,7 @@ describe("the view of a topic", () => {
     button("Plot position[0]").click();
     expect(button("Plot position[0]").getAttribute("aria-pressed")).toBe("true");
     expect(watch.element.querySelector(".plot").hidden).toBe(false);
-    button("Elements of position").click(); // their lines go with them
+    button("Elements of position").click(); // removes their lines
     expect(button("Plot position[0]")).toBe(null);
     expect(watch.element.querySelector(".plot").hidden).toBe(true);
   });

@@ -75,7 +75,7 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     answers(made[0]);
     const fault = document.querySelector("[data-part=topics-fault]");
     await vi.waitFor(() => expect(fault.textContent).toBe("Ask again."));
-    expect(emptyOf("service-list").textContent).toBe("Asking the robot…"); // by itself
+    expect(emptyOf("service-list").textContent).toBe("Asking the robot…"); // without a new request
     tab.hide();
     told.length = 0;
     tab.show();

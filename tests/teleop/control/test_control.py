@@ -72,7 +72,7 @@ async def test_taking_a_free_robot_gives_control_and_drive(open_page, bridge):
     command = f'{{"t":"drive","fence":{grant.fence},"seq":1,"sent_ms":5.25,"x":0.5,"w":0}}'
     await page.say_raw(command)
     await bridge.hears(wire.Drive)
-    assert command.encode() in bridge.raw  # byte for byte
+    assert command.encode() in bridge.raw  # forwarded unchanged
 
 
 async def test_grant_contains_the_delay_to_the_drivers_page(open_page, bridge):
@@ -489,7 +489,7 @@ async def test_new_sign_in_in_the_same_tab_does_not_resume(open_page, browsers, 
     page = await open_page("operator")
     await take(page)
     await page.close()
-    await in_database(browsers["operator"].force_login, operator)  # a new session, the same tab token
+    await in_database(browsers["operator"].force_login, operator)  # a new sign-in session, the same tab token
     again = await open_page("operator")
     assert again.control["state"] == "away"
 
@@ -529,7 +529,7 @@ async def test_change_by_another_process_is_seen_at_the_next_read(open_page, rob
 async def test_lease_event_of_another_process_is_seen_at_once(open_page, robot, operator, monkeypatch):
     page = await open_page("observer")
     monkeypatch.setattr("teleop.live.robot_hub.STATUS_S", 60)
-    await page.hears_nothing("control", within_s=0.6)  # the regular read that was due is over
+    await page.hears_nothing("control", within_s=0.6)  # the next regular read is over
     await taken_elsewhere(robot, operator)
     elsewhere = LeaseEvents(robot.id, on_change=lambda: pytest.fail("its own event"))
     await elsewhere.publish()

@@ -86,7 +86,7 @@ def test_late_answers_of_a_page_reach_the_gate_with_the_grant(driven, monkeypatc
         return driven.gate.operator_delay_s
 
     assert answers(*[0.05] * 40) == pytest.approx(0.05)
-    assert answers(0.6, 0.6) == pytest.approx(0.05)  # two may be chance
+    assert answers(0.6, 0.6) == pytest.approx(0.05)  # two samples may be chance
     assert answers(0.6) == pytest.approx(0.6)
 
 

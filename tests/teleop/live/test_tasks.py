@@ -211,7 +211,7 @@ async def test_topics_must_be_on_the_allow_list_for_the_role(kind, fields, code,
 
 
 async def test_allow_list_comes_from_the_admin(open_page, bridge, robot, monkeypatch):
-    monkeypatch.undo()  # no list of this module's
+    monkeypatch.undo()  # without this module's allow-list
     page = await open_page("operator")
     await page.say("take")
     await page.hears("control", state="yours")

@@ -27,7 +27,7 @@ SOON_S = 0.1
 
 @pytest.fixture
 def written(monkeypatch):
-    """A suppressor with short gaps; `next()` returns what it written_events: (code, times)."""
+    """A suppressor with short gaps; `next()` returns the next written event: (code, times)."""
     monkeypatch.setattr(refusals, "GAP_S", SOON_S)
     written_events = queue.Queue()
     log = repeat_suppression.RepeatSuppressor(
