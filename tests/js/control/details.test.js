@@ -5,6 +5,7 @@ import {
   skewText,
   watchersText,
 } from "../../../static/js/control/details.js";
+import { STATE } from "./state.js";
 
 test("an unmeasured latency is shown as assumed", () => {
   expect(latencyText({ latency_s: 0.2, latency_measured: false })).toBe("200 ms (assumed)");
@@ -28,17 +29,6 @@ test("a wrong clock is explained in words", () => {
 });
 
 describe("the panel", () => {
-  const STATE = {
-    verdict: {},
-    latency_s: 0.1,
-    latency_measured: true,
-    watchers: [],
-    watchers_more: 0,
-    sensors: [],
-    foreign: [],
-    refused: {},
-    clock_skew_s: null,
-  };
   let parts;
   let details;
 

@@ -1,21 +1,15 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { StatusBar } from "../../../static/js/control/status_bar.js";
+import { STATE as COMMON } from "./state.js";
 
 const STOP = { state: "clear", by: null, reason: "", standstill_ms: null };
 const STATE = {
+  ...COMMON,
   phase: "online",
   text: "",
   stop: STOP,
   verdict: { code: "idle", text: "", limits: [] },
   battery_percent: null,
-  latency_s: 0.1,
-  latency_measured: true,
-  watchers: [],
-  watchers_more: 0,
-  sensors: [],
-  foreign: [],
-  refused: {},
-  clock_skew_s: null,
 };
 const LIVE = { connected: true, gone: null, state: STATE, sinceViewMs: 0, cut: false };
 const LOST = { ...LIVE, connected: false, cut: true };

@@ -1,10 +1,10 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { languageChoices, languageName } from "../../static/js/lib/languages.js";
-import { whenText } from "../../static/js/lib/times.js";
-import { History, outcomeText } from "../../static/js/tasks/history.js";
-import { Phrases } from "../../static/js/tasks/phrases.js";
-import { aroundWord, Running } from "../../static/js/tasks/running.js";
-import { Say, speechEndNotice } from "../../static/js/tasks/say.js";
+import { languageChoices, languageName } from "../../../static/js/lib/languages.js";
+import { whenText } from "../../../static/js/lib/times.js";
+import { History, outcomeText } from "../../../static/js/tasks/history.js";
+import { Phrases } from "../../../static/js/tasks/phrases.js";
+import { aroundWord, Running } from "../../../static/js/tasks/running.js";
+import { Say, speechEndNotice } from "../../../static/js/tasks/say.js";
 
 function made(tags) {
   return Object.fromEntries(

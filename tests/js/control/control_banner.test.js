@@ -6,9 +6,9 @@ import {
   limitsOf,
   stopText,
   verdictText,
-} from "../../static/js/control/control_banner.js";
-import { controlWords } from "../../static/js/control/control_words.js";
-import { firstShare, paceText, sharesUpTo } from "../../static/js/drive/driving_options.js";
+} from "../../../static/js/control/control_banner.js";
+import { controlWords } from "../../../static/js/control/control_words.js";
+import { firstShare, paceText, sharesUpTo } from "../../../static/js/drive/driving_options.js";
 
 const CLEAR = { state: "clear", by: null, reason: "", standstill_ms: null };
 const ONLINE = { phase: "online", text: "", stop: CLEAR, neutral_needed: null };
