@@ -17,7 +17,7 @@ from fleet.audit.models import Actor, Content, Record
 from fleet.audit.services import record
 from fleet.audit.verify import verify_all
 from teleop.recording import refusals
-from tests.script.support import until
+from tests.processes import until
 
 pytestmark = pytest.mark.django_db
 

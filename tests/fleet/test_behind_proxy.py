@@ -1,49 +1,32 @@
 """`script/serve --behind-proxy`: a TLS proxy in front of the real web process."""
 
 import http.client
-import os
 import re
 import socket
-import subprocess
-import sys
 import time
 from http.cookies import SimpleCookie
-from pathlib import Path
 
 import pytest
 
 from script.stack.processes import Child, end_all
 from script.stack.serve import arguments, web_command
+from tests.conftest import PASSWORD
+from tests.fleet.support import console_environment, create_database
 
-ROOT = Path(__file__).resolve().parents[2]
 HOST = "fleet.example"
 PAGE = "/accounts/sign-in/"
-PASSWORD = "a long walk on the beach"
 FROM_THE_PROXY = {"Host": HOST, "X-Forwarded-Proto": "https", "X-Forwarded-For": "10.0.0.7"}
 
 
 @pytest.fixture
 def environ(tmp_path):
-    """Environment of the web process. Debug mode avoids collecting static files."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("FLEET_", "DJANGO_"))}
-    return {
-        **kept,
-        "FLEET_VAR": str(tmp_path / "var"),
-        "FLEET_SECRET_KEY": "k" * 50,
-        "FLEET_HOSTS": HOST,
-        "FLEET_TLS": "1",
-        "FLEET_DEBUG": "1",
-    }
+    return console_environment(tmp_path, HOST, FLEET_TLS="1")
 
 
 @pytest.fixture
 def port(environ, tmp_path):
     """Port of a web process with one account, "first"."""
-    manage = [sys.executable, "manage.py"]
-    account = ["createsuperuser", "--no-input", "--username", "first", "--email", "", "--verbosity", "0"]
-    with_password = {**environ, "DJANGO_SUPERUSER_PASSWORD": PASSWORD}
-    subprocess.run([*manage, "migrate", "--verbosity", "0"], cwd=ROOT, env=environ, check=True)
-    subprocess.run([*manage, *account], cwd=ROOT, env=with_password, check=True)
+    create_database(environ)
     with socket.create_server(("127.0.0.1", 0)) as free:
         number = free.getsockname()[1]
     command = web_command(arguments(["--behind-proxy", "--port", str(number)]))

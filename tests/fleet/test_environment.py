@@ -3,15 +3,14 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from django.core.exceptions import ImproperlyConfigured
 
 from fleet import environment
 from fleet.environment import Environment
+from tests.processes import REPOSITORY
 
-ROOT = Path(__file__).resolve().parents[2]
 KEY = "k" * 50
 SOUND = {"FLEET_SECRET_KEY": KEY, "FLEET_HOSTS": "fleet.example"}
 
@@ -21,7 +20,7 @@ def _start(tmp_path, **variables):
     result = subprocess.run(
         [sys.executable, "-c", "import fleet.settings"],
         env={"PATH": os.environ["PATH"], "FLEET_VAR": str(tmp_path / "var"), **variables},
-        cwd=ROOT,
+        cwd=REPOSITORY,
         capture_output=True,
         text=True,
         check=False,
@@ -38,7 +37,7 @@ def test_a_key_and_hosts_are_enough(tmp_path):
 def test_nothing_that_is_written_can_be_read_by_other_accounts(tmp_path):
     environ = {"PATH": os.environ["PATH"], "FLEET_VAR": str(tmp_path / "var"), **SOUND}
     command = [sys.executable, "manage.py", "migrate", "audit", "--verbosity", "0"]
-    subprocess.run(command, env=environ, cwd=ROOT, check=True, umask=0o022)
+    subprocess.run(command, env=environ, cwd=REPOSITORY, check=True, umask=0o022)
     database = tmp_path / "var/fleet.sqlite3"
     assert database.stat().st_mode & 0o077 == 0
 

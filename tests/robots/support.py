@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-
-PATIENCE_S = 20.0
 
 # Logs its start, ends when its standard input closes. A file crash-NAME next to the log makes it exit at once.
 POLITE = """
@@ -32,15 +27,6 @@ with pathlib.Path(os.environ["FAKE_LOG"]).open("a") as lines:
     print("start", sys.argv[-1], os.getpid(), file=lines)
 time.sleep(60)
 """
-
-
-def until(condition: Callable[[], Any], what: str) -> Any:
-    """Poll until `condition` is true, and return its value. Other processes give no event to await."""
-    last_s = time.monotonic() + PATIENCE_S
-    while not (value := condition()):
-        assert time.monotonic() < last_s, f"not within {PATIENCE_S} s: {what}"
-        time.sleep(0.01)
-    return value
 
 
 class FakePrograms:

@@ -66,6 +66,14 @@ async def open_page(robot, browsers, websocket_headers, bridge) -> AsyncIterator
 
 
 @pytest.fixture
+async def holder(open_page: OpenPage) -> Page:
+    """The operator's page, in control with fence 1."""
+    page = await open_page("operator")
+    assert (await page.take())["fence"] == 1
+    return page
+
+
+@pytest.fixture
 def allow(monkeypatch) -> Callable[..., None]:
     """`allow(*entries)`: these `Allowed` entries are the allow-list of every robot."""
 

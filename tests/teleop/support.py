@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
+from datetime import datetime
 from typing import Any, TypeVar
 
 import msgspec
 from channels.testing import WebsocketCommunicator
 
+from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.site.asgi import application
 from robots import wire
@@ -20,6 +22,7 @@ from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.wire import Odometry, Refusal, State, StopState, Verdict
 from teleop.background.database import in_database
+from teleop.models import ControlSession
 
 TIMEOUT_S = 20.0
 PATIENCE_S = 20.0  # until something is recorded: a busy machine needs time
@@ -58,6 +61,14 @@ async def eventually(find: Callable[[], T]) -> T:
 def unavailable(*_args: Any, **_kwargs: Any) -> None:
     """Replaces `audit.record` when the database cannot be written."""
     raise AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
+
+
+def store_sessions(robot: Robot, user: User, starts: Iterable[datetime], ended_at: datetime) -> None:
+    """Store one ended control session for each start, with fences from 0."""
+    for fence, started_at in enumerate(starts):
+        ControlSession.objects.create(
+            robot=robot, user=user, fence=fence, started_at=started_at, ended_at=ended_at
+        )
 
 
 class FakeBridge:
@@ -212,6 +223,11 @@ class Page:
                 self.inbox.append(message)
         except asyncio.TimeoutError as error:
             raise AssertionError(f"no {t} {fields}; instead: {self.inbox}") from error
+
+    async def take(self) -> dict[str, Any]:
+        """Take control; return the resulting `control` message."""
+        await self.say("take")
+        return await self.hears("control", state="yours")
 
     async def refused(self, code: str) -> dict[str, Any]:
         while True:

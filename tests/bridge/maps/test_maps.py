@@ -17,7 +17,7 @@ from robots.bridge.gate.values import Pose
 from robots.bridge.maps import map_fetch
 from robots.bridge.maps.map_fetch import AGAIN_S, FRESH_S, MapFetcher, MapWanted, NoMap
 from tests.bridge.support import CONFIG
-from tests.script.support import until
+from tests.processes import until
 
 MAP = Topic("/map", "nav_msgs/OccupancyGrid")
 TAKEN = TakenMap(0.05, Pose(1.0, 2.0, 0.5), 3, 4, b"PNG", "digest")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import datetime
 import ipaddress
-import socket
 import ssl
 import uuid
 
@@ -26,14 +25,9 @@ from robots.bridge.server.link_server import LinkServer
 from robots.link.client import BridgeLink, LinkRefused, Links, state_once, stop_once
 from robots.link.connections import _headers
 from tests.bridge.support import CONFIG, Bench
+from tests.processes import free_port
 
 ROBOT = uuid.UUID(CONFIG.robot_id)  # the robot of the test bench
-
-
-def free_port() -> int:
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
 
 
 class Bridge:

@@ -114,6 +114,16 @@ def relay(make) -> InspectorClient:
     return built
 
 
+async def started(relay: InspectorClient) -> tuple[Viewer, asyncio.subprocess.Process]:
+    """Subscribe to a topic; return the viewer and the inspector's process."""
+    ann = Viewer()
+    relay.set_subscriptions(ann, {"/x": 1.0})
+    await ann.until(lambda: ann.seen)
+    process = relay._child._process
+    assert process is not None
+    return ann, process
+
+
 async def test_answer_goes_to_its_requester_with_its_number(relay):
     ann, ben = Viewer(), Viewer()
     relay.ask(ann, question(7, "/ann"))
@@ -157,12 +167,9 @@ async def test_more_topics_than_one_robot_shows_are_refused_in_words(relay):
 async def test_inspector_runs_only_while_needed_and_shortly_after(make):
     relay = make(linger_s=0.05)
     assert relay._child._process is None
-    ann = Viewer()
-    relay.set_subscriptions(ann, {"/x": 1.0})
-    await ann.until(lambda: ann.seen)
-    process = relay._child._process
+    ann, process = await started(relay)
     relay._end_if_idle()  # subscribed for longer than the pause
-    assert process is not None and relay._child._process is process and not relay._child._end_asked
+    assert relay._child._process is process and not relay._child._end_asked
     relay.set_subscriptions(ann, {})
     assert await asyncio.wait_for(process.wait(), PATIENCE_S) == 0
     relay.set_subscriptions(ann, {"/y": 1.0})  # subscribe again
@@ -240,11 +247,7 @@ async def test_fields_are_checked_before_anything_is_published(relay):
 
 async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypatch):
     monkeypatch.setattr(inspector_client, "SILENCE_S", 0.05)
-    ann = Viewer()
-    relay.set_subscriptions(ann, {"/x": 1.0})
-    await ann.until(lambda: ann.seen)
-    process = relay._child._process
-    assert process is not None
+    ann, process = await started(relay)
     relay.publish(msgspec.structs.replace(AT_A_RATE, topic="/notes"))
     relay.publish_stop("/notes")
     relay.ask(ann, question(1))
@@ -257,11 +260,7 @@ async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypa
 
 async def test_a_process_that_reads_nothing_is_killed(relay, monkeypatch):
     monkeypatch.setattr(line_process, "LARGEST_BACKLOG", 10_000)
-    ann = Viewer()
-    relay.set_subscriptions(ann, {"/x": 1.0})
-    await ann.until(lambda: ann.seen)
-    process = relay._child._process
-    assert process is not None
+    ann, process = await started(relay)
     relay.ask(ann, question(1, "/doze"))
     assert relay.publish(ORDER)
     for _ in range(10):  # more than a pipe's buffer
@@ -280,11 +279,7 @@ async def test_every_query_is_refused_if_the_program_cannot_start(make, monkeypa
 
 async def test_with_the_bridge_its_inspector_ends(make):
     relay = make()
-    ann = Viewer()
-    relay.set_subscriptions(ann, {"/x": 1.0})
-    await ann.until(lambda: ann.seen)
-    process = relay._child._process
-    assert process is not None
+    _, process = await started(relay)
     await relay.close()
     assert process.returncode == 0
 

@@ -5,8 +5,6 @@ import os
 import re
 import socket
 import sqlite3
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -15,9 +13,8 @@ import pytest
 
 from script.stack.processes import Child, end_all
 from script.stack.stack import daphne
+from tests.fleet.support import console_environment, create_database
 
-ROOT = Path(__file__).resolve().parents[3]
-PASSWORD = "a long walk on the beach"
 READY_S = 60
 
 
@@ -75,21 +72,10 @@ def heard(stranger):
 
 @pytest.fixture(scope="session")
 def web(tmp_path_factory):
-    """A web process on a free port. Debug mode avoids collecting static files."""
+    """A web process on a free port, with one account."""
     directory = tmp_path_factory.mktemp("web")
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("FLEET_", "DJANGO_"))}
-    environ = {
-        **kept,
-        "FLEET_VAR": str(directory / "var"),
-        "FLEET_SECRET_KEY": "k" * 50,
-        "FLEET_HOSTS": "127.0.0.1",
-        "FLEET_DEBUG": "1",
-    }
-    manage = [sys.executable, "manage.py"]
-    account = ["createsuperuser", "--no-input", "--username", "first", "--email", "", "--verbosity", "0"]
-    with_password = {**environ, "DJANGO_SUPERUSER_PASSWORD": PASSWORD}
-    subprocess.run([*manage, "migrate", "--verbosity", "0"], cwd=ROOT, env=environ, check=True)
-    subprocess.run([*manage, *account], cwd=ROOT, env=with_password, check=True)
+    environ = console_environment(directory, "127.0.0.1")
+    create_database(environ)
     with socket.create_server(("127.0.0.1", 0)) as free:
         child = Child(
             "web",

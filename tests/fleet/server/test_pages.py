@@ -9,7 +9,8 @@ import pytest
 from benchmarks.parts.process_stats import children
 from fleet.server import limits
 from tests.fleet.server.conftest import heard
-from tests.script.support import command_line, until
+from tests.processes import until
+from tests.script.support import command_line
 
 
 def pages_process(web):

@@ -3,15 +3,14 @@
 import json
 import subprocess
 import sys
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[3]
+from tests.processes import REPOSITORY
 
 
 def test_an_endless_answer_ends_with_its_reader():
     command = [sys.executable, "-m", "tests.fleet.server.endless"]
     told = json.loads(
-        subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True, timeout=120).stdout
+        subprocess.run(command, cwd=REPOSITORY, stdout=subprocess.PIPE, check=True, timeout=120).stdout
     )
     assert told["closed"]
     assert told["taken"] == 0

@@ -26,7 +26,7 @@ from robots.registry.management.commands import stop
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.stop import courier
-from tests.robots.support import PATIENCE_S
+from tests.processes import PATIENCE_S
 
 pytestmark = pytest.mark.django_db(transaction=True)  # a thread reads the registry
 

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from tests.ros.support import REPOSITORY
+from tests.processes import REPOSITORY
 
 SOON_S = 5.0
 BEGIN = """import sys, time

@@ -20,7 +20,7 @@ from robots.recording.faults import (
 from robots.registry.models import BridgeStatus, Robot
 from robots.registry.selectors import link_address
 from robots.wire import Refusal
-from tests.robots.support import until
+from tests.processes import until
 
 State = BridgeStatus.State
 OFFLINE = Condition("robot_offline", "The master does not answer.")

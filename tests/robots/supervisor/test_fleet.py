@@ -16,7 +16,8 @@ from django.test import override_settings
 
 from robots.registry.management.commands.run_fleet import Fleet, wait_shortly
 from robots.registry.models import Allowance, BridgeStatus, Robot
-from tests.robots.support import FakePrograms, until
+from tests.processes import until
+from tests.robots.support import FakePrograms
 
 pytestmark = pytest.mark.django_db
 

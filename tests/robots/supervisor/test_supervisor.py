@@ -26,7 +26,8 @@ from robots.supervisor.keeper import (
     only_instance,
     supervised,
 )
-from tests.robots.support import STUBBORN, FakePrograms, until
+from tests.processes import until
+from tests.robots.support import STUBBORN, FakePrograms
 
 State = BridgeStatus.State
 

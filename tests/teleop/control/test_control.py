@@ -30,12 +30,6 @@ from tests.teleop.support import eventually, unavailable
 pytestmark = pytest.mark.django_db(transaction=True)
 
 
-async def take(page):
-    """Take control on this page; return the resulting `control` message."""
-    await page.say("take")
-    return await page.hears("control", state="yours")
-
-
 def drive(fence, seq=1):
     return {"fence": fence, "seq": seq, "sent_ms": 5.0, "x": 0.5, "w": 0.0}
 
@@ -61,7 +55,7 @@ async def test_taking_a_free_robot_gives_control_and_drive(open_page, bridge):
     page = await open_page("operator")
     assert page.control["state"] == "free"
 
-    control = await take(page)
+    control = await page.take()
     grant = await bridge.hears(wire.Grant)
     assert (grant.fence, grant.session, grant.holder) == (
         control["fence"],
@@ -77,7 +71,7 @@ async def test_taking_a_free_robot_gives_control_and_drive(open_page, bridge):
 
 async def test_grant_contains_the_delay_to_the_drivers_page(open_page, bridge):
     page = await open_page("operator")
-    await take(page)
+    await page.take()
     assert (await bridge.hears(wire.Grant)).delay_s is None, "no picture was drawn yet"
     bridge.show(1)
     await page.hears("view")
@@ -94,7 +88,7 @@ async def test_welcome_names_the_person_and_the_robots_facts(open_page, robot):
 
 async def test_other_pages_see_the_holder_and_the_time_left(open_page):
     watching = await open_page("observer")
-    await take(await open_page("operator"))
+    await (await open_page("operator")).take()
     message = await watching.hears("control", state="other")
     assert message["holder"] == "Olga Operator"
     assert message["fence"] is None
@@ -103,7 +97,7 @@ async def test_other_pages_see_the_holder_and_the_time_left(open_page):
 
 
 async def test_second_taker_is_refused_with_the_holders_name(open_page):
-    await take(await open_page("operator"))
+    await (await open_page("operator")).take()
     late = await open_page("second")
     await late.say("take")
     refusal = (await late.refused("held"))["refusal"]
@@ -111,7 +105,7 @@ async def test_second_taker_is_refused_with_the_holders_name(open_page):
 
 
 async def test_grant_of_3_s_is_renewed_every_second(open_page, bridge):
-    await take(await open_page("operator"))
+    await (await open_page("operator")).take()
     renewed = await bridge.hears(wire.Grant, count=3)
     assert renewed.seconds == 3.0
 
@@ -126,7 +120,7 @@ async def test_internal_fault_does_not_end_the_renewal(open_page, bridge, monkey
         await works(link, grant)
 
     monkeypatch.setattr(BridgeLink, "grant", fails_once)
-    await take(page)
+    await page.take()
     await bridge.hears(wire.Grant, count=2)
 
 
@@ -152,7 +146,7 @@ async def test_full_disk_refuses_control_until_there_is_space(open_page, bridge,
     assert not await in_database(ControlSession.objects.exists)
     assert not await in_database(Lease.objects.exclude(session=None).exists)
     await in_database(disk.free)
-    await take(page)
+    await page.take()
     await bridge.hears(wire.Grant)
 
 
@@ -178,7 +172,7 @@ async def test_control_refused_by_the_bridge_ends_with_its_reason(open_page, bri
 async def test_fence_is_above_the_bridges_highest_fence(open_page, bridge):
     bridge.fence = 40
     page = await open_page("operator")
-    assert (await take(page))["fence"] == 41
+    assert (await page.take())["fence"] == 41
 
 
 # --- release, ask, hand over, take over ---------------------------------------------------------------
@@ -186,7 +180,7 @@ async def test_fence_is_above_the_bridges_highest_fence(open_page, bridge):
 
 async def test_release_revokes_at_the_bridge_and_frees_the_robot(open_page, bridge):
     page = await open_page("operator")
-    fence = (await take(page))["fence"]
+    fence = (await page.take())["fence"]
     await page.say("release")
     assert (await bridge.hears(wire.Revoke)).fence == fence
     await page.hears("control", state="free")
@@ -198,7 +192,7 @@ async def test_release_revokes_at_the_bridge_and_frees_the_robot(open_page, brid
 async def test_release_that_cannot_be_recorded_is_stored_later(open_page, bridge, monkeypatch):
     monkeypatch.setattr(control_holder, "RETRY_S", 0.05)
     page = await open_page("operator")
-    fence = (await take(page))["fence"]
+    fence = (await page.take())["fence"]
     with monkeypatch.context() as full:
         full.setattr(audit, "record", unavailable)
         await page.say("release")
@@ -212,14 +206,14 @@ async def test_release_that_cannot_be_recorded_is_stored_later(open_page, bridge
 async def test_holder_may_take_again_after_an_unstored_release(open_page, monkeypatch):
     monkeypatch.setattr(control_holder, "RETRY_S", 60.0)
     page = await open_page("operator")
-    await take(page)
+    await page.take()
     with monkeypatch.context() as full:
         full.setattr(audit, "record", unavailable)
         await page.say("release")
         await page.hears("control", state="free")
         await page.say("take")
         await page.refused("audit_disk_full")
-    await take(page)
+    await page.take()
 
 
 async def test_take_after_an_unstored_release_is_kept(open_page, monkeypatch):
@@ -236,7 +230,7 @@ async def test_take_after_an_unstored_release_is_kept(open_page, monkeypatch):
         return record(kind, **facts)
 
     page = await open_page("operator")
-    given_back = (await take(page))["session"]
+    given_back = (await page.take())["session"]
     monkeypatch.setattr(audit, "record", slow)
     await page.say("release")
     assert await asyncio.to_thread(trying.wait, 5)
@@ -255,7 +249,7 @@ async def test_take_after_an_unstored_release_is_kept(open_page, monkeypatch):
 
 async def test_unstored_release_stays_after_a_reload(open_page, monkeypatch):
     page = await open_page("operator")
-    await take(page)
+    await page.take()
     monkeypatch.setattr(control_holder, "RETRY_S", 0.5)
     with monkeypatch.context() as full:
         full.setattr(audit, "record", unavailable)
@@ -288,7 +282,7 @@ async def test_release_without_control_is_refused(open_page):
 
 async def test_second_person_asks_and_gets_control(open_page, bridge):
     holder, asker = await open_page("operator"), await open_page("second")
-    old = (await take(holder))["fence"]
+    old = (await holder.take())["fence"]
     await asker.hears("control", state="other")
     await asker.say("ask")
     assert (await asker.hears("control"))["asking"]
@@ -312,7 +306,7 @@ async def test_second_person_asks_and_gets_control(open_page, bridge):
 
 async def test_closing_the_page_withdraws_its_request(open_page):
     holder, asker = await open_page("operator"), await open_page("second")
-    await take(holder)
+    await holder.take()
     await asker.say("ask")
     await holder.hears("notice", code="asked")
     await asker.close()
@@ -321,7 +315,7 @@ async def test_closing_the_page_withdraws_its_request(open_page):
 
 async def test_withdrawing_a_request_gives_no_notice(open_page, monkeypatch):
     holder, asker = await open_page("operator"), await open_page("second")
-    await take(holder)
+    await holder.take()
     await asker.say("ask")
     while not (await asker.hears("control"))["asking"]:
         pass
@@ -353,7 +347,7 @@ async def test_withdrawing_a_request_gives_no_notice(open_page, monkeypatch):
 
 async def test_renewal_is_refused_while_another_person_asks(open_page):
     holder, asker = await open_page("operator"), await open_page("second")
-    await take(holder)
+    await holder.take()
     await asker.say("ask")
     await holder.hears("notice", code="asked")
     await holder.say("renew")
@@ -362,7 +356,7 @@ async def test_renewal_is_refused_while_another_person_asks(open_page):
 
 async def test_holder_learns_the_reason_of_a_takeover(open_page, bridge):
     holder, boss = await open_page("operator"), await open_page("supervisor")
-    await take(holder)
+    await holder.take()
     assert (await boss.hears("control", state="other"))["may_take_over"]
     await boss.say("take_over", reason="fire drill")
     fence = (await boss.hears("control", state="yours"))["fence"]
@@ -374,7 +368,7 @@ async def test_holder_learns_the_reason_of_a_takeover(open_page, bridge):
 
 async def test_operator_cannot_take_over(open_page):
     holder, other = await open_page("operator"), await open_page("second")
-    await take(holder)
+    await holder.take()
     await other.say("take_over", reason="because I want it")
     await other.refused("role_too_low")
 
@@ -384,7 +378,7 @@ async def test_operator_cannot_take_over(open_page):
 
 async def test_control_ends_with_its_term(open_page, bridge):
     page = await open_page("operator")
-    fence = (await take(page))["fence"]
+    fence = (await page.take())["fence"]
     await moves_on(term_ends_at=timezone.now())
     assert (await bridge.hears(wire.Revoke)).fence == fence
     assert (await page.hears("notice", code="term"))["level"] == "warning"
@@ -394,7 +388,7 @@ async def test_control_ends_with_its_term(open_page, bridge):
 
 async def test_control_ends_with_its_term_even_if_not_recorded(open_page, bridge, monkeypatch):
     page = await open_page("operator")
-    fence = (await take(page))["fence"]
+    fence = (await page.take())["fence"]
     monkeypatch.setattr(audit, "record", unavailable)
     monkeypatch.setattr(robot_hub, "lease_seen", away)
     await moves_on(term_ends_at=timezone.now())
@@ -406,7 +400,7 @@ async def test_control_ends_with_its_term_even_if_not_recorded(open_page, bridge
 
 async def test_renewal_starts_a_new_term(open_page):
     page = await open_page("operator")
-    await take(page)
+    await page.take()
     await moves_on(term_ends_at=timezone.now() + timedelta(seconds=30))
     await page.hears("control")
     await page.say("renew")
@@ -417,7 +411,7 @@ async def test_renewal_is_answered_when_a_booking_allows_no_more(open_page, monk
     page = await open_page("operator")
     ends = timezone.now() + timedelta(seconds=600)
     monkeypatch.setattr(services, "_term_end", lambda permit, now: ends)
-    await take(page)
+    await page.take()
     await page.say("renew")
     assert (await page.hears("control"))["state"] == "yours"
 
@@ -427,7 +421,7 @@ async def test_renewal_is_answered_when_a_booking_allows_no_more(open_page, monk
 
 async def test_closed_page_pauses_the_bridge_and_others_see_it(open_page, bridge):
     page, watching = await open_page("operator"), await open_page("second")
-    fence = (await take(page))["fence"]
+    fence = (await page.take())["fence"]
     await watching.hears("control", state="other")
     await page.close()
     assert (await bridge.hears(wire.Pause, lambda hold: "gone" in hold.reason)).fence == fence
@@ -437,7 +431,7 @@ async def test_closed_page_pauses_the_bridge_and_others_see_it(open_page, bridge
 
 async def test_reloaded_page_resumes_with_the_same_fence(open_page, bridge):
     page = await open_page("operator")
-    before = await take(page)
+    before = await page.take()
     await page.close()
     again = await open_page("operator")
     control = (
@@ -450,7 +444,7 @@ async def test_reloaded_page_resumes_with_the_same_fence(open_page, bridge):
 
 async def test_page_has_lost_control_after_the_grace(open_page):
     page = await open_page("operator")
-    await take(page)
+    await page.take()
     await page.close()
     await moves_on(seen_at=timezone.now() - timedelta(seconds=11))
     again = await open_page("operator")
@@ -461,7 +455,7 @@ async def test_page_has_lost_control_after_the_grace(open_page):
 
 async def test_another_tab_does_not_resume_but_may_take(open_page, bridge):
     first = await open_page("operator")
-    old = (await take(first))["fence"]
+    old = (await first.take())["fence"]
     second = await open_page("operator", tab="another-tab-0123456789")
     assert second.control["state"] == "elsewhere"
     await second.say("take")
@@ -472,7 +466,7 @@ async def test_another_tab_does_not_resume_but_may_take(open_page, bridge):
 
 async def test_newest_of_duplicated_tabs_has_control(open_page, bridge):
     older = await open_page("operator")
-    fence = (await take(older))["fence"]
+    fence = (await older.take())["fence"]
     newest = await open_page("operator")
     if newest.control["state"] != "yours":
         await newest.hears("control", state="yours")
@@ -487,7 +481,7 @@ async def test_newest_of_duplicated_tabs_has_control(open_page, bridge):
 
 async def test_new_sign_in_in_the_same_tab_does_not_resume(open_page, browsers, operator):
     page = await open_page("operator")
-    await take(page)
+    await page.take()
     await page.close()
     await in_database(browsers["operator"].force_login, operator)  # a new sign-in session, the same tab token
     again = await open_page("operator")
@@ -496,7 +490,7 @@ async def test_new_sign_in_in_the_same_tab_does_not_resume(open_page, browsers, 
 
 async def test_grant_is_renewed_when_the_link_comes_back(open_page, bridge):
     page = await open_page("operator")
-    fence = (await take(page))["fence"]
+    fence = (await page.take())["fence"]
     granted = len(bridge.all(wire.Grant))
     bridge.cut()
     await bridge.hears(wire.Grant, lambda grant: grant.fence == fence, count=granted + 1)
@@ -547,7 +541,7 @@ async def test_control_is_taken_while_the_link_is_being_made(open_page, bridge, 
             yield socket
 
     monkeypatch.setattr(robots.link.client, "open_link", slowly)
-    await take(await open_page("operator"))
+    await (await open_page("operator")).take()
 
 
 async def test_page_opened_without_bridge_is_informed(open_page, bridge):
@@ -608,7 +602,7 @@ async def test_page_closed_during_a_read_gets_no_control_again(open_page, bridge
     monkeypatch.setattr(control_holder, "_leave", lambda *_args: noted.wait(10))  # the database is slow
     page = await open_page("operator")
     await open_page("second")
-    await take(page)
+    await page.take()
     closing = asyncio.ensure_future(page.close())
     await bridge.hears(wire.Pause, lambda hold: hold.reason == "The page is gone.")
     granted = len(bridge.all(wire.Grant))
@@ -632,7 +626,7 @@ async def test_database_fault_at_hello_closes_the_page(open_page, monkeypatch):
 
 async def test_resume_that_cannot_be_stored_closes_the_page(open_page, monkeypatch):
     page = await open_page("operator")
-    session = (await take(page))["session"]
+    session = (await page.take())["session"]
     await page.close()
     with monkeypatch.context() as full:
         full.setattr(audit, "record", unavailable)

@@ -36,6 +36,17 @@ def take(robot, user, *, name=None, highest_fence=0, now=NOW):
     )
 
 
+def take_over(robot, user):
+    services.lease_take_over(
+        robot_id=robot.id,
+        user_id=user.id,
+        tab=tab(user.username),
+        reason="fire drill",
+        highest_fence=0,
+        now=NOW,
+    )
+
+
 def give_back(robot, held):
     services.lease_end(
         robot_id=robot.id, session=held.session, reason=EndReason.RELEASED, user_id=held.user, now=NOW
@@ -243,14 +254,7 @@ def test_asking_twice_makes_one_request(robot, operator, second_operator):
 
 def test_takeover_records_its_reason(robot, operator, supervisor):
     before = take(robot, operator)
-    services.lease_take_over(
-        robot_id=robot.id,
-        user_id=supervisor.id,
-        tab=tab("supervisor"),
-        reason="fire drill",
-        highest_fence=0,
-        now=NOW,
-    )
+    take_over(robot, supervisor)
     ended = ControlSession.objects.get(pk=before.session)
     assert ended.end_reason == EndReason.TAKEN_OVER
     assert end_notes([before.session]) == {before.session: "Sue Pervisor took over: fire drill"}
@@ -324,14 +328,7 @@ def test_session_ends_once_however_control_ends(robot, operator, second_operator
 
 def test_names_and_reasons_in_records_may_expire(robot, operator, supervisor):
     take(robot, operator)
-    services.lease_take_over(
-        robot_id=robot.id,
-        user_id=supervisor.id,
-        tab=tab("supervisor"),
-        reason="fire drill",
-        highest_fence=0,
-        now=NOW,
-    )
+    take_over(robot, supervisor)
     kept = str([record.parameters for record in Record.objects.filter(kind__startswith="control.")])
     assert str(operator.pk) in kept
     assert not [words for words in ("Olga", "Pervisor", "fire drill") if words in kept]

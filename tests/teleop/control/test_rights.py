@@ -21,15 +21,6 @@ pytestmark = pytest.mark.django_db(transaction=True)
 LONGEST_S = 1.0
 
 
-@pytest.fixture
-async def driving(open_page):
-    """The operator's page, in control."""
-    page = await open_page("operator")
-    await page.say("take")
-    await page.hears("control", state="yours")
-    return page
-
-
 async def revoked_in_time(bridge, take_away):
     """Take the right away; control is revoked at the bridge within a second."""
     begun_s = time.monotonic()
@@ -40,29 +31,29 @@ async def revoked_in_time(bridge, take_away):
     assert session.ended_at is None or session.end_reason == EndReason.RIGHT
 
 
-async def test_losing_the_role_ends_control_but_not_watching(driving, bridge, operator):
+async def test_losing_the_role_ends_control_but_not_watching(holder, bridge, operator):
     await revoked_in_time(bridge, lambda: RobotRole.objects.filter(user=operator).update(role="observer"))
-    await driving.hears("welcome", role="observer")
-    await driving.hears("notice", code="role_too_low")
-    message = await driving.hears("control", state="free")
+    await holder.hears("welcome", role="observer")
+    await holder.hears("notice", code="role_too_low")
+    message = await holder.hears("control", state="free")
     assert message["refusal"]["code"] == "role_too_low"
-    assert "yours" not in [message.get("state") for message in driving.inbox]
+    assert "yours" not in [message.get("state") for message in holder.inbox]
     ended = await eventually(Record.objects.filter(kind="control.end").first)
     assert ended.parameters["why"] == "role_too_low"
 
 
-async def test_losing_every_role_closes_the_page(driving, bridge, operator):
+async def test_losing_every_role_closes_the_page(holder, bridge, operator):
     await revoked_in_time(bridge, lambda: RobotRole.objects.filter(user=operator).delete())
-    assert await driving.is_closed() == CloseCode.NOT_PERMITTED
+    assert await holder.is_closed() == CloseCode.NOT_PERMITTED
 
 
-async def test_signing_out_elsewhere_ends_control(driving, bridge, browsers, end_session):
+async def test_signing_out_elsewhere_ends_control(holder, bridge, browsers, end_session):
     await revoked_in_time(bridge, lambda: end_session(browsers["operator"]))
-    assert await driving.is_closed() == CloseCode.SIGNED_OUT
+    assert await holder.is_closed() == CloseCode.SIGNED_OUT
 
 
-async def test_signing_out_frees_the_robot_of_a_closed_page(driving, browsers, operator):
-    await driving.close()
+async def test_signing_out_frees_the_robot_of_a_closed_page(holder, browsers, operator):
+    await holder.close()
     await eventually(ControlSession.objects.filter(lease__connection="").first)  # its page may come back
     await in_database(lambda: browsers["operator"].post("/accounts/sign-out/"))
     session = await in_database(ControlSession.objects.get)
@@ -71,16 +62,16 @@ async def test_signing_out_frees_the_robot_of_a_closed_page(driving, browsers, o
     assert (ended.actor_id, ended.parameters["why"]) == (str(operator.pk), "signed_out")
 
 
-async def test_closed_account_loses_control(driving, bridge, operator):
+async def test_closed_account_loses_control(holder, bridge, operator):
     def close():
         operator.is_active = False
         operator.save()
 
     await revoked_in_time(bridge, close)
-    assert await driving.is_closed() == CloseCode.SIGNED_OUT
+    assert await holder.is_closed() == CloseCode.SIGNED_OUT
 
 
-async def test_changed_password_ends_control(driving, bridge, operator):
+async def test_changed_password_ends_control(holder, bridge, operator):
     def change():
         operator.set_password("another walk on the beach")
         operator.save()
@@ -128,12 +119,12 @@ async def test_role_that_rises_and_falls_back_ends_nothing(open_page, bridge):
     assert not bridge.all(wire.Revoke)
 
 
-async def test_disabling_the_robot_ends_control_with_that_reason(driving, bridge):
+async def test_disabling_the_robot_ends_control_with_that_reason(holder, bridge):
     await revoked_in_time(bridge, lambda: Robot.objects.update(enabled=False))
-    await driving.hears("notice", code="robot_disabled")
+    await holder.hears("notice", code="robot_disabled")
 
 
-async def test_lower_speed_limit_reaches_the_bridge_while_driving(driving, bridge):
+async def test_lower_speed_limit_reaches_the_bridge_while_driving(holder, bridge):
     await in_database(lambda: Robot.objects.update(max_share=0.3))
     await bridge.hears(wire.Grant, lambda grant: grant.max_share == 0.3)
 
@@ -174,7 +165,7 @@ async def is_not_renewed(bridge):
         await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5 * lease_renewal.RENEW_S)
 
 
-async def test_unconfirmed_control_is_not_renewed(driving, bridge, monkeypatch):
+async def test_unconfirmed_control_is_not_renewed(holder, bridge, monkeypatch):
     """The database fails: the bridge's own clock ends control three seconds later."""
     monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
     monkeypatch.setattr(robot_hub, "control_status", away)
@@ -182,7 +173,7 @@ async def test_unconfirmed_control_is_not_renewed(driving, bridge, monkeypatch):
     await is_not_renewed(bridge)
 
 
-async def test_lasting_fault_of_renewal_is_logged_once(driving, bridge, monkeypatch, caplog):
+async def test_lasting_fault_of_renewal_is_logged_once(holder, bridge, monkeypatch, caplog):
     monkeypatch.setattr(lease_renewal, "RENEW_S", 0.02)
     tries = asyncio.Semaphore(0)
     grant = lease_renewal.LeaseRenewer._grant
@@ -203,7 +194,7 @@ async def test_lasting_fault_of_renewal_is_logged_once(driving, bridge, monkeypa
         await bridge.hears(wire.Grant, count=len(bridge.all(wire.Grant)) + 1)
 
 
-async def test_read_of_others_rights_confirms_no_control(driving, open_page, bridge, monkeypatch):
+async def test_read_of_others_rights_confirms_no_control(holder, open_page, bridge, monkeypatch):
     """The hub reads each newcomer's rights; that does not confirm the holder's."""
     monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
     [hub] = robot_hub._hubs.values()

@@ -12,15 +12,6 @@ pytestmark = pytest.mark.django_db(transaction=True)
 FENCE = 1
 
 
-@pytest.fixture
-async def driving(open_page):
-    """The operator's page, in control with the fence `FENCE`."""
-    page = await open_page("operator")
-    await page.say("take")
-    assert (await page.hears("control", state="yours"))["fence"] == FENCE
-    return page
-
-
 def drive(**changes):
     return json.dumps({"t": "drive", "fence": FENCE, "seq": 1, "sent_ms": 5.0, "x": 0.5, "w": 0.0} | changes)
 
@@ -59,23 +50,23 @@ async def still_drives(page, bridge):
         (drive(padding="x" * 9000), "too_large"),
     ],
 )
-async def test_malformed_message_is_refused(driving, bridge, what, code):
-    await driving.say_raw(what)
-    await driving.refused(code)
-    await still_drives(driving, bridge)
+async def test_malformed_message_is_refused(holder, bridge, what, code):
+    await holder.say_raw(what)
+    await holder.refused(code)
+    await still_drives(holder, bridge)
 
 
-async def test_binary_frame_is_refused(driving, bridge):
-    await driving.say_bytes(b"\x00")
-    await driving.refused("not_text")
-    await still_drives(driving, bridge)
+async def test_binary_frame_is_refused(holder, bridge):
+    await holder.say_bytes(b"\x00")
+    await holder.refused("not_text")
+    await still_drives(holder, bridge)
 
 
-async def test_old_fencing_number_is_refused(driving, bridge):
-    await driving.say_raw(drive(fence=FENCE + 1))
-    refused = await driving.refused("old_fence")
+async def test_old_fencing_number_is_refused(holder, bridge):
+    await holder.say_raw(drive(fence=FENCE + 1))
+    refused = await holder.refused("old_fence")
     assert (refused["of"], refused["seq"], refused["fence"]) == ("drive", 1, FENCE + 1)
-    await still_drives(driving, bridge)
+    await still_drives(holder, bridge)
 
 
 async def test_driving_without_control_is_refused(open_page, bridge):
@@ -85,7 +76,7 @@ async def test_driving_without_control_is_refused(open_page, bridge):
     assert not bridge.all(wire.Drive)
 
 
-async def test_control_of_one_robot_does_not_drive_another(driving, open_page, bridge, other_robot):
+async def test_control_of_one_robot_does_not_drive_another(holder, open_page, bridge, other_robot):
     other = await open_page("staff", slug=other_robot.slug)
     await other.say_raw(drive())
     await other.refused("no_lease")
@@ -104,48 +95,48 @@ async def test_second_hello_is_refused(open_page):
     await page.refused("hello_twice")
 
 
-async def test_few_refusals_are_answered_but_all_are_counted(driving, bridge):
+async def test_few_refusals_are_answered_but_all_are_counted(holder, bridge):
     for _ in range(100):
-        await driving.say_raw("go!")
-    await still_drives(driving, bridge)
-    await driving.say("ping", sent_ms=1)
-    await driving.hears("pong")
-    assert sum(message["t"] == "refused" for message in driving.inbox) < 30
+        await holder.say_raw("go!")
+    await still_drives(holder, bridge)
+    await holder.say("ping", sent_ms=1)
+    await holder.hears("pong")
+    assert sum(message["t"] == "refused" for message in holder.inbox) < 30
 
 
-async def test_burst_after_a_stall_is_forwarded(driving, bridge):
+async def test_burst_after_a_stall_is_forwarded(holder, bridge):
     for seq in range(250):
-        await driving.say_raw(drive(seq=seq))
-    await driving.say("ping", sent_ms=1)
-    await driving.hears("pong")
-    assert "refused" not in [message["t"] for message in driving.inbox]
+        await holder.say_raw(drive(seq=seq))
+    await holder.say("ping", sent_ms=1)
+    await holder.hears("pong")
+    assert "refused" not in [message["t"] for message in holder.inbox]
 
 
-async def test_flood_is_refused_and_closes_the_connection(driving, bridge):
+async def test_flood_is_refused_and_closes_the_connection(holder, bridge):
     for seq in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 200):
-        await driving.say_raw(drive(seq=seq))
-    assert await driving.is_closed() == CloseCode.FLOOD
-    assert "flood" in [m["refusal"]["code"] for m in driving.inbox if m["t"] == "refused"]
+        await holder.say_raw(drive(seq=seq))
+    assert await holder.is_closed() == CloseCode.FLOOD
+    assert "flood" in [m["refusal"]["code"] for m in holder.inbox if m["t"] == "refused"]
     assert len(bridge.all(wire.Drive)) <= FLOOD_BURST + 200
 
 
 @pytest.mark.parametrize("what", ["go!", '{"t":"dance"}', "[]"])
-async def test_flood_of_malformed_messages_closes_the_connection(driving, bridge, what):
+async def test_flood_of_malformed_messages_closes_the_connection(holder, bridge, what):
     for _ in range(int(FLOOD_BURST) + FLOOD_CLOSES_AFTER + 200):
-        await driving.say_raw(what)
-    assert await driving.is_closed() == CloseCode.FLOOD
+        await holder.say_raw(what)
+    assert await holder.is_closed() == CloseCode.FLOOD
 
 
-async def test_refusal_of_the_bridge_reaches_the_sending_page(driving, bridge):
+async def test_refusal_of_the_bridge_reaches_the_sending_page(holder, bridge):
     refusal = wire.Refusal("too_old", "The command was 0.5 s on its way.", "dead-man")
     bridge.say(wire.Refused("drive", refusal, seq=7, fence=FENCE))
-    assert (await driving.refused("too_old"))["seq"] == 7
+    assert (await holder.refused("too_old"))["seq"] == 7
 
 
-async def test_only_the_holder_plays_and_cancels_motions(open_page, driving, bridge):
-    await driving.say("play", fence=FENCE, motion="wave")
+async def test_only_the_holder_plays_and_cancels_motions(open_page, holder, bridge):
+    await holder.say("play", fence=FENCE, motion="wave")
     assert (await bridge.hears(wire.Play)).motion == "wave"
-    await driving.say("play_cancel", fence=FENCE)
+    await holder.say("play_cancel", fence=FENCE)
     assert (await bridge.hears(wire.PlayCancel)).fence == FENCE
     watching = await open_page("observer")
     await watching.say("play", fence=FENCE, motion="wave")
@@ -153,11 +144,11 @@ async def test_only_the_holder_plays_and_cancels_motions(open_page, driving, bri
     assert len(bridge.all(wire.Play)) == 1
 
 
-async def test_only_the_holder_lets_the_head_look_ahead(open_page, driving, bridge):
-    await driving.say("look_ahead", fence=FENCE)
+async def test_only_the_holder_lets_the_head_look_ahead(open_page, holder, bridge):
+    await holder.say("look_ahead", fence=FENCE)
     assert (await bridge.hears(wire.LookAhead)).fence == FENCE
-    await driving.say("look_ahead", fence=FENCE + 1)
-    assert (await driving.refused("old_fence"))["of"] == "look_ahead"
+    await holder.say("look_ahead", fence=FENCE + 1)
+    assert (await holder.refused("old_fence"))["of"] == "look_ahead"
     watching = await open_page("observer")
     await watching.say("look_ahead", fence=FENCE)
     assert (await watching.refused("no_lease"))["of"] == "look_ahead"

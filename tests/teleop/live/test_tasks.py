@@ -39,15 +39,6 @@ def allowed(allow):
     allow(*ALLOWED)
 
 
-@pytest.fixture
-async def holder(open_page):
-    """The operator's page, in control with the fence `FENCE`."""
-    page = await open_page("operator")
-    await page.say("take")
-    assert (await page.hears("control", state="yours"))["fence"] == FENCE
-    return page
-
-
 @pytest.mark.parametrize("kind", ORDERS)
 async def test_holders_request_reaches_the_bridge_and_is_answered(kind, holder, bridge):
     await holder.say(kind, fence=FENCE, seq=41, **ORDERS[kind])

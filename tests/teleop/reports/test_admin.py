@@ -10,6 +10,7 @@ from fleet.accounts.services import account_erase
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from teleop.models import ControlSession, EndReason
+from tests.teleop.support import store_sessions
 
 pytestmark = pytest.mark.django_db
 
@@ -65,14 +66,7 @@ def test_sessions_are_filtered_by_robot_person_reason_and_day(staff, signed_in, 
 
 def test_pages_show_every_session_once(staff, operator, robot, signed_in):
     now = timezone.now()
-    for number in range(120):
-        ControlSession.objects.create(
-            robot=robot,
-            user=operator,
-            fence=number,
-            started_at=now - timedelta(hours=number),
-            ended_at=now,
-        )
+    store_sessions(robot, operator, (now - timedelta(hours=number) for number in range(120)), now)
     client = signed_in(staff)
     context, found = client.get(LIST).context, []
     assert context["count"] == "120"
@@ -90,14 +84,7 @@ def test_sessions_that_began_together_share_a_page(staff, operator, robot, signe
     """Many sessions can begin at one moment: after a restart of all bridges, or by a script."""
     monkeypatch.setattr("teleop.admin.PAGE", 3)
     now = timezone.now()
-    for fence in range(12):
-        ControlSession.objects.create(
-            robot=robot,
-            user=operator,
-            fence=fence,
-            started_at=now - timedelta(minutes=fence // 4),
-            ended_at=now,
-        )
+    store_sessions(robot, operator, (now - timedelta(minutes=number // 4) for number in range(12)), now)
     client, sessions = signed_in(staff), ControlSession.objects.order_by("-started_at", "-pk")
     everything = [f"/sessions/{session.pk}/" for session in sessions]
     pages = [client.get(LIST).context]

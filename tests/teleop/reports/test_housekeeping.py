@@ -18,6 +18,7 @@ from teleop.control.rules import Tab
 from teleop.control.selectors import lease_of
 from teleop.management.commands import run_housekeeping
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
+from tests.processes import until
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -82,7 +83,7 @@ def test_process_runs_until_signal_or_end_of_its_parent(how, robot, held):
         [sys.executable, MANAGE, "run_housekeeping"], stdin=subprocess.PIPE, env=environment
     ) as process:
         try:
-            until(lambda: lease_of(robot.id) is None)
+            until(lambda: lease_of(robot.id) is None, "the lease to end")
             if how == "terminated":
                 process.send_signal(signal.SIGTERM)
             else:
@@ -90,11 +91,3 @@ def test_process_runs_until_signal_or_end_of_its_parent(how, robot, held):
             assert process.wait(10) == 0
         finally:
             process.kill()
-
-
-def until(done, timeout_s=20.0):
-    """Wait for a change of the database by another process."""
-    ends_s = time.monotonic() + timeout_s
-    while not done():
-        assert time.monotonic() < ends_s
-        time.sleep(0.05)

@@ -22,6 +22,7 @@ from robots.registry.services import role_set
 from teleop.models import ControlSession, EndReason
 from teleop.reports import own_data, robot_report, session_report
 from teleop.reports.path_plot import DrivePath, plot_drives
+from tests.teleop.support import store_sessions
 
 pytestmark = pytest.mark.django_db
 
@@ -394,14 +395,7 @@ def test_own_records_come_page_by_page(operator, signed_in, put):
 
 def test_own_sessions_come_page_by_page(operator, robot, signed_in):
     began = now()
-    for number in range(25):
-        ControlSession.objects.create(
-            robot=robot,
-            user=operator,
-            fence=number,
-            started_at=began - timedelta(hours=number),
-            ended_at=began,
-        )
+    store_sessions(robot, operator, (began - timedelta(hours=number) for number in range(25)), began)
     client = signed_in(operator)
     first = client.get(reverse("your-data")).context
     second = client.get(reverse("your-data"), {"began_before": first["oldest_session"]}).context

@@ -62,8 +62,7 @@ async def test_stop_and_its_result_are_recorded(open_page, bridge, observer):
 
 async def test_stop_is_recorded_with_the_session_it_interrupts(open_page, bridge):
     holder, other = await open_page("operator"), await open_page("observer")
-    await holder.say("take")
-    control = await holder.hears("control", state="yours")
+    control = await holder.take()
     await other.say("stop")
     for record in await recorded("stop.press", 2):
         assert (str(record.session_id), record.fence) == (control["session"], control["fence"])
@@ -146,8 +145,7 @@ async def test_stop_after_a_clear_is_no_repeat(open_page, bridge, robot, monkeyp
         if number == 1:
             bridge.tells_stop("clear")
             await eventually(lambda: link.state.stop.state == "clear")
-            await holder.say("take")
-            control = await holder.hears("control", state="yours")
+            control = await holder.take()
     first, second = [record for record in await records("stop.press") if not record.of_id]
     assert (first.session_id, str(second.session_id)) == (None, control["session"])
     await asyncio.to_thread(emergency_stop.log.flush)
@@ -324,8 +322,7 @@ async def test_supervisors_and_staff_clear_without_control(open_page, bridge, wh
 
 async def test_holder_clears_the_stop(open_page, bridge):
     page = await open_page("operator")
-    await page.say("take")
-    assert (await page.hears("control", state="yours"))["may_clear"]
+    assert (await page.take())["may_clear"]
     await page.say("clear", number=0)
     await bridge.hears(wire.LinkClear)
     assert (await records("stop.clear"))[0].actor_name == "Olga Operator"

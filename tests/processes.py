@@ -1,0 +1,35 @@
+"""Helpers for tests with other processes: wait for a condition, find free ports, clean the environment."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+PATIENCE_S = 30.0
+
+
+def until(condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> Any:
+    """Poll until `condition` is true and return its value. Other processes give no event to await."""
+    deadline = time.monotonic() + timeout_s
+    while not (value := condition()):
+        assert time.monotonic() < deadline, f"not within {timeout_s} s: {what}"
+        time.sleep(0.01)
+    return value
+
+
+def free_port() -> int:
+    """A TCP port that is free now."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port: int = listener.getsockname()[1]
+        return port
+
+
+def outside() -> dict[str, str]:
+    """The environment of a person's shell, without variables of the tests."""
+    foreign = ("FLEET_", "DJANGO_", "ROS_")
+    return {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
