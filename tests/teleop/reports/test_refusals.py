@@ -18,7 +18,6 @@ from teleop.background.database import in_database
 from teleop.recording import refusals, repeat_suppression
 from teleop.recording.refusals import RefusedRequest, write_record
 from teleop.stop.emergency_stop import Press
-from tests.teleop.control.test_control import take
 from tests.teleop.support import TIMEOUT_S, Page, eventually
 
 FORBIDDEN = Refusal("stopped", "The robot is stopped.", "stop", {"number": 3, "by": "Olga Operator"})
@@ -216,7 +215,7 @@ async def test_refusal_on_the_robot_page_is_recorded(message, code, open_page, o
 @pytest.mark.django_db(transaction=True)
 async def test_refusal_by_the_bridge_is_recorded_with_its_session(open_page, bridge):
     page = await open_page("operator")
-    control = await take(page)
+    control = await page.take()
     bridge.say(wire.Refused("drive", FORBIDDEN, 1, control["fence"]))
     await page.refused("stopped")
     record = await eventually(lambda: Record.objects.filter(kind="refusal").first())
