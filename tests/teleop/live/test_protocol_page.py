@@ -24,11 +24,9 @@ PAGE = (Path(__file__).parents[3] / "docs" / "protocol.md").read_text()
         get_args(wire.BrowserReport),
         get_args(wire.TopicsReport),
         get_args(wire.FleetReport),
-        get_args(wire.LinkRequest),
-        get_args(wire.LinkReport),
     ],
 )
-def test_every_message_is_documented(kinds):
+def test_every_message_of_a_page_is_explained(kinds):
     tags = {kind.__struct_config__.tag for kind in kinds}
     assert {tag for tag in tags if f"`{tag}`" not in PAGE} == set()
 
