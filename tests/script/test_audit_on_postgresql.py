@@ -27,7 +27,6 @@ TESTS = [
                 "chain",
                 "exports",
                 "index_check",
-                "kinds",
                 "lists",
                 "past",
                 "record",
