@@ -38,7 +38,7 @@ from robots.bridge.watchdog.config import lane_path
 from robots.bridge.watchdog.rules import Heartbeat, StopPress
 from robots.processes.scheduling import Garbage, prefer_this_thread
 from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST, EXIT_NOT_JOINED, exit_within
-from robots.stop.pending_stops import PendingStops, Waiting, name_of
+from robots.stop.pending_stops import PendingStops, WaitingStop, name_of
 
 log = logging.getLogger(__name__)
 
@@ -291,13 +291,13 @@ class Bridge:
             self._end()
 
 
-def _pending_stops(config: BridgeConfig) -> list[Waiting]:
+def _pending_stops(config: BridgeConfig) -> list[WaitingStop]:
     if config.run_dir is None:
         return []
     return PendingStops(Path(config.run_dir)).of(name_of(UUID(config.robot_id)))
 
 
-def initial_state(pending: Sequence[Waiting], saved: SavedState) -> tuple[SavedState, list[UUID]]:
+def initial_state(pending: Sequence[WaitingStop], saved: SavedState) -> tuple[SavedState, list[UUID]]:
     """Return the state to begin with, and pending presses: latched if a stop is pending, before anybody can drive.
 
     The files of pending stops stay until the stops are delivered and confirmed.

@@ -42,7 +42,7 @@ from robots.stop.delivery import (
     stop_message,
     wait_for,
 )
-from robots.stop.pending_stops import PendingStops, Waiting, name_of
+from robots.stop.pending_stops import PendingStops, WaitingStop, name_of
 from robots.wire import Accepted, Ended, Refusal, Refused, State, Stopped
 
 log = logging.getLogger(__name__)
@@ -105,7 +105,7 @@ class Listener(Protocol):
     def on_refused(self, refused: Refused) -> None:
         """The bridge refused a message."""
 
-    def on_offers(self, offers: wire.Offers) -> None:
+    def on_capabilities(self, offers: wire.Offers) -> None:
         """The robot's capabilities: on connecting and on change."""
 
     def on_sample(self, topic: str, shown: str) -> None:
@@ -165,7 +165,7 @@ class BridgeLink:
         if self.state is not None:
             listener.on_status(self.state)
         if self.offers is not None:
-            listener.on_offers(self.offers)
+            listener.on_capabilities(self.offers)
 
     def unsubscribe(self, listener: Listener) -> None:
         """Remove a listener; the link closes later if it was the last."""
@@ -390,7 +390,7 @@ class BridgeLink:
 
     # --- stops that wait -----------------------------------------------------------------------------
 
-    async def _waiting_stops(self) -> list[Waiting]:
+    async def _waiting_stops(self) -> list[WaitingStop]:
         """Pending stops of this robot from all processes; the newest last."""
         return await asyncio.to_thread(self._stops.of, name_of(self.robot_id))
 
@@ -400,7 +400,7 @@ class BridgeLink:
             await asyncio.sleep(_WAITING_PACE_S)
             try:
                 waiting = (await self._waiting_stops())[-1:]
-                self._report_pending(waiting[0].told() if waiting else None)
+                self._report_pending(waiting[0].on_wire() if waiting else None)
                 for stop in waiting:
                     await self._deliver(stop)
             except Exception:
@@ -414,7 +414,7 @@ class BridgeLink:
                 for listener in list(self._listeners):
                     listener.on_link(False, self.refusal)
 
-    async def _deliver(self, stop: Waiting) -> None:
+    async def _deliver(self, stop: WaitingStop) -> None:
         if self._open is None or self._open.transport.get_write_buffer_size() > 0:
             return
         with suppress(LinkRefused):
@@ -515,7 +515,7 @@ class BridgeLink:
             case wire.Offers():
                 self.offers = report
                 for listener in list(self._listeners):
-                    listener.on_offers(report)
+                    listener.on_capabilities(report)
             case wire.LinkAnswer():
                 self._queries.answer(report.seq, bytes(report.answer).decode())
             case wire.LinkSample():

@@ -19,7 +19,7 @@ from django.conf import settings
 from robots.bridge.config import LinkAddress
 from robots.link.connections import LinkRefused
 from robots.stop.delivery import reach, wait_for
-from robots.stop.pending_stops import OnSettled, PendingStops, Waiting, name_of
+from robots.stop.pending_stops import OnSettled, PendingStops, WaitingStop, name_of
 from robots.wire import LinkStop, Refusal
 
 log = logging.getLogger(__name__)
@@ -68,7 +68,7 @@ class Courier:
                 under_way[name] = asyncio.create_task(self._deliver(newest[name]))
             await asyncio.sleep(PACE_S)
 
-    async def _deliver(self, stop: Waiting) -> None:
+    async def _deliver(self, stop: WaitingStop) -> None:
         try:
             answer = await reach(_address(stop), stop.message())
         except LinkRefused:
@@ -81,7 +81,7 @@ class Courier:
         self._stops.settle(stop, answer)
 
 
-def _address(stop: Waiting) -> LinkAddress:
+def _address(stop: WaitingStop) -> LinkAddress:
     """The address of the robot's bridge, without the database."""
     if stop.host is None:
         return LinkAddress(unix_path=str(settings.FLEET_RUN_DIR / f"{stop.name}.sock"))
@@ -111,19 +111,19 @@ def courier() -> Courier:
 
 
 def keep_pending(
-    robot: UUID | None, address: LinkAddress, stop: LinkStop, told: OnSettled | None = None
-) -> tuple[Waiting, bool]:
-    """Let every process of this computer deliver the unanswered `stop`; `told` is called with its answer.
+    robot: UUID | None, address: LinkAddress, stop: LinkStop, on_answer: OnSettled | None = None
+) -> tuple[WaitingStop, bool]:
+    """Let every process of this computer deliver the unanswered `stop`; `on_answer` is called with its answer.
 
     Returns the pending stop, and whether it is written; if not, only this process delivers it, while it runs.
     """
     if stop.press is None or (address.unix_path is None and robot is None):
         raise ValueError("a stop that waits has a press and a robot")
     name = Path(address.unix_path).stem if address.unix_path else name_of(cast(UUID, robot))
-    waiting = Waiting(
+    waiting = WaitingStop(
         name, stop.press, robot, stop.by, stop.reason, time.time(), host=address.host, port=address.port
     )
-    written = pending_stops().keep(waiting, told)
+    written = pending_stops().keep(waiting, on_answer)
     courier().start()
     return waiting, written
 

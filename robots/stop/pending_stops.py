@@ -28,7 +28,7 @@ MOST_OF_ONE = 10  # of one robot: as many as a clear may name
 OnSettled = Callable[[Stopped | Refusal], None]
 
 
-class Waiting(Struct, frozen=True):
+class WaitingStop(Struct, frozen=True):
     """A press that waits for its answer."""
 
     name: str  # of the robot's files in the run directory (`name_of`)
@@ -44,7 +44,7 @@ class Waiting(Struct, frozen=True):
         """The message to send."""
         return LinkStop(self.by, self.reason, robot=self.robot, press=self.press, waited=True)
 
-    def told(self) -> PendingStop:
+    def on_wire(self) -> PendingStop:
         """The same for pages."""
         return PendingStop(self.by, self.reason, self.at)
 
@@ -63,19 +63,19 @@ class PendingStops:
     def __init__(self, run_dir: Path | None) -> None:
         self._folder = run_dir / FOLDER if run_dir else None
         self._lock = threading.Lock()
-        self._unwritten: dict[str, Waiting] = {}
-        self._told: defaultdict[str, list[OnSettled]] = defaultdict(
+        self._unwritten: dict[str, WaitingStop] = {}
+        self._on_answer: defaultdict[str, list[OnSettled]] = defaultdict(
             list
         )  # by robot: callbacks for the answer
 
-    def keep(self, stop: Waiting, told: OnSettled | None = None) -> bool:
-        """Keep `stop` until it is settled; it replaces older stops of this robot. `told` is called with the answer.
+    def keep(self, stop: WaitingStop, on_answer: OnSettled | None = None) -> bool:
+        """Keep `stop` until it is settled; it replaces older stops of this robot. `on_answer` gets the answer.
 
         Returns False if it cannot be written: then only this process knows it, and older ones stay.
         """
-        if told is not None:
+        if on_answer is not None:
             with self._lock:
-                self._told[stop.name].append(told)
+                self._on_answer[stop.name].append(on_answer)
         older = [found for found in self.of(stop.name) if found.press != stop.press]
         written = self._write(stop)
         with self._lock:
@@ -87,7 +87,7 @@ class PendingStops:
                 self._remove(found)
         return written
 
-    def all(self) -> list[Waiting]:
+    def all(self) -> list[WaitingStop]:
         """All pending stops, the newest of each robot last."""
         with self._lock:
             found = list(self._unwritten.values())
@@ -96,14 +96,14 @@ class PendingStops:
                 found.append(stop)
         return sorted(found, key=lambda stop: stop.at)
 
-    def of(self, name: str) -> list[Waiting]:
+    def of(self, name: str) -> list[WaitingStop]:
         """Those of one robot, the newest last; as a rule there is none or one."""
         with self._lock:
             found = [self._unwritten[name]] if name in self._unwritten else []
         found += [stop for path in self._paths(name) if (stop := _read(path)) is not None]
         return sorted(found, key=lambda stop: stop.at)[-MOST_OF_ONE:]
 
-    def settle(self, stop: Waiting, answer: Stopped | Refusal) -> None:
+    def settle(self, stop: WaitingStop, answer: Stopped | Refusal) -> None:
         """`stop` was confirmed or refused: remove it and older stops of this robot."""
         for found in self.of(stop.name):
             if found.at <= stop.at:
@@ -111,8 +111,8 @@ class PendingStops:
         with self._lock:
             if (unwritten := self._unwritten.get(stop.name)) and unwritten.at <= stop.at:
                 del self._unwritten[stop.name]
-            told = self._told.pop(stop.name, [])
-        for tell in told:
+            on_answer = self._on_answer.pop(stop.name, [])
+        for tell in on_answer:
             tell(answer)
 
     def _paths(self, name: str) -> list[Path]:
@@ -127,10 +127,10 @@ class PendingStops:
             return []
         return [self._folder / found for found in names if found.startswith(name) and found.endswith(".json")]
 
-    def _path(self, stop: Waiting) -> Path | None:
+    def _path(self, stop: WaitingStop) -> Path | None:
         return self._folder and self._folder / f"{stop.name}-{stop.press.hex}.json"
 
-    def _write(self, stop: Waiting) -> bool:
+    def _write(self, stop: WaitingStop) -> bool:
         path = self._path(stop)
         if path is None:
             return False
@@ -147,7 +147,7 @@ class PendingStops:
             return False
         return True
 
-    def _remove(self, stop: Waiting) -> None:
+    def _remove(self, stop: WaitingStop) -> None:
         path = self._path(stop)
         try:
             if path is not None:
@@ -156,16 +156,16 @@ class PendingStops:
             log.error("%s cannot be removed: %s", path, error)
 
 
-def _read(path: Path) -> Waiting | None:
+def _read(path: Path) -> WaitingStop | None:
     """Read one pending stop. A damaged file counts as a stop too: its name tells the robot."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Waiting)
+        return msgspec.json.decode(path.read_bytes(), type=WaitingStop)
     except FileNotFoundError:
         return None
     except (OSError, msgspec.DecodeError, UnicodeError) as error:
         log.error("%s cannot be read: %s", path, error)
     try:
         name, press = path.stem.split("-")
-        return Waiting(name, UUID(press), None, "somebody", "the file of this stop is damaged")
+        return WaitingStop(name, UUID(press), None, "somebody", "the file of this stop is damaged")
     except ValueError:
         return None

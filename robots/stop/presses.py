@@ -22,7 +22,7 @@ from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.stop import courier
 from robots.stop.delivery import reach, stop_message, wait_for
-from robots.stop.pending_stops import Waiting
+from robots.stop.pending_stops import WaitingStop
 from robots.wire import LinkStop, Refusal, Stopped
 
 log = logging.getLogger(__name__)
@@ -33,7 +33,7 @@ class Pending(NamedTuple):
 
     refusal: Refusal  # code "pending", and why it is not confirmed
     outcome: Future[Stopped | Refusal]  # the answer, if this process gets it
-    waiting: Waiting
+    waiting: WaitingStop
 
     def withdraw(self) -> None:
         """Drop the pending stop: it was pressed by mistake."""

@@ -77,7 +77,7 @@ def trust(console: Console) -> ssl.SSLContext | None:
 
 
 def open_socket(console: Console, path: str, cookie: str, port: int | None = None) -> connect:
-    """A WebSocket of the console, as a page of its own opens it."""
+    """A WebSocket of the console, opened as a page opens it."""
     return connect(
         f"{console.url.replace('http', 'ws', 1)}{path}",
         origin=console.url,  # type: ignore[arg-type]
@@ -91,7 +91,7 @@ def open_socket(console: Console, path: str, cookie: str, port: int | None = Non
 
 
 class Driver:
-    """One open control page: keeps what the console said last, draws nothing.
+    """One open control page: keeps the newest messages of the console, draws nothing.
 
     async with Driver(stack, "tiago-1", cookie) as driver:
         await driver.take()
@@ -138,7 +138,7 @@ class Driver:
         with suppress(asyncio.CancelledError):
             await self._reader
 
-    # --- what we say -----------------------------------------------------------------------------
+    # --- messages to the console -----------------------------------------------------------------
 
     async def send(self, message: msgspec.Struct) -> None:
         """Send one message."""
@@ -194,7 +194,7 @@ class Driver:
         await self.until(lambda: self.state and self.state.stop.state == "clear")
         await self.drive(0.0, 0.0)
 
-    # --- what we hear ----------------------------------------------------------------------------
+    # --- messages from the console ---------------------------------------------------------------
 
     @property
     def closed(self) -> bool:

@@ -120,7 +120,7 @@ def qr_code(text: str) -> str:
 
 
 def smoke() -> int:
-    """The main job once, on free ports and in a directory of its own."""
+    """Run the main job once, on free ports and in a temporary directory."""
     from script.stack.smoke import drive_and_stop
 
     began_s = time.monotonic()

@@ -19,7 +19,7 @@ from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 PICTURES = REPOSITORY / "docs/img"
 ROBOT = "tiago-1"
 DRIVEN_S = 20.0
-SETTLED_S = 1.0  # until notices of what went before are fewer
+SETTLED_S = 1.0  # until earlier notices have gone
 APPROACH_S = 1.5  # towards the obstacle, once the gate has begun to hold back
 
 TOUR_ROBOT = "tiago-2"
@@ -162,7 +162,7 @@ async def tour(stack: Stack, cookie: str) -> None:
 
 
 async def drive_to(driver: Driver, x: float, y: float, share: float) -> None:
-    """Steer there, as somebody does who sees the robot."""
+    """Steer there, as a person does who sees the robot."""
     end_s = time.monotonic() + DRIVEN_S
     while time.monotonic() < end_s and (at := driver.odometry):
         if math.hypot(x - at.x, y - at.y) < THERE_M:

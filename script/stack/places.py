@@ -26,7 +26,7 @@ def kept_secret(path: Path) -> str:
 
 
 class Stamp:
-    """Remembers what something was made from, so that it is made again only when that changed."""
+    """Remembers the inputs of a build, so that it runs again only after a change."""
 
     def __init__(self, path: Path, sources: Iterable[Path]) -> None:
         self._path = path

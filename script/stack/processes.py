@@ -1,4 +1,4 @@
-"""Child processes that never outlive us, and our own end when somebody asks for it.
+"""Child processes that never outlive this one, and an orderly end by signal.
 
 A child leads its own process group, so a terminal's Ctrl-C reaches only the parent, which then ends its
 children in order. Should the parent be killed without a chance to do so, the kernel sends every child
@@ -35,7 +35,7 @@ LAST_WORDS = {"PYTHONFAULTHANDLER": "1"}
 
 
 class Ended(BaseException):
-    """Somebody asked us to end; the text is the signal's name."""
+    """A signal asked this process to end; the text is the signal's name."""
 
 
 @contextmanager
@@ -53,7 +53,7 @@ def ended_by_signals() -> Iterator[None]:
 
 
 def say(text: str) -> None:
-    """To whoever sits there; a closed terminal is no reason to fail."""
+    """Print to the terminal; a closed terminal is no reason to fail."""
     try:
         print(text, flush=True)
     except OSError:
@@ -138,7 +138,7 @@ class Child:
         return False
 
     def kill_group(self) -> None:
-        """SIGKILL to whatever is left of its process group."""
+        """Send SIGKILL to the rest of its process group."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
         self.process.wait()

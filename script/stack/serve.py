@@ -94,7 +94,7 @@ def serve(asked: argparse.Namespace) -> int:
 
 
 def require_one_mind_about_tls(asked: argparse.Namespace, env: Environment) -> None:
-    """Cookies that are for TLS only let nobody in over plain http; and over TLS they should be."""
+    """Check that FLEET_TLS fits how the console is served. Raises StartError."""
     ends_tls = bool(asked.certificate or asked.behind_proxy)
     if env.flag("FLEET_TLS") and not ends_tls:
         raise StartError(
@@ -110,7 +110,7 @@ def require_certificate(asked: argparse.Namespace) -> None:
     if not asked.certificate:
         return
     try:
-        # The password is asked of us, so that nobody waits at a prompt that a service has not.
+        # OpenSSL would ask for the key's password at a prompt, which a service does not have.
         ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(
             asked.certificate, asked.private_key, password=lambda: b""
         )

@@ -14,7 +14,7 @@ ROBOT = "tiago-1"
 
 
 async def drive_and_stop(stack: Stack) -> str:
-    """Returns one line of figures; raises if the robot did not do what it was asked."""
+    """Return one line of figures; raise if the robot did not obey."""
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
     async with Driver(stack, ROBOT, cookie) as driver:
         await driver.until(lambda: driver.odometry)

@@ -68,7 +68,7 @@ class PracticeRobot:
 
 @dataclass(frozen=True)
 class Account:
-    """Somebody who can sign in."""
+    """A person who can sign in."""
 
     username: str
     role: str
@@ -97,7 +97,7 @@ class SimulatedRobot:
     def __init__(self, plan: PracticeRobot, stack: Stack) -> None:
         self.plan = plan
         self.port = ReservedPort()
-        self.link_path = ""  # the bridge's socket, once the registry has told
+        self.link_path = ""  # the bridge's socket, from the registry
         self._stack = stack
         self.master = self.start_master()
         self.simulator = self.start_simulator()
@@ -252,7 +252,7 @@ class Stack:
         return child
 
     def release(self, *children: Child) -> None:
-        """End these; nobody misses them."""
+        """End these processes."""
         end_all(children)
         self.children = [child for child in self.children if child not in children]
 
@@ -317,7 +317,7 @@ class Stack:
         return self.supervisor
 
     def start_web(self) -> Child:
-        """An open socket goes to the web process: nobody can take the port, and the first request just waits."""
+        """Pass an open socket to the web process: no other program can take the port, and the first request waits."""
         if self.certificate is None:
             fds = [self.listener.fileno()]
             endpoint = ["--fd", str(fds[0])]
@@ -346,7 +346,7 @@ class Stack:
         raise StartError(f"{what} was not ready in time; logs are in {self.logs}.")
 
     def check(self) -> None:
-        """Raise `ChildDied` if somebody is gone."""
+        """Raise `ChildDied` if a process ended."""
         for child in self.children:
             if not child.running:
                 raise ChildDied(child)
@@ -409,7 +409,7 @@ class Stack:
 def temporary_stack(
     robots: Sequence[PracticeRobot] = PRACTICE_ROBOTS, *, settings: Mapping[str, str] | None = None
 ) -> Iterator[Stack]:
-    """A stack on free ports, in a directory of its own that is kept only if something goes wrong."""
+    """A stack on free ports, in a temporary directory that is kept after a failure."""
     directory = Path(tempfile.mkdtemp(prefix="fleet-"))
     try:
         with Stack(directory, robots=robots, settings=settings) as stack:

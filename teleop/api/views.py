@@ -197,7 +197,7 @@ def _seen_at(state: State | None) -> datetime | None:
 def _pending(robot: Robot) -> PendingStop | None:
     """Return the newest pending stop."""
     waiting = courier.pending_stops().of(name_of(robot.id))
-    return waiting[-1].told() if waiting else None
+    return waiting[-1].on_wire() if waiting else None
 
 
 def _state(robot: Robot) -> tuple[State | None, Refusal | None]:

@@ -233,7 +233,7 @@ class FleetConsumer(MessageSocket):
         """Send an update soon."""
         self._wake()
 
-    def on_offers(self, offers: Offers) -> None:
+    def on_capabilities(self, offers: Offers) -> None:
         """Ignore: not on a card."""
 
     def on_sample(self, topic: str, shown: str) -> None:

@@ -273,7 +273,7 @@ class RobotHub:
         for member in list(self.members.values()):
             member.link_changed(up, refusal)
 
-    def on_offers(self, offers: Offers) -> None:
+    def on_capabilities(self, offers: Offers) -> None:
         """Inform all members."""
         for member in list(self.members.values()):
             member.offers_changed(offers)

@@ -1,4 +1,4 @@
-"""The bridge's rospy node: one robot's topics in, one drive topic out."""
+"""The bridge's rospy node: subscribes to one robot's topics and publishes to its drive topic."""
 
 from __future__ import annotations
 
@@ -60,26 +60,26 @@ log = logging.getLogger(__name__)
 
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
-DESCRIPTION_S = 5.0  # for hundreds of kilobytes, maybe by radio
-JOINED_GAP_S = 5.0  # reading many motions may be 0.2 s of work, and who joins may go and come again
-SONAR_ROUNDS = 3  # of readings that one topic's queue keeps
-REACH_M = 0.9  # of an arm that nobody described, about the middle of the base
-SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to twists is not full by chance
-ODOMETRY_WAITS = 20  # messages: the gate pairs scans with those between
-RESTS_S = 0.08  # between reads of odometry, while the robot stands and nobody drives
+DESCRIPTION_S = 5.0  # the description has hundreds of kilobytes, and may come by radio
+JOINED_GAP_S = 5.0  # reading many motions takes up to 0.2 s, and a motion server may come and go
+SONAR_ROUNDS = 3  # readings of each sonar in its topic's queue
+REACH_M = 0.9  # of an arm without description, about the middle of the base
+SEND_PATIENCE_S = 0.02  # if a listener's buffer is full for longer, the listener does not read
+ODOMETRY_WAITS = 20  # messages in the queue: the gate pairs scans with all of them
+RESTS_S = 0.08  # between reads of odometry while the robot stands without a driver
 RESTS = 0.005  # m/s or rad/s: less is standing
-MOST_PROBLEMS = 10  # that are told at once
-MOST_LOOKED_UP = 8  # nodes whose address is asked for in one survey
+MOST_PROBLEMS = 10  # in one report
+MOST_LOOKED_UP = 8  # nodes whose address one survey asks for
 
 
 class RosBase:
-    """The robot's base, as `Core` sees it; feeds `Core` from rospy's threads through the event loop."""
+    """The robot's ROS interface for `Core`. Passes data from rospy's threads to `Core` on the event loop."""
 
     def __init__(self, config: BridgeConfig) -> None:
         self._config = config
         self._master = Master(config.master_uri, BRIDGE)
         self._drive_topic = config.topics.drive.name
-        self._drives: dict[str, rospy.Publisher] = {}  # the default, and one chosen instead
+        self._drives: dict[str, rospy.Publisher] = {}  # the default, and a chosen one
         self._acknowledgements: Acknowledgements | None = None
         self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
         self._sonars = {sonar.frame_id for sonar in config.topics.sonars}
@@ -91,18 +91,16 @@ class RosBase:
         self._motions: MotionTopics | None = None
         self._speech: SpeechTopics | None = None
         self._names = HostNames()
-        self._is_unconnected = False  # whoever listens to the drive topic
-        self._listened: dict[
-            str, str
-        ] = {}  # topics that the robot listened to at the last survey, and their types
+        self._is_unconnected = False  # a listener of the drive topic did not connect
+        self._listened: dict[str, str] = {}  # topics with listeners at the last survey, and their types
         self._connecting = RosWorker("topics")
         self._reading = RosWorker("motions")
         self._joined = RateLimit(self._read_joined, JOINED_GAP_S)
-        self._looking_up = RosWorker("motion")  # of its own: a list may take seconds
+        self._sweeping = RosWorker("motion")  # apart from `_reading`: a list may take seconds
         self._watcher = MasterMonitor(self._master, self)
         self._described = False
         self._runs = RunMonitor()
-        self._moves = True  # as the last odometry has it
+        self._moves = True  # by the last odometry
         self._mail = Mailboxes(self._post, lambda: self._core.needs_fresh_sensors, speaker)
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
@@ -112,7 +110,7 @@ class RosBase:
     # --- as Core sees it ---------------------------------------------------------------------------
 
     def publish(self, velocity: Velocity) -> None:
-        """Send a twist, if the drive topic is up."""
+        """Publish a twist if the drive topic is connected."""
         if self._drive is not None:
             twist = _twist(velocity)
             publish(self._drive, _stamp(twist) if self._stamped else twist)
@@ -120,15 +118,15 @@ class RosBase:
                 self._acknowledgements.wrote(self._drive, time.monotonic())
 
     def acknowledged_s(self, now_s: float) -> float | None:
-        """How long the robot's machine takes to acknowledge a twist; None if nothing new shows it."""
+        """Return how long the robot's computer takes to acknowledge a twist; None without news."""
         return None if self._acknowledgements is None else self._acknowledgements.took_s(now_s)
 
     def drive_to(self, topic: str) -> None:
-        """Twists go to this one of the attended topics from now on."""
+        """Publish twists to this one of the attended topics from now on."""
         self._drive_topic = topic
 
     def cancel_all(self) -> None:
-        """An empty goal id cancels everybody's goals: just what an emergency stop means."""
+        """Cancel the goals of all clients, as an emergency stop must: with an empty goal id."""
         cancels: list[Callable[[], None]] = [
             partial(publish, publisher, GoalID()) for publisher in self._cancels
         ]
@@ -137,11 +135,11 @@ class RosBase:
         for cancel in cancels:
             try:
                 cancel()
-            except rospy.ROSException:  # a topic that is just being left
+            except rospy.ROSException:  # its topic is being closed
                 log.exception("some goals could not be cancelled")
 
     def aim_head(self, aim: Aim) -> None:
-        """Send the head there, if its topic is up."""
+        """Send the head's target if its topic is connected."""
         head = self._config.topics.head
         if self._head is not None and head is not None:
             point = JointTrajectoryPoint(
@@ -161,13 +159,12 @@ class RosBase:
             self._motions.cancel(goal_id, action)
 
     def sweep(self, motion: str, action: str, then: Swept) -> None:
-        """Ask the robot for a motion's points as they are now, and tell `then` what the arm would sweep with them."""
-        self._looking_up.do(lambda: self._sweep(motion, action, then))
+        """Read a motion's points from the robot, and call `then` with the space that the arm would sweep."""
+        self._sweeping.do(lambda: self._sweep(motion, action, then))
 
     def _sweep(self, motion: str, action: str, then: Swept) -> None:
-        """On the thread for it."""
         if goal_topic(Topic(action, "Action")).name not in self._listened:
-            self._tell_listened(self._master.system_state())
+            self._report_listened(self._master.system_state())
         space = None
         with suppress(KeyError):
             if self._motions is not None:
@@ -179,11 +176,11 @@ class RosBase:
         self._post(lambda: then(space, time.monotonic()))
 
     def arm(self) -> tuple[Disc, ...] | None:
-        """The discs that the arm covers now, by its joints; None if they do not tell."""
+        """Return the discs that the arm covers now, by its joints; None if joints are unknown."""
         return None if self._arm is None else self._arm.arm(time.monotonic())
 
     def read_motions(self) -> None:
-        """Ask the robot for its motions."""
+        """Read the list of motions from the robot."""
         motions = self._motions
         if motions is not None:
             self._reading.do(lambda: motions.read(self._offer))
@@ -194,44 +191,44 @@ class RosBase:
         self._post(lambda: self._core.tasks.capabilities.read(action, motions, text))
 
     def _read_joined(self) -> None:
-        """Somebody began to perform motions, maybe others than before. On a thread of `_joined`."""
-        if self._motions is not None:  # else they are being joined, and read after that
+        """Read the motions of a motion server that just came. Runs on a thread of `_joined`."""
+        if self._motions is not None:  # else `begin` reads them
             self.read_motions()
 
     def say(self, goal_id: str, utterance: Utterance) -> bool:
-        """Pass a text on to the robot's voice. Whether the robot tells what becomes of it."""
+        """Send a text to the robot's speech topic. Return whether the robot reports its progress."""
         return self._speech is not None and self._speech.say(goal_id, utterance)
 
     def cancel_speech(self, goal_id: str, topic: str) -> None:
-        """Cancel what is said under this goal and no other."""
+        """Cancel the speech of this goal and no other."""
         if self._speech is not None:
             self._speech.cancel_speech(goal_id, topic)
 
     def attend(self, use: Use, topics: frozenset[str]) -> None:
-        """Be connected to these topics of that use and no others. Asks the master, hence elsewhere."""
+        """Connect to these topics of a use and to no others. Asks the master, so a worker thread does it."""
         self._connecting.do(lambda: self._attend(use, topics))
 
     @property
     def _drive(self) -> rospy.Publisher | None:
-        """Where twists go now."""
+        """Return the publisher that twists use now."""
         return self._drives.get(self._drive_topic)
 
     @property
     def listeners(self) -> int:
-        """How many nodes of the robot listen to the drive topic."""
+        """Return the number of the robot's nodes that listen to the drive topic."""
         return len(heard_by(self._drive)) if self._drive is not None else 0
 
     def look(self, wanted: bool) -> None:
-        """Whether anybody drives: what is costly to the robot is asked of it only then."""
+        """Subscribe to the costly topics (depth, tf) only while somebody drives."""
         if self._costly is not None:
             self._costly.look(wanted)
 
     def hear(self) -> None:
-        """On the loop, at each tick: what the robot told and could wait."""
+        """Pass on messages that could wait. Runs on the loop at each tick."""
         self._mail.take_waiting()
 
     def map_to_odom(self) -> Pose | None:
-        """The odometry frame in the map's, if the robot has a map and somebody drives."""
+        """Return the odometry frame in the map frame, if the robot has a map and somebody drives."""
         return self._tf.map_to_odom() if self._tf else None
 
     # --- life ----------------------------------------------------------------------------------------
@@ -243,9 +240,9 @@ class RosBase:
         do: Callable[[Callable[[], None]], None],
         on_lost: Callable[[bool], None],
     ) -> None:
-        """Begin to look for the master. After `on_lost` only another process can be this robot's node.
+        """Begin to look for the master. After `on_lost`, only a new process can be this robot's node.
 
-        It is told whether that is because another one took the name. `do` does on the loop what the robot told.
+        `on_lost` gets whether another node took the name. `do` runs calls with the robot's data on the loop.
         """
         self._loop, self._core, self._do, self._on_lost = loop, core, do, on_lost
         os.environ["ROS_MASTER_URI"] = self._config.master_uri
@@ -254,7 +251,7 @@ class RosBase:
         self._watcher.start()
 
     def stop(self) -> None:
-        """Zero, then off the master's books."""
+        """Publish zero and unregister from the master."""
         self._watcher.end()
         if self._drive is None:
             return
@@ -264,10 +261,10 @@ class RosBase:
         leaving.start()
         leaving.join(1.0)
 
-    # --- the master (watcher.Node) ---------------------------------------------------------------------
+    # --- the master (master_monitor.Node) ---------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Join the master and all topics."""
+        """Register at the master and connect all topics."""
         topics = self._config.topics
         install(end_without_memory)
         refuse_shutdown(self._watcher.name_is_lost)
@@ -280,7 +277,7 @@ class RosBase:
         for scan in topics.scans:
             self._subscribe(Topic(scan.topic, "sensor_msgs/LaserScan"), self._on_scan(scan.topic))
         for name, sonars in Counter(sonar.topic for sonar in topics.sonars).items():
-            # Sonars that share a topic speak one right after the other: none may push another's reading out.
+            # Sonars that share a topic publish at once: none may drop another's reading from the queue.
             self._subscribe(Topic(name, "sensor_msgs/Range"), self._on_range, SONAR_ROUNDS * sonars)
         if topics.battery:
             self._subscribe(topics.battery, self._on_battery)
@@ -322,41 +319,41 @@ class RosBase:
             self._costly = OnDemandTopics(self._connecting, self._tf)
 
     def began_again(self) -> None:
-        """The master was restarted, and maybe the robot with it."""
+        """Handle a restart of the master, and maybe of the robot."""
         self._runs.begin()
         self._described = False
         self._describe()
         self._post(self._core.tasks.refresh)
 
     def surveyed(self, system: SystemState) -> None:
-        """Tell how the robot is; ask it for what it did not tell yet: it may have come after its master."""
+        """Report the robot's state; read what is still missing, since the robot may start after its master."""
         self.tell(self._survey(system))
-        self._tell_listened(system)
+        self._report_listened(system)
         self._describe()
         if self._motions and not any(self._motions.repertoire.values()):
             self.read_motions()
 
-    def _tell_listened(self, system: SystemState) -> None:
+    def _report_listened(self, system: SystemState) -> None:
         self._listened = listened = _listened(system)
         self._post(lambda: self._core.tasks.routing.surveyed(listened, time.monotonic()))
 
     def tell(self, status: RosStatus) -> None:
-        """How the connection to the master is."""
+        """Report the state of the connection to the master."""
         short = structs.replace(status, text=cut(status.text, SENTENCE))
         self._post(lambda: self._core.ros_status(short, time.monotonic()))
 
     def lost(self, name_taken: bool) -> None:
-        """This process's node has ended, or never began as it should."""
+        """Report that this process's node ended or failed to begin."""
         self._post(lambda: self._on_lost(name_taken))
 
     def _describe(self) -> None:
-        """Tell the arm's topics the robot's own description, as soon as it has one."""
+        """Give the robot's description to the arm's posture as soon as the robot has one."""
         if self._arm and not self._described:
             master = Master(self._config.master_uri, BRIDGE, DESCRIPTION_S)
             try:
                 description = master.parameter("/robot_description")
             except MasterError:
-                description = None  # it is asked for again
+                description = None  # the next survey asks again
             self._described = description is not None
             self._arm.describe(description)
 
@@ -364,7 +361,7 @@ class RosBase:
         return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)
 
     def _attend(self, use: Use, topics: frozenset[str]) -> None:
-        """On the thread for it. Whatever comes of it is told: choices count the answers."""
+        """Connect on the worker thread, and report the result in any case: `routing` counts the answers."""
         connected = None
         try:
             self._connect(use, topics)
@@ -383,7 +380,7 @@ class RosBase:
             self._speech.attend(topics)
 
     def _await_listener(self, publisher: rospy.Publisher) -> None:
-        """A moment, so that a robot whose velocities go elsewhere now does not seem to be away."""
+        """Wait a moment for a listener: else a robot with a new drive topic would seem to be away."""
         deadline_s = time.monotonic() + LISTENER_PATIENCE_S
         while not heard_by(publisher) and time.monotonic() < deadline_s:
             time.sleep(FLUSH_S / 10)
@@ -399,15 +396,15 @@ class RosBase:
         if system.is_cut:
             problems.append("The robot has too many topics or services: some are not known here.")
         if self._tf is not None and self._tf.frames.is_full:
-            problems.append("tf tells of too many frames: some are not kept.")
+            problems.append("tf has too many frames: some are not kept.")
         problems += [_wrong_type(topic, system.types) for topic in wanted]
         problems += self._unresolved(system.publishers.get(topics.odometry.name, []))
         problems.append(self._unconnected(drive, system.subscribers.get(drive.name, [])))
-        told = [cut(problem, SENTENCE) for problem in problems if problem]
-        return RosStatus("connecting", "", foreign, told[:MOST_PROBLEMS])
+        texts = [cut(problem, SENTENCE) for problem in problems if problem]
+        return RosStatus("connecting", "", foreign, texts[:MOST_PROBLEMS])
 
     def _unresolved(self, nodes: Collection[str]) -> list[str]:
-        """In words, what we need and cannot call, for the name of its host is not known here."""
+        """Return a sentence for each host name of the robot that this computer cannot resolve."""
         uris = [uri for node in list(nodes)[:MOST_LOOKED_UP] if (uri := self._master.node_uri(node))]
         return [
             f"The robot calls itself {host or 'by no address'}, which cannot be resolved here: give it a host alias."
@@ -415,9 +412,9 @@ class RosBase:
         ]
 
     def _unconnected(self, drive: Topic, nodes: Collection[str]) -> str:
-        """In words, if somebody listens to the drive topic and nobody connects, as it was at the survey before, too.
+        """Return a sentence if a node listens to the drive topic but did not connect at two surveys in a row.
 
-        Of what type they take the master says nothing: its type of the topic is ours, as we advertise it.
+        The master does not know the listener's type: it gives ours, since we advertise the topic.
         """
         listening = sorted(node for node in nodes if not is_own(node))
         before, self._is_unconnected = self._is_unconnected, bool(listening) and not self.listeners
@@ -495,7 +492,7 @@ def _stamp(twist: Twist) -> TwistStamped:
 
 
 def _listened(system: SystemState) -> dict[str, str]:
-    """The topics that somebody else than the console listens to, and their types."""
+    """Return the topics with listeners apart from the console, and their types."""
     return {
         topic: system.types[topic]
         for topic, nodes in system.subscribers.items()
@@ -504,7 +501,7 @@ def _listened(system: SystemState) -> dict[str, str]:
 
 
 def _host(uri: str) -> str:
-    """Empty if there is none in it."""
+    """Return the host of a URI; empty if there is none."""
     try:
         return urlsplit(uri).hostname or ""
     except ValueError:

@@ -10,7 +10,7 @@ import rospy
 from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.ros_worker import RosWorker
 
-BUFFER_BYTES = 1 << 20  # what is read at once: a picture has some hundred kilobytes to some megabytes
+BUFFER_BYTES = 1 << 20  # one read; a picture has some hundred kilobytes to some megabytes
 
 
 def listen(
@@ -29,7 +29,7 @@ def listen(
 
 
 class OnDemandSource(Protocol):
-    """Some topics, and what becomes of their messages."""
+    """A group of topics and the handling of their messages."""
 
     def listen(self) -> list[rospy.Subscriber]:
         """Subscribe. Asks the master."""

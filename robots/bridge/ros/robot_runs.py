@@ -1,4 +1,4 @@
-"""Which run of the robot tells of its odometry: it may be another one, though its name and address are the same."""
+"""The run of the robot that publishes odometry: a restarted robot has the same name and address."""
 
 from __future__ import annotations
 

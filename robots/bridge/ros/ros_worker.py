@@ -12,39 +12,39 @@ from robots.bridge.ros.network.master import MasterError
 
 log = logging.getLogger(__name__)
 
-Errand = Callable[[], None]
+Call = Callable[[], None]
 
 
 class RosWorker:
     """Runs jobs one after another on its own thread, which ends with the process."""
 
     def __init__(self, name: str) -> None:
-        self._waiting: list[Errand] = []
+        self._waiting: list[Call] = []
         self._news = threading.Condition()
         threading.Thread(target=self._run, name=name, daemon=True).start()
 
-    def do(self, errand: Errand) -> None:
-        """Do it, after what was asked for before; a method that waits already is done once. Returns at once."""
+    def do(self, call: Call) -> None:
+        """Queue a call and return. A call that waits already is not queued twice."""
         with self._news:
-            if errand not in self._waiting:
-                self._waiting.append(errand)
+            if call not in self._waiting:
+                self._waiting.append(call)
                 self._news.notify()
 
     def _run(self) -> None:
         while True:
             with self._news:
                 self._news.wait_for(lambda: self._waiting)
-                errand = self._waiting.pop(0)
+                call = self._waiting.pop(0)
             try:
-                errand()
+                call()
             except MasterError as error:
                 log.warning("the robot was asked in vain: %s", error)
-            except Exception:  # of whatever a hostile master answers; the next one is done
+            except Exception:  # any answer of a hostile master; the next call runs
                 log.exception("something that was asked of the robot failed")
 
 
 class RateLimit:
-    """Does something at once, and no oftener than every `gap_s`: what is asked for meanwhile is done once, after it."""
+    """Runs a call at once, and at most every `gap_s`: requests meanwhile cause one later call."""
 
     def __init__(self, what: Callable[[], None], gap_s: float) -> None:
         self._what = what

@@ -29,7 +29,7 @@ FLUSH_S = 0.1
 
 
 class WatchdogNode:
-    """Zeros and cancels at one robot, whatever happens to its master."""
+    """Publishes zeros and cancels at one robot, also without its master."""
 
     def __init__(self, config: WatchdogConfig) -> None:
         self._config = config

@@ -1,4 +1,4 @@
-"""People who stand or walk to and fro along a path, whatever stands in their way."""
+"""People who stand or walk to and fro along a path, also through obstacles."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def _box(parent: Element, box: Box) -> None:
 
 
 def _person(parent: Element, person: Person) -> None:
-    """Two legs, a trunk and a head on a mocap body: it goes where it is put, whoever stands in the way."""
+    """Two legs, a trunk and a head on a mocap body: it moves through obstacles."""
     figure = SubElement(parent, "body", name=person.name, mocap="true", pos=_numbers(*person.at, 0.0))
     hips = person.height * 0.5
     for side, y in (("left", 0.1), ("right", -0.1)):

@@ -36,7 +36,7 @@ class BaseTopics:
         rospy.Subscriber(names.command, Twist, self._commanded, queue_size=1, tcp_nodelay=True)
 
     def publish(self, stamp: rospy.Time) -> None:
-        """Tell odometry and the transform from odom to the base, as of `stamp`."""
+        """Publish odometry and the transform from odom to the base, as of `stamp`."""
         if self._robot.faults.odom_dead:
             return
         if self._odometry.get_num_connections():

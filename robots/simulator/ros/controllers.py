@@ -53,7 +53,7 @@ class TrajectoryController:
         self._tell_end()
 
     def publish(self, stamp: rospy.Time) -> None:
-        """Tell where the joints are. They never lag: desired and actual are the same."""
+        """Publish the joints. They never lag: desired and actual are the same."""
         if not self._state.get_num_connections():
             return
         there = JointTrajectoryPoint(

@@ -23,7 +23,7 @@ _PATIENCE_S = 10.0
 
 
 class Awaited(NamedTuple):
-    """A service's way of the fingers, and what it waits for."""
+    """A service call that moves the fingers, and its end condition."""
 
     finger_m: float
     done: threading.Event
@@ -42,7 +42,7 @@ class GripperServer:
         rospy.Service(f"{_NAME}/release", Empty, self._release)
 
     def step(self, now: float) -> None:
-        """Take what was asked since the last tick, and answer the services whose fingers have come to rest."""
+        """Take requests since the last tick, and answer the services whose fingers rest."""
         while not self._commands.empty():
             self._command(self._commands.get(), now)
         while not self._asked.empty():
@@ -76,7 +76,7 @@ class GripperServer:
         return self._move(_OPEN_M)
 
     def _move(self, finger_m: float) -> EmptyResponse:
-        """On one of rospy's threads: the robot's own moves the fingers and tells when they are there."""
+        """Wait on a rospy thread until the robot's thread has moved the fingers."""
         done = threading.Event()
         self._asked.put(Awaited(finger_m, done))
         if not done.wait(_PATIENCE_S):

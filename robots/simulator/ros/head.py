@@ -47,7 +47,7 @@ class HeadServer:
         self._tell_end()
 
     def publish(self, _stamp: rospy.Time) -> None:
-        """Tell how far off the head still is."""
+        """Publish the head's remaining error."""
         if self._pointing is not None:
             feedback = self._feedback(pointing_angle_error=self._off(self._pointing))
             self._pointing.handle.publish_feedback(feedback)

@@ -27,7 +27,7 @@ class InertialTopics:
         self._wrist = rospy.Publisher("/wrist_ft", WrenchStamped, queue_size=1)
 
     def publish(self, stamp: rospy.Time) -> None:
-        """Tell what both feel now."""
+        """Publish both sensors."""
         if self._imu.get_num_connections():
             self._imu.publish(self._felt_by_base(stamp))
         if self._robot.body.upper_body and self._wrist.get_num_connections():

@@ -12,7 +12,7 @@ from robots.simulator.robot import Robot
 
 
 class JointTopics:
-    """/joint_states, /tf of what moves and /tf_static of what does not."""
+    """/joint_states, /tf of moving frames and /tf_static of fixed ones."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -27,7 +27,7 @@ class JointTopics:
         self._fixed.publish(TFMessage([_transform(frame, 0.0, now) for frame in table if not frame.joint]))
 
     def publish(self, stamp: rospy.Time) -> None:
-        """Tell where the joints are."""
+        """Publish the joints."""
         if self._states is not None and self._states.get_num_connections():
             self._states.publish(self._message(stamp))
         if self._movable and self._tf.get_num_connections():

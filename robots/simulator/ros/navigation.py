@@ -24,7 +24,7 @@ class NavigationTopics:
         self._map.publish(_drawn(robot))
 
     def publish(self, stamp: rospy.Time) -> None:
-        """Tell where the odometry's frame is."""
+        """Publish the odometry's frame in the map."""
         if not self._tf.get_num_connections():
             return
         robot = self._robot

@@ -19,7 +19,7 @@ class PowerTopics:
         self._emergency = rospy.Publisher("/power/is_emergency", Bool, queue_size=1, latch=True)
 
     def publish(self, _stamp: rospy.Time) -> None:
-        """Tell all four."""
+        """Publish all four topics."""
         battery = self._robot.battery
         self._level.publish(Float32(battery.percent))
         self._charging.publish(Bool(battery.charging))

@@ -56,7 +56,7 @@ def _take_leave() -> None:
 
 
 def _wait_for_master(stop: threading.Event) -> bool:
-    """True when the master answers; False when told to stop first."""
+    """Return True when the master answers, False when the process must end first."""
     master = Master(rosgraph.get_master_uri(), "/simulator")
     told = False
     while True:

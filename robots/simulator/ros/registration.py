@@ -28,12 +28,12 @@ def _watch(stop: threading.Event, set_parameters: Callable[[], None]) -> None:
     while not stop.wait(_LOOK_EVERY_S):
         try:
             known = known and master.node_uri(rospy.get_name()) is not None
-            if not known:  # until all of it is told
+            if not known:  # until all is registered
                 register_again(master)
                 set_parameters()
                 known = True
                 log.info("registered again with the master, which had been restarted")
         except (MasterError, OSError):
             continue  # no master just now, or it went while we were talking
-        except Exception:  # of whatever rospy makes of a master that goes while it answers
+        except Exception:  # rospy's faults with a master that ends while it answers
             log.exception("registering again failed")

@@ -22,7 +22,7 @@ from robots.simulator.ros.base import yaw_quaternion
 
 
 class GroundTruth:
-    """Tells where the robot truly is and what it touches; makes things go wrong."""
+    """Publishes the robot's true pose and contacts; sets faults."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -40,7 +40,7 @@ class GroundTruth:
         self._obey("battery", Float32, self._battery)
 
     def step(self) -> None:
-        """Do what was asked since the last tick."""
+        """Execute requests since the last tick."""
         while not self._asked.empty():
             self._asked.get()()
 
@@ -90,7 +90,7 @@ class GroundTruth:
         rospy.Subscriber(f"/ground_truth/{name}", kind, lambda message: self._asked.put(lambda: act(message)))
 
     def _fault(self, message: String) -> None:
-        """Names as `parse_faults` reads them; told back on /ground_truth/faults when in force."""
+        """Set faults, named as `parse_faults` reads them; /ground_truth/faults publishes those in force."""
         try:
             self._robot.faults = parse_faults(message.data)
         except FaultError as error:

@@ -81,7 +81,7 @@ class Body:
     names: Names = Names()
     laser: LaserMount = field(default_factory=LaserMount)
     sonars: tuple[SonarMount, ...] = ()
-    wheels: WheelBase | None = None  # those that /joint_states tells of
+    wheels: WheelBase | None = None  # those in /joint_states
     upper_body: bool = False  # torso, head, arm: joints, camera, speech and motions
 
 

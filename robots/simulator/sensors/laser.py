@@ -46,7 +46,7 @@ class Laser:
         return ranges.astype(np.float32)
 
     def blanked(self, ranges: NDArray[np.float32]) -> NDArray[np.float32]:
-        """As PAL's filter for /scan: whatever lies within a square of +-0.30 m about the base is dropped."""
+        """Drop points within a square of +-0.30 m about the base, as PAL's filter for /scan does."""
         x, y, _, yaw = self.mount.pose
         with np.errstate(invalid="ignore"):
             across = np.abs(x + ranges * np.cos(self.angles + yaw))

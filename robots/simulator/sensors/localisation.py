@@ -16,7 +16,7 @@ SIGMA_RAD = 0.005
 
 
 class Localisation:
-    """Believes anew where the robot is each time it has moved; in between only odometry tells. The world is the map."""
+    """Estimates the robot's pose again each time it has moved; in between odometry counts. The world is the map."""
 
     def __init__(self, odometry: Odometry, random: np.random.Generator) -> None:
         self._odometry = odometry

@@ -1,4 +1,4 @@
-"""The map that SLAM would have made of the world with the robot's laser: what its plane meets, and where it got to."""
+"""The map that SLAM would make of the world with the robot's laser: walls in its plane, and free space."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def surveyed(physics: Physics, size: tuple[float, float, float, float], height_m
     free = _reached(~solid, (int(start[0]), int(start[1])))
     cells = np.full(x.shape, UNKNOWN, np.int8)
     cells[free] = FREE
-    cells[solid & _grown(free)] = OCCUPIED  # the sides that it saw; what is inside, it did not
+    cells[solid & _grown(free)] = OCCUPIED  # only visible sides are occupied
     return Survey(cells, west, south)
 
 

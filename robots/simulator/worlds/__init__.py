@@ -56,7 +56,7 @@ class Box(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Person(Struct, frozen=True, forbid_unknown_fields=True):
-    """Somebody who stands at `at`, or walks to and fro along `path`."""
+    """A person who stands at `at`, or walks to and fro along `path`."""
 
     name: str
     at: Point

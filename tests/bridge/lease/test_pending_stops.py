@@ -22,7 +22,7 @@ from robots.bridge.process import initial_state
 from robots.bridge.server.link_server import Link, LinkServer
 from robots.link.client import BridgeLink
 from robots.stop import courier
-from robots.stop.pending_stops import FOLDER, PendingStops, Waiting, name_of
+from robots.stop.pending_stops import FOLDER, PendingStops, WaitingStop, name_of
 from robots.stop.presses import Pending, press
 from tests.bridge.support import CONFIG, Bench
 
@@ -131,7 +131,7 @@ async def test_stop_without_a_bridge_waits_and_stops_the_next_bridge(
 
 
 def test_a_bridge_begins_latched_while_a_stop_waits_for_it() -> None:
-    stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
+    stop = WaitingStop(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
     left = SavedState(False, "", "", 7)
     assert initial_state([], left) == (left, [])
     assert initial_state([stop], left) == (SavedState(True, "Ann", "smoke", 7), [stop.press])
@@ -139,7 +139,7 @@ def test_a_bridge_begins_latched_while_a_stop_waits_for_it() -> None:
 
 async def test_a_link_says_a_waiting_stop_first(address: LinkAddress, bridge: Bridge, run_dir: Path) -> None:
     stops = PendingStops(run_dir)
-    stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
+    stop = WaitingStop(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
     assert stops.keep(stop)
     await bridge.server.start()
     link = BridgeLink(ROBOT, address, stops)
@@ -156,7 +156,7 @@ async def test_open_link_delivers_pending_stops_of_other_processes(
 ) -> None:
     await bridge.server.start()
     async with open_link(address, PendingStops(run_dir)):
-        PendingStops(run_dir).keep(Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke"))
+        PendingStops(run_dir).keep(WaitingStop(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke"))
         await until(lambda: not waiting(run_dir), "the stop is delivered")
         assert bridge.stop.by == "Ann"
 
@@ -182,7 +182,7 @@ async def test_pending_stop_does_not_stop_again_after_a_clear(
     stops = PendingStops(run_dir)
     async with open_link(address, stops) as link:
         await link.stop(wire.LinkStop("Ben"))
-        stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
+        stop = WaitingStop(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke")
         stops.keep(stop)  # by a process that is delivering at the same time
         cleared = await link.clear(wire.LinkClear("Ben", bridge.stop.number), asked_s=time.time())
         assert cleared.stop.state == "clear"
@@ -200,7 +200,7 @@ async def test_a_press_after_the_click_on_clear_stays_pending(
     async with open_link(address, stops) as link:
         await link.stop(wire.LinkStop("Ben"))
         clicked_s = time.time()
-        stop = Waiting(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke", at=clicked_s + 0.1)
+        stop = WaitingStop(name_of(ROBOT), uuid4(), ROBOT, "Ann", "smoke", at=clicked_s + 0.1)
         stops.keep(stop)
         await link.clear(wire.LinkClear("Ben", bridge.stop.number), asked_s=clicked_s)
         assert stops.of(stop.name) == [stop]
@@ -211,9 +211,9 @@ async def test_a_press_after_the_click_on_clear_stays_pending(
 def test_newest_press_of_a_robot_counts(run_dir: Path) -> None:
     stops, robot, other = PendingStops(run_dir), uuid4(), uuid4()
     first, second = (
-        Waiting(name_of(robot), uuid4(), robot, by, at=at) for by, at in (("Ann", 1.0), ("Ben", 2.0))
+        WaitingStop(name_of(robot), uuid4(), robot, by, at=at) for by, at in (("Ann", 1.0), ("Ben", 2.0))
     )
-    elsewhere = Waiting(name_of(other), uuid4(), other, "Eve", at=1.5, host="bridge.example", port=4)
+    elsewhere = WaitingStop(name_of(other), uuid4(), other, "Eve", at=1.5, host="bridge.example", port=4)
     for stop in (first, elsewhere, second):
         stops.keep(stop)
     assert stops.all() == [elsewhere, second]
@@ -225,7 +225,7 @@ def test_newest_press_of_a_robot_counts(run_dir: Path) -> None:
 def test_unwritable_stop_waits_in_this_process(run_dir: Path, caplog: pytest.LogCaptureFixture) -> None:
     (run_dir / FOLDER).touch()  # no folder: as with a full disk, nothing can be written
     stops, told = PendingStops(run_dir), threading.Event()
-    stop = Waiting("0123456789ab", uuid4(), None, "Ann")
+    stop = WaitingStop("0123456789ab", uuid4(), None, "Ann")
     assert not stops.keep(stop, lambda _answer: told.set())
     assert "waits in this process alone" in caplog.text
     assert stops.of(stop.name) == [stop]
@@ -236,7 +236,7 @@ def test_unwritable_stop_waits_in_this_process(run_dir: Path, caplog: pytest.Log
 def test_unwritable_stop_leaves_an_older_one_on_disk(run_dir: Path) -> None:
     """It ends with its process; the older one stays."""
     stops, robot = PendingStops(run_dir), uuid4()
-    older, newer = (Waiting(name_of(robot), uuid4(), robot, "Ann", at=at) for at in (1.0, 2.0))
+    older, newer = (WaitingStop(name_of(robot), uuid4(), robot, "Ann", at=at) for at in (1.0, 2.0))
     assert stops.keep(older)
     (run_dir / FOLDER / f"{newer.name}-{newer.press.hex}.new").mkdir()  # blocks the write like a full disk
     assert not stops.keep(newer)
@@ -263,7 +263,7 @@ async def test_a_disk_that_hangs_keeps_no_link_from_coming_up(
 
 @pytest.mark.parametrize("content", [b"\0" * 100, b'{"name":"\xff"}'])
 def test_a_damaged_file_is_a_stop_all_the_same(run_dir: Path, content: bytes) -> None:
-    stops, stop = PendingStops(run_dir), Waiting("0123456789ab", uuid4(), None, "Ann")
+    stops, stop = PendingStops(run_dir), WaitingStop("0123456789ab", uuid4(), None, "Ann")
     stops.keep(stop)
     (path,) = waiting(run_dir)
     path.write_bytes(content)

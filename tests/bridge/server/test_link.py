@@ -96,7 +96,7 @@ class Follower:
     def on_refused(self, refused):
         self.news.put_nowait(("refused", refused))
 
-    def on_offers(self, offers):
+    def on_capabilities(self, offers):
         self.news.put_nowait(("offers", offers))
 
     def on_sample(self, topic, shown):

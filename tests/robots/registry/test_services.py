@@ -19,7 +19,7 @@ from fleet.audit.models import Record
 from robots.registry import services
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.stop import courier
-from robots.stop.pending_stops import Waiting, name_of
+from robots.stop.pending_stops import WaitingStop, name_of
 
 
 def last_record() -> Record:
@@ -43,7 +43,7 @@ def test_a_stop_waits_while_its_robot_is_registered(
     settings.FLEET_RUN_DIR = tmp_path
     stops = courier.pending_stops()
     for robot_id in (robot.id, uuid4()):
-        stops.keep(Waiting(name_of(robot_id), uuid4(), robot_id, "Ann"))
+        stops.keep(WaitingStop(name_of(robot_id), uuid4(), robot_id, "Ann"))
     with django_capture_on_commit_callbacks(execute=True):
         gone = robot.id
         robot.delete()

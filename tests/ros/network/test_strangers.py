@@ -97,7 +97,7 @@ def test_endless_frames_neither_fill_nor_stop_the_bridge(attacked):
     with strangers.frames(attacked.master.uri) as node:
         hand.drive_until(
             0.2,
-            lambda state: "tf tells of too many frames" in state.text and node.sent > 300,
+            lambda state: "tf has too many frames" in state.text and node.sent > 300,
             "that tf is full",
         )
         assert memory(attacked.bridge) - before < GROWN

@@ -231,7 +231,7 @@ def _least(arrays: list[Metres]) -> Metres:
 
 
 def _least_distances(path: Path, points: Points, drift: Points | None) -> Quick:
-    """From the poses' origins to points p + u t: |p|^2 - 2 p.c + |c|^2, and what the drift u adds to it."""
+    """Distances from the poses' origins to points p + u t: |p|^2 - 2 p.c + |c|^2, and the terms of the drift u."""
     x, y, time_s = path.x, path.y, path.time_s
     px, py = points.T
     places: list[Metres | float] = [x**2 + y**2, 1.0, -2.0 * x, -2.0 * y]
@@ -251,7 +251,7 @@ def _product(
     moments: list[Metres | float],
     points: tuple[int, ...],
 ) -> Quick:
-    """One matrix product of what poses and what points contribute, (*poses, N)."""
+    """One matrix product of the terms of poses and points, (*poses, N)."""
     rows = _stacked(places, poses).reshape(len(places), -1).T.copy()
     product: Quick = (rows @ _stacked(moments, points)).reshape(*poses, -1)
     return product

@@ -265,7 +265,7 @@ def is_still(twist: Velocity) -> bool:
 
 
 def clamped(asked: Velocity, profile: GateProfile) -> Velocity:
-    """The twist within what the robot can do, axis by axis; what is next to nothing becomes zero."""
+    """The twist within the robot's limits, axis by axis; tiny values become zero."""
     limits = profile.limits
     within = (
         min(max(asked.vx, -limits.reverse_mps), limits.forward_mps),

@@ -25,13 +25,13 @@ from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.restraint import STANDING_MPS, way_out
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
-MOVER_MARGIN_M = 0.10  # to what moves, in place of m_hard: where it will be is a guess
+MOVER_MARGIN_M = 0.10  # to moving points, in place of m_hard: their future place is a guess
 SHARES = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0.0)  # of the candidate; the largest that is clear
 PIECE_S = 0.05  # a queue is played in pieces no longer than this
 MOST_POSES = 60  # of one braking
 REMEMBERED_S = 1.0  # commands: longer than any latency
-LONGEST_STEP_S = 0.1  # after a pause, what is sent does not make up for it
-_EXACT_M = 0.0001  # the gaps of a roll-out are told a little less exactly than those of one look
+LONGEST_STEP_S = 0.1  # a longer pause does not allow a larger step
+_EXACT_M = 0.0001  # a roll-out computes gaps in 32 bits
 
 
 class Sent(NamedTuple):
@@ -77,14 +77,14 @@ class Commands:
         self._sent: deque[tuple[float, Velocity]] = deque()
 
     def add(self, velocity: Velocity, now_s: float) -> None:
-        """Take note of the newest command. Told the same again, it is the one that is known already."""
+        """Take note of the newest command. A repeated command keeps its first time."""
         if not self._sent or self._sent[-1][1] != velocity:
             self._sent.append((now_s, velocity))
         while len(self._sent) > 1 and now_s - self._sent[1][0] > REMEMBERED_S:
             self._sent.popleft()
 
     def lately(self, now_s: float, latency_s: float) -> list[Sent]:
-        """Oldest first: the one that is in effect, if the gate has been told so long, and all that are on their way."""
+        """Return the command in effect, if known, and all commands on their way, oldest first."""
         queue: list[Sent] = []
         for sent_s, velocity in reversed(self._sent):
             queue.append(Sent(velocity, now_s - sent_s))
@@ -136,7 +136,7 @@ def safe_share(
     unavoidable = np.minimum(footprint.least_gaps(_path(onset), points, drift)[0], stopping)
     demanded = _demanded(unavoidable, drift, profile, footprint)
     clear = (after - demanded).min(axis=1) >= 0.0
-    # Where even braking now falls short of what stands, a share that slows the base no less than zero gives way to it:
+    # If braking now already comes too near to a standing point, shares that brake no more than zero are not tried:
     # a base may brake better than is counted on.
     stands = slice(None) if drift is None else ~drift.any(axis=1)
     in_time = bool((stopping >= margins)[stands].all())
@@ -148,7 +148,7 @@ def safe_share(
 
 
 def stepped_up(sent: Velocity, wanted: Velocity, profile: GateProfile, dt_s: float) -> Velocity:
-    """`wanted`, no further up from what was sent than the base can follow in `dt_s`; downwards all at once.
+    """Return `wanted`, raised from `sent` no faster than the base can follow in `dt_s`; lowered at once.
 
     Axis by axis, as the base does it. So what is sent is what the base does, and a play of it is true.
     """
@@ -286,7 +286,7 @@ def _followed(first: Path, then: Path) -> Path:
     return Path(*(np.concatenate(parts, axis=1) for parts in zip(first, then, strict=True)))
 
 
-# --- what is in the way ---------------------------------------------------------------------------
+# --- obstacles on the way -------------------------------------------------------------------------
 
 
 def _keeps_off(
@@ -342,7 +342,7 @@ def _margins(count: int, drift: Points | None, profile: GateProfile) -> Metres:
 def _demanded(
     unavoidable: Metres, drift: Points | None, profile: GateProfile, footprint: Footprint
 ) -> Growth:
-    """The margins, but nowhere more than stopping now would leave (method 4); apart for what moves and what stands."""
+    """Return the margins, but never more than stopping now would leave (method 4); apart for moving points."""
     share = footprint.demanded_share
     hard = profile.parameters.hard_margin_m
     if drift is None or not (moving := _moving(drift)).any():

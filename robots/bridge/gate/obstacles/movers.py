@@ -84,7 +84,7 @@ class Movers:
 
     @property
     def _movers(self) -> list[_Mover]:
-        """Computed once per scan and only on demand: nobody needs it while nobody drives."""
+        """Computed once per scan, and only while somebody drives."""
         if self._found is None:
             then, now = self._looks[0], self._looks[-1]
             known = LOOK_BACK_S / 2.0 <= now.stamp_s - then.stamp_s <= OLDEST_LOOK_S

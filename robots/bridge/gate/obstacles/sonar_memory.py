@@ -37,7 +37,7 @@ Flags = NDArray[np.bool_]
 
 LIVE_S = 0.5  # an echo counts as current for this time
 NOISE_M = 0.08  # ranges that differ by less may be of one thing
-SURE_SHARE = 0.6  # of the cone about its axis, where whatever stands is surely heard
+SURE_SHARE = 0.6  # of the cone about its axis: obstacles there are surely heard
 SAME_PLACE_M = 0.001  # a sensor that moved less stands; 5 mm may take a leg out of its cone
 SAME_PLACE_RAD = 0.002
 UNSTEADY_S = 20.0  # a sonar that lost an echo lately and had it again: then its silences count half

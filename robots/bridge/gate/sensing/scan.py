@@ -71,7 +71,7 @@ class Sweep:
 
     @cached_property
     def ends(self) -> NDArray[np.float64]:
-        """Return how far each beam surely reached: +inf is free; NaN and what is out of range reached nowhere, -inf.
+        """Return how far each beam surely reached: +inf is free; NaN and ranges out of bounds give -inf.
 
         -inf is closer than `range_min_m` and taken to be right there.
         """
@@ -121,7 +121,7 @@ class Sweep:
 
     @cached_property
     def least_ends(self) -> NDArray[np.float64]:
-        """The shortest `ends` of each beam and its two neighbours, and one more that stands for what is out of view."""
+        """The shortest `ends` of each beam and its two neighbours, and one more entry for points out of view."""
         return self._least_of_three(self.ends)
 
     @cached_property
@@ -142,7 +142,7 @@ class Sweep:
         return self._at(self.ends)
 
     def steadied(self) -> Points:
-        """As `points`, with each range averaged over the beams beside it that met the same surface.
+        """As `points`, with each range averaged over neighbouring beams that met the same surface.
 
         Of many errors the largest counts: noise narrows every door, and in what is remembered it stays. Who
         compares scan with scan takes `points`: an average over the edge of a thing is where nothing is.

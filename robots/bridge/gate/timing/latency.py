@@ -135,13 +135,14 @@ class Latency:
         return self._from_measurements(self._measured[-1][0]) if len(self._measured) >= ENOUGH else None
 
     def in_force_s(self, now_s: float) -> float:
-        """The latency to tell: measured, else assumed; longer while the robot lets us wait for longer, and while its
-        messages come later than at best.
+        """Return the latency for display: measured, else assumed.
+
+        It is longer while the robot's answer takes longer, and while its messages come later than at best.
         """
         return max(self._expected_s(now_s), min(self._waited_s(now_s), LONGEST_S)) + self._lateness_s(now_s)
 
     def worst_s(self, now_s: float) -> float:
-        """The latency to reckon with: the longest that fits what was seen, at least `in_force_s`."""
+        """Return the latency to brake with: the longest that fits the observations, at least `in_force_s`."""
         if self._answered and now_s >= self._doubtful_until_s:
             return self.in_force_s(now_s)
         return max(LONGEST_S + self._lateness_s(now_s), self.in_force_s(now_s))

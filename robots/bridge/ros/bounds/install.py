@@ -18,7 +18,7 @@ PATIENCE_S = 60.0  # of rospy's own calls of the master
 
 
 def install(exhausted: Callable[[], None]) -> None:
-    """Bound what rospy reads, and who it listens to. `exhausted` is called on its threads when memory ends."""
+    """Limit what rospy reads and from which nodes. rospy's threads call `exhausted` when memory ends."""
     spare_the_log()
     socket.setdefaulttimeout(PATIENCE_S)  # as rospy itself does once it has listened to something
     listening.Transport.exhausted = staticmethod(exhausted)

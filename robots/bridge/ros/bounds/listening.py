@@ -40,7 +40,7 @@ AGAIN_S = (
 )  # until one that could not be reached is tried again: doubled each time, up to the second
 CONNECT_S = 5.0
 MOST_DIALLING = 32  # connections that are being made, of all topics
-LOOK_S = 1.0  # how often it is looked who may be tried again
+LOOK_S = 1.0  # between checks of which nodes may be tried again
 
 _length = struct.Struct("<I")
 _here = threading.local()
@@ -105,7 +105,7 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
         self._dropped = why
 
     def read_messages(self, b: io.BytesIO, msg_queue: list[Any], sock: Any) -> None:
-        """Make messages of what came, unless there is too much of it. Raises TransportTerminated."""
+        """Deserialize the received messages, unless there are too many. Raises TransportTerminated."""
         _here.speaker = self
         why = self._dropped or self._reading.why_not(*_came(b), self._work_s(), time.monotonic())
         if not why:
@@ -179,7 +179,7 @@ _lock = threading.Lock()
 
 
 def connect(manager: Any, topic: str, uri: str) -> None:
-    """In place of RegManager._connect_topic_thread, on a thread of its own: connect to one publisher, or give up."""
+    """Connect to one publisher, or give up. Replaces RegManager._connect_topic_thread; runs on a separate thread."""
     subscriber = get_topic_manager().get_subscriber_impl(topic)
     if subscriber is None or subscriber.has_connection(uri) or BOARD.barred(topic, uri):
         return
@@ -238,7 +238,7 @@ class Manager(RegManager):  # type: ignore[misc]
     def _connect_topic_thread(self, topic: str, uri: str) -> None:
         try:
             connect(self, topic, uri)
-        except Exception:  # of whatever is there instead; it is tried again when the master names it
+        except Exception:  # any fault of the other side; the next try comes when the master names it again
             log.exception("a publisher of %s cannot be listened to", topic)
 
     def publisher_update(self, topic: str, uris: list[Any]) -> None:

@@ -41,7 +41,9 @@ class Mailboxes:
         later: Callable[[Call], None],
         hurry: Callable[[], bool] = lambda: True,
         speaker: Callable[[], Speaker | None] = lambda: None,
-        worked: Callable[[], float] = time.thread_time,  # by the loop's thread: waiting costs nobody
+        worked: Callable[
+            [], float
+        ] = time.thread_time,  # processor time of the loop's thread: waiting costs nothing
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._later = later
@@ -53,7 +55,7 @@ class Mailboxes:
         self._budgets: dict[Hashable, TokenBucket] = {}
         self._waiting: dict[
             Hashable, bool
-        ] = {}  # sources that nobody woke the loop for, and whether one has since
+        ] = {}  # sources with news that did not wake the loop, and whether another source woke it since
         self._lock = threading.Lock()
 
     def post(self, source: Hashable, call: Call, depth: int = 1, *, can_wait: bool = False) -> None:

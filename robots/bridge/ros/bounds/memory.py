@@ -1,4 +1,4 @@
-"""A ceiling for a process's memory: what a robot's network makes it keep ends it, and not the computer."""
+"""A memory limit for a process: a flood from a robot's network ends the process, not the computer."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def limit_memory(most_bytes: int) -> None:
 
 
 def lift_limit() -> None:
-    """The process ends: what it still has to do needs room, and threads."""
+    """Lift the limit for the end of the process: its last work needs memory and threads."""
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
 
 
 def end_process() -> None:
-    """As by the supervisor: the loop hears it, and leaves the robot at zero."""
+    """End as the supervisor ends it: the loop gets the signal and leaves the robot at zero."""
     os.kill(os.getpid(), signal.SIGTERM)
 
 

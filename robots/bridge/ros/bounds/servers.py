@@ -42,7 +42,7 @@ UNHEARD = threading.Event()
 
 
 class CallerLimits:
-    """How often each address comes, and who is there now. Safe to use from several threads."""
+    """Counts calls and connections of each address. Safe to use from several threads."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -202,7 +202,7 @@ def _shake_hands(server: Any, connection: socket.socket, address: tuple[str, int
         if refusal:
             conversation.send(_field("error", cut(refusal, SENTENCE)))
             connection.close()
-    except Exception as error:  # noqa: BLE001  (of whatever a stranger sends: the connection is over, and no more)
+    except Exception as error:  # noqa: BLE001  (a fault in a stranger's bytes ends the connection only)
         log.debug("somebody at %s does not speak TCPROS: %s", address[0], error)
         connection.close()
     finally:

@@ -8,9 +8,9 @@ from typing import TypeVar
 
 NAME = 200  # characters of a node's, topic's, type's, frame's, joint's or goal's name
 TITLE = 100  # of a motion's name, title and group
-SENTENCE = 300  # of why something failed, and of what an action says as it ends
+SENTENCE = 300  # a reason of a failure, or an action's last words
 PARAGRAPH = 1000  # of a motion's description
-SAID = 2000  # of what a robot's voice says that it has said
+SAID = 2000  # a spoken text as the robot reports it
 ANSWER = 4096  # of one text in an answer of a master or node
 DESCRIPTION = 8_000_000  # of one text in a parameter: the robot's description
 

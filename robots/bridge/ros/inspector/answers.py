@@ -48,7 +48,7 @@ _request = msgspec.json.Decoder(Request)
 
 
 class Inspector:
-    """Answers what one line asks."""
+    """Answers the requests of one line."""
 
     def __init__(self, config: BridgeConfig, say: Callable[[bytes], None]) -> None:
         self._config = config
@@ -82,7 +82,7 @@ class Inspector:
                 pass  # that it came says it all
 
     def run(self) -> None:
-        """Do what concerns the rospy node, one after the other."""
+        """Run the requests that use the rospy node, one after the other."""
         while True:
             self._work.get()()
 
@@ -91,7 +91,7 @@ class Inspector:
         if self._node is not None:
             self._node.close()
 
-    # --- what concerns the rospy node ------------------------------------------------------------------
+    # --- requests that use the rospy node --------------------------------------------------------------
 
     def _made_node(self) -> Node:
         """Made when it is needed: most questions are answered without, and sooner."""
@@ -115,7 +115,7 @@ class Inspector:
             raise
 
     def _publish(self, order: wire.Publish, permit: PublishPermit) -> None:
-        # Where another process of ours checked it, it is judged again: a fault ends this one, and that is told.
+        # Another process checked it already; a fault here ends this process, and the bridge reports that.
         definition = self._checked.get((order.topic, order.type)) or self._sendable(order)
         values = fit_fields(definition.fields, order.fields)
         self._made_node().publishers.publish(
@@ -144,7 +144,7 @@ class Inspector:
     # --- questions ------------------------------------------------------------------------------------
 
     def _aside(self, work: Callable[[], None]) -> None:
-        """On a thread of its own, for it may take a second; with no room, it stays unanswered and so refused."""
+        """Run on a separate thread, since it may take a second; without a free one the request is refused."""
 
         def run() -> None:
             try:
@@ -200,7 +200,7 @@ class Inspector:
             raise Declined("not_allowed", text, name=name, type=type_name)
 
     def _require_admissible(self, name: str, value: object) -> None:
-        """No branch is set, or overwritten, that holds what no allow-list admits."""
+        """Refuse to set or overwrite a branch that contains an inadmissible parameter."""
         for inner in names_set(name, value, self._master.parameter(name)):
             if why := why_denied("set", inner, "", self._config.topics):
                 raise Declined("not_allowed", f"Nobody may set {inner}: {why}.", name=inner)
@@ -258,7 +258,7 @@ def _refusal(error: Exception) -> wire.Refusal:
 
 
 def _require_harmless(definition: Definition) -> None:
-    """Whatever types are called: a twist within it, or a twist's bytes anywhere in it, make it one."""
+    """Refuse types with a twist inside, under any name: by inner types, or by the same bytes. Raises Declined."""
     why = why_fields_denied(definition.type, definition.fields)
     if twin := next((name for name in COUNTERFEITED if message_class(name)._md5sum in definition.sums), None):
         why = why_fields_denied(twin, ())

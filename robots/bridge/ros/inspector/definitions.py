@@ -1,4 +1,4 @@
-"""Message definitions: of the packages that are installed here, of ours, and in the words of whoever publishes.
+"""Message definitions: of installed packages, of this project, and as publishers send them.
 
 A definition is taken at its md5 sum: text whose sum is not the one that its publisher claims describes other bytes
 than those that come. Definitions of types that are not installed are kept on disk by (type, md5), for publishers that
@@ -148,7 +148,7 @@ class Definitions:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._found: dict[str, Definition | Declined] = {}  # by a digest of what was told
+        self._found: dict[str, Definition | Declined] = {}  # by a digest of the sent definition
         self._lock = threading.Lock()
 
     def of_connection(self, header: dict[str, str]) -> Definition:
@@ -161,14 +161,14 @@ class Definitions:
                 found = self._judged(*told)
             if len(self._found) >= MOST_FOUND:
                 self._found.clear()
-            if told[2] or isinstance(found, Definition):  # else another publisher may tell it yet
+            if told[2] or isinstance(found, Definition):  # else another publisher may still send it
                 self._found[key] = found
         if isinstance(found, Declined):
             raise found
         return found
 
     def of_type(self, type_name: str) -> Definition:
-        """As known here: installed, else one that a publisher once told. Raises Declined."""
+        """Return the installed definition, else one that a publisher sent before. Raises Declined."""
         found = installed(type_name) or next(self._kept(type_name), None)
         if found is None:
             raise _unknown(type_name)

@@ -82,7 +82,7 @@ def parameter(master: Master, name: str, seq: int) -> wire.Parameter:
 
 
 def set_parameter(master: Master, name: str, value: Any, seq: int) -> wire.Parameter:
-    """Set it; what the master then has is the answer. Raises BadField for what XML-RPC cannot carry."""
+    """Set a parameter and return the master's new value. Raises BadField for values that XML-RPC cannot carry."""
     try:
         xmlrpc.client.dumps((value,))
     except (TypeError, OverflowError) as error:

@@ -20,7 +20,7 @@ from robots.bridge.ros.inspector.vital import start_vital
 from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.ros.tasks.publishing import immediate_publisher, publish
 
-LISTENERS_S = 1.0  # a single message waits so long for those who listen to connect
+LISTENERS_S = 1.0  # a single message waits so long for listeners to connect
 WAITING = 20  # messages on their way to one topic, at most
 LINGER_S = 10.0  # a topic stays advertised after its last message, so that the next need not wait
 LIFE_S = 0.5  # at a rate only while the bridge was heard within this
@@ -80,7 +80,7 @@ class _Publisher:
             return not self._closed
 
     def stop(self) -> None:
-        """Send no more, also of what waits."""
+        """Stop sending; drop waiting messages."""
         with self._news:
             self._once.clear()
             self._repeated = None

@@ -1,4 +1,4 @@
-"""Services: what one takes, and one call of it, over a connection of our own that gives up in time."""
+"""Services: the request type of a service, and one call of it, with a time limit."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Service:
 
 
 def find(master: Master, name: str) -> Service:
-    """Ask the service what it is. Raises MasterError or Declined."""
+    """Ask a service for its type. Raises MasterError or Declined."""
     try:
         uri = urlsplit(master.call("lookupService", name))
     except NotThere:

@@ -28,9 +28,9 @@ log = logging.getLogger(__name__)
 
 LARGEST_SHOWN = 16 * 1024  # bytes of a `Shown`
 LEVELS = (Detail(32, 16, 500), Detail(8, 4, 100), Detail(2, 1, 40))  # of detail; the first that fits is shown
-# what is known is said this often without a message, too: for its figures, and for who looks later
+# a report without a new message: for its figures, and for late viewers
 AGAIN_S = 1.0
-LONGEST_NAME = 200  # characters of what a publisher says of itself
+LONGEST_NAME = 200  # characters of a publisher's own name
 MOST_NAMED = 20  # publishers of a topic
 RATE_WINDOW_S = 10.0
 RATE_LEAST = 3  # messages, of a topic on which fewer than that come within the window
@@ -52,7 +52,7 @@ class Subscription:
         self._newest: rospy.AnyMsg | None = None
         self._number = 0
         self._shown_number = 0
-        # No queue size: with one, rospy drops what it reads at once, uncounted. Here nothing waits.
+        # Without a queue size: with one, rospy drops messages uncounted. Here no message waits.
         self._subscriber = rospy.Subscriber(topic, rospy.AnyMsg, self._on_message)
 
     def close(self) -> None:
@@ -124,7 +124,7 @@ def _names(connections: Sequence[Any]) -> list[str]:
 
 
 def _discord(publishers: Sequence[Any]) -> wire.Refusal | None:
-    """They do not agree on what the topic carries; shown is whatever came last, as its own publisher has it."""
+    """Return a refusal if publishers disagree about the type. Messages keep their own publisher's definition."""
     kinds = sorted({f"{publisher.type} ({publisher.md5sum})"[:LONGEST_NAME] for publisher in publishers})
     if len(kinds) < 2:
         return None

@@ -1,4 +1,4 @@
-"""Threads without which the inspector would be there and not do what the bridge believes that it does."""
+"""Threads whose end must end the inspector: without them it would run without doing its work."""
 
 from __future__ import annotations
 

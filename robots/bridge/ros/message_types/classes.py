@@ -74,7 +74,7 @@ def definition_files() -> list[Path]:
 
 
 def _digest() -> str:
-    """Names everything that decides what is generated."""
+    """Return a digest of all inputs of the generated code."""
     generators = (Path(__file__).with_name("generate.py"), Path(genpy.__file__).with_name("generator.py"))
     digest = hashlib.sha256()
     for file in (*definition_files(), *generators):

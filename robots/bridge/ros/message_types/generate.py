@@ -15,7 +15,7 @@ import genmsg
 from genmsg.msg_loader import load_depends, load_msg_from_string, load_srv_from_string
 from genpy.generator import msg_generator, srv_generator
 
-_EMBEDDED = "=" * 80  # what separates a type's own text from those it embeds
+_EMBEDDED = "=" * 80  # separates a type's text from the types it embeds
 _HEADER = "std_msgs/Header"
 
 _LAZY_PACKAGE = '''"""Generated: loads each class when it is asked for."""

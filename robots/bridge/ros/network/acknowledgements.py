@@ -46,7 +46,7 @@ class Acknowledgements:
         return max((took_s for took_s in found if took_s is not None), default=None)
 
 
-# rospy closes a connection on a thread of its own, and then drops its socket.
+# rospy closes a connection on another thread, and then drops its socket.
 _CLOSED = (OSError, AttributeError, ValueError)
 
 

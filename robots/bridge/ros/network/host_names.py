@@ -29,6 +29,6 @@ class HostNames:
 def _is_known(host: str) -> bool:
     try:
         socket.getaddrinfo(host, None)
-    except (OSError, ValueError):  # the latter of what cannot be a name
+    except (OSError, ValueError):  # ValueError: not a host name
         return False
     return True

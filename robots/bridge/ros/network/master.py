@@ -18,7 +18,7 @@ from robots.bridge.ros.bounds import texts
 
 TIMEOUT_S = 1.0
 WHOLE_S = 5.0  # a call with its answer: of a hundred kilobytes, maybe, by a slow radio
-LARGEST_ANSWER = 64 * 1024 * 1024  # bytes that are read; what is kept of them is less
+LARGEST_ANSWER = 64 * 1024 * 1024  # bytes that are read; less is kept
 MOST_VALUES = 500_000  # in an answer
 INSPECTOR = "/fleet_inspector"  # how an inspector's name begins: every console may have one
 
@@ -108,7 +108,7 @@ class _Socket(socket.socket):
         self._left = LARGEST_ANSWER
 
     def recv_into(self, *into: Any) -> int:
-        """A part of what comes. OSError if it is too much."""
+        """Read a part of the answer. OSError if the answer is too large."""
         self._limit()
         size = super().recv_into(*into)
         self._left -= size
@@ -171,7 +171,7 @@ class Master:
             return None
 
     def system_state(self) -> SystemState:
-        """Publishers, subscribers and types of all topics, and who provides the services; names and tables cut."""
+        """Return publishers, subscribers and types of all topics, and service providers; long names are cut."""
         told = self._told(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
         publishers, subscribers, services = map(texts.books, told)
         types = texts.cut_types(self._told(list[tuple[str, str]], "getTopicTypes"))
@@ -192,7 +192,7 @@ class Master:
             ) from error
         except TimeoutError as error:
             raise MasterError(f"The ROS master at {self.uri} does not answer.") from error
-        except Exception as error:  # of whatever is there instead, or dies while it answers
+        except Exception as error:  # any fault of the other side, also its death while it answers
             why = texts.cut(str(error), texts.SENTENCE)
             raise MasterError(f"No ROS master answers at {self.uri} ({why}).") from error
         if code != 1:
@@ -210,9 +210,9 @@ class Master:
 
 
 def _goal_types(publishers: Mapping[str, object], types: Mapping[str, str]) -> dict[str, str]:
-    """The types of the goals that actions take, by what these tell of themselves.
+    """Return the goal types of actions, as the action servers advertise them.
 
-    For any topic the master says what was advertised last: for goals, that is who sends them, and so maybe us.
+    For a goal topic itself the master gives the type that was advertised last, maybe by this console.
     """
     results = {topic: types.get(topic, "") for topic in publishers if topic.endswith("/result")}
     return {

@@ -1,4 +1,4 @@
-"""The beginning of a TCPROS conversation, spoken by hand: what a publisher or a service says of itself."""
+"""The header exchange of a TCPROS connection: a publisher's or service's own description."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Conversation:
 
 
 def connect(host: str, port: int, fields: Header, timeout_s: float = CONNECT_S) -> Conversation:
-    """Connect, and say who we are and what we want; `read_header` hears the answer. All of it within `timeout_s`."""
+    """Connect and send our header; `read_header` reads the answer. The whole exchange ends within `timeout_s`."""
     until_s = time.monotonic() + timeout_s
     pairs = [f"{key}={value}".encode() for key, value in fields.items()]
     connection = socket.create_connection((host, port), timeout_s)
@@ -90,7 +90,7 @@ def connect(host: str, port: int, fields: Header, timeout_s: float = CONNECT_S) 
 def connect_to_publisher(
     topic: str, node_uri: str, caller: str, timeout_s: float = CONNECT_S
 ) -> Conversation:
-    """A subscriber's connection to one publisher, whatever its type."""
+    """A subscriber's connection to one publisher of any type."""
     protocol = Master(node_uri, caller, timeout_s).call("requestTopic", topic, [["TCPROS"]])
     try:
         _, host, port = msgspec.convert(protocol, tuple[str, str, int])

@@ -26,15 +26,15 @@ def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[Told]:
     depth pictures, so it answers as with a silent camera. Raises BadRecording if the file is no bag, or holds no
     command or no odometry.
     """
-    tellers = _tellers(gate, topics)
+    readers = _readers(gate, topics)
     sent = STILL
     seen: set[str] = set()
     try:
         with rosbag.Bag(str(file)) as bag:
-            for topic, message, time in bag.read_messages([*tellers, topics.drive.name]):
+            for topic, message, time in bag.read_messages([*readers, topics.drive.name]):
                 seen.add(topic)
-                if topic in tellers:
-                    tellers[topic](message, time.to_sec())
+                if topic in readers:
+                    readers[topic](message, time.to_sec())
                 else:
                     verdict = gate.decide(_twist(message), sent, time.to_sec())
                     sent = verdict.velocity
@@ -46,7 +46,7 @@ def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[Told]:
             raise BadRecording(f"{file.name} holds nothing on {needed}")
 
 
-def _tellers(gate: Gate, topics: Topics) -> dict[str, Callable[[Any, float], None]]:
+def _readers(gate: Gate, topics: Topics) -> dict[str, Callable[[Any, float], None]]:
     """Handler of each topic's messages."""
     reach_m = {sonar.frame_id: sonar.max_range_m for sonar in topics.sonars}
 

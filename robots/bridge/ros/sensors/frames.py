@@ -41,10 +41,10 @@ Matrix = NDArray[np.float64]  # (4, 4)
 
 
 class PoseUnknown(Exception):
-    """The frames do not tell where something is, and why, in words that follow "depth camera:"."""
+    """A place that the frames do not give; the text has the reason, in words that follow "depth camera:"."""
 
 
-class Told(NamedTuple):
+class FramePlace(NamedTuple):
     """A child frame's place in its parent, not unpacked yet."""
 
     stamp_s: float
@@ -57,8 +57,8 @@ class Frames:
 
     def __init__(self, base: str) -> None:
         self._base = base
-        self._fixed: dict[str, Told] = {}
-        self._moving: OrderedDict[str, deque[Told]] = OrderedDict()  # most recently updated at the end
+        self._fixed: dict[str, FramePlace] = {}
+        self._moving: OrderedDict[str, deque[FramePlace]] = OrderedDict()  # most recently updated at the end
         self._wanted: set[str] = set()  # on the way from a frame that was asked for
         self._full_s = -math.inf  # when one was left out last
         self._news = threading.Condition()
@@ -71,31 +71,31 @@ class Frames:
     def hear(self, raw: bytes, fixed: bool) -> None:
         """Take a serialized tf2_msgs/TFMessage. A truncated one counts as far as it goes."""
         with self._news:
-            for child, told in transforms(raw):
-                if len(child) > NAME or len(told.parent) > NAME:
+            for child, place in transforms(raw):
+                if len(child) > NAME or len(place.parent) > NAME:
                     continue
                 if fixed:
-                    self._fix(child, told)
+                    self._fix(child, place)
                     continue
                 history = self._history(child)
                 if history is None:
                     continue
-                if history and told.stamp_s <= history[-1].stamp_s:
-                    if told.stamp_s > history[-1].stamp_s - SET_BACK_S:
+                if history and place.stamp_s <= history[-1].stamp_s:
+                    if place.stamp_s > history[-1].stamp_s - SET_BACK_S:
                         continue
                     history.clear()
-                history.append(told)
+                history.append(place)
             self._news.notify_all()
 
-    def _fix(self, child: str, told: Told) -> None:
+    def _fix(self, child: str, place: FramePlace) -> None:
         """A static transform is published once: the first ones stay."""
         if child in self._fixed or child in self._wanted or len(self._fixed) < MOST_FIXED:
-            self._fixed[child] = told
+            self._fixed[child] = place
         else:
             self._full_s = time.monotonic()
 
-    def _history(self, child: str) -> deque[Told] | None:
-        """Return the history of a moving frame. If there are too many, the oldest one that nobody needs is dropped."""
+    def _history(self, child: str) -> deque[FramePlace] | None:
+        """Return the history of a moving frame. If there are too many, the oldest unneeded one is dropped."""
         if child not in self._moving:
             if len(self._moving) >= MOST_MOVING:
                 self._full_s = time.monotonic()
@@ -125,14 +125,14 @@ class Frames:
             return matrix
 
     def flat(self, frame: str, parent: str) -> Pose | None:
-        """Where a frame was in its parent when that was told last, seen from above; None: unknown."""
+        """Return the newest known place of a frame in its parent, seen from above; None: unknown."""
         with self._news:
             self._want(frame)
-            told = self._newest(frame)
-        if told is None or told.parent != parent:
+            place = self._newest(frame)
+        if place is None or place.parent != parent:
             return None
         try:
-            matrix = _matrix(*_parts(told))
+            matrix = _matrix(*_parts(place))
         except PoseUnknown:
             return None
         return Pose(
@@ -151,11 +151,11 @@ class Frames:
         way: list[str] = []
         while frame != self._base:
             self._want(frame)
-            told = self._newest(frame)
-            if told is None or len(way) == LONGEST_WAY:
+            place = self._newest(frame)
+            if place is None or len(way) == LONGEST_WAY:
                 raise PoseUnknown(f"tf does not tell where {frame} is on {self._base}")
             way.append(frame)
-            frame = told.parent
+            frame = place.parent
         return way
 
     def _want(self, frame: str) -> None:
@@ -165,7 +165,7 @@ class Frames:
                 self._wanted.clear()
             self._wanted.add(frame)
 
-    def _newest(self, child: str) -> Told | None:
+    def _newest(self, child: str) -> FramePlace | None:
         if child in self._fixed:
             return self._fixed[child]
         return self._moving[child][-1] if child in self._moving else None
@@ -175,7 +175,7 @@ class Frames:
         if child in self._fixed:
             return _matrix(*_parts(self._fixed[child]))
         history = self._moving[child]
-        later = bisect_left([told.stamp_s for told in history], stamp_s)
+        later = bisect_left([place.stamp_s for place in history], stamp_s)
         if later == len(history):
             raise PoseUnknown(f"tf did not tell in time where {child} was")
         if later > 0:
@@ -185,7 +185,7 @@ class Frames:
         return _matrix(*_parts(history[0]))
 
 
-def transforms(raw: bytes) -> Iterator[tuple[str, Told]]:
+def transforms(raw: bytes) -> Iterator[tuple[str, FramePlace]]:
     """The child frames of a serialized tf2_msgs/TFMessage, and the transform of each."""
     try:
         (count,) = _LENGTH.unpack_from(raw)
@@ -198,7 +198,7 @@ def transforms(raw: bytes) -> Iterator[tuple[str, Told]]:
             at += _TRANSFORM.size
             if len(packed) < _TRANSFORM.size:
                 return
-            yield child, Told(seconds + nanoseconds / 1e9, parent, packed)
+            yield child, FramePlace(seconds + nanoseconds / 1e9, parent, packed)
     except struct.error:
         return
 
@@ -210,9 +210,9 @@ def _name(raw: bytes, at: int) -> tuple[str, int]:
     return raw[begin : begin + length].decode(errors="replace").lstrip("/"), begin + length
 
 
-def _parts(told: Told) -> tuple[Matrix, Matrix]:
+def _parts(place: FramePlace) -> tuple[Matrix, Matrix]:
     """Translation and unit quaternion."""
-    numbers = np.array(_TRANSFORM.unpack(told.packed))
+    numbers = np.array(_TRANSFORM.unpack(place.packed))
     translation, rotation = numbers[:3], numbers[3:]
     length = math.sqrt(float(rotation @ rotation))
     if not (np.isfinite(numbers).all() and length > 0.5):
@@ -220,7 +220,7 @@ def _parts(told: Told) -> tuple[Matrix, Matrix]:
     return translation, rotation / length
 
 
-def _between(child: str, before: Told, after: Told, stamp_s: float) -> Matrix:
+def _between(child: str, before: FramePlace, after: FramePlace, stamp_s: float) -> Matrix:
     hole_s = after.stamp_s - before.stamp_s
     if hole_s > LARGEST_HOLE_S:
         raise PoseUnknown(f"tf did not tell where {child} was for {hole_s:.1f} s")

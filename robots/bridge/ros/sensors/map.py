@@ -25,7 +25,7 @@ MESSAGE_S = 5.0  # a map is latched: it comes at once
 
 
 def take(wanted: MapWanted) -> TakenMap | NoMap:
-    """The map as the first publisher tells it that can be reached."""
+    """Return the map of the first publisher that can be reached."""
     master, name = Master(wanted.master_uri, CALLER), wanted.topic.name
     try:
         nodes = master.system_state().publishers.get(name, [])

@@ -72,7 +72,7 @@ class ActionTopics:
         self._cancels.send(GoalID(id=goal_id))
 
     def cancel_all(self) -> None:
-        """Cancel everybody's goals: just what an emergency stop means."""
+        """Cancel the goals of all clients, as an emergency stop must."""
         self._goals.withdraw()
         publish(self._cancels.publisher, GoalID())
 

@@ -66,14 +66,14 @@ class MotionTopics:
             action.close()
 
     def read(self, tell: Callable[[str, list[MotionOffer], str], None]) -> None:
-        """Ask the robot what it offers: its service for the names, its parameters for the rest.
+        """Read the robot's motions: names from its service, the rest from its parameters.
 
         `tell` gets the motions of each action, or the reason why there are none.
         """
         for action in self._actions:
             try:
                 parameters, listed = self._parameters(action), self._listed(f"{action}/list_motions")
-            except MasterError as error:  # what is known of them stays
+            except MasterError as error:  # the known motions stay
                 self._offers.setdefault(action, ([], str(error)))
             else:
                 self.repertoire[action] = recorded(parameters, listed)
@@ -154,7 +154,7 @@ class MotionTopics:
         )
 
     def _code_words(self, code: int) -> str:
-        """One that nobody knows as it is; 0 is none."""
+        """Return the words of an error code; unknown codes keep their number."""
         return self._errors.get(code) or (f"error code {code}" if code else "")
 
 

@@ -15,12 +15,12 @@ from rospy.core import is_shutdown_requested
 
 from robots.bridge.ros.network.master import is_own
 
-PATIENCE_S = 1.0  # a message waits so long for somebody who listens: connections take some milliseconds
+PATIENCE_S = 1.0  # a message waits so long for a listener: connections take some milliseconds
 SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
 
 
 def heard_by(publisher: rospy.Publisher) -> list[Any]:
-    """rospy's connections to who listens. The console's inspector does not count: it shows, and obeys nothing."""
+    """Return rospy's connections to listeners. The console's inspector does not count: it obeys nothing."""
     return [connection for connection in publisher.impl.connections if not is_own(connection.endpoint_id)]
 
 
@@ -71,12 +71,12 @@ class Sender(rospy.SubscribeListener):  # type: ignore[misc]
         self._joined = joined
         self._lock = threading.Lock()
         self._waiting: tuple[Any, float] | None = None  # message, and until when
-        self._heard_by: list[Any] = []  # when somebody began to listen last
-        with self._lock:  # somebody may begin to listen before it is there
+        self._heard_by: list[Any] = []  # the listeners at the last connection
+        with self._lock:  # a listener may connect before the list exists
             self.publisher = rospy.Publisher(topic, kind, subscriber_listener=self, queue_size=5)
 
     def send(self, message: Any) -> None:
-        """To who listens now, else to who begins to within `PATIENCE_S`."""
+        """Publish to present listeners, else to those that connect within `PATIENCE_S`."""
         with self._lock:
             heard = bool(heard_by(self.publisher))
             self._waiting = None if heard else (message, time.monotonic() + PATIENCE_S)
@@ -96,7 +96,7 @@ class Sender(rospy.SubscribeListener):  # type: ignore[misc]
     # --- on rospy's threads ------------------------------------------------------------------------
 
     def peer_subscribe(self, _topic: str, _all: Callable[[Any], None], peer: Callable[[Any], None]) -> None:
-        """Somebody begins to listen. rospy guards each publication with this lock, except the one to a single peer."""
+        """Handle a new listener. rospy guards each publication with this lock, except the one to a single peer."""
         with self._lock:
             if self._waiting is not None and time.monotonic() < self._waiting[1]:
                 self.publisher.impl.acquire()
