@@ -28,7 +28,7 @@ from teleop.background.database import in_database_background
 from teleop.recording import refusals
 from teleop.recording.repeat_suppression import E, RepeatSuppressor
 from teleop.stop import emergency_stop
-from tests.disk import Disk
+from tests.full_disk import Disk
 from tests.pristine import pristine_copy
 
 # Every run tries the same examples, so that a failure has its cause in a change. HYPOTHESIS_PROFILE=search tries new

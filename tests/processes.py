@@ -1,12 +1,15 @@
-"""Helpers for tests with other processes: wait for a condition, find free ports, clean the environment."""
+"""Helpers for tests with other processes: wait for a condition, find free ports, serve, clean the environment."""
 
 from __future__ import annotations
 
 import os
 import socket
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from socketserver import BaseServer
 from typing import Any
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -27,6 +30,19 @@ def free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port: int = listener.getsockname()[1]
         return port
+
+
+@contextmanager
+def serving(server: BaseServer) -> Iterator[None]:
+    """Serve in a thread for the length of a `with` block, then close the server."""
+    with server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
+        thread.start()
+        try:
+            yield
+        finally:
+            server.shutdown()
+            thread.join()
 
 
 def outside() -> dict[str, str]:

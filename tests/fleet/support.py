@@ -1,7 +1,9 @@
-"""Helpers for tests with a real web process: its environment and its database."""
+"""Helpers for tests of the web process: environment and database of a real one, and WebSockets without one."""
 
 import subprocess
 import sys
+
+from channels.testing import WebsocketCommunicator
 
 from tests.conftest import PASSWORD
 from tests.processes import REPOSITORY, outside
@@ -26,3 +28,15 @@ def create_database(environ):
     with_password = {**environ, "DJANGO_SUPERUSER_PASSWORD": PASSWORD}
     subprocess.run([*manage, "migrate", "--verbosity", "0"], cwd=REPOSITORY, env=environ, check=True)
     subprocess.run([*manage, *account], cwd=REPOSITORY, env=with_password, check=True)
+
+
+async def websocket_answer(app, path, headers):
+    """Open a WebSocket; return the server's first event after the handshake."""
+    socket = WebsocketCommunicator(app, path, headers=list(headers.items()))
+    await socket.send_input({"type": "websocket.connect"})
+    answer = await socket.receive_output()
+    if answer["type"] == "websocket.accept":
+        answer = await socket.receive_output()
+        await socket.send_input({"type": "websocket.disconnect", "code": 1000})
+    await socket.wait()
+    return answer

@@ -5,13 +5,13 @@ from itertools import cycle
 from uuid import uuid4
 
 import pytest
-from channels.testing import WebsocketCommunicator
 from django.contrib import admin
 from django.test import Client
 from django.urls import URLPattern, get_resolver
 
 from fleet.site.asgi import application
 from teleop.live.message_socket import CloseCode
+from tests.fleet.support import websocket_answer
 
 ACCEPTS = [None, "text/html", "q=;;,/"]
 BODIES = [
@@ -123,13 +123,7 @@ UNKNOWN = [
 
 
 async def _closed_with(path, headers):
-    socket = WebsocketCommunicator(application, path, headers=headers)
-    await socket.send_input({"type": "websocket.connect"})
-    answer = await socket.receive_output()
-    if answer["type"] == "websocket.accept":
-        answer = await socket.receive_output()
-        await socket.send_input({"type": "websocket.disconnect", "code": 1000})
-    await socket.wait()
+    answer = await websocket_answer(application, path, headers)
     assert answer["type"] == "websocket.close"
     return answer.get("code"), answer.get("reason")
 
@@ -145,9 +139,9 @@ def headers(observer, signed_in, websocket_headers):
 async def test_a_websocket_to_an_unknown_address_is_closed_in_words(path, headers):
     signed_out = headers | {b"cookie": b""}
     foreign = headers | {b"origin": b"http://evil.example"}
-    assert await _closed_with(path, list(headers.items())) == (
+    assert await _closed_with(path, headers) == (
         CloseCode.NOT_FOUND,
         "There is no such address.",
     )
-    assert await _closed_with(path, list(signed_out.items())) == (CloseCode.SIGNED_OUT, "Sign in first.")
-    assert await _closed_with(path, list(foreign.items())) == (None, None)  # closed before acceptance: 403
+    assert await _closed_with(path, signed_out) == (CloseCode.SIGNED_OUT, "Sign in first.")
+    assert await _closed_with(path, foreign) == (None, None)  # closed before acceptance: 403

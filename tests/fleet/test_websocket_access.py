@@ -10,6 +10,7 @@ from django.urls import path
 from fleet.site.asgi import application
 from fleet.site.websocket_access import guarded
 from teleop.live.message_socket import CloseCode
+from tests.fleet.support import websocket_answer
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -32,15 +33,7 @@ def headers(operator, signed_in, websocket_headers):
 
 
 async def _answer(headers, app=BEHIND_THE_DOORS):
-    """Return the server's first event after a handshake."""
-    socket = WebsocketCommunicator(app, "/ws/test/", headers=list(headers.items()))
-    await socket.send_input({"type": "websocket.connect"})
-    answer = await socket.receive_output()
-    if answer["type"] == "websocket.accept":
-        answer = await socket.receive_output()
-        await socket.send_input({"type": "websocket.disconnect", "code": 1000})
-    await socket.wait()
-    return answer
+    return await websocket_answer(app, "/ws/test/", headers)
 
 
 FORBIDDEN = {"type": "websocket.close"}  # without an accept before it: HTTP 403

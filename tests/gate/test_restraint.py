@@ -13,18 +13,13 @@ from robots.bridge.gate.geometry.footprint import footprint_of
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.restraint import restrain, way_out
 from robots.bridge.gate.values import Velocity
+from tests.gate import strategies
 from tests.gate.conftest import box_profile, tiago_profile
 
 PROFILES = {"disc": tiago_profile(), "box": box_profile()}
 kinds = st.sampled_from(sorted(PROFILES))
-coordinates = st.floats(-1.2, 1.2)
-clouds = st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=12).map(np.array)
-twists = st.builds(
-    Velocity,
-    st.floats(-1.0, 1.0).map(lambda v: round(v, 3)),
-    st.just(0.0),
-    st.floats(-2.0, 2.0).map(lambda w: round(w, 3)),
-).filter(any)
+clouds = strategies.clouds(reach_m=1.2)
+twists = strategies.twists(decimals=3).filter(any)
 
 
 def decide(kind, twist, points, turn_rates=()):

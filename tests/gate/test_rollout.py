@@ -22,6 +22,7 @@ from robots.bridge.gate.motion.rollout import (
     stepped_up,
 )
 from robots.bridge.gate.values import STILL, Limits, Velocity
+from tests.gate import strategies
 from tests.gate.conftest import LASER, Feeder, box_profile, tiago_profile
 
 HOLONOMIC = Limits(1.0, 1.0, 0.8, 2.0, 1.0, 2.0)
@@ -35,14 +36,8 @@ PERIOD_S = 0.05
 LATENCY_S = 0.20
 HARD_M = 0.01
 kinds = st.sampled_from(sorted(PROFILES))
-coordinates = st.floats(-1.4, 1.4)
-clouds = st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=12).map(np.array)
-twists = st.builds(
-    Velocity,
-    st.floats(-1.0, 1.0).map(lambda v: round(v, 2)),
-    st.just(0.0),
-    st.floats(-2.0, 2.0).map(lambda w: round(w, 2)),
-)
+clouds = strategies.clouds(reach_m=1.4)
+twists = strategies.twists(decimals=2)
 queues = st.lists(twists, max_size=6).map(
     lambda several: [Sent(one, (len(several) - n) * 0.05) for n, one in enumerate(several)]
 )

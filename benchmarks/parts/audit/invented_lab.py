@@ -2,7 +2,7 @@
 
 What a record says for ever, what may expire and who it is by stand where they do in `robots.recording.bridge_records`,
 `teleop.control.services`
-and the like; `tests/audit/test_past.py` looks at some of it.
+and the like; `tests/audit/test_invented_lab.py` looks at some of it.
 """
 
 from __future__ import annotations

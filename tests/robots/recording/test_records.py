@@ -31,7 +31,7 @@ from robots.recording.bridge_records import AuditSink
 from robots.registry.models import BridgePulse, Robot
 from robots.wire import Grant, Refusal
 from tests.bridge.support import Bench
-from tests.disk import Disk
+from tests.full_disk import Disk
 
 pytestmark = pytest.mark.django_db(transaction=True)  # the sink opens a new connection each time
 

@@ -36,6 +36,21 @@ def take(robot, user, *, name=None, highest_fence=0, now=NOW):
     )
 
 
+def ask(robot, user):
+    return services.control_request(robot_id=robot.id, user_id=user.id, tab=tab(user.username), now=NOW)
+
+
+def hand_over(robot, holder, request):
+    return services.lease_hand_over(
+        robot_id=robot.id,
+        user_id=holder.id,
+        tab=tab(holder.username),
+        request_id=request,
+        highest_fence=0,
+        now=NOW,
+    )
+
+
 def take_over(robot, user):
     services.lease_take_over(
         robot_id=robot.id,
@@ -167,7 +182,7 @@ def test_renewal_starts_a_new_term(robot, operator, settings):
 
 def test_renewal_is_refused_while_another_person_asks(robot, operator, second_operator):
     take(robot, operator)
-    services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
+    ask(robot, second_operator)
     refusal = refused(
         services.lease_renew, robot_id=robot.id, user_id=operator.id, tab=tab("operator"), now=NOW
     )
@@ -210,17 +225,7 @@ def test_resume_is_refused_when_the_right_has_ended(robot, operator):
 
 def test_handover_gives_control_to_the_page_that_asked(robot, operator, second_operator):
     before = take(robot, operator)
-    number = services.control_request(
-        robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW
-    )
-    given = services.lease_hand_over(
-        robot_id=robot.id,
-        user_id=operator.id,
-        tab=tab("operator"),
-        request_id=number,
-        highest_fence=0,
-        now=NOW,
-    )
+    given = hand_over(robot, operator, ask(robot, second_operator))
     assert (given.user, given.tab) == (second_operator.id, tab("second"))
     assert given.fence > before.fence
     assert ControlSession.objects.get(pk=before.session).end_reason == EndReason.HANDED_OVER
@@ -229,20 +234,9 @@ def test_handover_gives_control_to_the_page_that_asked(robot, operator, second_o
 
 def test_handover_to_a_withdrawn_request_is_refused(robot, operator, second_operator):
     take(robot, operator)
-    number = services.control_request(
-        robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW
-    )
+    number = ask(robot, second_operator)
     services.control_request_withdraw(robot_id=robot.id, connection="second-connection", gone=False, now=NOW)
-    refusal = refused(
-        services.lease_hand_over,
-        robot_id=robot.id,
-        user_id=operator.id,
-        tab=tab("operator"),
-        request_id=number,
-        highest_fence=0,
-        now=NOW,
-    )
-    assert refusal.code == "no_such_request"
+    assert refused(hand_over, robot, operator, number).code == "no_such_request"
 
 
 def test_asking_twice_makes_one_request(robot, operator, second_operator):
@@ -336,7 +330,7 @@ def test_names_and_reasons_in_records_may_expire(robot, operator, supervisor):
 
 def test_freeing_the_robot_closes_its_requests(robot, operator, second_operator):
     held = take(robot, operator)
-    services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=tab("second"), now=NOW)
+    ask(robot, second_operator)
     give_back(robot, held)
     assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.FREED
 
