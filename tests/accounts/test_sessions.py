@@ -101,7 +101,7 @@ def test_ending_needs_a_form_of_ours(end, operator, signed_in):
     assert client.get(f"{PAGE}{end}").status_code == 405
 
 
-# --- what ends a sign-in, as live connections ask ---------------------------------------------
+# --- checks by live connections ---------------------------------------------------------------
 
 
 def test_a_sign_in_is_alive_and_the_question_costs_one_query(desk, operator, django_assert_num_queries):

@@ -173,7 +173,7 @@ def test_one_address_cannot_try_name_after_name(operator):
     assert _try("operator", PASSWORD, REMOTE_ADDR="10.0.0.67").status_code == 302
 
 
-# --- what cannot be recorded is not done ------------------------------------------------------
+# --- nothing without a record -----------------------------------------------------------------
 
 
 @pytest.mark.django_db(transaction=True)

@@ -53,7 +53,7 @@ def shown(kinds=None, **wanted):
     return [row.record for row in Selection(Wanted(**wanted), kinds).page().rows]
 
 
-# --- whom ---------------------------------------------------------------------------------------
+# --- access -------------------------------------------------------------------------------------
 
 
 def addresses():
@@ -92,7 +92,7 @@ def test_a_list_only_reads(admin):
         assert admin.post(reverse(f"admin:{name}_changelist"), {"kind": "x"}).status_code == 405
 
 
-# --- what ---------------------------------------------------------------------------------------
+# --- content ------------------------------------------------------------------------------------
 
 
 def test_a_request_and_its_outcome_are_one_row(operator):
@@ -333,7 +333,7 @@ def test_staff_read_above_each_list_that_the_clock_is_doubted(admin):
     assert "confirm_clock" not in admin.get(address).content.decode()
 
 
-# --- pages to look at -----------------------------------------------------------------------------
+# --- browsing -------------------------------------------------------------------------------------
 
 
 def test_a_list_tells_who_what_and_what_came_of_it(admin, operator):

@@ -1,4 +1,4 @@
-"""A database with the migrations of before 2026-11-23 migrates; one squashed migration per app replaces them."""
+"""A database with the migrations from before 2026-11-23 migrates; one squashed migration per app replaces them."""
 
 from __future__ import annotations
 

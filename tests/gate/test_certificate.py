@@ -136,7 +136,7 @@ def test_a_command_from_the_future_is_played():
     assert not plays_clear(ahead, [Sent(ahead, -0.1)], ahead, EMPTY, hull, profile, PERIOD_S)
 
 
-# --- both gates, side by side -----------------------------------------------------------------------
+# --- gates with and without certificates ------------------------------------------------------------
 
 
 class World:

@@ -29,7 +29,7 @@ def gone(boxes, *what, **how):
     return bool(seen_through(picture(boxes, to_base, noise=0.0015), to_base, column(*what, **how))[0])
 
 
-# --- what one picture tells ---------------------------------------------------------------------------
+# --- one picture --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("x", [0.8, 1.0, 1.5])
@@ -60,7 +60,7 @@ def test_a_cupboard_stays_when_the_box_below_it_goes():
     assert not gone([FLOOR, WALL], 2.0, 0.06, 1.2, without=range(4, 10))
 
 
-# --- what camera and laser tell together -----------------------------------------------------------------
+# --- camera and laser together ---------------------------------------------------------------------------
 
 
 REAR = "/scan_rear"

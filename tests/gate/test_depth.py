@@ -496,7 +496,7 @@ def test_the_camera_sees_the_robot_around_the_arms_ends():
     assert looker.gate.footprint.reach(0.0) == pytest.approx(0.54), "the hull is the arm alone"
 
 
-# --- what the camera vouches for ---------------------------------------------------------------------
+# --- speed limits by the camera's view ---------------------------------------------------------------
 
 
 def test_until_the_first_picture_speed_is_the_blind_one():

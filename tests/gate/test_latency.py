@@ -282,7 +282,7 @@ def test_an_operator_far_away_drives_slower_and_is_told(tiago):
     assert verdict.text == "held to 0.8 m/s: the page answers after 0.80 s"
 
 
-# --- messages that come later and later ---------------------------------------------------------------
+# --- growing delay of messages ------------------------------------------------------------------------
 
 
 def came(latency, delays_s, begin_s=50.0, clock_s=3600.0, source="odometry", period_s=0.05):
@@ -387,7 +387,7 @@ def test_the_gate_hears_of_messages_that_come_later_and_says_so(tiago, source):
     assert 0.8 < verdict.velocity.vx < 0.9
 
 
-# --- commands that come later and later ---------------------------------------------------------------
+# --- growing delay of commands ------------------------------------------------------------------------
 
 
 def answered(latency, *took_s, begin_s=50.0):

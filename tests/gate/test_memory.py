@@ -270,7 +270,7 @@ def test_the_rolling_grid_does_what_a_dictionary_does(moments, begin):
     assert sorted(map(tuple, memory.points(now_s + 0.6).tolist())) == naive.points(now_s + 0.6)
 
 
-# --- what a scan can tell -------------------------------------------------------------------------
+# --- evidence of one scan -------------------------------------------------------------------------
 
 STEP = math.radians(190) / 570
 
@@ -534,7 +534,7 @@ def test_a_scan_that_matches_no_odometry_teaches_nothing():
     assert len(bench.remembered) == 0
 
 
-# --- the robot as it drives -----------------------------------------------------------------------
+# --- simulated driving ----------------------------------------------------------------------------
 
 SEEDS = [1]  # script/bench gate-world uses many seeds
 

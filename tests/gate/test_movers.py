@@ -227,7 +227,7 @@ def test_an_empty_scan_is_fine():
     assert not len(scene.moving()[0])
 
 
-# --- as the gate uses it --------------------------------------------------------------------------
+# --- in the gate ----------------------------------------------------------------------------------
 
 
 class Crossing(World):

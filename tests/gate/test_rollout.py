@@ -271,7 +271,7 @@ def test_the_first_step_is_one_period_of_acceleration():
     assert stepped == pytest.approx(Velocity(0.05, 0.0, -0.1))
 
 
-# --- as the gate uses it --------------------------------------------------------------------------
+# --- in the gate ----------------------------------------------------------------------------------
 
 
 def ticks(feeder, stick, count):

@@ -144,7 +144,7 @@ def test_bounds_are_poissons():
     assert at_most(1) == pytest.approx(4.744, abs=0.005)
 
 
-# --- what sensors can have seen ------------------------------------------------------------------
+# --- obstacles visible to sensors ----------------------------------------------------------------
 
 
 def touched(
@@ -210,7 +210,7 @@ def test_a_dead_laser_has_seen_nothing():
     assert known.sensors == ("depth",)
 
 
-# --- what is drawn -------------------------------------------------------------------------------
+# --- drawings ------------------------------------------------------------------------------------
 
 
 def test_drawn_runs_have_each_object_way_and_start():
@@ -293,7 +293,7 @@ def test_an_arm_that_the_gate_does_not_know_holds_the_robot(monkeypatch, masks, 
     assert (end.refused_s > 0.0) is not masks
 
 
-# --- stuck, and free again -----------------------------------------------------------------------
+# --- robots stuck and freed ----------------------------------------------------------------------
 
 
 def held(asked: Velocity, pose: Pose = ORIGIN, moving: Twist = Twist(), sent: Velocity = STILL) -> Moment:  # noqa: B008

@@ -127,7 +127,7 @@ HANGS = ("sleep", "60")
 
 
 def hangs() -> bool:
-    """Whether the hanging process exists."""
+    """True if the hanging process exists."""
     return any(child.cmdline() == list(HANGS) for child in psutil.Process().children())
 
 

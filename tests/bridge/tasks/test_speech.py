@@ -260,8 +260,6 @@ def test_a_text_whose_holder_goes_is_said_to_its_end(bench):
 @pytest.mark.parametrize(
     "spoil",
     [
-        lambda bench: bench.core.revoke(1, "over", bench.now_s),
-        lambda bench: bench.core.stop("Bob", "", bench.now_s),
         lambda bench: bench.order(wire.SayCancel(1)),
         lambda bench: setattr(bench.base, "listeners", 0),
     ],

@@ -36,10 +36,11 @@ def comes_back(bench):
         lambda bench: bench.granted(fence=2),
         runs_out,
         comes_back,
-        lambda bench: bench.core.close(bench.now_s),
+        lambda bench: bench.core.revoke(1, "over", bench.now_s),
+        lambda bench: bench.core.stop("Bob", "", bench.now_s),
     ],
 )
-def test_waiting_task_of_a_lost_holder_is_refused_and_recorded(bench, what, happens):
+def test_waiting_task_is_refused_and_recorded_without_control(bench, what, happens):
     bench.sink.open.clear()
     answers = bench.ask(ORDERS[what])
     happens(bench)

@@ -244,7 +244,7 @@ def test_a_settling_that_fails_midway_leaves_nothing_half_done(
     assert [found.kind for found in records_of(robot)][2:] == ["motion.end", "drive.end"]
 
 
-# --- a database that is away -------------------------------------------------------------------------
+# --- a missing database ------------------------------------------------------------------------------
 
 
 def test_a_pulse_is_written_and_is_no_record(sink: AuditSink, robot: Robot) -> None:

@@ -38,7 +38,7 @@ def complaint(owner: Robot | RobotProfile, staff: User, **fields: Any) -> dict[s
     return told
 
 
-# --- what never may be on it ---------------------------------------------------------------------
+# --- forbidden entries ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_entries_are_on_record(tiago: RobotProfile, staff: User) -> None:
     assert (deleted.kind, deleted.actor_id) == ("allowance.delete", str(staff.pk))
 
 
-# --- what holds for a robot ----------------------------------------------------------------------
+# --- entries of a robot --------------------------------------------------------------------------
 
 
 def test_a_robots_own_entries_come_before_its_profiles(

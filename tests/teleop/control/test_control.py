@@ -416,7 +416,7 @@ async def test_renewal_is_answered_when_a_booking_allows_no_more(open_page, monk
     assert (await page.hears("control"))["state"] == "yours"
 
 
-# --- a page that goes and comes back ---------------------------------------------------------------------
+# --- a lost page that returns ----------------------------------------------------------------------------
 
 
 async def test_closed_page_pauses_the_bridge_and_others_see_it(open_page, bridge):

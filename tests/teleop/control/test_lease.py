@@ -128,7 +128,7 @@ def test_one_of_two_simultaneous_takes_wins(robot, operator, second_operator):
 
 
 def test_changed_lease_is_not_changed_again(robot, operator, second_operator, monkeypatch):
-    """Where transactions run in parallel, the count of changed rows tells the loser."""
+    """With parallel transactions, the count of changed rows shows which one lost."""
     take(robot, second_operator)
     monkeypatch.setattr(services, "lease_of", lambda _robot_id: None)  # an outdated read
     assert refused(take, robot, operator).code == "too_late"
@@ -256,7 +256,7 @@ def test_takeover_records_its_reason(robot, operator, supervisor):
 
 
 def test_page_seen_while_its_lease_expires_keeps_it(robot, operator, monkeypatch):
-    """Where transactions run in parallel, another process may store `seen_at` between any two steps."""
+    """With parallel transactions, another process may store `seen_at` between any two steps."""
     held = take(robot, operator)
     over = NOW + timedelta(seconds=11)
     free = services._free
