@@ -1,4 +1,4 @@
-"""Somebody who drives while other software wants to drive too; the stop, again and again; what the robot sees."""
+"""A driver while other software wants to drive, too; repeated stops; the messages at the robot."""
 
 from __future__ import annotations
 

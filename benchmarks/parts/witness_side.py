@@ -1,4 +1,4 @@
-"""``python -m benchmarks.parts.witness_side``: tells what reaches the robot in ROS_MASTER_URI, a line for each thing.
+"""``python -m benchmarks.parts.witness_side``: prints each message that reaches the robot in ROS_MASTER_URI.
 
 Each line is a `Received`. Goals come twice: as they were sent, and as the robot itself says that it has them.
 """

@@ -1,4 +1,4 @@
-"""Play one case of the bench and print its trace: for whoever looks for the reason of a crash."""
+"""Play one case of the bench and print its trace, to find the reason of a crash."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ class Controller(Protocol):
 
 
 class Ours:
-    """The gate, told and asked as `robots.bridge.core.Core` does it."""
+    """The gate, used as `robots.bridge.core.Core` uses it."""
 
     looks = True
 

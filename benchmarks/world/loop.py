@@ -38,7 +38,7 @@ from robots.simulator.worlds import World
 from robots.wire import Drive
 
 STARTS_S = 1000.0  # the console's clock when a run begins
-ROBOT_CLOCK_S = 1.7e9  # what the robot's clock is ahead of it
+ROBOT_CLOCK_S = 1.7e9  # the robot's clock is ahead by this
 WARM_UP_S = 0.4  # before the stick is touched
 PERIOD_S = 0.05  # of decisions
 SONAR_HZ = 5.0
@@ -51,7 +51,7 @@ INPUT = "key_vel"
 
 
 class Jump(NamedTuple):
-    """From a moment on (seconds since the start) what goes on these ways comes later, by `by_s`, all at once."""
+    """From a moment on (seconds since the start), sensors or commands come later by `by_s`, all at once."""
 
     at_s: float
     by_s: float
@@ -321,7 +321,7 @@ class Loop:
     # --- from the robot --------------------------------------------------------------------------
 
     def _measure(self, now_s: float, ticks: int) -> None:
-        """Sensors measure now; what they say comes later."""
+        """Sensors measure now; their messages arrive later."""
         stamp_s = now_s + ROBOT_CLOCK_S + self.case.conditions.clock_s
         faults = self.robot.faults
         scans, sonars, depths = self._phase_ticks

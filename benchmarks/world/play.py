@@ -37,7 +37,7 @@ def loop_of(case: Case, controller: str, seed: int) -> Loop:
 
 
 def recorded(loop: Loop, path: Path) -> Trace:
-    """Play a run of our gate and write down what the gate is told and answers."""
+    """Play a run of our gate and record its input and answers."""
     if not isinstance(loop.controller, Ours):
         raise ValueError("only our own gate can be recorded")
     with Recorder(path, loop.controller.gate.profile) as recorder:
@@ -46,7 +46,7 @@ def recorded(loop: Loop, path: Path) -> Trace:
 
 
 def played(name: str, jobs: Sequence[Job], play: Callable[[Job], Outcome]) -> Iterator[tuple[Job, Outcome]]:
-    """Each job with what came of it, in order. `play` must be importable: processes of their own do it."""
+    """Each job with its outcome, in order. `play` must be importable: separate processes run it."""
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     context = multiprocessing.get_context("spawn")

@@ -27,7 +27,7 @@ admin.site.unregister(Group)
 
 
 class ListedLookups(RecordedAdmin):
-    """Lists that addresses can filter by what is offered as a filter, and by nothing else.
+    """Lists that an address can filter only by the offered filters.
 
     Django lets them filter by every column and by the keys of what refers to it, also by their beginning: who may
     see a list could find out other people's session keys character by character.

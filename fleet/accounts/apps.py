@@ -5,7 +5,7 @@ from django.utils.translation import gettext_lazy as _
 
 
 class AccountsConfig(AppConfig):
-    """Records sign-ins and sign-outs, whatever door they came by."""
+    """Records sign-ins and sign-outs of every interface."""
 
     name = "fleet.accounts"
     verbose_name = _("People")

@@ -12,11 +12,11 @@ class StaffBackend(ModelBackend):
     """Staff may administer everything that the admin offers; Django's permissions by model are not used."""
 
     def has_perm(self, user_obj: Any, perm: str, obj: Any = None) -> bool:
-        """Active staff, whatever the permission."""
+        """Return whether the person is active staff; permissions are not used."""
         return _is_staff(user_obj)
 
     def has_module_perms(self, user_obj: AbstractBaseUser | AnonymousUser, app_label: str) -> bool:
-        """Active staff, whatever the app."""
+        """Return whether the person is active staff; apps do not differ."""
         return _is_staff(user_obj)
 
 

@@ -25,7 +25,7 @@ class RecordedUser(AbstractUser):
         abstract = True
 
     def save(self, **options: Any) -> None:
-        """Save, and record what that changes."""
+        """Save, and record the changes."""
         fields = options.get("update_fields") or RECORDED
         if set(fields).isdisjoint(RECORDED):  # a sign-in notes its time
             super().save(**options)
@@ -36,7 +36,7 @@ class RecordedUser(AbstractUser):
             changes = _changes(before, self, fields)
             super().save(**options)
             if new:
-                _record("account.create", self, changes)  # what differs from a blank account
+                _record("account.create", self, changes)  # differences from a blank account
             elif changes:
                 _record("account.change", self, changes)
                 if {"username", "full_name"} & {change["field"] for change in changes}:

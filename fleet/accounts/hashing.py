@@ -1,4 +1,4 @@
-"""One thread of low priority hashes passwords, and few may wait for it: sign-ins never starve what drives robots.
+"""One thread of low priority hashes passwords, and few may wait for it: sign-ins never delay driving.
 
 One bcrypt takes a quarter of a second of a core. It releases Python's lock, so several at once would take the cores
 from the event loop and from the bridges.

@@ -23,7 +23,7 @@ class SignInRequired(LoginRequiredMiddleware):
     def handle_no_permission(  # type: ignore[override]  # the stubs allow redirects only
         self, request: HttpRequest, view_func: Callable[..., Any]
     ) -> HttpResponseBase:
-        """Lead browsers, which name HTML, to the sign-in page; tell a script so, lest it takes that for success."""
+        """Redirect browsers, which accept HTML, to the sign-in page; answer scripts with an error."""
         if wants_json(request):
             text = "Not done: you are signed out. Sign in again."
             return JsonResponse({"code": "signed_out", "text": text, "rule": "account"}, status=401)

@@ -55,7 +55,7 @@ def sign_in_seen(request: HttpRequest) -> None:
 
 
 def sign_in_end(*, user: User, sign_in_id: UUID) -> bool:
-    """End one of the person's sign-ins, and with it what it holds open. False if there is no such."""
+    """End one of the person's sign-ins and its open connections. False if there is no such sign-in."""
     return _end(user, sign_ins_of(user.pk).filter(pk=sign_in_id)) == 1
 
 
@@ -109,7 +109,7 @@ def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
 
 
 def _names_of(user: User) -> set[str]:
-    """By what others may have called this person: now, and before, as far as that is still on record."""
+    """Return the person's present names, and earlier ones that are still recorded."""
     names = {user.username, user.full_name, user.email}
     accounts = Record.objects.filter(kind__in=["account.create", "account.change"], content__isnull=False)
     for data in accounts.filter(parameters__user=str(user.pk)).values_list("content__data", flat=True):

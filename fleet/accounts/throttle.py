@@ -23,7 +23,7 @@ from fleet.audit.services import record
 FAILURES = 10  # of one name from one address
 FAILURES_OF_ADDRESS = 50  # of all names: a whole lab may sit behind one address
 WINDOW = timedelta(minutes=5)
-# of two web processes: what is later was recorded while a clock was ahead, and counts no more
+# of two web processes: later records were made while a clock was ahead, and do not count
 CLOCKS = timedelta(minutes=5)
 LOOKED_AT = timedelta(minutes=1)  # an attempt older than this was left behind by a process that died
 KIND = "account.sign_in_failed"

@@ -32,7 +32,7 @@ class SignInView(LoginView):
     authentication_form = SignInForm
 
     def form_valid(self, form: AuthenticationForm) -> HttpResponse:
-        """Sign in; what cannot be recorded is not done."""
+        """Sign in. Refused if it cannot be recorded."""
         with transaction.atomic():
             return super().form_valid(form)
 
@@ -52,7 +52,7 @@ class PasswordView(PasswordChangeView):
     success_url = reverse_lazy("sessions")
 
     def form_valid(self, form: PasswordChangeForm) -> HttpResponse:
-        """Change it; what cannot be recorded is not done.
+        """Change the password. Refused if it cannot be recorded.
 
         It is hashed first: that waits its turn, and within a transaction SQLite would keep everybody else from writing.
         """
@@ -77,7 +77,7 @@ def sessions(request: HttpRequest) -> HttpResponse:
 
 @require_POST
 def session_end(request: HttpRequest, sign_in_id: UUID) -> HttpResponse:
-    """End one sign-in; what it holds open ends within a second."""
+    """End one sign-in; its connections end within a second."""
     ended = services.sign_in_end(user=person_of(request), sign_in_id=sign_in_id)
     if not request.session.exists(request.session.session_key or ""):  # this one: it keeps no message
         return redirect("sign-in")

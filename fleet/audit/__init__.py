@@ -1,4 +1,4 @@
-"""The audit log: who did what with which robot, and the outcome. Append-only, chained by digests.
+"""The audit log: persons, their actions with robots, and outcomes. Append-only, chained by digests.
 
 `services.record` is the only way in. A robot is known here by its UUID, and nothing is imported from the apps above.
 """

@@ -33,7 +33,7 @@ def session_url_of(session_id: UUID | None) -> str:
 def by_day(
     request: HttpRequest, lines: list[tuple[datetime.date, T]]
 ) -> list[tuple[datetime.date, str, list[T]]]:
-    """Each day with the address of its own list, and its lines."""
+    """Each day with the address of its list, and its lines."""
     return [
         (day, f"?{address(request, since=day, until=day)}", [line for _day, line in of_day])
         for day, of_day in groupby(lines, key=lambda pair: pair[0])
@@ -49,7 +49,7 @@ def beside(
     day_before: datetime.date | None,
     day_after: datetime.date | None,
 ) -> dict[str, Any]:
-    """The addresses of the pages and days beside a page with rows of these numbers."""
+    """The addresses of the pages and days next to a page with rows of these numbers."""
     links: dict[str, Any] = {}
     if newer:
         links["newest"] = f"?{address(request)}"

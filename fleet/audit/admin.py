@@ -40,7 +40,7 @@ LISTS = {
 
 
 class ReadOnly(RecordedAdmin):
-    """Written by what happens, and by nobody."""
+    """Records cannot be added or changed by hand."""
 
     def has_add_permission(self, request: HttpRequest) -> bool:
         """Nobody."""
@@ -71,7 +71,7 @@ class Line(Struct, frozen=True):
 
 
 class ListAdmin(ReadOnly):
-    """A list in place of the admin's own, which counts and sorts what it shows."""
+    """A list that replaces the admin's own, which would count and sort all rows."""
 
     outcomes_are: str | Promise = gettext_lazy("Outcome")
 
@@ -242,7 +242,7 @@ class EverythingAdmin(RecordsAdmin):
 
 
 def lists(current: str) -> list[Link]:
-    """The lists of the log beside each other."""
+    """Links between the lists of the log."""
     return [Link(text, reverse(f"admin:{name}_changelist"), name == current) for name, text in LISTS.items()]
 
 

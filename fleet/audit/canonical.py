@@ -49,12 +49,12 @@ class Chained(Protocol):
 
 
 def plain_text(text: str) -> str:
-    """`text` without what a database cannot keep."""
+    """Return `text` without characters that a database cannot keep."""
     return _UNSTORABLE.sub(_REPLACEMENT, text)
 
 
 def bounded_text(text: str) -> str:
-    """The same; of what would be longer than `TEXT_BYTES` the beginning, and how long it was."""
+    """The same; a text longer than `TEXT_BYTES` is cut, and its length noted."""
     whole = plain_text(text)
     size = len(whole.encode())
     if size <= TEXT_BYTES:

@@ -1,4 +1,4 @@
-"""A person is forgotten: their records stay, under a pseudonym, without what they wrote or what names them."""
+"""Erase a person: their records stay under a pseudonym, without their texts and names."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _by_or_about(person_id: str, names: Collection[str], contents: QuerySet[Cont
 
 
 def _naming(names: Collection[str], readable: QuerySet[Content]) -> Iterator[int]:
-    """The numbers of those contents in which one of the names stands, in these letters and as words of its own."""
+    """Return the numbers of contents that contain one of the names as a whole word, in the same letters."""
     known = {form for name in names if name.strip() for form in (name, unicodedata.normalize("NFC", name))}
     if not known:
         return
@@ -95,7 +95,7 @@ def _naming(names: Collection[str], readable: QuerySet[Content]) -> Iterator[int
 
 
 def _words(value: Any) -> Iterator[str]:
-    """All texts within a JSON value, also keys: the fields of a message are named by whoever sends it."""
+    """All texts within a JSON value, also keys: the sender of a message names its fields."""
     match value:
         case str():
             yield value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-# Words of SQLite's and PostgreSQL's messages, and what they mean for the reader. First match counts.
+# Words of SQLite's and PostgreSQL's messages, and their meaning for the reader. First match counts.
 CAUSES = [
     ("locked", "locked", "another process keeps the database locked"),
     ("lock timeout", "locked", "another process keeps the database locked"),
@@ -18,7 +18,7 @@ CAUSES = [
 
 
 class AuditUnavailable(Exception):
-    """The audit log cannot be written, so what was to be recorded must not be done.
+    """The audit log cannot be written, so the action must not be done.
 
     `code` and `text` are those of the refusal to answer with; its rule is "audit".
     """

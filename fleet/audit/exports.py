@@ -49,7 +49,7 @@ class Format(TextChoices):
 
 
 class Export:
-    """One export: what it tells piece by piece, and how many rows it has told. `pieces` are texts of so many rows."""
+    """One export: its pieces, each a text of some rows, and the number of rows sent."""
 
     def __init__(self, pieces: Iterator[tuple[str, int]], begun: Record, actor: AbstractUser) -> None:
         self._pieces = pieces
@@ -66,7 +66,7 @@ class Export:
         return text
 
     def ended(self) -> None:
-        """Put on record what came of it, once."""
+        """Record the outcome, once."""
         if self._is_on_record:
             return
         self._is_on_record = True
@@ -79,7 +79,7 @@ class Export:
                 outcome=outcome,
                 parameters={"rows": self._count},
             )
-        except AuditUnavailable as error:  # what is told is told, and that it was begun is on record
+        except AuditUnavailable as error:  # rows already sent stay sent, and the begin is recorded
             log.error("the outcome %s of export %s was not recorded: %s", outcome, self._begun.pk, error)
 
 
@@ -113,7 +113,7 @@ def response(
     format_: Format,
     besides: Iterable[tuple[str, int]] = (),
 ) -> ExportResponse:
-    """The answer to who wants a file. Raises `AuditUnavailable`: what cannot be recorded is not told.
+    """Return the file as a response. Raises `AuditUnavailable` if the export cannot be recorded.
 
     `besides` are texts of so many rows that follow on what is selected.
     """
@@ -131,7 +131,7 @@ def response_of(
     name: str,
     format_: Format,
 ) -> ExportResponse:
-    """The same of what is no record: each row has a fact for each of the columns."""
+    """The same for rows that are no records: each row has a value for each column."""
     if format_ is Format.CSV:
         head = BOM + _csv_lines([columns])
         pieces = ((_csv_lines([_safe(facts.values()) for facts in rows]), len(rows)) for rows in chunks)
@@ -178,7 +178,7 @@ def _file(
 
 
 def safe_cell(value: str) -> str:
-    """The cell as text for every spreadsheet: an apostrophe before what would be a formula."""
+    """The cell as text for every spreadsheet: with an apostrophe before a formula."""
     return f"'{value}" if value.startswith(_FORMULA) else value
 
 
@@ -215,7 +215,7 @@ def _json_lines(rows: list[Row]) -> str:
 
 
 def _whole(record: Record, end: Record | None) -> dict[str, Any]:
-    """All columns of a record; `ended` is the record of what came of it."""
+    """All columns of a record; `ended` is the record of its outcome."""
     return {
         "number": record.pk,
         "time": _time(record),

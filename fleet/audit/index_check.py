@@ -1,4 +1,4 @@
-"""Does the index of texts agree with the log? A search must not miss what was said.
+"""Check that the search index agrees with the log: a search must not miss texts.
 
 SQLite: the texts are indexed anew, a batch at a time, in a temporary place, and each group of three characters must
 stand at the same places as in the index. PostgreSQL keeps its index itself: that it is defined as it was made, in
@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from django.db import DatabaseError, connection, transaction
 from django.db.backends.utils import CursorWrapper
 
-AT_ONCE = 5_000  # texts indexed anew
+AT_ONCE = 5_000  # texts that are indexed again
 
 # Index content of one group of characters in any order: number of places, and which texts and places.
 _PLACES = (

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 
 class Kept(TextChoices):
-    """For how long what may expire of a record is kept; the settings name the days of each class."""
+    """How long expiring parts of a record are kept; the settings have the days of each class."""
 
     SPEECH = "speech", _("what robots were made to say")
     DRIVING = "driving", _("drives, motions and what the robot refused")
@@ -19,7 +19,7 @@ class Kept(TextChoices):
 
 
 class Listing(Enum):
-    """The lists of the admin beside "Everything", which shows all kinds."""
+    """The lists of the admin, apart from "Everything", which shows all kinds."""
 
     SPEECH = "speech"
     MOTION = "motion"

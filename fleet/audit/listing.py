@@ -1,4 +1,4 @@
-"""Reading the log page by page: what is wanted, which records that is, and each request with what came of it.
+"""Reading the log page by page: filters, their records, and each request with its outcome.
 
 However many records there are, a page costs a few seeks: every filter has an index that ends in the record's number
 and carries the columns of the other filters, and pages are cut by number ("older than 4711"), not by counting rows.
@@ -30,7 +30,7 @@ PAGE = 50  # rows
 COUNTED = 1000  # rows; of more it is only said that there are more
 FEW = 2000  # candidates, whose texts are looked at one by one
 OUTCOMES = 500  # different ones to choose from
-CONSOLE = "console"  # as a person: what nobody did
+CONSOLE = "console"  # as a person: actions of the console itself
 
 _NEAR = 31  # days
 # Part of something, and a row of their own all the same: more than the outcome of what they refer to.
@@ -50,7 +50,7 @@ class Wanted(Struct, frozen=True):
     words: tuple[str, ...] = ()
     since: datetime.date | None = None
     until: datetime.date | None = None
-    robot: UUID | None = None  # `NO_ROBOT`: what concerns none
+    robot: UUID | None = None  # `NO_ROBOT`: records without robot
     person: str = ""  # an `Actor`'s id, or `CONSOLE`
     kind: str = ""
     outcome: str = ""
@@ -58,7 +58,7 @@ class Wanted(Struct, frozen=True):
 
 
 class Row(Struct, frozen=True):
-    """A request with what came of it, or a record that stands alone."""
+    """A request with its outcome, or a record that stands alone."""
 
     number: int  # by which pages are cut
     record: Record
@@ -101,7 +101,7 @@ class Selection:
         return Page(rows_of(found[:size]), newer=False, older=len(found) > size, count=len(found))
 
     def chunks(self, size: int) -> Iterator[list[Row]]:
-        """All rows, newest first, as of about now: what is just being recorded may be among them or not."""
+        """All rows, newest first. Records of this moment may be missing."""
         before: int | None = None
         while found := self.numbers(size, before=before):
             yield rows_of(found)
@@ -207,7 +207,7 @@ class Selection:
         return [self._wanted.kind] if self._kinds is None or self._wanted.kind in self._kinds else []
 
     def _telling(self) -> list[tuple[str, str]]:
-        """Return which outcomes records of the wanted kinds have, and those that tell how these ended."""
+        """Return the outcomes of the wanted kinds and of the kinds that end them."""
         return seen(KINDS if self._wanted_kinds is None else with_ends(self._wanted_kinds))
 
     def _whats(self) -> list[Q]:
@@ -256,12 +256,12 @@ def seen(kinds: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def that_begin(kinds: Iterable[str]) -> list[str]:
-    """The kinds without those that tell how another ended: what rows are of."""
+    """The kinds of rows: those that do not end another kind."""
     return [kind for kind in kinds if kind not in _END_OF.values()]
 
 
 def with_ends(kinds: Iterable[str]) -> list[str]:
-    """The kinds and those that tell how they ended."""
+    """The kinds and the kinds that end them."""
     kinds = list(kinds)
     return [*kinds, *(_END_OF[kind] for kind in kinds if kind in _END_OF)]
 
@@ -277,7 +277,7 @@ def row_of(record: Record) -> Row:
 
 
 def _moved(day: datetime.date | None, days: int) -> datetime.date | None:
-    """So many days later; None beyond what a calendar has."""
+    """Return the date so many days later; None beyond the calendar's end."""
     try:
         return None if day is None else day + datetime.timedelta(days)
     except OverflowError:
@@ -359,6 +359,6 @@ def _row_of(number: int, of: int | None, kind: str) -> int:
 
 
 def _whole(which: Q) -> dict[int, Record]:
-    """Records with people and what is kept of their content, oldest first."""
+    """Records with people and their kept content, oldest first."""
     records = Record.objects.filter(which).select_related("actor", "real_actor", "content").order_by("pk")
     return {record.pk: record for record in records}

@@ -51,7 +51,7 @@ class Records(models.QuerySet["Record"]):
 
 
 class Record(models.Model):
-    """One thing that somebody did, or what came of it. Never changed.
+    """One action or its outcome. Never changed.
 
     `id` is the order number over all, `seq` the place in the chain of the robot (or of no robot), `digest` what ties
     the record to the one before. Robots are kept by identifier and by the name they had then, without foreign key: a
@@ -161,7 +161,7 @@ class Record(models.Model):
 
     @property
     def details(self) -> dict[str, Any]:
-        """The parameters, and of the rest what is still kept; what a person or a robot said is `text`."""
+        """The parameters, and the parts of the rest that are still kept; `text` has words of a person or robot."""
         content = self.content_kept
         if content is None:
             return dict(self.parameters)
@@ -184,7 +184,7 @@ class Content(models.Model):
     """
 
     record = models.OneToOneField(Record, primary_key=True, on_delete=models.PROTECT, related_name="content")
-    text = models.TextField(blank=True)  # what a person wrote or a robot said; searched
+    text = models.TextField(blank=True)  # words of a person or robot; searched
     data = models.JSONField(default=dict, blank=True)
     salt = models.CharField(max_length=32)  # hex
 

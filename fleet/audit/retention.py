@@ -23,11 +23,11 @@ from fleet.audit.kinds import KINDS
 from fleet.audit.models import Chain, Content, Record
 from fleet.audit.services import lock_chain, record
 
-# Whatever the settings say: verification believes no other checkpoint.
+# For all settings: verification believes no other checkpoint.
 RECORDS_KEPT_AT_LEAST = timedelta(days=365)
-# Clocks differ by no more: what is of a later day than that was recorded by one that was wrong.
+# Clocks differ by no more: a record of a later day was made by a wrong clock.
 CLOCKS_DIFFER = timedelta(days=1)
-# From one record to the next; what comes then may be by a clock that is wrong.
+# From one record to the next; after a longer gap the clock may be wrong.
 SILENCE = timedelta(days=40)
 CONTENTS_AT_ONCE = 500
 RECORDS_AT_ONCE = 2000
@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 
 
 def keep_house(now: datetime) -> Iterator[None]:
-    """Take out what is older than it may be, unless the clock is doubted: nothing that went comes back.
+    """Remove expired data, unless the clock is doubted: removed data cannot come back.
 
     Whoever does this twice finds nothing the second time.
     """
@@ -80,7 +80,7 @@ def is_doubt_on_record(today: date) -> bool:
 
 
 def confirm_clock(actor: AbstractUser | SystemAccount) -> None:
-    """Put on record that somebody says the clock is right: what is too old by it may go."""
+    """Record that an admin confirmed the clock: data that is too old by it may expire."""
     record("audit.clock", actor=actor, outcome="confirmed")
 
 
@@ -96,7 +96,7 @@ def _tell_doubt(today: date) -> None:
 
 
 def _tell_set_back(today: date) -> None:
-    """Put on record that the clock was ahead; where nobody does anything, what it recorded would be all there is."""
+    """Record that the clock was ahead; without other records, its own would be the only ones."""
     newest = Record.objects.order_by("-pk").values_list("day", flat=True).first()
     if newest is not None and newest > today + CLOCKS_DIFFER:
         record("audit.clock", outcome="set_back")
@@ -158,7 +158,7 @@ def _last_before(day: date) -> int:
 
 
 def _tidy_search() -> Iterator[None]:
-    """SQLite's index only notes what was taken out, and keeps the words until its pages are merged."""
+    """Merge the pages of SQLite's index: it keeps removed words until then."""
     if connection.vendor != "sqlite":
         return
     pages = -INDEX_PAGES_AT_ONCE  # below zero: begin a merge of everything
@@ -194,7 +194,7 @@ def _wal_emptied() -> bool:
     with connection.cursor() as cursor:
         cursor.execute("PRAGMA busy_timeout")
         [patience] = cursor.fetchone()
-        # else whoever writes would wait, with us, for whoever reads
+        # else writers would wait for readers
         cursor.execute("PRAGMA busy_timeout = 0")
         try:
             cursor.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -210,8 +210,8 @@ def _wal_emptied() -> bool:
 class _Old(NamedTuple):
     """Which records are old."""
 
-    since: date  # what is of earlier days
-    through: int  # the highest number of these: up to it what is of days to come is old, too
+    since: date  # records of earlier days
+    through: int  # the highest number of these: up to it, records with future dates are old, too
     to_come: date  # the first of those days
 
     def has(self, number: int, day: date) -> bool:
@@ -236,7 +236,7 @@ def remove(today: date) -> Iterator[None]:
 
 @transaction.atomic
 def _remove_some(chain: Chain, old: _Old) -> int:
-    """Append a checkpoint and remove what is before it, in one transaction: so a chain always begins where one says.
+    """Append a checkpoint and remove earlier records, in one transaction: a chain always begins at a checkpoint.
 
     How many went.
     """

@@ -1,4 +1,4 @@
-"""Finding records by what was said: part of a word, in any script, capitals or not.
+"""Search records by their texts: parts of words, in any script, without case.
 
 Words of three characters and more are looked up in an index of trigrams (FTS5 on SQLite, pg_trgm on PostgreSQL).
 Shorter ones have none: they are looked for in text after text, newest first; so is on PostgreSQL what stands in many.
@@ -21,14 +21,14 @@ from django.db.models.lookups import GreaterThan
 from fleet.audit.models import Content, ContentSearch
 
 TRIGRAM = 3  # characters: a shorter word is in no index
-BRIEF = 2000  # bytes: what PostgreSQL's index of texts has room for (fleet.audit.triggers)
+BRIEF = 2000  # bytes: room of PostgreSQL's index of texts (fleet.audit.triggers)
 _WORD = re.compile(r'"([^"]+)"|(\S+)')
 
 Texts = QuerySet[Content] | QuerySet[ContentSearch]  # their primary keys are the records' numbers
 
 
 def words_of(asked: str) -> tuple[str, ...]:
-    """The words that a text must have, in whatever order; what is in double quotes is one."""
+    """The words that a text must have, in any order; words in double quotes stay together."""
     found = _WORD.findall(unicodedata.normalize("NFC", asked))
     return tuple(word for quoted, plain in found if (word := (quoted or plain).replace('"', "").strip()))
 
@@ -79,7 +79,7 @@ Sql = tuple[str, Any]
 
 @TextField.register_lookup
 class Matches(Lookup):
-    """`text__matches`: what FTS5 has indexed. Each word is quoted, so that none is an operator."""
+    """`text__matches`: a search in FTS5's index. Each word is quoted, so that none is an operator."""
 
     lookup_name = "matches"
 

@@ -107,7 +107,7 @@ def lock_chain(chain_id: uuid.UUID, name: str = "") -> None:
 
 
 def wait_for_writers() -> None:
-    """Wait until whoever appends now has committed: chain by chain, for nobody has a number who holds none.
+    """Wait until all writers have committed, chain by chain: a writer without lock has no number yet.
 
     Not for the first record of a robot, which has no chain to hold until it is committed.
     """
@@ -159,7 +159,7 @@ def _hold(chain_id: uuid.UUID) -> str | None:
 
 
 def _know(people: dict[str, AbstractUser | SystemAccount]) -> None:
-    """See to it that whoever acts has a row; a person who has one keeps its name."""
+    """Ensure that an actor has a row; an existing row keeps its name."""
     if not people:
         return
     known = set(Actor.objects.filter(pk__in=people).values_list("pk", flat=True))
@@ -183,7 +183,7 @@ def _next_number() -> int:
 def _content(text: str, private: dict[str, Any]) -> Content | None:
     if not text and not private:
         return None
-    # Composed, as what is searched for: the same word is the same letters, whatever keyboard it came from.
+    # Composed, as the search is: one word has the same letters from every keyboard.
     said = bounded_text(unicodedata.normalize("NFC", text))
     return Content(text=said, data=plain(private, bounded_text), salt=secrets.token_hex(SALT_BYTES))
 

@@ -72,7 +72,7 @@ _POSTGRESQL = {
     "audit_chain_no_update": ("BEFORE UPDATE ON audit_chain FOR EACH ROW", "WHEN (NEW.id <> OLD.id)"),
 }
 
-# PostgreSQL: name of the function: what it does.
+# PostgreSQL: functions by name.
 _POSTGRESQL_FUNCTIONS = {
     "audit_refuse": f"""
     BEGIN RAISE EXCEPTION '% {APPEND_ONLY}', TG_TABLE_NAME USING ERRCODE = 'integrity_constraint_violation'; END
@@ -237,7 +237,7 @@ def _on_postgresql(connection: BaseDatabaseWrapper) -> list[_Trigger]:
 
 
 def _of_postgresql(trigger: str, language: str, body: str, settings: str) -> str:
-    """A trigger and what its function does. PostgreSQL writes the trigger's condition in its own way."""
+    """A trigger and its function's effect. PostgreSQL stores the condition in its own form."""
     condition_as_written = _words(trigger).lower().replace("::text", "")
     return "\n".join((condition_as_written, language, _words(body), settings))
 

@@ -1,4 +1,4 @@
-"""Is the log as it was written? Every record is held against the chain of digests, what else is kept against its own.
+"""Verify the log: every record against the chain of digests, texts and details against their own digests.
 
 The log is tamper-evident: whoever gets past the triggers can change it, but not without a finding here, unless they
 compute the whole chain anew from there on. That, a tail that was cut off, and a beginning that was removed under a
@@ -48,7 +48,7 @@ COLUMNS = [
 class Finding(Struct, frozen=True):
     """One thing that is not as it was written."""
 
-    chain: str  # the robot's name, or what stands for records without robot
+    chain: str  # the robot's name, or the name for records without robot
     number: int | None  # the order number of the record; None: there is no such record
     seq: int | None  # its place in the chain; None: not of one place
     what: str
@@ -115,7 +115,7 @@ class Erasure(Struct, frozen=True):
 
 
 class Taken(Struct):
-    """Which contents were lawfully taken out, by what the log itself says."""
+    """Contents that were lawfully removed, by the log's own records."""
 
     # by kind: those of earlier days had expired
     before: dict[str, date] = msgspec.field(default_factory=dict)
@@ -144,12 +144,12 @@ def verify(chains: Iterable[Chain]) -> Verified:
 
 
 def verify_one(chain: Chain) -> Verified:
-    """Look through one robot's chain, and that of records without robot: those tell what was lawfully taken out."""
+    """Verify one robot's chain, and the chain without robot, which records lawful removals."""
     return verify(Chain.objects.filter(pk__in=[chain.pk, NO_ROBOT]).order_by("name", "id"))
 
 
 def verify_all() -> Verified:
-    """Look through every chain, and for what a chain cannot tell."""
+    """Verify every chain, and the parts outside chains."""
     chains, findings = _chains()
     told = verify(chains)
     told.findings += [*findings, *_strays(chains), *_triggers(), *_index()]
@@ -261,7 +261,7 @@ class _Walk:
         return ""
 
     def _counts(self, checkpoint: Any) -> bool:
-        """Return whether what it says was removed is believed."""
+        """Return whether its account of removals is believed."""
         if checkpoint.id not in self._removals:  # also one that was appended meanwhile
             self._removals = _removals(self._records)
         return checkpoint.id in self._removals
@@ -292,7 +292,7 @@ def _removals(records: QuerySet[Record]) -> dict[int, Removal]:
     Each goes on where the one before ended, and lets go what is older than the settings can say.
     """
     counting: dict[int, Removal] = {}
-    through = None  # what the checkpoint before let go; None: if there was one, it is gone itself
+    through = None  # removals of the previous checkpoint; None if that is gone itself
     for row in _rows(records.filter(kind="audit.checkpoint").order_by("seq")):
         removal = _told(row, Removal)
         if (
@@ -343,7 +343,7 @@ def _is_to_come(day: date) -> bool:
 
 
 def _rows(records: QuerySet[Record]) -> Iterator[Any]:
-    """The records with their contents, in this order. Once one cannot be read, it and what follows are read singly."""
+    """The records with their contents, in this order. After an unreadable one, records are read singly."""
     read = 0
     try:
         for row in records.values_list(*COLUMNS, named=True).iterator(AT_ONCE):

@@ -1,4 +1,4 @@
-"""Records in words: what was done, and the figures that belong to it."""
+"""Records in words: the action and its figures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fleet.audit.models import Record
 FACTS = 4  # figures in a line of a list
 LONG = 60  # characters of one of them
 
-# How names of figures end, and what that means.
+# Endings of figures' names, and their units.
 _UNITS = {
     "_mps2": "m/s²",
     "_radps": "rad/s",
@@ -73,7 +73,7 @@ def expired(record: Record) -> bool:
 
 
 def facts(records: list[Record]) -> list[str]:
-    """Some figures of a request and of what came of it, such as "distance 3.2 m"."""
+    """Some figures of a request and its outcome, such as "distance 3.2 m"."""
     found: dict[str, str] = {}
     for record in records:
         for name, value in record.details.items():
@@ -91,7 +91,7 @@ def figure(name: str, value: Any) -> str:
 
 
 def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:
-    """All details, one by one; what is in another has its name before its own. Long lists are counted."""
+    """All details, one by one; nested names are joined. Long lists are counted."""
     for name, value in details.items():
         known_as = f"{within}{_plain(name)}"
         match value:

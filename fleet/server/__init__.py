@@ -1,4 +1,4 @@
-"""The server of the web process: Daphne, with limits on what strangers may send before Django hears of it.
+"""The server of the web process: Daphne, with limits for strangers before Django handles a request.
 
 `limits` holds the rules, `connections` counts; `channel` applies both to HTTP, `websocket` to WebSockets.
 

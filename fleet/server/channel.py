@@ -1,4 +1,4 @@
-"""HTTP connections within limits: a request that passes one is told so at once, and nothing more of it is read."""
+"""HTTP connections within limits: a request that passes a limit is refused at once and not read further."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     _leaving = False  # nothing more is read
     _head_open = False  # the request line is there, and not all headers
     _body_unread = False
-    _damaged = False  # the head of a stop: nobody knows what the body is
+    _damaged = False  # the head of a stop: the body's form is unknown
     _between = False  # two requests
     _unheard = b""  # waits for its turn
 
@@ -181,7 +181,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         self._damaged = True
         super().lineReceived(
             b"X-Cut: 1"
-        )  # what stands before it is heard only now: it could have had a second line
+        )  # the header before is complete only now: it could have had a second line
         if not stops.needs_no_body(self._command, self._path, self.requests[-1].requestHeaders):
             return False
         super().lineReceived(b"")
@@ -205,7 +205,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         raise Refused(limits.head_too_large() if hasattr(self, "_command") else limits.url_too_long())
 
     def headerReceived(self, line: bytes) -> bool:
-        """A header. One of a stop that makes no sense is passed over, and what follows the head is not read."""
+        """Take a header. A malformed one of a stop is ignored, and the body is not read."""
         if self._receivedHeaderCount >= limits.HEADERS and not self._damaged:
             raise Refused(limits.head_too_large())
         try:

@@ -17,7 +17,7 @@ from fleet.server.connections import Connections, Places
 from fleet.server.turns import Turns
 from robots.processes.scheduling import Garbage, prefer_this_thread
 
-GARBAGE_S = 0.1  # between two collections: what is young by then is few
+GARBAGE_S = 0.1  # between two collections: few young objects gather in that time
 
 # `Server.run` makes its factories by these names, and offers no other way to make others.
 daphne_server.HTTPFactory = channel.Factory

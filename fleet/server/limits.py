@@ -60,7 +60,7 @@ class Refusal:
 
 
 class Refused(Exception):
-    """Raised where a limit is passed, within the handling of what arrived."""
+    """A request passed a limit while it arrived."""
 
     def __init__(self, refusal: Refusal) -> None:
         super().__init__(refusal.text)

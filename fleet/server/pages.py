@@ -36,7 +36,7 @@ AGAIN_S = 0.5  # until it is started again
 READY_S = 30.0  # so long a request waits for a process that is just starting
 RETRY_S = 0.05
 
-# Between two hops only, or said anew here.
+# For one hop only, or set again here.
 NOT_FORWARDED = {
     *(b"connection", b"keep-alive", b"proxy-connection", b"transfer-encoding", b"te", b"trailer", b"upgrade"),
     *(b"expect", b"content-length", b"daphne-root-path"),
@@ -45,7 +45,7 @@ NOT_FORWARDED = {
 
 
 class Keeper:
-    """Starts the pages process, and again when it dies. Ends it when told, or with this process."""
+    """Starts the pages process, and again when it dies. Ends it on request, or with this process."""
 
     def __init__(self, run_directory: Path, application: str) -> None:
         self.path = run_directory / f"web-{os.getpid()}.sock"
@@ -106,7 +106,7 @@ def _end_with(life_line: int) -> None:
 
 @implementer(IAgentEndpointFactory)
 class _There:
-    """Twisted's HTTP client connects to the pages' socket, whatever the address says."""
+    """Twisted's HTTP client connects to the pages' socket for every address."""
 
     def __init__(self, path: Path) -> None:
         self._path = str(path)
@@ -122,7 +122,7 @@ class Forward:
         self._agent = Agent.usingEndpointFactory(reactor, _There(path))
 
     def __call__(self, request: Any) -> None:
-        """Ask the pages process, and answer what it answers."""
+        """Pass the request to the pages process, and its answer back."""
         asked = defer.ensureDeferred(self._ask(request))
         gone = request.notifyFinish()
         gone.addErrback(lambda _: asked.cancel())

@@ -1,4 +1,4 @@
-"""Whether a session cookie names a session: strangers may claim one, and do not get what it buys."""
+"""Check session cookies: a false one gives a stranger no advantage."""
 
 from __future__ import annotations
 

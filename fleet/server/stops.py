@@ -1,4 +1,4 @@
-"""Which requests stop robots. They are answered by the process that has the links, whatever the pages do. Pure."""
+"""Recognises requests that stop robots: the process with the links answers them, also without the pages. Pure."""
 
 from __future__ import annotations
 

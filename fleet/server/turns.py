@@ -15,7 +15,7 @@ class Turns:
         self._waiting: deque[Callable[[], None]] = deque()
 
     def take(self, work: Callable[[], None]) -> None:
-        """Do this in a turn of its own."""
+        """Run this in a separate turn of the loop."""
         self._waiting.append(work)
         if len(self._waiting) == 1:
             self._soon(self._next)

@@ -357,9 +357,7 @@ class BridgeLink:
         if self._socket is None:
             raise LinkRefused(self.refusal or DOWN)
         encoded = wire.encode(message)
-        if (
-            len(encoded) > wire.LARGEST_MESSAGE_BYTES
-        ):  # the bridge could not even tell which request it refuses
+        if len(encoded) > wire.LARGEST_MESSAGE_BYTES:  # the bridge could not read which request it refuses
             raise LinkRefused(_too_large(len(encoded)))
         try:
             await self._socket.send(encoded, text=True)

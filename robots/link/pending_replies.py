@@ -41,7 +41,7 @@ class PendingReplies(Generic[A]):
                 del self._waiting[key]
 
     def answer(self, key: Hashable, answer: A | Exception) -> None:
-        """Give an answer to who waits for it; whoever gave up waiting is not there any more."""
+        """Give an answer to its caller, unless the caller gave up."""
         first = next((waiting for waiting in self._waiting.get(key, ()) if not waiting.done()), None)
         if first is not None:
             _set_result(first, answer)

@@ -15,7 +15,7 @@ from contextlib import suppress
 
 log = logging.getLogger(__name__)
 
-REAL_TIME = 5  # of 1 to 99: above all ordinary processes, below what the kernel and drivers use
+REAL_TIME = 5  # of 1 to 99: above all ordinary processes, below the kernel and drivers
 RUNAWAY_S = 0.2  # a loop that computes so long without a pause gets ordinary priority
 RUNAWAY_ENDS_S = 2.0  # a loop that still computes then is ended, and the robot stops
 _OLD_S = 30.0

@@ -35,7 +35,7 @@ def end_event(life_line: int | None, patience_s: float) -> threading.Event:
 # Exit codes of a bridge.
 EXIT_ALREADY_RUNNING = 3  # it found another one on this computer
 EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process joins, or refuses in words
-EXIT_NOT_JOINED = 5  # what broke while it joined the robot, and rospy does once in a process's life
+EXIT_NOT_JOINED = 5  # a step failed that rospy does only once in a process
 
 
 def exit_within(patience_s: float) -> None:

@@ -1,1 +1,1 @@
-"""Writes what bridges report into the audit log."""
+"""Writes reports of bridges into the audit log."""

@@ -111,7 +111,7 @@ def _file_of(name: str) -> _File | None:
 
 
 def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
-    """Whatever kept the record from being written, in words.
+    """The reason why a record was not written, in words.
 
     A connection may be kept from call to call; after a failure the next call makes a fresh one.
     """
@@ -165,7 +165,7 @@ class AuditSink:
 
     @_or_record_error
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
-        """Commit the end of a drive, with what it came to."""
+        """Commit the end of a drive, with its figures."""
         figures = {
             "distance_m": round(summary.distance_m, 3),
             "duration_s": round(summary.duration_s, 2),
@@ -190,7 +190,7 @@ class AuditSink:
 
     @_or_record_error
     def request(self, holder: Holder | None, kind: str, parameters: Parameters) -> int:
-        """Commit what was asked of the robot besides driving."""
+        """Commit the request of a task."""
         facts = dict(parameters)
         text = str(facts.pop("text", ""))
         private = {name: facts.pop(name) for name in _EXPIRING if name in facts}
@@ -200,7 +200,7 @@ class AuditSink:
     def outcome(
         self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
     ) -> None:
-        """Commit what came of it."""
+        """Commit its outcome."""
         facts = dict(parameters)
         words = facts.pop("text", None)
         private = {"words": words} if words else {}
@@ -221,7 +221,7 @@ class AuditSink:
 
     @_or_record_error
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
-        """Commit that it ended, and what it came to."""
+        """Commit its end and figures."""
         figures = {
             "duration_s": round(summary.duration_s, 2),
             "also": summary.also,
@@ -248,7 +248,7 @@ class AuditSink:
         map_seen(self._robot_id, taken, timezone.now())
 
     def _without_end(self, after: int) -> list[Record]:
-        """This robot's records that lack their end, the newest first: what began last ended first."""
+        """This robot's records without end, the newest first."""
         missing: list[Record] = []
         for kind, (end, _) in ENDS.items():
             ends = Record.objects.filter(of=OuterRef("pk"), kind=end)

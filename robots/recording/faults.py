@@ -41,7 +41,7 @@ class Condition(NamedTuple):
 
 
 def bridge_is(robot_id: UUID, state: State, detail: str) -> None:
-    """Put on record what a new state of its process says of a robot's bridge; starting and ending say nothing."""
+    """Record a fault that a new state of the bridge's process shows; starting and ending are no faults."""
     if state in _BRIDGE_FAULTS:
         part_is(robot_id, BRIDGE, Condition(_BRIDGE_FAULTS[state], detail))
     elif state in _BRIDGE_WELL:
@@ -111,7 +111,7 @@ def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:
     def ask() -> None:
         try:
             answer.set_result(condition_of(robot_id, address))
-        except Exception:  # whatever it is, the robot is asked again
+        except Exception:  # any fault: the robot is asked again
             log.exception("a robot could not be asked how it is")
             answer.set_result(Condition("link_fault", "The console failed to ask the robot’s bridge."))
 

@@ -58,7 +58,7 @@ class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscrip
 
 
 class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
-    """A form that was left open does not undo what others changed, such as taking a robot out of service."""
+    """A form that was left open does not undo changes of others, such as taking a robot out of service."""
 
     as_of = forms.CharField(widget=forms.HiddenInput, required=False)
 

@@ -1,4 +1,4 @@
-"""Phrases and allow-lists in the admin: what profiles and robots have any number of."""
+"""Phrases and allow-lists of profiles and robots in the admin."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class PhraseAdmin(EntryAdmin):
         return [path("import/", page, name="robots_phrase_import"), *super().get_urls()]
 
     def import_page(self, request: HttpRequest) -> HttpResponse:
-        """A form; what is wrong with a file is said at it."""
+        """A form that shows faults of a file next to its field."""
         form = ImportForm(request.POST or None, request.FILES or None)
         if not form.is_valid():
             fieldsets = [(None, {"fields": list(form.fields)})]

@@ -20,7 +20,7 @@ class RobotsConfig(AppConfig):
     default_auto_field = "django.db.models.BigAutoField"
 
     def ready(self) -> None:
-        """Register what follows a migration, and what comes before a robot is deleted."""
+        """Register the steps after a migration and before the deletion of a robot."""
         from robots.registry.models import Robot
 
         post_migrate.connect(_load_shipped_profiles, sender=self)

@@ -1,4 +1,4 @@
-"""Robots' maps: what each was from one time to another. They show rooms, no people."""
+"""Robots' maps, each with its time span. They show rooms, no people."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def _text(content: bytes) -> str:
 
 
 def _phrase(line: str, default_language: str) -> Line | str:
-    """The phrase, or what is wrong with the line."""
+    """Return the phrase, or the fault of the line."""
     fields = [field.strip() for field in line.split("\t")]
     if len(fields) > 3:
         return "There are more than two tabs: a line is language, tab, text, and perhaps a tab and tags."

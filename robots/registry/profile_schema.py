@@ -1,4 +1,4 @@
-"""The structured parts of a profile or robot: how JSON becomes values, and what makes it wrong.
+"""The structured parts of a profile or robot: from JSON to values, with checks.
 
 People edit these parts as JSON in the admin, so every complaint names the place: "scans[0].pose[1]: Expected
 a number, got text". Nothing here touches the database.
@@ -101,7 +101,7 @@ class Problems(ValueError):
 
 
 def parsed(kind: type[T], given: object) -> T:
-    """`given` (decoded JSON) as a `kind`, or `Problems` with the path of what does not fit."""
+    """Return `given` (decoded JSON) as a `kind`; raise `Problems` with the path of each fault."""
     infinite = list(_not_finite(given, ""))
     if infinite:
         raise Problems(infinite)

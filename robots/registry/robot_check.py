@@ -1,4 +1,4 @@
-"""Is this robot ready to be driven from here? Questions that a lab asks, each with an answer and what to do.
+"""Checks whether a robot can be driven from here: each check with its result and remedy.
 
 `robots.bridge.ros.network.probe` finds facts in a process of its own, in the environment of the robot's bridge; `judge`
 turns them into answers. The web process never imports ROS.
@@ -46,7 +46,7 @@ _findings = msgspec.json.Decoder(Findings)
 
 
 class Check(Struct, frozen=True):
-    """One answer. `advice` says what to do, "" where nothing is."""
+    """One result. `advice` is the remedy; "" if none is needed."""
 
     name: str
     level: Level

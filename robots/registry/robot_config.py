@@ -152,7 +152,7 @@ def overrides(robot: RobotFields) -> Overrides:
 
 
 def topics(robot: RobotFields) -> Topics:
-    """The robot's ROS interface alone, whatever the rest of its entry says."""
+    """Return the robot's ROS interface alone, also if the rest of its entry is wrong."""
     return _own_topics(robot, overrides(robot), profile_topics(robot.profile))
 
 
@@ -183,7 +183,7 @@ def _reaches_less(given: ArmSource, profile: ArmSource) -> Iterator[str]:
 
 
 def _seen_less(given: DepthSource, profile: DepthSource) -> Iterator[str]:
-    """Where a robot's depth camera would leave out what its profile's counts."""
+    """Return where a robot's depth camera would ignore points that its profile counts."""
     if given.height_m < profile.height_m:
         yield f"depth.height_m: {given.height_m:g} is below the profile’s {profile.height_m:g}; only tighten"
     if given.own_m > profile.own_m:

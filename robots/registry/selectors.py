@@ -134,7 +134,7 @@ def link_address(robot: Robot) -> LinkAddress:
 
 
 def require_link_settings(robot: Robot) -> None:
-    """`Problems` if this process is to run the robot's bridge on the network and was not told with what."""
+    """Raise `Problems` if this process runs the robot's bridge on the network without secret or certificate."""
     if not robot.bridge_address:
         return
     needed = ("FLEET_LINK_CERT", "FLEET_LINK_KEY", "FLEET_LINK_SECRET")

@@ -34,7 +34,7 @@ ORDER_STEP = 10  # between phrases of a file, so that others find room
 
 @transaction.atomic
 def robot_save(*, robot: Robot, actor: Actor) -> Robot:
-    """Create `robot`, or save what was changed in it; `ValidationError` if it is not right."""
+    """Create `robot` or save its changes; `ValidationError` if it is not valid."""
     robot.full_clean()
     if robot._state.adding:
         robot.save(force_insert=True)
@@ -45,14 +45,14 @@ def robot_save(*, robot: Robot, actor: Actor) -> Robot:
 
 
 def robot_deleted(robot: Robot) -> None:
-    """Record a robot that goes, by whoever runs this process."""
+    """Record the deletion of a robot by the person who runs this process."""
     record("robot.delete", actor=here(), **_named(robot), parameters=_entered(robot))
     transaction.on_commit(partial(courier.forget, robot.id))
 
 
 @transaction.atomic
 def profile_save(*, profile: RobotProfile, actor: Actor) -> RobotProfile:
-    """Create `profile`, or save what was changed in it; `ValidationError` if it is not right."""
+    """Create `profile` or save its changes; `ValidationError` if it is not valid."""
     profile.full_clean()
     if profile._state.adding:
         profile.save(force_insert=True)
@@ -71,7 +71,7 @@ def profile_delete(*, profile: RobotProfile, actor: Actor) -> None:
 
 @transaction.atomic
 def profile_take_shipped(*, profile: RobotProfile, actor: Actor) -> bool:
-    """Give up what was edited here for what the console ships; False: nothing is shipped for this profile."""
+    """Replace local edits by the shipped profile; False: none is shipped."""
     file = shipped.file_of(profile)
     if file is None:
         return False
@@ -82,7 +82,7 @@ def profile_take_shipped(*, profile: RobotProfile, actor: Actor) -> bool:
 
 @transaction.atomic
 def profiles_load_shipped(*, directory: Path = shipped.DIRECTORY) -> None:
-    """Bring the profiles up to the files, without touching what was edited here."""
+    """Update profiles from the shipped files, except edited ones."""
     for file in shipped.profile_files(directory):
         profile = RobotProfile.objects.filter(slug=file.slug).first()
         if profile is None:
@@ -115,7 +115,7 @@ def _take_phrases(profile: RobotProfile, lines: list[Line], actor: Actor) -> Non
 
 
 def _take(profile: RobotProfile, file: shipped.ProfileFile, actor: Actor) -> None:
-    """Make a stored profile what `file` says."""
+    """Set a stored profile from `file`."""
     shipped.fill(profile, file)
     profile_save(profile=profile, actor=actor)
     profile.save(update_fields=["shipped"])
@@ -131,7 +131,7 @@ def _named(robot: Robot) -> _Named:
 
 
 def _save_changes(entry: models.Model, stored: models.Model) -> list[dict[str, Any]]:
-    """Save what differs, and only that: a form left open must not bring back an old fencing number."""
+    """Save only changed fields: a form left open must not bring back an old fencing number."""
     before, after = _entered(stored), _entered(entry)
     changed = [name for name in after if after[name] != before[name]]
     if changed:
@@ -151,7 +151,7 @@ def _entered(entry: models.Model) -> dict[str, Any]:
 
 @transaction.atomic
 def entry_save(*, entry: Phrase | Allowance, actor: Actor) -> None:
-    """Create an entry of a profile or robot, or save what was changed in it; `ValidationError` if it is not right."""
+    """Create an entry of a profile or robot, or save its changes; `ValidationError` if it is not valid."""
     entry.full_clean()
     if entry._state.adding:
         entry.save(force_insert=True)
@@ -176,7 +176,7 @@ def _record_entry(verb: str, entry: Phrase | Allowance, told: dict[str, Any], ac
 
 
 def _record_entry_change(entry: Phrase | Allowance, changes: list[dict[str, Any]], actor: Actor) -> None:
-    """Record what was changed; of a phrase's words for ever only that they were."""
+    """Record changes; a phrase's words expire, the fact of the change does not."""
     if isinstance(entry, Allowance):
         facts = {"entry": str(entry), "changes": changes}
         record("allowance.change", actor=actor, **_of(entry.owner, facts))

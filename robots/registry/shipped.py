@@ -44,7 +44,7 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
     phrases: str | None = None  # name of a file next to this one
 
     def phrase_lines(self, directory: Path = DIRECTORY) -> list[Line]:
-        """The phrases of its own that it comes with."""
+        """Its shipped phrases."""
         return read_file(directory / self.phrases) if self.phrases else []
 
     def columns(self) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def profile_files(directory: Path = DIRECTORY) -> list[ProfileFile]:
 
 
 def fill(profile: RobotProfile, file: ProfileFile) -> None:
-    """Make `profile`, not saved yet, what `file` says."""
+    """Fill `profile`, not saved yet, from `file`."""
     for name, value in file.columns().items():
         setattr(profile, name, value)
     profile.shipped = file.columns()

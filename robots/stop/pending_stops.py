@@ -29,7 +29,7 @@ OnSettled = Callable[[Stopped | Refusal], None]
 
 
 class WaitingStop(Struct, frozen=True):
-    """A press that waits for its answer."""
+    """A press without answer yet."""
 
     name: str  # of the robot's files in the run directory (`name_of`)
     press: UUID

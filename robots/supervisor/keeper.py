@@ -33,7 +33,7 @@ STEADY_S = 2.0  # a program that has lived this long has started
 TERMINATE_S = 3.0  # after the life line was closed
 KILL_S = 4.5
 NAME_LOST_S = 2.0  # until its successor starts; not its own fault, so its budget is left alone
-LOCK = "fleet.lock"  # in the run directory; whoever supervises holds it
+LOCK = "fleet.lock"  # in the run directory; the supervisor holds it
 LOCK_TRIES = 5  # `supervised` may have the file for a moment
 LOCK_TRY_S = 0.02
 

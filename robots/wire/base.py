@@ -22,17 +22,19 @@ TopicName = Annotated[str, Meta(max_length=200, pattern=r"^/[A-Za-z][A-Za-z0-9_]
 TypeName = Annotated[str, Meta(max_length=120, pattern=r"^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")]
 Language = Annotated[str, Meta(max_length=35, pattern=r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*\Z")]  # BCP 47
 Use = Literal["drive", "speech", "motions"]
-Role = Literal["observer", "operator", "supervisor", "staff"]  # each may what those before it may
+Role = Literal[
+    "observer", "operator", "supervisor", "staff"
+]  # each role includes the rights of those before it
 Rule = Literal["account", "lease", "dead-man", "gate", "stop", "audit", "wire", "robot", "database"]
 ReverseSteering = Literal["turn", "car"]  # stick left always turns left; mirrored in reverse
-SLOWEST_HZ = 0.1  # of what is repeated
+SLOWEST_HZ = 0.1  # of repeated publishing
 Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz; 0 is once
 SampleRate = Annotated[float, Meta(ge=SLOWEST_HZ, le=10.0)]  # Hz
 TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]
 
 
 class Refusal(Struct, frozen=True, omit_defaults=True):
-    """Why something was not done: data first, words for people beside it.
+    """The reason why a request was not executed: data for programs, a sentence for people.
 
     `code` is stable and for programs; `text` is one plain sentence that says what to do where
     something can be done; `rule` names the link of the chain that refused; `figures` holds the numbers

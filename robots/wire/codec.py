@@ -15,7 +15,7 @@ _encoder = msgspec.json.Encoder()
 
 
 class Door(Generic[T]):
-    """Takes what somebody said: decoded and validated in one step, or `WireError`. `messages` is what fits, a union."""
+    """Decodes and validates a message in one step; raises `WireError`. `messages` is the union of allowed types."""
 
     def __init__(self, messages: Any) -> None:
         self._decoder = msgspec.json.Decoder(messages)

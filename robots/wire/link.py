@@ -88,7 +88,7 @@ class LinkClear(Struct, frozen=True, tag_field="t", tag="link_clear"):
 
 
 class LinkCancel(Struct, frozen=True, tag_field="t", tag="link_cancel"):
-    """Cancel what this console started, by one who need not have control. The web process has checked the right."""
+    """Cancel a task of this console, for a person without control. The web process has checked the right."""
 
     what: Literal["motion", "speech"]
     by: ShortText
@@ -143,7 +143,7 @@ class BridgeHello(Struct, frozen=True, tag_field="t", tag="bridge_hello"):
 
 
 class LaneToken(Struct, frozen=True, tag_field="t", tag="lane"):
-    """Beside this link's socket is a lane (`robots.link.lane`); its first datagram is this token."""
+    """Next to this link's socket is a lane (`robots.link.lane`); its first datagram is this token."""
 
     token: str
 
@@ -161,7 +161,7 @@ class Ended(Struct, frozen=True, tag_field="t", tag="ended"):
 
 
 class Status(Struct, frozen=True, tag_field="t", tag="status"):
-    """The state without a picture, twice a second and on change, whoever looks or not."""
+    """The state without a picture, twice a second and on change, also without viewers."""
 
     state: State
 

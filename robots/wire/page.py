@@ -90,7 +90,7 @@ class Clear(Struct, frozen=True, tag_field="t", tag="clear"):
 
 
 class Refresh(Struct, frozen=True, tag_field="t", tag="refresh"):
-    """Read again what the robot offers. From anybody who may see it; `Offers` follows."""
+    """Read the robot's capabilities again. From everybody who may see it; `Offers` follows."""
 
     seq: Seq = 0
 
@@ -146,16 +146,16 @@ class RobotFacts(Struct, frozen=True):
     reverse_steering: ReverseSteering  # car: the turn is mirrored in reverse
     drive_topic: str  # where velocities go if nobody chooses otherwise
     sonars: list[SonarPose]  # in the order of `Scan.sonar_cm`
-    stick: str  # what its stick passes on the way to the gate, in words
+    stick: str  # steps from stick to gate, in words
     has_head: bool = False  # one that can be asked to look ahead
 
 
 class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):
     """Answer to `Hello`, and again whenever the robot was edited or the person's rights changed."""
 
-    protocol: int  # a page of another number must be loaded anew
+    protocol: int  # a page with another number must reload
     you: str  # your name
-    role: Role  # yours on this robot: it rules what you may do
+    role: Role  # yours on this robot; it decides your rights
     robot: RobotFacts
 
 

@@ -14,7 +14,7 @@ Way = Literal["forward", "left", "reverse", "right", "bend", "turn"]
 
 
 class SpeedLimit(Struct, frozen=True, omit_defaults=True):
-    """A limit on speed that holds whatever is asked. It is what holds back if code and way are the verdict's."""
+    """A speed limit for every request. It holds the robot back if code and way are the verdict's."""
 
     code: str  # of the rule, as in `Verdict`
     text: str  # "held to 0.3 m/s: no picture of the depth camera has come yet"
@@ -84,7 +84,7 @@ class Motion(Struct, frozen=True):
 
 
 class MotionEnd(Struct, frozen=True):
-    """How such a motion ended. `number` tells one from the next.
+    """The end of such a motion. `number` grows with each.
 
     `outcome`: succeeded, rejected or failed (by the robot); cancelled, stopped, intruder, not_watched, control_ended,
     link_lost, not_recorded, unheard.
@@ -112,7 +112,7 @@ class Speech(Struct, frozen=True):
     who: str
     status: SpeechStatus
     since_s: float
-    word: tuple[int, int] | None = None  # now spoken, where the robot tells: first character, last + 1
+    word: tuple[int, int] | None = None  # the spoken word, if the robot reports it: first character, last + 1
 
 
 class SpeechEnd(Struct, frozen=True):

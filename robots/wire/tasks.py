@@ -29,7 +29,7 @@ class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
 
 
 class Forget(Struct, frozen=True, tag_field="t", tag="forget"):
-    """Forget what was seen before; what the sensors show now stays. Only while the robot stands still."""
+    """Forget remembered obstacles; current readings stay. Only while the robot stands still."""
 
     fence: Fence
     seq: Seq = 0
@@ -61,7 +61,7 @@ class Say(Struct, frozen=True, tag_field="t", tag="say"):
 
 
 class SayCancel(Struct, frozen=True, tag_field="t", tag="say_cancel"):
-    """Cancel what this console has the robot say. Without `fence`: as in `PlayCancel`."""
+    """Cancel the speech of this console. Without `fence`: as in `PlayCancel`."""
 
     fence: Fence | None = None
     seq: Seq = 0

@@ -54,7 +54,7 @@ class GetParameter(Struct, frozen=True, tag_field="t", tag="parameter"):
 
 
 class SetParameter(Struct, frozen=True, tag_field="t", tag="set_parameter"):
-    """Staff, and only what the allow-list has; on record first. Answer: `Parameter`."""
+    """Staff, from the allow-list, recorded first. Answer: `Parameter`."""
 
     name: TopicName
     value: Any
@@ -65,7 +65,7 @@ class SetParameter(Struct, frozen=True, tag_field="t", tag="set_parameter"):
 
 
 class CallService(Struct, frozen=True, tag_field="t", tag="call"):
-    """Staff, and only what the allow-list has; on record first. Answer: `Called`."""
+    """Staff, from the allow-list, recorded first. Answer: `Called`."""
 
     service: TopicName
     fields: dict[str, Any] = {}

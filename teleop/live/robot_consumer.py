@@ -80,7 +80,7 @@ class RobotConsumer(RobotSocket):
         finally:
             await self.hub.remove(self)
 
-    # --- what the page says ------------------------------------------------------------------------
+    # --- messages from the page --------------------------------------------------------------------
 
     async def on_message(self, raw: str) -> None:
         """Act on one message. Drive input takes the shortest way; a stop waits for nothing."""
@@ -198,7 +198,7 @@ class RobotConsumer(RobotSocket):
             case wire.Clear(number=number):
                 await emergency_stop.clear(self.hub.link, number, user=self.user, tab=control.tab)
 
-    # --- what the hub says (robot_hub.Member) -----------------------------------------------------------
+    # --- reports from the hub (robot_hub.Member) --------------------------------------------------------
 
     @property
     def held_session(self) -> UUID | None:

@@ -71,7 +71,7 @@ class RobotSocket(MessageSocket):
         code = CloseCode.NOT_PERMITTED if self.rights.active else CloseCode.SIGNED_OUT
         await self.close(code, refusal.text)
 
-    # --- what the hub says (robot_hub.Member) -----------------------------------------------------------
+    # --- reports from the hub (robot_hub.Member) --------------------------------------------------------
 
     @property
     def held_session(self) -> UUID | None:

@@ -1,4 +1,4 @@
-"""A scripted session, and kill -9 of what is between the person and the robot while it goes on."""
+"""A scripted session, and kill -9 of the processes between person and robot meanwhile."""
 
 from __future__ import annotations
 

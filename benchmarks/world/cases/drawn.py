@@ -1,4 +1,4 @@
-"""Cold starts, and sensors, delays, brakes and wheels that a seed draws: what the gate does not know beforehand.
+"""Cold starts, and sensors, delays, brakes and wheels that a seed draws and the gate does not know.
 
 Contacts with what a sensor has seen or heard are the gate's own; those with what none can have seen are counted apart
 (see `witness`). The worst runs are named with the command that plays them again.
@@ -34,7 +34,7 @@ BRAKES = (0.6, 1.2)
 
 
 class End(NamedTuple):
-    """One run: how it is played again, what it was, and what came of it."""
+    """One run: the command that plays it again, its case, and its outcome."""
 
     command: str
     full: Full
@@ -107,7 +107,7 @@ def play(seed: int) -> Outcome:
 
 
 def figures(where: str, ends: Sequence[End]) -> list[Figure]:
-    """Contacts with what was seen, by way and by object, with their bound; those with what was not, apart."""
+    """Contacts with seen objects, by way and by object, with their bound; unseen ones apart."""
     if not ends:
         return []
     shown = []
@@ -133,7 +133,7 @@ def _contacts(name: str, ends: Sequence[End]) -> Figure:
 
 
 def name_worst(where: str, ends: Sequence[End]) -> None:
-    """Say which runs were worst, how they are played again, and what was drawn for them."""
+    """Print the worst runs, the commands that play them again, and their draws."""
     met = [(end.outcome.touched, end) for end in ends if end.outcome.touched]
     for contact, end in sorted(met, key=lambda pair: worst_first(pair[0]))[:WORST]:
         progress(f"python -m benchmarks.world {end.command} --quiet")

@@ -1,4 +1,4 @@
-"""The registry: kinds of robots, robots, who may do what with them, what they say, and how their bridges fare."""
+"""The registry: profiles, robots, roles, phrases, allow-lists, and the state of bridges."""
 
 from robots.registry.models.bridges import BridgePulse, BridgeStatus, RobotMap
 from robots.registry.models.entries import (

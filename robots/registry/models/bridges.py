@@ -38,7 +38,7 @@ class RobotMap(models.Model):
     """A robot's map in a period, as a picture. An unchanged map is one row."""
 
     robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="maps")
-    digest = models.CharField(max_length=64)  # of what it shows and where
+    digest = models.CharField(max_length=64)  # of content and place
     first_seen_at = models.DateTimeField()
     last_seen_at = models.DateTimeField()
     resolution_m = models.FloatField()  # of a cell, a pixel
@@ -61,7 +61,7 @@ class BridgePulse(models.Model):
 
     robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="pulse")
     at = models.DateTimeField(null=True)  # of the newest one
-    settled = models.BigIntegerField(default=0)  # up to this record, whatever needs an end has one
+    settled = models.BigIntegerField(default=0)  # up to this record, all ends are recorded
 
     def __str__(self) -> str:
         return f"{self.robot}: {self.at}"

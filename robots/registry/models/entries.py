@@ -186,7 +186,7 @@ class Allowance(OfProfileOrRobot):
         return f"{self.what} {self.name}"
 
     def clean(self) -> None:
-        """Fill in what follows from the rest; refuse what no allow-list admits."""
+        """Fill in derived fields; refuse inadmissible entries."""
         if self.what in (self.What.CALL, self.What.SET):
             self.role = Role.STAFF
         errors: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""The registry proper: kinds of robots, robots, and who may do what with them."""
+"""Profiles, robots and roles."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ class RobotProfile(models.Model):
         return self.name
 
     def clean(self) -> None:
-        """Check the structured parts, and what several fields only say together."""
+        """Check the structured parts, and fields against each other."""
         errors: dict[str, list[str]] = {}
         for field, check in (
             ("footprint", robot_config.footprint),
@@ -356,7 +356,7 @@ class Robot(models.Model):
 
 
 def _collect(errors: dict[str, list[str]], field: str, check: Callable[[T], object], value: T) -> None:
-    """Run `check`; what is wrong goes to `field`."""
+    """Run `check`; report its faults at `field`."""
     try:
         check(value)
     except profile_schema.Problems as problems:

@@ -11,12 +11,12 @@ from fleet.accounts.models import User
 from fleet.accounts.services import account_close, account_erase
 from fleet.audit.command_line import here
 
-# what was refused to others is on record by then, with the names in it: it is folded for 10 s
+# refusals of others, which may contain the name, are recorded by then: they are collected for 10 s
 WRITTEN_S = 15.0
 
 
 class Command(BaseCommand):
-    """For whoever keeps the console, at its computer: there is no way back."""
+    """Erase a person for good. For admins at the console's computer."""
 
     help = (
         "Erases a person: closes the account, takes name, e-mail and password away, replaces the name in the audit log "

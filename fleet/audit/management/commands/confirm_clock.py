@@ -1,4 +1,4 @@
-"""``manage.py confirm_clock``: after a long silence, what is too old by today's date may go from the audit log."""
+"""``manage.py confirm_clock``: allow expiry of the audit log after a long silence, by today's date."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fleet.audit.errors import AuditUnavailable
 
 
 class Command(BaseCommand):
-    """For whoever has looked at the clock."""
+    """For an admin who has checked the clock."""
 
     help = (
         "Puts on record that the clock of this computer is right, so that housekeeping takes out of the audit log what "
@@ -21,7 +21,7 @@ class Command(BaseCommand):
     )
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Say what the clock shows, and believe it."""
+        """Print the clock's time, and record that it is right."""
         try:
             retention.confirm_clock(here())
         except AuditUnavailable as error:

@@ -19,13 +19,13 @@ from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Chain
 from fleet.audit.verify import Head, Verified, compare, verify_all, verify_one
 
-SHOWN = 50  # findings; the first are what matters
+SHOWN = 50  # findings; the first ones matter
 
 _line = msgspec.json.Decoder(Head)
 
 
 class Command(BaseCommand):
-    """Looks through the chains, and says what is not as it was written."""
+    """Verifies the chains and names each changed record."""
 
     help = (
         "Verifies the audit log (tamper-evident): every record, or those of one robot. Status 1 on a finding."
@@ -44,7 +44,7 @@ class Command(BaseCommand):
         parser.add_argument("--against", metavar="FILE", help="compare with heads kept earlier; - is stdin")
 
     def handle(self, *args: Any, robot: str | None, heads: str | None, against: str | None, **_: Any) -> None:
-        """Verify, tell, and put on record that it was done."""
+        """Verify, print the findings, and record the verification."""
         kept = _read(against) if against else []
         told = verify_one(_chain(robot)) if robot else verify_all()
         told.findings += compare(kept)

@@ -1,4 +1,4 @@
-"""``manage.py check_robot SLUG [--json]``: is this robot ready to be driven from here, and if not, what to do?"""
+"""``manage.py check_robot SLUG [--json]``: check whether this robot can be driven from here, with remedies."""
 
 from __future__ import annotations
 

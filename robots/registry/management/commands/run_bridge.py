@@ -39,6 +39,6 @@ class Command(BaseCommand):
         except Problems as problems:
             raise CommandError(f"The entry of {robot.slug} is wrong: {problems}") from problems
         connections.close_all()
-        # Records are written from a thread that keeps a connection of its own: to make one takes longer than a record.
+        # A separate thread writes records and keeps its connection: to open one takes longer than a record.
         connections.settings["default"].update(CONN_MAX_AGE=None, CONN_HEALTH_CHECKS=True)
         sys.exit(run(config, AuditSink(robot.id, robot.name)))

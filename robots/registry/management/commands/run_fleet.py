@@ -138,11 +138,11 @@ class Fleet:
         self._database_well = True
         self._poll_at_s = 0.0
         self._housekeeping = Keeper("Housekeeping", lambda *_: None)
-        if not only:  # a supervisor of some robots stands beside the one of the rest, which keeps house
+        if not only:  # with names: another supervisor runs the other robots and keeps house
             self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
 
     def step(self, now_s: float) -> None:
-        """One round; what the database refuses is tried again in the next."""
+        """Run one round; the next one repeats work that the database refused."""
         if now_s >= self._poll_at_s:
             self._poll_at_s = now_s + POLL_S
             self._poll()

@@ -78,7 +78,7 @@ class Command(BaseCommand):
 
 
 def seed_robot(planned: PracticeRobot) -> Robot:
-    """Register a practice robot, or tell a registered one where its master is today."""
+    """Register a practice robot, or update the master of a registered one."""
     robot = Robot.objects.filter(slug=planned.slug).first()
     if robot is not None:
         robot.master_uri = planned.master_uri
