@@ -79,7 +79,7 @@ BrowserMessage = (
     | Ping
 )
 FleetMessage = StopRobot | StopAll | ClearRobot | Ack | Ping
-BrowserReport = Welcome | Control | Notice | Accepted | Refused | Stopped | BridgeGone | Offers | View | Pong
+BrowserReport = Welcome | Control | Notice | Accepted | Refused | BridgeGone | Offers | View | Pong
 TopicsReport = TopicAnswer | Sample | BridgeGone | Notice | Pong
 FleetReport = Fleet | Refused | Pong
 LinkReport = (

@@ -38,7 +38,7 @@ class TakeOver(Struct, frozen=True, tag_field="t", tag="take_over"):
 
 
 class Renew(Struct, frozen=True, tag_field="t", tag="renew"):
-    """Ask for a fresh term of control."""
+    """Ask for a fresh term of control: driving does not prolong it."""
 
 
 class Release(Struct, frozen=True, tag_field="t", tag="release"):
@@ -63,7 +63,7 @@ class Drive(Struct, frozen=True, tag_field="t", tag="drive"):
     """The stick, now. Forwarded to the bridge byte for byte.
 
     `x` forward, `y` left (holonomic bases), `w` turn left; `share` is the part of the robot's limits that
-    a full stick means. `seq` grows with every message of one tab; `sent_ms` is the browser's monotonic clock
+    a full stick means. `seq` grows with each `Drive` of a connection; `sent_ms` is the browser's monotonic clock
     (performance.now()). `fence` is the fencing number of the sender's lease.
     """
 

@@ -122,7 +122,7 @@ class SpeechEnd(Struct, frozen=True):
     unheard; a refusal's code where it was on record and could not begin any more.
     """
 
-    number: int
+    number: int  # of its record, as in `Speech`
     outcome: str
     text: str  # why, or the robot's own words
 
@@ -178,7 +178,7 @@ class State(Struct, frozen=True):
     charging: bool | None
     holder: str | None
     fence: int | None
-    seq: int | None  # last drive message that was accepted
+    seq: int | None  # of the newest drive message that came in order and in time
     neutral_needed: NeutralNeeded | None
     foreign: list[str]  # other nodes that publish to the drive topic
     watchers: list[str]  # as many as are named; see `watchers_more`

@@ -23,12 +23,12 @@ from msgspec import Meta, Struct, structs
 from robots import wire
 
 PAGE = Path(__file__).parents[2] / "docs" / "protocol-messages.md"
-HEAD = """# Messages, field by field
+HEAD = f"""# Messages, field by field
 
 `script/messages` writes this page from [robots/wire/](../robots/wire/). [protocol.md](protocol.md) says how to use the
-messages. Each is one JSON object whose `t` is its name here. A field without a default is required. Unknown fields are
-ignored; a report may leave out fields with their default. *Optional*: null by default. Units are SI unless the name
-says otherwise.
+messages (`protocol` {wire.PROTOCOL}). Each is one JSON object whose `t` is its name here. A field without a default is
+required. Unknown fields are ignored; a report may leave out fields with their default. *Optional*: null by default.
+Units are SI unless the name says otherwise.
 
 """
 COMMON = 5  # messages with the same field: it is described once, at the top
