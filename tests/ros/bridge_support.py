@@ -10,8 +10,8 @@ import tempfile
 import threading
 import time
 import uuid
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,8 @@ from robots import wire
 from robots.bridge.config import BridgeConfig, LinkAddress, ScanSource, SonarSource, Topic, Topics
 from robots.bridge.gate.values import GateProfile, Limits
 from robots.bridge.watchdog.config import lane_path, watchdog_config
-from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until
+from tests.processes import PATIENCE_S, REPOSITORY, until
+from tests.ros.support import Master, end
 
 SONARS = {
     "base_sonar_01_link": (-0.183, -0.183, -2.356),
@@ -33,7 +34,10 @@ SONARS = {
 
 
 def tiago_config(master: Master, folder: Path, **changes: Any) -> BridgeConfig:
-    """A TIAGo's configuration as the registry writes it. Sockets lie in a short folder: their paths are limited."""
+    """A TIAGo's configuration as the registry writes it, with changes: ``name="Ann"``, ``gate={"has_arm": True}``.
+
+    The socket lies in a short folder, since its path is limited.
+    """
     robot_id = uuid.uuid4().hex
     sockets = Path(tempfile.gettempdir()) / f"fleet-test-{robot_id[:8]}"
     config = BridgeConfig(
@@ -65,6 +69,9 @@ def tiago_config(master: Master, folder: Path, **changes: Any) -> BridgeConfig:
         link=LinkAddress(unix_path=str(sockets / "b.sock")),
         state_dir=str(folder / robot_id),
     )
+    for part in ("topics", "gate"):
+        if isinstance(changes.get(part), dict):
+            changes[part] = msgspec.structs.replace(getattr(config, part), **changes[part])
     return msgspec.structs.replace(config, **changes)
 
 
@@ -73,28 +80,17 @@ def drivable(state: wire.State) -> bool:
     return state.phase == "online" and all(sensor.ok for sensor in state.sensors if sensor.kind != "depth")
 
 
-class BridgeProcess:
-    """One bridge. It ends when its standard input closes, as when the supervisor dies."""
+class RobotProcess:
+    """One of a robot's processes. It ends when its standard input closes, as when the supervisor dies."""
 
-    def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
-        self.config = config
-        self.records = folder / f"{config.robot_id}.records"
-        self.log = folder / f"{config.robot_id}.log"
-        told = folder / f"{config.robot_id}.config"
-        told.write_bytes(msgspec.json.encode(config))
-        with self.log.open("ab") as log:
+    def __init__(self, master: Master, log: Path, module: str, *arguments: str) -> None:
+        self.log = log
+        with log.open("ab") as output:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "tests.ros.bridge_process", str(told), str(self.records)],
+                [sys.executable, "-m", module, *arguments],
                 cwd=REPOSITORY, env=master.environment(),
-                stdin=subprocess.PIPE, stdout=log, stderr=log,
+                stdin=subprocess.PIPE, stdout=output, stderr=output,
             )  # fmt: skip
-
-    def link(self) -> Hand:
-        """Wait until the bridge listens, and open a link."""
-        path = self.config.link.unix_path
-        assert path is not None
-        until(lambda: _listens(path) or self.process.poll() is not None, f"a listener on {path}")
-        return Hand(path)
 
     def cut_life_line(self) -> int:
         """Close its standard input, as if the supervisor died; return the exit code."""
@@ -103,7 +99,7 @@ class BridgeProcess:
         return self.process.wait(PATIENCE_S)
 
     def kill(self) -> None:
-        """As a crash."""
+        """Kill it with SIGKILL, as a crash."""
         self.process.kill()
         self.process.wait()
 
@@ -111,23 +107,56 @@ class BridgeProcess:
         end(self.process)
         assert self.process.stdin is not None
         self.process.stdin.close()
+
+
+class BridgeProcess(RobotProcess):
+    """One bridge."""
+
+    def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
+        self.config = config
+        self.records = folder / f"{config.robot_id}.records"
+        told = folder / f"{config.robot_id}.config"
+        told.write_bytes(msgspec.json.encode(config))
+        log = folder / f"{config.robot_id}.log"
+        super().__init__(master, log, "tests.ros.bridge_process", str(told), str(self.records))
+
+    def link(self) -> Hand:
+        """Wait until the bridge listens, and open a link."""
+        path = self.config.link.unix_path
+        assert path is not None
+        until(lambda: _listens(path) or self.process.poll() is not None, f"a listener on {path}")
+        return Hand(path)
+
+    def recorded(self) -> list[str]:
+        """The lines of its records so far."""
+        return self.records.read_text().splitlines()
+
+    def stop(self) -> None:
+        super().stop()
         assert self.config.link.unix_path is not None
         shutil.rmtree(Path(self.config.link.unix_path).parent, ignore_errors=True)
 
 
-class WatchdogProcess:
-    """The watchdog of a bridge's robot. It ends when its standard input closes."""
+@contextmanager
+def running_bridge(
+    config: BridgeConfig, master: Master, folder: Path
+) -> Iterator[tuple[BridgeProcess, Hand]]:
+    """A bridge and one link to it, for the length of a `with` block."""
+    process = BridgeProcess(config, master, folder)
+    try:
+        with closing(process.link()) as hand:
+            yield process, hand
+    finally:
+        process.stop()
+
+
+class WatchdogProcess(RobotProcess):
+    """The watchdog of a bridge's robot."""
 
     def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
         self.config = config
-        self.log = folder / f"{config.robot_id}.watchdog.log"
         told = msgspec.json.encode(watchdog_config(config)).decode()
-        with self.log.open("ab") as log:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", "robots.bridge.watchdog", told],
-                cwd=REPOSITORY, env=master.environment(),
-                stdin=subprocess.PIPE, stdout=log, stderr=log,
-            )  # fmt: skip
+        super().__init__(master, folder / f"{config.robot_id}.watchdog.log", "robots.bridge.watchdog", told)
 
     def ready(self) -> WatchdogProcess:
         """Wait until it has joined the master."""
@@ -151,16 +180,6 @@ class WatchdogProcess:
             lane.connect(lane_path(self.config))
             lane.send(message)
             return wire.link_report(lane.recv(65536))
-
-    def kill(self) -> None:
-        """As a crash."""
-        self.process.kill()
-        self.process.wait()
-
-    def stop(self) -> None:
-        end(self.process)
-        assert self.process.stdin is not None
-        self.process.stdin.close()
 
 
 def _fence_told(report: Any) -> int | None:
@@ -207,6 +226,16 @@ class Hand:
                     raise AssertionError(f"not within {timeout_s} s: {what}; the last state: {self.state}")
                 self._reports.clear()
                 self._news.wait(remaining_s)
+
+    def ask(self, task: Any) -> wire.Refusal | None:
+        """Send a task; return its refusal, None if accepted. Each task needs a new `seq`."""
+        self.send(task)
+        kind = wire.kind_of(task)
+        answer = self.until(
+            lambda r: isinstance(r, wire.Accepted | wire.Refused) and (r.seq, r.of) == (task.seq, kind),
+            f"an answer to {task}",
+        )
+        return answer.refusal if isinstance(answer, wire.Refused) else None
 
     def state_until(self, condition: Callable[[wire.State], Any], what: str) -> wire.State:
         """The first state for which `condition` holds."""

@@ -10,7 +10,6 @@ import logging
 import os
 import queue
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -24,31 +23,12 @@ import rosgraph
 import rospy
 
 from robots.bridge.ros.tasks.publishing import immediate_publisher
+from tests.processes import PATIENCE_S, REPOSITORY, free_port, until
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 ROSMASTER = "/usr/bin/rosmaster"
-PATIENCE_S = 30.0
 # rospy also logs as the interpreter exits, when pytest's streams are closed.
 logging.getLogger("rospy").setLevel(logging.WARNING)
 LAST_TOPIC = "/scan"  # the last topic that a simulator advertises, for every base
-
-
-def until(condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> Any:
-    """Poll until `condition` is true and return its value. Other processes give no event to await."""
-    deadline = time.monotonic() + timeout_s
-    while not (value := condition()):
-        if time.monotonic() > deadline:
-            raise AssertionError(f"not within {timeout_s} s: {what}")
-        time.sleep(0.01)
-    return value
-
-
-def free_port() -> int:
-    """A TCP port that is free now."""
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        port: int = listener.getsockname()[1]
-        return port
 
 
 def end(process: subprocess.Popen[bytes], timeout_s: float = 5.0) -> int:
@@ -163,7 +143,7 @@ class Inbox:
 
     @property
     def publishers(self) -> int:
-        """How many nodes it is connected to."""
+        """Number of connected publishers."""
         count: int = self._subscriber.get_num_connections()
         return count
 

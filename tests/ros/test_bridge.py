@@ -33,8 +33,9 @@ from robots.bridge.process import Bridge
 from robots.bridge.ros.node import RosBase
 from robots.processes.shutdown import EXIT_ALREADY_RUNNING, EXIT_NAME_LOST
 from tests.bridge.support import MemorySink
+from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
-from tests.ros.support import PATIENCE_S, Master, SimulatorProcess, until
+from tests.ros.support import Master, SimulatorProcess
 
 ODOMETRY = "/mobile_base_controller/odom"
 
@@ -211,11 +212,8 @@ def test_another_consoles_bridge_is_refused_with_its_host(hand, bridges, rosmast
 
 
 def test_a_wrong_type_in_the_registry_is_said_in_words(bridges, rosmaster, tmp_path):
-    config = tiago_config(rosmaster, tmp_path)
-    topics = msgspec.structs.replace(
-        config.topics, odometry=Topic("/scan_raw", "nav_msgs/Odometry"), scans=[]
-    )
-    hand = bridges(rosmaster, msgspec.structs.replace(config, topics=topics)).link()
+    topics = {"odometry": Topic("/scan_raw", "nav_msgs/Odometry"), "scans": []}
+    hand = bridges(rosmaster, topics=topics).link()
     state = hand.state_until(lambda state: "/scan_raw" in state.text, "the problem in words")
     assert state.phase == "connecting"
     assert state.text == "/scan_raw is sensor_msgs/LaserScan on the robot, nav_msgs/Odometry in the registry."
@@ -233,10 +231,9 @@ def test_a_bridge_that_lost_its_name_ends_for_a_new_one(bridge, bridges, hand, r
 
 
 def test_sonars_sharing_a_topic_are_all_heard(ros, bridges, rosmaster, tmp_path):
-    config = tiago_config(rosmaster, tmp_path)
-    sonars = [msgspec.structs.replace(sonar, topic="/sonars") for sonar in config.topics.sonars]
-    topics = msgspec.structs.replace(config.topics, sonars=sonars)
-    hand = bridges(rosmaster, msgspec.structs.replace(config, topics=topics)).link()
+    ordinary = tiago_config(rosmaster, tmp_path).topics.sonars
+    sonars = [msgspec.structs.replace(sonar, topic="/sonars") for sonar in ordinary]
+    hand = bridges(rosmaster, topics={"sonars": sonars}).link()
 
     def burst() -> None:
         packet = BytesIO()  # one packet: they arrive together

@@ -19,7 +19,8 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool, String
 
 from robots.registry.models import Robot
-from tests.ros.support import REPOSITORY, Master, RosClient, SimulatorProcess, free_port
+from tests.processes import REPOSITORY, free_port
+from tests.ros.support import Master, RosClient, SimulatorProcess
 
 pytestmark = pytest.mark.django_db
 

@@ -10,7 +10,7 @@ from std_msgs.msg import String
 
 from robots.bridge.config import ScanSource, Topic, Topics
 from robots.bridge.gate.values import GateProfile, Limits
-from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
+from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 
 HALF_WIDTH_M = 0.28
 TOPICS = Topics(
@@ -37,27 +37,23 @@ def robot(ros, simulator):
 
 
 def test_a_lateral_stick_slides_up_to_the_wall(ros, rosmaster, tmp_path):
-    process = BridgeProcess(tiago_config(rosmaster, tmp_path, topics=TOPICS, gate=GATE), rosmaster, tmp_path)
-    hand = process.link()
-    try:
-        with (
-            ros.listen("/ground_truth/pose", Odometry) as truth,
-            ros.listen("/ground_truth/contacts", String) as contacts,
-        ):
-            hand.state_until(drivable, "a robot that can be driven")
-            hand.take_control(1)
-            contacts.drain()
-            hand.stick(0.0, y=-1.0)
-            sliding = hand.state_until(lambda state: state.odometry.vy < -0.2, "a slide to the right")
-            stopped = hand.state_until(
-                lambda state: state.verdict.code == "obstacle" and abs(state.odometry.vy) < 0.01, "a stop"
-            )
-            [*_, last] = truth.drain()
-            hand.stick(0.0, y=1.0)
-            hand.state_until(lambda state: state.odometry.vy > 0.1, "the way back")
-    finally:
-        hand.close()
-        process.stop()
+    config = tiago_config(rosmaster, tmp_path, topics=TOPICS, gate=GATE)
+    with (
+        running_bridge(config, rosmaster, tmp_path) as (_, hand),
+        ros.listen("/ground_truth/pose", Odometry) as truth,
+        ros.listen("/ground_truth/contacts", String) as contacts,
+    ):
+        hand.state_until(drivable, "a robot that can be driven")
+        hand.take_control(1)
+        contacts.drain()
+        hand.stick(0.0, y=-1.0)
+        sliding = hand.state_until(lambda state: state.odometry.vy < -0.2, "a slide to the right")
+        stopped = hand.state_until(
+            lambda state: state.verdict.code == "obstacle" and abs(state.odometry.vy) < 0.01, "a stop"
+        )
+        [*_, last] = truth.drain()
+        hand.stick(0.0, y=1.0)
+        hand.state_until(lambda state: state.odometry.vy > 0.1, "the way back")
     assert abs(sliding.odometry.vx) < 0.05
     assert "right" in stopped.verdict.side
     assert stopped.verdict.text.endswith("right")

@@ -14,7 +14,8 @@ from pathlib import Path
 
 from benchmarks.parts.process_stats import children
 from script.stack.processes import Child
-from tests.script.support import Family, outside, until
+from tests.processes import outside, until
+from tests.script.support import Family
 
 PROGRAMS = Path("/usr/lib/postgresql")
 OWNER = "postgres"  # account of Debian's package; PostgreSQL does not run as root

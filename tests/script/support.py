@@ -1,37 +1,17 @@
-"""Programs started like a person starts them, and checks that no process is left."""
+"""Helpers for tests of started programs: their processes, their ports, and a short drive."""
 
 from __future__ import annotations
 
-import os
+import math
 import socket
-import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 from benchmarks.parts.process_stats import children
+from script.stack.client import Driver
+from tests.processes import until
 
 ENDED_S = 30.0
-
-
-def until(condition: Callable[[], object], what: str, timeout_s: float) -> None:
-    """Poll until `condition` is true. Other processes give no event to wait for."""
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline, f"not within {timeout_s} s: {what}"
-        time.sleep(0.05)
-
-
-def outside() -> dict[str, str]:
-    """The environment of a person's shell, without variables of the tests."""
-    foreign = ("FLEET_", "DJANGO_", "ROS_")
-    return {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port: int = listener.getsockname()[1]
-        return port
 
 
 def listens(port: int) -> bool:
@@ -80,3 +60,15 @@ def _alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+async def drive_forward(driver: Driver) -> None:
+    """Hold full stick until odometry has moved 0.1 m."""
+    start = driver.odometry
+    assert start
+
+    def driven_m() -> float:
+        now = driver.odometry
+        return math.hypot(now.x - start.x, now.y - start.y) if now else 0.0
+
+    await driver.hold_stick(1.0, 0.0, lambda: driven_m() > 0.1)

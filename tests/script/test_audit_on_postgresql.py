@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.processes import outside
 from tests.script.servers import postgresql
-from tests.script.support import outside
 
 ROOT = Path(__file__).parents[2]
 TESTS = [

@@ -26,7 +26,8 @@ from script.stack.places import REPOSITORY
 from script.stack.stack import Account, Certificate
 from tests.browser.conftest import ARGUMENTS, CHROMIUM
 from tests.browser.people import Person
-from tests.script.support import ENDED_S, Family, free_port, listens, outside, until
+from tests.processes import free_port, outside, until
+from tests.script.support import ENDED_S, Family, listens
 
 PATIENCE_S = 120.0
 

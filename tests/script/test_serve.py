@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import os
 import re
 import signal
@@ -25,7 +24,8 @@ from script.stack.client import Driver, sign_in
 from script.stack.places import REPOSITORY
 from script.stack.processes import Child, ReservedPort, end_all
 from script.stack.stack import Account, Certificate
-from tests.script.support import ENDED_S, Family, free_port, listens, outside, until
+from tests.processes import free_port, outside, until
+from tests.script.support import ENDED_S, Family, drive_forward, listens
 
 READY_S = 120.0
 EDIT_S = 3.0  # promised by docs/admins.md
@@ -45,7 +45,7 @@ def settings_of_a_lab(tmp_path: Path) -> dict[str, str]:
     }
 
 
-# --- what is wrong --------------------------------------------------------------------------------
+# --- wrong settings -------------------------------------------------------------------------------
 
 
 def refused(environment: dict[str, str], *words: str) -> str:
@@ -305,11 +305,4 @@ async def drive_a_little(driver: Driver) -> None:
     await driver.until(lambda: driver.state and driver.state.phase == "online" and driver.odometry)
     if driver.fence is None:
         await driver.take()
-    start = driver.odometry
-    assert start
-
-    def driven_m() -> float:
-        now = driver.odometry
-        return math.hypot(now.x - start.x, now.y - start.y) if now else 0.0
-
-    await driver.hold_stick(1.0, 0.0, lambda: driven_m() > 0.1)
+    await drive_forward(driver)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import signal
 import tempfile
 import time
@@ -17,8 +16,9 @@ from robots import wire
 from script.stack.client import Driver, sign_in
 from script.stack.processes import Child, ReservedPort
 from script.stack.stack import PRACTICE_ROBOTS, Stack, daphne
+from tests.processes import until
 from tests.script.servers import Redis, postgresql
-from tests.script.support import listens, until
+from tests.script.support import drive_forward, listens
 
 READY_S = 120.0
 NEWS_S = 15.0
@@ -121,11 +121,4 @@ def holder(page: Driver) -> str | None:
 async def drive_a_little(driver: Driver) -> None:
     await driver.until(lambda: driver.odometry and driver.state and driver.state.fence == driver.fence)
     await driver.drive(0.0, 0.0)  # first a neutral stick
-    start = driver.odometry
-    assert start
-
-    def driven_m() -> float:
-        now = driver.odometry
-        return math.hypot(now.x - start.x, now.y - start.y) if now else 0.0
-
-    await driver.hold_stick(1.0, 0.0, lambda: driven_m() > 0.1)
+    await drive_forward(driver)

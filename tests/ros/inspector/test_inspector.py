@@ -38,9 +38,10 @@ from robots.bridge.topics.inspector_messages import (
     Ready,
 )
 from robots.bridge.topics.inspector_messages import Report as InspectorReport
+from tests.processes import PATIENCE_S, REPOSITORY, until
 from tests.ros.bridge_support import tiago_config
-from tests.ros.meddling import CUT_SHORT, meddled
-from tests.ros.support import PATIENCE_S, REPOSITORY, Master, end, until
+from tests.ros.spoiled_master import CUT_SHORT, spoiling
+from tests.ros.support import Master, end
 
 UNKNOWN = "fleet_test_msgs/Weather"
 UNKNOWN_TEXT = """\
@@ -554,7 +555,7 @@ def test_no_parameter_branch_with_forbidden_names_is_set(inspector, before, valu
 def test_no_parameter_is_set_while_its_old_value_is_unknown(inspector, rosmaster, tmp_path):
     inspector.ask(wire.SetParameter("/greeting", "before"))
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    with meddled(rosmaster) as master:
+    with spoiling(rosmaster) as master:
         master.spoiled["getParam"] = CUT_SHORT
         lame = Inspector(tiago_config(master, tmp_path, allowed=ALLOWED), answers.put)
         lame.hear(msgspec.json.encode(InspectorQuery(1, wire.SetParameter("/greeting", "after"))))

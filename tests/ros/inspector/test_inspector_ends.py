@@ -27,9 +27,10 @@ from robots.bridge.ros.network.tcpros import connect_to_publisher
 from robots.bridge.ros.tasks.publishing import heard_by
 from robots.bridge.topics.inspector_client import SILENCE_S
 from robots.bridge.topics.inspector_messages import Check, HaltPublishing, InspectorQuery, KeepAlive
+from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import tiago_config
 from tests.ros.inspector.test_inspector import ALLOWED, InspectorProcess, order, serving, talking
-from tests.ros.support import PATIENCE_S, Inbox, until
+from tests.ros.support import Inbox
 from tests.ros.test_bridge import serves_deaf
 
 NOTES = "/notes"

@@ -14,8 +14,9 @@ from std_msgs.msg import String
 
 from robots import wire
 from robots.bridge.config import Allowed
+from tests.processes import until
 from tests.ros.bridge_support import BridgeProcess, Hand, tiago_config
-from tests.ros.support import Inbox, until
+from tests.ros.support import Inbox
 
 ALLOWED = (
     Allowed("publish", "/notes", "std_msgs/String"),
@@ -33,11 +34,10 @@ def robot(ros, simulator):
 
 @pytest.fixture(scope="module")
 def bridge(rosmaster, robot, tmp_path_factory):
-    config = tiago_config(rosmaster, tmp_path_factory.mktemp("topics"), allowed=ALLOWED)
-    gate = msgspec.structs.replace(config.gate, has_depth=False)
-    process = BridgeProcess(
-        msgspec.structs.replace(config, gate=gate), rosmaster, tmp_path_factory.mktemp("bridge")
+    config = tiago_config(
+        rosmaster, tmp_path_factory.mktemp("topics"), allowed=ALLOWED, gate={"has_depth": False}
     )
+    process = BridgeProcess(config, rosmaster, tmp_path_factory.mktemp("bridge"))
     yield process
     process.stop()
 
@@ -90,18 +90,6 @@ def shown(hand: Hand, topic: str) -> wire.Sample:
     return msgspec.json.decode(seen.shown, type=wire.Sample)
 
 
-def answered(hand: Hand, order: Any) -> wire.Refusal | None:
-    """Send a task; return its refusal, None if accepted."""
-    hand.send(order)
-    report = hand.until(
-        lambda r: (
-            isinstance(r, wire.Accepted | wire.Refused) and r.seq == order.seq and r.of == wire.kind_of(order)
-        ),
-        "an answer to the order",
-    )
-    return getattr(report, "refusal", None)
-
-
 def falls_silent(inbox: Inbox) -> None:
     """Check that messages end; some may still be on the way."""
     inbox.drain()
@@ -124,19 +112,17 @@ def test_the_holder_publishes_by_allow_list_on_record(bridge, holder, ros):
     fence = holder.fence
     with ros.listen("/notes", String) as notes, ros.listen("/visit_pose", PoseStamped) as poses:
         note = wire.Publish(fence, "/notes", "std_msgs/String", {"data": "hello"}, seq=101)
-        assert answered(holder, note) is None
+        assert holder.ask(note) is None
         assert notes.next().data == "hello"
-        assert any(
-            line.startswith("publish.start /notes") for line in bridge.records.read_text().splitlines()
-        )
+        assert any(line.startswith("publish.start /notes") for line in bridge.recorded())
         pose = wire.Publish(
             fence, "/visit_pose", "geometry_msgs/PoseStamped", {"pose.position.x": 2}, 20.0, seq=102
         )
-        assert answered(holder, pose) is None
+        assert holder.ask(pose) is None
         assert poses.next().pose.position.x == 2.0
         publishing = holder.state_until(lambda state: state.publishing, "a publishing").publishing
         assert publishing == [wire.Publishing("/visit_pose", "geometry_msgs/PoseStamped", 20.0)]
-        assert answered(holder, wire.PublishStop(fence, "/visit_pose", seq=103)) is None
+        assert holder.ask(wire.PublishStop(fence, "/visit_pose", seq=103)) is None
         holder.state_until(lambda state: not state.publishing, "its end")
 
 
@@ -144,13 +130,13 @@ def test_forbidden_messages_are_refused_before_recording(bridge, holder):
     fence = holder.fence
     before = bridge.records.read_text()
     bad = wire.Publish(fence, "/notes", "std_msgs/String", {"data": 5}, seq=111)
-    assert answered(holder, bad).figures == {"path": "data"}
+    assert holder.ask(bad).figures == {"path": "data"}
     other = wire.Publish(fence, "/diary", "std_msgs/String", {}, seq=112)
-    assert answered(holder, other).code == "not_allowed"
+    assert holder.ask(other).code == "not_allowed"
     around = wire.Publish(fence, "/nav_vel", "geometry_msgs/Twist", {}, seq=113)
-    assert answered(holder, around).code == "around_the_gate"
+    assert holder.ask(around).code == "around_the_gate"
     old = wire.Publish(1, "/notes", "std_msgs/String", {}, seq=114)
-    assert answered(holder, old) is not None
+    assert holder.ask(old) is not None
     assert bridge.records.read_text() == before
 
 
@@ -158,7 +144,7 @@ def test_an_emergency_stop_ends_what_is_published(bridge, holder, ros):
     fence = holder.fence
     with ros.listen("/notes", String) as notes:
         order = wire.Publish(fence, "/notes", "std_msgs/String", {"data": "on"}, 50.0, seq=121)
-        assert answered(holder, order) is None
+        assert holder.ask(order) is None
         notes.next()
         holder.send(wire.LinkStop("Ann", seq=122))
         stopped = holder.until(
@@ -174,7 +160,7 @@ def test_a_dead_inspector_is_replaced_without_publishing(bridge, holder, ros):
     with ros.listen("/notes", String) as notes:
         order = wire.Publish(holder.fence, "/notes", "std_msgs/String", {"data": "on"}, 50.0, seq=131)
         holder.send(wire.LinkSubscribe({ODOMETRY: 10.0}))
-        assert answered(holder, order) is None
+        assert holder.ask(order) is None
         notes.next()
         first = inspector_of(bridge)
         first.send_signal(signal.SIGKILL)

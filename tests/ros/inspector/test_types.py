@@ -13,7 +13,7 @@ import pytest
 
 from robots.bridge.ros.message_types import classes
 from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class, service_class
-from tests.ros.support import REPOSITORY
+from tests.processes import REPOSITORY
 
 TABLE = Path(__file__).parents[1] / "data" / "md5sums.txt"
 SUMS = [line.split() for line in TABLE.read_text().splitlines()]

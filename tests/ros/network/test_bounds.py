@@ -30,10 +30,10 @@ from robots.bridge.ros.bounds.sizes import Kind, kind_of
 from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.ros.sensors.frames import MOST_FIXED, MOST_MOVING, Frames, PoseUnknown
 from robots.bridge.ros.tasks.publishing import _AtOnce
+from tests.processes import REPOSITORY, serving
 from tests.ros import strangers
-from tests.ros.meddling import answer_of
 from tests.ros.network.test_hostile_nodes import answering
-from tests.ros.support import REPOSITORY
+from tests.ros.spoiled_master import answer_of
 
 LONG = "n" * 1_000_000
 
@@ -326,7 +326,7 @@ def test_a_cut_off_publisher_is_tried_again_after_its_time():
     assert not board.barred("/scan", "http://x/", now_s=10.0)
 
 
-# --- doors -------------------------------------------------------------------------------------------
+# --- servers and callers -------------------------------------------------------------------------------
 
 
 def test_ports_use_the_local_advertised_address_or_all(monkeypatch):
@@ -345,14 +345,8 @@ def test_ports_use_the_local_advertised_address_or_all(monkeypatch):
 def call_server() -> Iterator[doors.Server]:
     server = doors.Server(("127.0.0.1", 0))
     server.register_function(lambda *_: (1, "", 7), "getPid")
-    thread = threading.Thread(target=server.serve_forever, args=(0.05,))
-    thread.start()
-    try:
+    with serving(server):
         yield server
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
 
 
 def test_a_call_with_a_body_of_4_gb_is_refused_at_its_header():

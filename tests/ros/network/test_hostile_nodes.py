@@ -25,8 +25,8 @@ from robots.bridge.ros.network.tcpros import Conversation, connect, first_told
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from tests.bridge.support import CONFIG
-from tests.ros.meddling import answer_of
-from tests.ros.support import until
+from tests.processes import serving, until
+from tests.ros.spoiled_master import answer_of
 
 
 @contextmanager
@@ -45,14 +45,9 @@ def answering(answer: bytes) -> Iterator[str]:
 
         def log_message(self, *_: object) -> None: ...
 
-    with HTTPServer(("127.0.0.1", 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{server.server_port}"
-        finally:
-            server.shutdown()
-            thread.join()
+    server = HTTPServer(("127.0.0.1", 0), Handler)
+    with serving(server):
+        yield f"http://127.0.0.1:{server.server_port}"
 
 
 def told(value: str) -> bytes:

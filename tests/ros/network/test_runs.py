@@ -6,7 +6,7 @@ import rospy
 from nav_msgs.msg import Odometry
 
 from robots.bridge.ros.robot_runs import RunMonitor
-from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
+from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 
 ODOMETRY = "/mobile_base_controller/odom"
 
@@ -21,9 +21,7 @@ def test_each_connection_and_master_run_counts_separately():
 
 def test_a_rival_publisher_stops_the_robot_until_neutral(ros, rosmaster, simulator, tmp_path):
     simulator(pose="2,1.8,0", seed=1, drift=0)
-    process = BridgeProcess(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path)
-    hand = process.link()
-    try:
+    with running_bridge(tiago_config(rosmaster, tmp_path), rosmaster, tmp_path) as (_, hand):
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
         hand.drive_until(0.2, lambda state: state.odometry.vx > 0.05, "motion")
@@ -36,6 +34,3 @@ def test_a_rival_publisher_stops_the_robot_until_neutral(ros, rosmaster, simulat
             hand.let_go()
             hand.state_until(lambda state: state.neutral_needed is None, "a stick in the middle")
             hand.drive_until(0.2, lambda state: state.odometry.vx > 0.05, "motion again")
-    finally:
-        hand.close()
-        process.stop()

@@ -8,15 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
-import msgspec
 import pytest
 
 from robots import wire
 from robots.bridge.config import DepthSource, Topic
 from robots.bridge.gate.values import DepthView
+from tests.processes import PATIENCE_S
 from tests.ros import strangers
-from tests.ros.bridge_support import BridgeProcess, Hand, drivable, tiago_config
-from tests.ros.support import PATIENCE_S
+from tests.ros.bridge_support import BridgeProcess, Hand, drivable, running_bridge, tiago_config
 
 LARGEST_STATE = 16 * 1024  # bytes on the link
 GROWN = 60 * 1024 * 1024  # bytes of memory, at most, by any attack
@@ -27,19 +26,14 @@ def attacked(make_master, simulator, tmp_path_factory):
     """A robot on a separate master, its bridge and a driving link."""
     master, folder = make_master(), tmp_path_factory.mktemp("attacked")
     simulator(master=master, name="attacked")
-    config = tiago_config(master, folder)
-    topics = msgspec.structs.replace(
-        config.topics,
-        motions=Topic("/play_motion", "play_motion_msgs/PlayMotionAction"),
-        depth=DepthSource("/nobody/depth", "sensor_msgs/Image"),  # makes the bridge subscribe to tf
-    )
-    gate = msgspec.structs.replace(config.gate, depth=DepthView(height_m=1.5))
-    bridge = BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
-    hand = bridge.link()
-    hand.state_until(drivable, "a robot that can be driven")
-    yield SimpleNamespace(master=master, bridge=bridge, hand=hand)
-    hand.close()
-    bridge.stop()
+    topics = {
+        "motions": Topic("/play_motion", "play_motion_msgs/PlayMotionAction"),
+        "depth": DepthSource("/nobody/depth", "sensor_msgs/Image"),  # makes the bridge subscribe to tf
+    }
+    config = tiago_config(master, folder, topics=topics, gate={"depth": DepthView(height_m=1.5)})
+    with running_bridge(config, master, folder) as (bridge, hand):
+        hand.state_until(drivable, "a robot that can be driven")
+        yield SimpleNamespace(master=master, bridge=bridge, hand=hand)
 
 
 def memory(bridge: BridgeProcess) -> int:

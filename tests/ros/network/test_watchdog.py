@@ -22,8 +22,9 @@ from robots import wire
 from robots.bridge.config import BridgeConfig
 from robots.bridge.probe_findings import BRIDGE, watchdog_name
 from robots.processes.shutdown import EXIT_NAME_LOST
+from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import BridgeProcess, Hand, WatchdogProcess, drivable, tiago_config
-from tests.ros.support import PATIENCE_S, Inbox, Master, RosClient, until
+from tests.ros.support import Inbox, Master, RosClient
 
 DRIVE = "/key_vel"
 

@@ -17,8 +17,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from robots import wire
 from robots.bridge.config import DepthSource, HeadSource
 from robots.bridge.gate.values import DepthView
-from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
-from tests.ros.support import until
+from tests.processes import until
+from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 
 IMAGES = DepthSource(
     "/xtion/depth_registered/image_raw",
@@ -38,24 +38,11 @@ EDGE_Y = 1.0
 
 @contextmanager
 def bridge(master, folder, source, **topics):
-    config = tiago_config(master, folder)
     view = DepthView(source.height_m, source.own_m)
-    process = BridgeProcess(
-        msgspec.structs.replace(
-            config,
-            topics=msgspec.structs.replace(config.topics, depth=source, **topics),
-            gate=msgspec.structs.replace(config.gate, depth=view),
-        ),
-        master,
-        folder,
-    )
-    hand = process.link()
-    try:
+    config = tiago_config(master, folder, topics={"depth": source, **topics}, gate={"depth": view})
+    with running_bridge(config, master, folder) as (_, hand):
         hand.state_until(drivable, "a robot that can be driven")
         yield hand
-    finally:
-        hand.close()
-        process.stop()
 
 
 @pytest.fixture

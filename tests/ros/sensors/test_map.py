@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from io import BytesIO
 
-import msgspec
 import numpy as np
 import pytest
 import rospy
@@ -26,8 +25,9 @@ from robots.bridge.ros.sensors.map import take
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.recording.bridge_records import AuditSink
 from robots.registry.models import RobotMap
-from tests.ros.bridge_support import BridgeProcess, tiago_config
-from tests.ros.support import Master, until
+from tests.processes import until
+from tests.ros.bridge_support import running_bridge, tiago_config
+from tests.ros.support import Master
 
 MAP = Topic("/map", "nav_msgs/OccupancyGrid")
 
@@ -76,11 +76,8 @@ def test_the_map_pose_is_known_without_a_depth_camera(ros):
 
 
 def test_a_bridge_takes_the_map_once_somebody_has_control(rosmaster, tmp_path):
-    config = tiago_config(rosmaster, tmp_path)
-    topics = msgspec.structs.replace(config.topics, map=MAP)
-    bridge = BridgeProcess(msgspec.structs.replace(config, topics=topics), rosmaster, tmp_path)
-    try:
-        hand = bridge.link()
+    config = tiago_config(rosmaster, tmp_path, topics={"map": MAP})
+    with running_bridge(config, rosmaster, tmp_path) as (bridge, hand):
         hand.state_until(lambda state: state.phase == "online", "a robot")
         assert "map" not in bridge.records.read_text()
         assert not hears_tf(rosmaster)
@@ -89,9 +86,6 @@ def test_a_bridge_takes_the_map_once_somebody_has_control(rosmaster, tmp_path):
         until(lambda: hears_tf(rosmaster), "it hears where the odometry is on the map")
         hand.send(wire.Revoke(7, "the test is over"))
         until(lambda: not hears_tf(rosmaster), "it leaves the robot alone")
-        hand.close()
-    finally:
-        bridge.stop()
 
 
 def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):

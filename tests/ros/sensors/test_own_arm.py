@@ -5,42 +5,25 @@ from __future__ import annotations
 import io
 from itertools import pairwise
 from types import SimpleNamespace
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 
-from robots.bridge.config import ArmSource
 from robots.bridge.gate.geometry.arm_sweep import Motion
 from robots.bridge.ros.sensors import arm_posture
 from robots.bridge.ros.sensors.arm_posture import PostureTopics
 from robots.bridge.tasks.arm_clearance import ArmClearance
 from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.bridge.tasks.urdf import Tree
-from robots.simulator.joints.frames import urdf
 from robots.simulator.joints.joint_table import HOME
-from robots.simulator.sensors.body import BODIES
 from tests.gate.test_depth import FLOOR, LOOK_AHEAD, Looker, camera
+from tests.ros.tiago_arm import ARM, DESCRIPTION, JOINTS, without_hand
 
-JOINTS = [f"arm_{number}_joint" for number in range(1, 8)]
-ARM = ArmSource(
-    home={joint: HOME[joint] for joint in JOINTS},
-    links=[*(f"arm_{number}_link" for number in range(1, 8)), "gripper_grasping_frame"],
-)
 FOLDED = [HOME[joint] for joint in JOINTS]
 RAISED = [0.9, -0.4, -0.3, 1.7, -1.5, 0.9, 0.0]
 AHEAD = [1.5, 0.2, -0.4, 1.2, -1.2, 0.3, 0.0]
-WHOLE = urdf(BODIES["tiago"], "tiago-1")
 HALF_M = 0.045  # half of the arm's thickness
-
-
-def without_hand() -> str:
-    robot = ElementTree.fromstring(WHOLE)  # noqa: S314 - our own
-    for joint in robot.findall("joint"):
-        if joint.find("child").get("link") == "gripper_grasping_frame":
-            robot.remove(joint)
-    return ElementTree.tostring(robot, encoding="unicode")
 
 
 class Robot:
@@ -68,7 +51,7 @@ class Robot:
 
     def _step(self, at):
         joints = HOME | dict(zip(JOINTS, at, strict=True))
-        lines = Tree(WHOLE).places(ARM.links, joints)
+        lines = Tree(DESCRIPTION).places(ARM.links, joints)
         places = np.concatenate([np.linspace(a, b, 3) for a, b in pairwise(lines)])
         self.looker.boxes = [FLOOR, *((place - HALF_M, place + HALF_M) for place in places)]
         raw = io.BytesIO()
@@ -82,7 +65,7 @@ class Robot:
         return self.room.refuse(self.posture.sweep(home, now_s), now_s)
 
 
-@pytest.mark.parametrize("description", [WHOLE, without_hand()], ids=["whole", "without hand"])
+@pytest.mark.parametrize("description", [DESCRIPTION, without_hand()], ids=["whole", "without hand"])
 def test_an_arm_goes_home_again_and_the_robot_drives(monkeypatch, description):
     """Once the robot said "depth, remembered, 0.08 m ahead" and refused `home` and driving for ever."""
     robot = Robot(monkeypatch, description)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from contextlib import contextmanager
 
-import msgspec
 import pytest
 import rospy
 from geometry_msgs.msg import Pose2D
@@ -13,15 +12,9 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robots.bridge.config import ArmSource, Topic
-from robots.simulator.joints.joint_table import HOME
-from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
+from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+from tests.ros.tiago_arm import ARM, JOINT_STATES, JOINTS
 
-JOINTS = [f"arm_{number}_joint" for number in range(1, 8)]
-ARM = ArmSource(
-    home={joint: HOME[joint] for joint in JOINTS},
-    links=[*(f"arm_{number}_link" for number in range(1, 8)), "gripper_grasping_frame"],
-)
 AHEAD = [1.5, 0.0, -0.3, 0.3, -1.2, 0.3, 0.0]  # the hand is 1.03 m ahead of the base's centre
 BEFORE_WALL = Pose2D(7.6, 2.6, -math.pi / 2.0)  # the wall's face is at y = 0
 
@@ -33,18 +26,11 @@ def robot(ros, simulator):
 
 @contextmanager
 def bridge(master, folder):
-    config = tiago_config(master, folder)
-    states = Topic("/joint_states", "sensor_msgs/JointState")
-    topics = msgspec.structs.replace(config.topics, arm=ARM, joint_states=states)
-    gate = msgspec.structs.replace(config.gate, has_arm=True, has_depth=False)
-    process = BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
-    hand = process.link()
-    try:
+    topics = {"arm": ARM, "joint_states": JOINT_STATES}
+    config = tiago_config(master, folder, topics=topics, gate={"has_arm": True, "has_depth": False})
+    with running_bridge(config, master, folder) as (_, hand):
         hand.state_until(drivable, "a robot that can be driven")
         yield hand
-    finally:
-        hand.close()
-        process.stop()
 
 
 def arm_limits(state):

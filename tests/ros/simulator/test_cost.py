@@ -7,7 +7,7 @@ import pytest
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Image, JointState, LaserScan, Range
 
-from tests.ros.support import until
+from tests.processes import until
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import rosgraph
 
-from tests.ros.meddling import CUT_SHORT, meddled
-from tests.ros.support import PATIENCE_S, REPOSITORY, end, until
+from tests.processes import PATIENCE_S, REPOSITORY, until
+from tests.ros.spoiled_master import CUT_SHORT, spoiling
+from tests.ros.support import end
 
 HANGING_S = 3.0  # time to end although the master hangs
 
@@ -93,7 +94,7 @@ def test_it_comes_back_to_a_restarted_master(make_master, simulator):
 
 def test_it_rejoins_whole_after_a_half_answering_master(make_master, simulator):
     real = make_master()
-    with meddled(real) as master:
+    with spoiling(real) as master:
         robot = simulator(master=master)
         before = topics_of(real, robot.node)
         real.kill()

@@ -25,7 +25,7 @@ from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.bridge.ros.tasks.speech import SpeechTopics
 from tests.bridge.support import CONFIG
-from tests.ros.support import PATIENCE_S
+from tests.processes import PATIENCE_S
 
 _numbers = itertools.count()
 RESULT = message_class("play_motion_msgs/PlayMotionResult")

@@ -14,7 +14,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu, JointState,
 from std_msgs.msg import Bool, Float32, String
 from tf2_msgs.msg import TFMessage
 
-from tests.ros.support import until
+from tests.processes import until
 
 
 @pytest.fixture(scope="module", autouse=True)

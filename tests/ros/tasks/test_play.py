@@ -6,7 +6,6 @@ import itertools
 import math
 from contextlib import contextmanager
 
-import msgspec
 import pytest
 import rospy
 from actionlib_msgs.msg import GoalStatus
@@ -17,9 +16,9 @@ from std_msgs.msg import String
 from robots import wire
 from robots.bridge.config import Topic
 from robots.bridge.ros.message_types.classes import message_class
-from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
-from tests.ros.sensors.test_posture import ARM
-from tests.ros.support import until
+from tests.processes import until
+from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+from tests.ros.tiago_arm import ARM, JOINT_STATES
 
 IN_THE_OPEN = Pose2D(3.8, 2.2, 0.0)
 BEFORE_WALL = Pose2D(7.6, 0.75, -math.pi / 2.0)  # the wall's face is at y = 0
@@ -33,41 +32,21 @@ def robot(ros, simulator):
     return simulator(pose="3.8,2.2,0", seed=1)
 
 
-def started(master, folder, action="/play_motion"):
-    """The process of a TIAGo's bridge, with an arm."""
-    config = tiago_config(master, folder)
-    topics = msgspec.structs.replace(
-        config.topics,
-        arm=ARM,
-        joint_states=Topic("/joint_states", "sensor_msgs/JointState"),
-        motions=Topic(action, "play_motion_msgs/PlayMotionAction"),
-    )
-    gate = msgspec.structs.replace(config.gate, has_arm=True, has_depth=False)
-    return BridgeProcess(msgspec.structs.replace(config, topics=topics, gate=gate), master, folder)
+def with_arm(master, folder, action="/play_motion"):
+    """The configuration of a TIAGo with an arm."""
+    motions = Topic(action, "play_motion_msgs/PlayMotionAction")
+    topics = {"arm": ARM, "joint_states": JOINT_STATES, "motions": motions}
+    return tiago_config(master, folder, topics=topics, gate={"has_arm": True, "has_depth": False})
 
 
 @contextmanager
 def bridge(master, folder):
-    """A TIAGo's bridge, a link in control, and the records so far."""
-    process = started(master, folder)
-    try:
-        with holder(process) as hand:
-            yield hand, lambda: process.records.read_text().splitlines()
-    finally:
-        process.stop()
-
-
-@contextmanager
-def holder(process):
-    """A link in control."""
-    hand = process.link()
-    try:
+    """A link in control of a TIAGo, and its bridge."""
+    with running_bridge(with_arm(master, folder), master, folder) as (process, hand):
         hand.until(lambda report: isinstance(report, wire.Offers) and report.motions, "a robot with motions")
         hand.state_until(drivable, "a robot that sees")
         hand.take_control(1)
-        yield hand
-    finally:
-        hand.close()
+        yield hand, process
 
 
 @contextmanager
@@ -89,12 +68,7 @@ def at(ros, pose):
 
 def asked(hand, motion):
     """Send Play; return its refusal, None if accepted."""
-    seq = next(_numbers)
-    hand.send(wire.Play(1, motion, seq))
-    answer = hand.until(
-        lambda report: isinstance(report, wire.Accepted | wire.Refused) and report.seq == seq, "an answer"
-    )
-    return answer.refusal if isinstance(answer, wire.Refused) else None
+    return hand.ask(wire.Play(1, motion, next(_numbers)))
 
 
 def ask(hand, motion):
@@ -136,7 +110,7 @@ def perform(hand, motion, meanwhile=lambda: None):
 
 
 def test_with_room_it_is_performed_and_its_end_is_on_record(ros, rosmaster, tmp_path):
-    with at(ros, IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, records):
+    with at(ros, IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, process):
 
         def push():
             hand.stick(0.5)
@@ -148,57 +122,53 @@ def test_with_room_it_is_performed_and_its_end_is_on_record(ros, rosmaster, tmp_
 
         assert perform(hand, "close_half").outcome == "succeeded"
         assert perform(hand, "offer", push).outcome == "succeeded"
-        until(lambda: len(records()) >= 4, "its end on record")
-        assert records()[-2:] == ["motion.start offer /play_motion", "motion.end succeeded"]
+        until(lambda: len(process.recorded()) >= 4, "its end on record")
+        assert process.recorded()[-2:] == ["motion.start offer /play_motion", "motion.end succeeded"]
         assert perform(hand, "home").outcome == "succeeded"
         hand.state_until(lambda state: not state.arm, "an arm at home")
 
 
 def test_before_a_wall_it_is_refused_with_figures(ros, rosmaster, tmp_path):
-    with at(ros, BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, records):
+    with at(ros, BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, process):
         refusal = ask(hand, "offer")
         assert refusal.code == "motion_blocked", refusal
         assert 0.3 < refusal.figures["distance_m"] < 0.6
         assert refusal.figures["side"].startswith("ahead")
-        until(lambda: "motion_blocked" in records()[-1], "why it was not begun on record")
-        assert records()[-2:] == ["motion.start offer /play_motion", "motion.end motion_blocked"]
+        until(lambda: "motion_blocked" in process.recorded()[-1], "why it was not begun on record")
+        assert process.recorded()[-2:] == ["motion.start offer /play_motion", "motion.end motion_blocked"]
 
 
 def test_an_intruder_cancels_it(ros, rosmaster, tmp_path):
     with (
         at(ros, IN_THE_OPEN),
-        bridge(rosmaster, tmp_path) as (hand, records),
+        bridge(rosmaster, tmp_path) as (hand, process),
         ros.speak("/ground_truth/person", String) as person,
     ):
         try:
             ended = perform(hand, "offer", lambda: person.publish(BEFORE_THE_ROBOT))
             assert ended.outcome == "intruder", ended
-            until(lambda: records()[-1] == "motion.end intruder", "its end on record")
+            until(lambda: process.recorded()[-1] == "motion.end intruder", "its end on record")
         finally:
             person.publish(FAR_AWAY)
 
 
 def test_who_may_cancels_it_by_its_goal(ros, rosmaster, tmp_path):
-    with at(ros, IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, records):
+    with at(ros, IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, process):
         begun = play(hand, "inspect_surroundings")
         hand.send(wire.LinkCancel("motion", "Sue", seq=3))
         hand.until(lambda report: report == wire.Accepted("link_cancel", 3), "an answer")
         ended = end_of(hand, begun)
         assert (ended.outcome, ended.text) == ("cancelled", "Cancelled by Sue.")
-        until(lambda: records()[-1] == "motion.end cancelled", "its end on record")
+        until(lambda: process.recorded()[-1] == "motion.end cancelled", "its end on record")
 
 
 def test_the_next_bridge_cancels_a_killed_bridges_motion(ros, rosmaster, tmp_path):
     result = message_class("play_motion_msgs/PlayMotionActionResult")
     with at(ros, IN_THE_OPEN), ros.listen("/play_motion/result", result) as results:
         ros.connected(results)
-        first = started(rosmaster, tmp_path)
-        try:
-            with holder(first) as hand:
-                play(hand, "inspect_surroundings")
-                first.kill()
-        finally:
-            first.stop()
+        with bridge(rosmaster, tmp_path) as (hand, first):
+            play(hand, "inspect_surroundings")
+            first.kill()
         with bridge(rosmaster, tmp_path) as (hand, _):
             assert results.next().status.status == GoalStatus.PREEMPTED
             assert perform(hand, "close").outcome == "succeeded"
@@ -206,7 +176,7 @@ def test_the_next_bridge_cancels_a_killed_bridges_motion(ros, rosmaster, tmp_pat
 
 def test_a_changed_motion_is_judged_by_its_new_points(ros, rosmaster, tmp_path):
     opens, reaches_out = (rospy.get_param(f"/play_motion/motions/{name}") for name in ("open", "offer"))
-    with at(ros, BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, records):
+    with at(ros, BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, process):
         rospy.set_param("/play_motion/motions/open", {**reaches_out, "meta": {"name": "Anew"}})
         try:
             told = {}  # in either order
@@ -225,7 +195,7 @@ def test_a_changed_motion_is_judged_by_its_new_points(ros, rosmaster, tmp_path):
         finally:
             rospy.set_param("/play_motion/motions/open", opens)
         assert perform(hand, "open").outcome == "succeeded"  # by its current points it does not move the arm
-        assert records()[:3] == [
+        assert process.recorded()[:3] == [
             "motion.start open /play_motion",
             "motion.end motion_blocked",
             "motion.start open /play_motion",
@@ -254,9 +224,7 @@ def test_an_action_that_has_just_joined_performs(ros, rosmaster, tmp_path):
     goals, results = (
         message_class(f"play_motion_msgs/PlayMotionAction{part}") for part in ("Goal", "Result")
     )
-    process = started(rosmaster, tmp_path, "/late_play")
-    hand = process.link()
-    try:
+    with running_bridge(with_arm(rosmaster, tmp_path, "/late_play"), rosmaster, tmp_path) as (_, hand):
         hand.state_until(drivable, "a robot that sees")
         hand.take_control(1)
         assert asked(hand, "nod").code == "no_listener"
@@ -267,6 +235,3 @@ def test_an_action_that_has_just_joined_performs(ros, rosmaster, tmp_path):
             assert ask(hand, "nod") is None
             assert inbox.next().goal.motion_name == "nod"
             result.unregister()
-    finally:
-        hand.close()
-        process.stop()

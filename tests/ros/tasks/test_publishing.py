@@ -12,7 +12,7 @@ from std_msgs.msg import String
 from robots.bridge.ros.network.tcpros import connect_to_publisher
 from robots.bridge.ros.tasks import publishing
 from robots.bridge.ros.tasks.publishing import Sender
-from tests.ros.support import PATIENCE_S, until
+from tests.processes import PATIENCE_S, until
 
 _numbers = itertools.count()
 

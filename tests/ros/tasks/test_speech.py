@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from contextlib import contextmanager
 
-import msgspec
 import pytest
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from std_msgs.msg import String
@@ -13,8 +12,8 @@ from std_msgs.msg import String
 from robots import wire
 from robots.bridge.config import Allowed, Topic
 from robots.bridge.ros.message_types.classes import message_class
-from tests.ros.bridge_support import BridgeProcess, tiago_config
-from tests.ros.support import until
+from tests.processes import until
+from tests.ros.bridge_support import running_bridge, tiago_config
 
 FEEDBACK = message_class("pal_interaction_msgs/TtsFeedback")
 _numbers = itertools.count()
@@ -105,17 +104,12 @@ LONG = "una frase muy larga " * 10
 @contextmanager
 def bridge(master, folder, speech=TTS, allowed=()):
     """A speaking robot's bridge, a link in control, and the records so far."""
-    config = tiago_config(master, folder)
-    topics = msgspec.structs.replace(config.topics, speech=speech, languages=["es-ES", "en-GB"])
-    process = BridgeProcess(msgspec.structs.replace(config, topics=topics, allowed=allowed), master, folder)
-    hand = process.link()
-    try:
+    topics = {"speech": speech, "languages": ["es-ES", "en-GB"]}
+    config = tiago_config(master, folder, topics=topics, allowed=allowed)
+    with running_bridge(config, master, folder) as (process, hand):
         hand.state_until(lambda state: state.phase == "online", "a robot online")
         hand.take_control(1)
-        yield hand, lambda: process.records.read_text().splitlines()
-    finally:
-        hand.close()
-        process.stop()
+        yield hand, process.recorded
 
 
 @pytest.fixture(scope="class")
@@ -125,18 +119,9 @@ def talk(robot, rosmaster, tmp_path_factory):
         yield talk
 
 
-def answered(hand, order):
-    """Send a task; return its answer, Accepted or Refused."""
-    hand.send(order)
-    return hand.until(
-        lambda report: isinstance(report, wire.Accepted | wire.Refused) and report.seq == order.seq,
-        f"an answer to {order}",
-    )
-
-
 def word_of(hand, text, language="es-ES"):
     """Say `text`; return the speech state at the first word."""
-    assert isinstance(answered(hand, wire.Say(1, text, language, seq=next(_numbers))), wire.Accepted)
+    assert hand.ask(wire.Say(1, text, language, seq=next(_numbers))) is None
     return hand.state_until(
         lambda state: state.speech and state.speech.text == text and state.speech.word, f"a word of {text}"
     ).speech
@@ -162,8 +147,8 @@ class TestPalsVoice:
     def test_a_cancelled_sentence_ends_and_nobody_elses(self, ros, voice, talk):
         hand, _ = talk
         said = word_of(hand, LONG)
-        refused = answered(hand, wire.Say(1, "another one", "en-GB", seq=next(_numbers)))
-        assert refused.refusal.figures == {"who": "Ann", "text": LONG}
+        refused = hand.ask(wire.Say(1, "another one", "en-GB", seq=next(_numbers)))
+        assert refused.figures == {"who": "Ann", "text": LONG}
         hand.send(wire.LinkCancel("speech", "Sue"))
         ended = end_of(hand, said.number)
         assert (ended.outcome, ended.text) == ("cancelled", "Cancelled by Sue.")
@@ -171,9 +156,9 @@ class TestPalsVoice:
             others = voice.say(LONG)
             status.until(lambda message: any(told.goal_id.id == others for told in message.status_list))
             status.settle()
-            assert answered(hand, wire.SayCancel(1, seq=next(_numbers))).refusal.code == "no_speech"
-            refused = answered(hand, wire.Say(1, "hello", "en-GB", seq=next(_numbers)))
-            assert refused.refusal.text == "The robot speaks a text from another program: wait."
+            assert hand.ask(wire.SayCancel(1, seq=next(_numbers))).code == "no_speech"
+            refused = hand.ask(wire.Say(1, "hello", "en-GB", seq=next(_numbers)))
+            assert refused.text == "The robot speaks a text from another program: wait."
             voice.cancels.publish(GoalID(id=others))
             status.until(
                 lambda message: all(told.status != GoalStatus.ACTIVE for told in message.status_list)

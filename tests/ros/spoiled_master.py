@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import copy
 import http.client
-import threading
 import xmlrpc.client
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
+from tests.processes import serving
 from tests.ros.support import Master
 
 CUT_SHORT = b"<"  # part of an answer, as left by a killed master
@@ -21,7 +21,7 @@ def answer_of(value: object) -> bytes:
     return xmlrpc.client.dumps(([1, "", value],), methodresponse=True).encode()
 
 
-class MeddledMaster(Master):
+class SpoiledMaster(Master):
     """The same master at another address, where it gives the answers in `spoiled` instead of its own."""
 
     spoiled: dict[str, bytes]  # by method or argument
@@ -29,9 +29,9 @@ class MeddledMaster(Master):
 
 
 @contextmanager
-def meddled(master: Master) -> Iterator[MeddledMaster]:
+def spoiling(master: Master) -> Iterator[SpoiledMaster]:
     """Run the proxy for the length of a `with` block."""
-    through: MeddledMaster = copy.copy(master)  # type: ignore[assignment]
+    through: SpoiledMaster = copy.copy(master)  # type: ignore[assignment]
     through.spoiled, through.given = {}, []
 
     class Handler(BaseHTTPRequestHandler):
@@ -58,13 +58,8 @@ def meddled(master: Master) -> Iterator[MeddledMaster]:
 
         def log_message(self, *_: object) -> None: ...
 
-    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
-        server.block_on_close = False  # a node that monitors the master holds a connection
-        through.uri = f"http://127.0.0.1:{server.server_port}/"
-        thread = threading.Thread(target=server.serve_forever, args=(0.05,))
-        thread.start()
-        try:
-            yield through
-        finally:
-            server.shutdown()
-            thread.join()
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server.block_on_close = False  # a node that monitors the master holds a connection
+    through.uri = f"http://127.0.0.1:{server.server_port}/"
+    with serving(server):
+        yield through

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 from types import SimpleNamespace
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -19,9 +18,9 @@ from robots.bridge.ros.sensors import arm_posture
 from robots.bridge.ros.sensors.arm_posture import PostureTopics
 from robots.bridge.tasks.arm_posture import END_M, HAND_M, MOST_LINKS, ArmPosture
 from robots.bridge.tasks.urdf import Tree
-from robots.simulator.joints.frames import urdf
 from robots.simulator.joints.joint_table import HOME, JOINTS
-from robots.simulator.sensors.body import BODIES
+from tests.ros import tiago_arm
+from tests.ros.tiago_arm import HAND, without_hand
 
 ARM = ArmSource(
     home={"shoulder": 0.0, "elbow": 2.5},
@@ -137,27 +136,18 @@ def test_an_unreported_gripper_joint_does_not_move_the_arm(arm):
     assert len(told.ends) == 1 and told.ends[0][:2] == pytest.approx((0.9, 0.05))
 
 
-TIAGO = ArmSource(
-    home={f"arm_{number}_joint": HOME[f"arm_{number}_joint"] for number in range(1, 8)},
-    links=[*(f"arm_{number}_link" for number in range(1, 8)), "gripper_grasping_frame"],
-)
-
-
 @pytest.mark.parametrize("lacks_hand", [True, False])
 def test_the_hand_belongs_to_the_arm_without_description(arm, lacks_hand):
     """Once an undescribed hand stayed an obstacle for ever after `wave`."""
-    whole = urdf(BODIES["tiago"], "tiago-1")
-    hand = ElementTree.fromstring(whole)  # noqa: S314 - our own
-    for joint in hand.findall("joint"):
-        if joint.find("child").get("link") == "gripper_grasping_frame":
-            hand.remove(joint)
-    arm.use(TIAGO)
-    arm.posture.describe(ElementTree.tostring(hand, encoding="unicode") if lacks_hand else whole)
+    arm.use(tiago_arm.ARM)
+    arm.posture.describe(without_hand() if lacks_hand else tiago_arm.DESCRIPTION)
     random = np.random.default_rng(3)
     for _ in range(30):
-        joints = HOME | {joint: random.uniform(JOINTS[joint].low, JOINTS[joint].high) for joint in TIAGO.home}
+        joints = HOME | {
+            joint: random.uniform(JOINTS[joint].low, JOINTS[joint].high) for joint in tiago_arm.JOINTS
+        }
         told = arm.after(**joints)
-        x, y, _ = Tree(whole).places(["gripper_grasping_frame"], joints)[0]
+        x, y, _ = Tree(tiago_arm.DESCRIPTION).places([HAND], joints)[0]
         assert told.discs is not None
         discs = np.array([*told.discs, *told.ends])
         assert (np.hypot(discs[:, 0] - x, discs[:, 1] - y) < discs[:, 2]).any()

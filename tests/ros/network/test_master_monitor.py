@@ -8,7 +8,6 @@ import signal
 import socket
 from contextlib import contextmanager
 
-import msgspec
 import pytest
 import rospy
 
@@ -18,11 +17,13 @@ from robots.bridge.ros.network import master_monitor
 from robots.bridge.ros.network.master import Master, node_alive
 from robots.bridge.ros.network.master_monitor import SILENCE_S, MasterMonitor
 from robots.processes.shutdown import EXIT_NOT_JOINED
+from tests.processes import PATIENCE_S, free_port
 from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
-from tests.ros.meddling import CUT_SHORT, answer_of, meddled
 from tests.ros.network.test_hostile_nodes import answering
-from tests.ros.sensors.test_posture import ARM, reach_out
-from tests.ros.support import PATIENCE_S, RosClient, free_port
+from tests.ros.sensors.test_posture import reach_out
+from tests.ros.spoiled_master import CUT_SHORT, answer_of, spoiling
+from tests.ros.support import RosClient
+from tests.ros.tiago_arm import ARM, JOINT_STATES
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -35,9 +36,7 @@ def bridges(tmp_path):
     started = []
 
     def start(master, **topics):
-        config = tiago_config(master, tmp_path)
-        config = msgspec.structs.replace(config, topics=msgspec.structs.replace(config.topics, **topics))
-        started.append(BridgeProcess(config, master, tmp_path))
+        started.append(BridgeProcess(tiago_config(master, tmp_path, topics=topics), master, tmp_path))
         return started[-1]
 
     yield start
@@ -99,7 +98,7 @@ def soon(monkeypatch):
 
 
 def test_rubbish_from_the_master_halts_until_it_recovers(bridges, rosmaster):
-    with meddled(rosmaster) as master:
+    with spoiling(rosmaster) as master:
         hand = bridges(master).link()
         hand.state_until(drivable, "the robot")
         for method, answer in (
@@ -116,9 +115,9 @@ def test_rubbish_from_the_master_halts_until_it_recovers(bridges, rosmaster):
 
 
 def test_a_description_that_was_cut_short_is_asked_for_again(ros, bridges, rosmaster):
-    with meddled(rosmaster) as master:
+    with spoiling(rosmaster) as master:
         master.spoiled["/robot_description"] = CUT_SHORT
-        hand = bridges(master, arm=ARM, joint_states=Topic("/joint_states", "sensor_msgs/JointState")).link()
+        hand = bridges(master, arm=ARM, joint_states=JOINT_STATES).link()
         hand.state_until(drivable, "the robot")
         reach_out(ros)
         master.spoiled.clear()

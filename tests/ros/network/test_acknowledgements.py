@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from robots.bridge.ros.network.acknowledgements import Acknowledgements, _kept
-from tests.ros.support import until
+from tests.processes import until
 
 
 class Listener:

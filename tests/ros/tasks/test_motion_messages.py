@@ -16,8 +16,8 @@ from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.tasks.motions import ERRORS, MotionTopics
 from robots.bridge.tasks.goals import OURS
 from robots.wire import MotionOffer
-from tests.ros.meddling import CUT_SHORT, meddled
-from tests.ros.support import PATIENCE_S, until
+from tests.processes import PATIENCE_S, until
+from tests.ros.spoiled_master import CUT_SHORT, spoiling
 
 ACTION = "/odd_play"
 GOAL, ENDED = (message_class(f"play_motion_msgs/PlayMotionAction{part}") for part in ("Goal", "Result"))
@@ -116,7 +116,7 @@ def test_a_goal_keeps_the_robots_spelling_and_its_planning(motions):
 
 def test_a_silent_master_removes_no_motion_from_the_list(ros, rosmaster, heard):
     rospy.set_param(f"{ACTION}/motions", {"nod": {"joints": ["a"], "points": [{"positions": [0.5]}]}})
-    with meddled(rosmaster) as master:
+    with spoiling(rosmaster) as master:
         topics = heard.topics(master.uri)
         try:
             topics.read(heard.offers)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from types import SimpleNamespace
 
-import msgspec
 import pytest
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from geometry_msgs.msg import Twist
@@ -17,8 +16,8 @@ from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.node import RosBase
 from tests.bridge.support import CONFIG
-from tests.ros.bridge_support import BridgeProcess, drivable, tiago_config
-from tests.ros.support import until
+from tests.processes import until
+from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 
 TTS, PLAY = "pal_interaction_msgs/TtsAction", "play_motion_msgs/PlayMotionAction"
 ALLOWED = (
@@ -41,19 +40,12 @@ def robot(ros, simulator):
 def talk(robot, rosmaster, tmp_path_factory):
     """A link in control, and the records so far."""
     folder = tmp_path_factory.mktemp("bridge")
-    config = tiago_config(rosmaster, folder)
-    topics = msgspec.structs.replace(
-        config.topics, speech=Topic("/tts", TTS), languages=["en-GB"], motions=Topic("/play_motion", PLAY)
-    )
-    process = BridgeProcess(
-        msgspec.structs.replace(config, topics=topics, allowed=ALLOWED), rosmaster, folder
-    )
-    hand = process.link()
-    hand.state_until(drivable, "a robot online")
-    hand.take_control(1)
-    yield hand, lambda: process.records.read_text().splitlines()
-    hand.close()
-    process.stop()
+    topics = {"speech": Topic("/tts", TTS), "languages": ["en-GB"], "motions": Topic("/play_motion", PLAY)}
+    config = tiago_config(rosmaster, folder, topics=topics, allowed=ALLOWED)
+    with running_bridge(config, rosmaster, folder) as (process, hand):
+        hand.state_until(drivable, "a robot online")
+        hand.take_control(1)
+        yield hand, process.recorded
 
 
 @pytest.fixture
@@ -61,22 +53,13 @@ def hand(talk):
     return talk[0]
 
 
-def answered(hand, order):
-    """Send a task; return its answer, Accepted or Refused."""
-    hand.send(order)
-    return hand.until(
-        lambda report: isinstance(report, wire.Accepted | wire.Refused) and report.seq == order.seq,
-        f"an answer to {order}",
-    )
-
-
 def choose(hand, use, topic):
     """Choose a topic as soon as the base stands and the bridge's survey lists the topic."""
 
     def chosen():
-        answer = answered(hand, wire.Choose(1, use, topic, seq=next(_numbers)))
-        assert isinstance(answer, wire.Accepted) or answer.refusal.code in WAIT, answer
-        return isinstance(answer, wire.Accepted)
+        refusal = hand.ask(wire.Choose(1, use, topic, seq=next(_numbers)))
+        assert refusal is None or refusal.code in WAIT, refusal
+        return refusal is None
 
     until(chosen, f"{topic} chosen for {use}")
     expected = {use: topic} if topic else {}
@@ -132,9 +115,9 @@ def test_a_vanished_chosen_topic_is_reported_and_recorded(ros, talk):
 
 
 def test_what_the_robot_does_not_have_is_refused(hand):
-    refused = answered(hand, wire.Choose(1, "motions", "/nowhere", seq=next(_numbers))).refusal
+    refused = hand.ask(wire.Choose(1, "motions", "/nowhere", seq=next(_numbers)))
     assert refused.code == "not_allowed"
-    refused = answered(hand, wire.Choose(1, "motions", "/second_play", seq=next(_numbers))).refusal
+    refused = hand.ask(wire.Choose(1, "motions", "/second_play", seq=next(_numbers)))
     assert refused.text == "No node on the robot subscribes to /second_play/goal."
 
 
@@ -183,9 +166,9 @@ def test_an_action_of_another_type_is_reported(ros, rosmaster, hand):
     ):
 
         def refusal():
-            answer = answered(hand, wire.Choose(1, "motions", "/third_play", seq=next(_numbers)))
-            assert isinstance(answer, wire.Refused)
-            return None if answer.refusal.code in WAIT else answer.refusal
+            refusal = hand.ask(wire.Choose(1, "motions", "/third_play", seq=next(_numbers)))
+            assert refusal is not None
+            return None if refusal.code in WAIT else refusal
 
         refused = until(refusal, "its type")
         assert (refused.code, refused.figures["found"]) == ("wrong_type", f"{TTS}Goal")
@@ -207,21 +190,15 @@ def test_an_old_goal_on_an_unchosen_action_is_cancelled(ros, hand):
 def test_a_robot_whose_master_returns_offers_its_motions_again(make_master, simulator, tmp_path):
     master = make_master()
     simulator(master=master, name="second", pose="2,2,0", seed=1)
-    config = tiago_config(master, tmp_path)
-    topics = msgspec.structs.replace(config.topics, motions=Topic("/play_motion", PLAY))
-    process = BridgeProcess(msgspec.structs.replace(config, topics=topics), master, tmp_path)
-    hand = process.link()
-    try:
+    config = tiago_config(master, tmp_path, topics={"motions": Topic("/play_motion", PLAY)})
+    with running_bridge(config, master, tmp_path) as (_, hand):
         told = lambda report: isinstance(report, wire.Offers) and report.motions  # noqa: E731
         hand.until(told, "motions")
         master.kill()
         hand.state_until(lambda state: state.phase == "waiting", "no master")
-        hand.until(lambda report: not isinstance(report, wire.Offers), "what came before is read")
+        hand.until(lambda report: not isinstance(report, wire.Offers), "all earlier reports are read")
         master.start()
         hand.until(told, "motions again")
-    finally:
-        hand.close()
-        process.stop()
 
 
 def test_a_hostile_master_never_fakes_a_connection(monkeypatch):
