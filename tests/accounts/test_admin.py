@@ -27,7 +27,7 @@ def test_staff_see_the_lists(page, admin):
 
 
 @pytest.mark.parametrize("page", [PEOPLE, SIGN_INS, RECORDS])
-def test_nobody_else_does(page, supervisor, signed_in):
+def test_other_people_do_not_open_the_admin_page(page, supervisor, signed_in):
     assert signed_in(supervisor).get(page, follow=True).status_code == 403
 
 
@@ -54,7 +54,7 @@ def test_a_new_account_is_recorded_without_its_password(admin, staff):
     assert PASSWORD not in str(entry.details)
 
 
-def test_making_somebody_staff_goes_on_record(admin, operator):
+def test_making_a_person_staff_is_recorded(admin, operator):
     form = {
         "username": "operator",
         "full_name": "Olga Operator",
@@ -68,7 +68,7 @@ def test_making_somebody_staff_goes_on_record(admin, operator):
     assert changes == [{"field": "is_staff", "from": False, "to": True}]
 
 
-def test_a_new_password_goes_on_record_but_not_what_it_is(admin, operator):
+def test_a_new_password_is_recorded_without_its_text(admin, operator):
     form = {"usable_password": "true", "password1": "another long walk", "password2": "another long walk"}
     assert admin.post(f"{PEOPLE}{operator.pk}/password/", form).status_code == 302
     changes = Record.objects.get(kind="account.change").details["changes"]
@@ -111,6 +111,6 @@ def test_a_list_cannot_be_asked_for_keys_character_by_character(page_and_lookup,
     assert admin.get(f"{page_and_lookup}a").status_code == 400
 
 
-def test_what_is_offered_as_a_filter_filters(admin, operator):
+def test_every_offered_filter_works(admin, operator):
     response = admin.get(f"{PEOPLE}?is_staff__exact=0")
     assert [person.pk for person in response.context["cl"].result_list] == [operator.pk]

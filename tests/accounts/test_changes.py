@@ -30,7 +30,7 @@ def changes_of(person: User) -> list[list[dict[str, Any]]]:
     return [entry.details["changes"] for entry in records]
 
 
-def test_the_first_staff_account_is_on_record(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_staff_account_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DJANGO_SUPERUSER_PASSWORD", PASSWORD)
     call_command("createsuperuser", "--no-input", username="first", email="first@lab.example", verbosity=0)
     entry = Record.objects.get(kind="account.create")
@@ -56,7 +56,7 @@ def test_an_account_that_cannot_be_recorded_is_not_made(monkeypatch: pytest.Monk
     assert not User.objects.exists()
 
 
-def test_a_password_changed_on_the_command_line_is_on_record(stranger: User) -> None:
+def test_a_password_changed_by_command_is_recorded(stranger: User) -> None:
     with mock.patch("getpass.getpass", return_value=NEW):
         call_command("changepassword", stranger.username)
     assert changes_of(stranger) == [[{"field": "password"}]]
@@ -64,7 +64,7 @@ def test_a_password_changed_on_the_command_line_is_on_record(stranger: User) -> 
 
 
 @pytest.mark.parametrize("right", ["is_active", "is_staff", "is_superuser"])
-def test_each_right_gained_and_lost_is_on_record(right: str, stranger: User) -> None:
+def test_each_gained_or_lost_right_is_recorded(right: str, stranger: User) -> None:
     before = getattr(stranger, right)
     for value in (not before, before):
         setattr(stranger, right, value)
@@ -75,20 +75,20 @@ def test_each_right_gained_and_lost_is_on_record(right: str, stranger: User) -> 
     ]
 
 
-def test_an_account_that_is_deleted_is_on_record(stranger: User) -> None:
+def test_a_deleted_account_is_recorded(stranger: User) -> None:
     gone = str(stranger.pk)
     User.objects.filter(pk=stranger.pk).delete()
     entry = Record.objects.get(kind="account.delete")
     assert (entry.details["user"], entry.details["name"]) == (gone, "Stig Stranger")
 
 
-def test_a_password_taken_away_is_on_record(stranger: User) -> None:
+def test_a_removed_password_is_recorded(stranger: User) -> None:
     stranger.set_unusable_password()
     stranger.save()
     assert changes_of(stranger) == [[{"field": "password"}]]
 
 
-def test_what_was_not_saved_is_not_on_record(stranger: User) -> None:
+def test_unsaved_changes_are_not_recorded(stranger: User) -> None:
     stranger.is_staff = True
     stranger.full_name = "Stig S."
     stranger.save(update_fields=["full_name"])
@@ -116,7 +116,7 @@ def test_a_newer_hash_of_the_same_password_is_no_change(stranger: User, settings
     assert changes_of(stranger) == []
 
 
-def test_records_of_before_show_the_name_that_somebody_has_now(operator):
+def test_old_records_show_a_persons_current_name(operator):
     earlier = record("stop.press", actor=operator)
     operator.full_name = "Olga Other"
     operator.save()

@@ -82,7 +82,7 @@ def test_others_records_do_not_name_them_either(operator, staff, name):
         "fleet.audit.erasure.time.sleep",  # after the first content, which holds the account's names
     ],
 )
-def test_who_is_interrupted_repeats_it_and_nothing_is_left(operator, staff, step, monkeypatch):
+def test_a_repeated_erasure_completes_an_interrupted_one(operator, staff, step, monkeypatch):
     monkeypatch.setattr(retention, "CONTENTS_AT_ONCE", 1)
     record("speech.start", actor=operator, text="Olga was here.")
     record("refusal", actor=staff, private={"words": "Olga Operator has control: ask for it."})
@@ -115,7 +115,7 @@ def test_late_records_of_old_refusals_name_nobody(operator, staff, monkeypatch):
 
 @pytest.mark.skipif(connection.vendor == "sqlite", reason="SQLite has one writer")
 @pytest.mark.django_db(transaction=True)
-def test_what_is_being_recorded_meanwhile_is_found_too(operator, staff):
+def test_an_erasure_finds_records_written_meanwhile(operator, staff):
     """Its number is lower than that of a record already committed."""
 
     def erase_and_close() -> None:
@@ -166,13 +166,13 @@ def test_the_records_stay_under_a_pseudonym(operator):
     assert (entry.details, entry.actor.erased_at is not None) == ({"language": "en-GB"}, True)
 
 
-def test_what_others_said_stays(operator, staff):
+def test_texts_of_other_people_stay(operator, staff):
     said = record("speech.start", actor=staff, text="Good morning.")
     erase()
     assert Record.objects.get(pk=said.pk).details == {"text": "Good morning."}
 
 
-def test_that_somebody_was_erased_is_on_record(operator):
+def test_an_erasure_is_recorded(operator):
     said = record("speech.start", actor=operator, text="Hello.")
     erase()
     told = Record.objects.get(kind="audit.erase")
@@ -195,7 +195,7 @@ def test_a_name_is_not_written_over_a_pseudonym(operator):
     assert Actor.objects.get(pk=str(operator.pk)).name.startswith("Person ")
 
 
-def test_whom_nobody_knows_is_said():
+def test_an_unknown_person_is_named():
     with pytest.raises(CommandError, match="There is no account nobody"):
         erase("nobody")
 

@@ -24,7 +24,7 @@ def _has(person: User, password: str) -> bool:
 
 
 @pytest.mark.django_db
-def test_everybody_can_change_their_own_and_it_goes_on_record(stranger, signed_in):
+def test_people_change_their_own_password_and_it_is_recorded(stranger, signed_in):
     response = signed_in(stranger).post(PAGE, FORM, follow=True)
     assert "Your password is changed." in response.content.decode()
     assert _has(stranger, NEW)
@@ -34,7 +34,7 @@ def test_everybody_can_change_their_own_and_it_goes_on_record(stranger, signed_i
 
 
 @pytest.mark.django_db(transaction=True)
-def test_nobody_else_waits_to_write_while_it_is_hashed(stranger, signed_in):
+def test_hashing_a_password_blocks_no_other_writer(stranger, signed_in):
     within = []
 
     def hashed(password):
@@ -66,7 +66,7 @@ def test_the_admin_leads_there(staff, signed_in):
         ({"new_password1": "short", "new_password2": "short"}, "too short"),
     ],
 )
-def test_what_is_wrong_is_said_and_nothing_is_changed(change, said, stranger, signed_in):
+def test_errors_are_shown_and_nothing_is_changed(change, said, stranger, signed_in):
     response = signed_in(stranger).post(PAGE, FORM | change)
     assert said in response.content.decode()
     assert _has(stranger, PASSWORD)
@@ -100,6 +100,6 @@ def test_staff_who_edit_themselves_stay_signed_in(staff, signed_in):
 
 @pytest.mark.django_db
 @pytest.mark.parametrize("nobody", ["00000000-0000-0000-0000-000000000000", "nobody"])
-def test_nobodys_password_is_not_changed(nobody, staff, signed_in):
+def test_an_erased_accounts_password_is_not_changed(nobody, staff, signed_in):
     response = signed_in(staff).post(f"/admin/accounts/user/{nobody}/password/", ADMIN_FORM)
     assert response.status_code == 404

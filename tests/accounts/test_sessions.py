@@ -69,7 +69,7 @@ def test_all_others_can_be_ended_at_once(desk, phone, operator, signed_in):
     assert [sign_in.pk for sign_in in SignIn.objects.all()] == [_sign_in_of(desk).pk]
 
 
-def test_nobody_ends_another_persons_sign_in(desk, observer, signed_in):
+def test_a_person_cannot_end_anothers_sign_in(desk, observer, signed_in):
     theirs = signed_in(observer)
     desk.post(f"{PAGE}{_sign_in_of(theirs).pk}/end/")
     desk.post(f"{PAGE}end-others/")
@@ -133,7 +133,7 @@ def test_it_ends_when_the_account_is_closed(desk, operator):
     assert not _alive(desk, operator)
 
 
-def test_it_ends_when_the_password_is_changed_by_whatever_door(desk, operator):
+def test_a_sign_in_ends_with_any_change_of_the_password(desk, operator):
     operator.set_password("another long walk")
     operator.save()
     assert not _alive(desk, operator)

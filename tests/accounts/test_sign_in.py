@@ -54,7 +54,7 @@ def test_a_form_without_its_token_is_refused(operator):
     assert _try("operator", PASSWORD, Client(enforce_csrf_checks=True)).status_code == 403
 
 
-def test_a_sign_in_goes_on_record_and_on_the_list(operator):
+def test_a_sign_in_is_recorded_and_listed(operator):
     _try("operator", PASSWORD, headers={"user-agent": "Browser/1"}, REMOTE_ADDR="10.0.0.7")
     (entry,) = _records("account.sign_in")
     assert entry.actor_id == str(operator.pk)
@@ -73,7 +73,7 @@ def test_a_sign_in_clears_away_the_persons_expired_sessions(operator, observer, 
     assert SignIn.objects.filter(user=operator).count() == 1
 
 
-def test_a_sign_out_goes_on_record_and_off_the_list(operator):
+def test_a_sign_out_is_recorded_and_unlisted(operator):
     client = Client()
     _try("operator", PASSWORD, client)
     assert client.post("/accounts/sign-out/").status_code == 302
@@ -85,7 +85,7 @@ def test_a_link_cannot_sign_anybody_out(operator, signed_in):
     assert signed_in(operator).get("/accounts/sign-out/").status_code == 405
 
 
-def test_a_wrong_password_is_refused_and_goes_on_record(operator):
+def test_a_wrong_password_is_refused_and_recorded(operator):
     response = _try("operator", "wrong")
     (error,) = response.context["form"].non_field_errors().as_data()
     assert (response.status_code, error.code) == (200, "invalid_login")
@@ -95,7 +95,7 @@ def test_a_wrong_password_is_refused_and_goes_on_record(operator):
     assert "wrong" not in str(entry.details)
 
 
-def test_neither_name_nor_address_stays_on_record_for_ever(operator):
+def test_names_and_addresses_expire_from_records(operator):
     _try("operator", "wrong")
     (entry,) = _records("account.sign_in_failed")
     assert entry.details["address"]
@@ -160,7 +160,7 @@ def test_work_tried_under_a_wrong_clock_is_not_awaited(operator):
     assert _try("operator", PASSWORD).status_code == 302
 
 
-def test_names_that_nobody_has_are_throttled_alike(db):
+def test_unknown_names_are_throttled_alike(db):
     for _ in range(throttle.FAILURES):
         _try("nobody", "wrong")
     assert _try("nobody", "wrong").status_code == 429
@@ -177,7 +177,7 @@ def test_one_address_cannot_try_name_after_name(operator):
 
 
 @pytest.mark.django_db(transaction=True)
-def test_without_a_record_nobody_is_signed_in(operator):
+def test_without_a_record_no_sign_in_succeeds(operator):
     client = Client()
     full = AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
     with mock.patch("fleet.accounts.signals.record", autospec=True, side_effect=full):

@@ -62,7 +62,7 @@ many = hypothesis_settings(
 @given(
     parameters=st.dictionaries(st.text(), anything, max_size=4), private=st.dictionaries(st.text(), anything)
 )
-def test_what_is_recorded_reads_back_as_it_was_chained(parameters, private):
+def test_a_record_reads_back_as_it_was_chained(parameters, private):
     entry = record("stop.press", parameters=parameters, private=private)
     again = Record.objects.select_related("content").get(pk=entry.pk)
     assert canonical(again.parameters) == canonical(entry.parameters) == canonical(plain(parameters))
@@ -82,7 +82,7 @@ def test_any_text_reads_back_as_it_was_chained(text, name, outcome):
 
 
 @given(value=anything)
-def test_what_is_plain_stays_as_it_is(value):
+def test_plain_values_stay_unchanged(value):
     assert canonical(plain(plain(value))) == canonical(plain(value))
 
 
@@ -102,7 +102,7 @@ def test_numbers_and_characters_have_one_form(value, form):
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), object(), {1: "one"}, {"set"}, b"bytes"])
-def test_what_is_no_json_is_refused(value):
+def test_values_that_are_no_json_are_refused(value):
     with pytest.raises(NotPlain):
         plain([value])
 
@@ -171,7 +171,7 @@ def _environment() -> dict[str, str]:
 
 
 @pytest.mark.django_db(transaction=True)
-def test_what_was_rolled_back_leaves_no_hole() -> None:
+def test_a_rolled_back_record_leaves_no_gap() -> None:
     record("stop.press", robot_id=ROBOT)
     with pytest.raises(ZeroDivisionError), transaction.atomic():
         record("stop.press", robot_id=ROBOT)

@@ -71,21 +71,21 @@ async def test_json_lines_have_all_columns_and_the_outcome_inside(export, operat
     assert (entry["ended"]["outcome"], entry["ended"]["of"]) == ("succeeded", start.pk)
 
 
-async def test_only_what_is_filtered_is_told(export):
+async def test_only_filtered_records_are_exported(export):
     for outcome in ("succeeded", "failed"):
         await exports.sync_to_async(say)(f"it {outcome}", outcome)
     text, _response = await export("jsonl", "outcome=failed&q=it")
     assert [json.loads(line)["details"]["text"] for line in text.splitlines()] == ["it failed"]
 
 
-async def test_what_is_long_comes_whole_and_in_order(export, monkeypatch):
+async def test_a_long_export_is_complete_and_in_order(export, monkeypatch):
     monkeypatch.setattr(exports, "CHUNK", 2)
     starts = [await exports.sync_to_async(say)(f"text {number}") for number in range(5)]
     text, _response = await export("jsonl")
     assert [json.loads(line)["number"] for line in text.splitlines()] == [start.pk for start in starts][::-1]
 
 
-async def test_an_export_is_on_record_with_its_filters_and_its_rows(export, staff):
+async def test_an_export_is_recorded_with_filters_and_row_count(export, staff):
     await exports.sync_to_async(say)("secret words")
     await export("csv", "q=secret+words&outcome=succeeded&since=2026-01-01")
     begun, ended = [entry async for entry in Record.objects.filter(kind="audit.export").order_by("pk")]
@@ -117,7 +117,7 @@ async def test_an_unread_export_is_recorded_as_broken_off(staff, monkeypatch):
     assert (ended.outcome, ended.parameters) == ("broken_off", {"rows": 2})
 
 
-def test_what_cannot_be_recorded_is_not_told(staff, signed_in, monkeypatch):
+def test_an_unrecorded_export_is_not_sent(staff, signed_in, monkeypatch):
     def fails(*_args, **_named):
         raise AuditUnavailable("audit_locked", "Not done, because it could not be recorded.")
 
@@ -134,7 +134,7 @@ def test_a_link_alone_exports_nothing(method, status, staff, signed_in):
 @pytest.mark.parametrize(
     ("query", "form"), [("", {"format": "xlsx"}), ("", {}), ("since=x", {"format": "csv"})]
 )
-def test_what_is_not_valid_exports_nothing(query, form, staff, signed_in):
+def test_an_invalid_filter_exports_nothing(query, form, staff, signed_in):
     assert signed_in(staff).post(f"{reverse(SPEECH)}?{query}", form).status_code == 400
     assert not Record.objects.filter(kind="audit.export").exists()
 
@@ -143,7 +143,7 @@ def test_what_is_not_valid_exports_nothing(query, form, staff, signed_in):
 
 
 @pytest.mark.parametrize("text", ["=cmd|' /C calc'!A0", '","=1+1', "\n=1+1", '";=1+1'])
-async def test_whatever_is_said_no_cell_of_the_file_is_a_formula(text, export):
+async def test_no_text_makes_a_cell_a_formula(text, export):
     await exports.sync_to_async(say)(text)
     told, _response = await export("csv")
     for delimiter in (",", ";", "\t"):

@@ -97,7 +97,7 @@ def test_an_index_that_is_not_in_force_is_found():
 
 
 @postgresql_only
-def test_texts_that_the_index_was_not_told_of_are_found():
+def test_texts_missing_in_the_index_are_found():
     ready = (
         "UPDATE pg_index SET indisready = {0}, indisvalid = {0}"
         " WHERE indexrelid = 'audit_content_trigrams'::regclass"

@@ -77,7 +77,7 @@ def test_recorded_kinds_and_known_kinds_are_the_same(recorded):
     assert recorded == {name for name, kind in KINDS.items() if not kind.former}
 
 
-def test_what_a_killed_bridge_leaves_open_ends_as_a_known_kind():
+def test_requests_of_a_killed_bridge_end_with_a_known_kind():
     assert {*ENDS, *(end for end, _ in ENDS.values())} <= KINDS.keys()
 
 

@@ -81,7 +81,7 @@ def test_staff_see_each_list_and_each_record(admin):
             assert admin.get(address).status_code == 200, address
 
 
-def test_who_is_no_longer_staff_sees_nothing(staff, admin):
+def test_former_staff_see_nothing(staff, admin):
     staff.is_staff = False
     staff.save()
     assert admin.get(reverse("admin:audit_record_changelist")).status_code == 302
@@ -159,13 +159,13 @@ def test_console_and_robotless_records_can_be_filtered(operator):
     assert nobody not in shown(robot=NO_ROBOT)
 
 
-def test_a_person_is_found_as_who_acted_and_as_who_really_did(operator, supervisor):
+def test_a_person_is_found_as_actor_and_as_real_actor(operator, supervisor):
     entry = record("stop.press", actor=operator, real_actor=supervisor, robot_id=ROBOT)
     assert shown(person=str(operator.pk)) == [entry]
     assert shown(person=str(supervisor.pk)) == [entry]
 
 
-def test_who_acted_as_themselves_is_found_once(operator):
+def test_a_person_who_is_also_the_real_actor_is_found_once(operator):
     entry = record("stop.press", actor=operator, real_actor=operator, robot_id=ROBOT)
     assert shown(person=str(operator.pk)) == [entry]
 
@@ -217,7 +217,7 @@ def test_days_before_and_after_have_rows_of_the_filter(on_day, operator):
     assert Selection(Wanted(), SPEECH).day_beside(later=True) is None
 
 
-def test_a_day_beside_is_found_however_far_it_is(on_day):
+def test_the_neighbouring_day_is_found_at_any_distance(on_day):
     for day in ("2020-01-01", "2026-11-04", "2031-05-05"):
         on_day(day)
         say(day)
@@ -336,7 +336,7 @@ def test_staff_read_above_each_list_that_the_clock_is_doubted(admin):
 # --- browsing -------------------------------------------------------------------------------------
 
 
-def test_a_list_tells_who_what_and_what_came_of_it(admin, operator):
+def test_a_list_shows_person_action_and_outcome(admin, operator):
     say("Guten Morgen", actor=operator, outcome="failed")
     page = admin.get(reverse("admin:audit_speechrecord_changelist")).content.decode()
     for words in ("Guten Morgen", "Olga Operator", "TIAGo 1", "failed"):
@@ -376,7 +376,7 @@ def test_a_page_that_is_not_a_number_is_refused(query, admin):
     assert admin.get(f"{reverse('admin:audit_record_changelist')}?{query}").status_code == 400
 
 
-def test_what_is_said_is_shown_as_text_and_not_as_markup(admin):
+def test_spoken_texts_are_shown_as_text_not_as_markup(admin):
     start = say("<script>alert(1)</script>")
     for address in (
         reverse("admin:audit_speechrecord_changelist"),
@@ -418,7 +418,7 @@ def test_details_that_have_expired_are_said_to_have(admin):
     assert "details expired" in admin.get(reverse("admin:audit_speechrecord_changelist")).content.decode()
 
 
-def test_there_is_no_page_of_a_record_that_is_not_there(admin):
+def test_a_missing_record_has_no_page(admin):
     assert admin.get(reverse("admin:audit_record_change", args=[10**9])).status_code == 404
 
 

@@ -20,7 +20,7 @@ ROBOT = uuid.uuid4()
 
 
 @pytest.mark.django_db
-def test_a_record_keeps_who_what_and_which_robot(operator):
+def test_a_record_has_person_action_and_robot(operator):
     session, request = uuid.uuid4(), uuid.uuid4()
     record(
         "control.take",
@@ -52,7 +52,7 @@ def test_order_numbers_grow():
 
 
 @pytest.mark.django_db
-def test_every_record_has_a_request_of_its_own_unless_told():
+def test_every_record_is_its_own_request_unless_given_one():
     assert record("stop.press").request_id != record("stop.press").request_id
 
 
@@ -71,7 +71,7 @@ def test_an_outcome_may_name_its_request_by_number():
 
 
 @pytest.mark.django_db
-def test_an_outcome_takes_over_what_it_is_not_told():
+def test_an_outcome_inherits_values_of_its_request():
     session, other = uuid.uuid4(), uuid.uuid4()
     asked = record("motion.start", robot_id=ROBOT, robot_name="TIAGo 1", session_id=session, fence=7)
     for of in (asked, asked.pk):
@@ -89,7 +89,7 @@ def test_an_outcome_of_nothing_is_an_error():
 
 
 @pytest.mark.django_db
-def test_a_kind_that_nobody_has_described_is_an_error():
+def test_an_undescribed_kind_is_an_error():
     with pytest.raises(ValueError, match=r"'stop\.squeeze' is no kind of record"):
         record("stop.squeeze")
 
@@ -117,7 +117,7 @@ def test_a_record_without_text_and_details_has_no_content():
 
 
 @pytest.mark.django_db
-def test_who_really_did_it_is_named_where_that_is_somebody_else(operator, staff):
+def test_the_real_actor_is_named_if_different(operator, staff):
     entry = record("control.end", actor=operator, real_actor=staff)
     assert (entry.actor.name, entry.real_actor.name) == ("Olga Operator", "Sam Staff")
 
@@ -186,7 +186,7 @@ def test_inside_a_transaction_it_is_committed_with_it():
 
 
 @pytest.mark.django_db(transaction=True)
-def test_what_was_rolled_back_was_not_recorded():
+def test_a_rolled_back_action_is_not_recorded():
     with pytest.raises(ZeroDivisionError), transaction.atomic():
         record("control.take")
         raise ZeroDivisionError

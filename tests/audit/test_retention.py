@@ -68,7 +68,7 @@ def test_contents_go_when_the_days_of_their_class_are_over(kind, days, ago):
     assert verify_all().findings == []
 
 
-def test_what_expired_is_on_record_by_kind_day_and_number(ago):
+def test_expiry_is_recorded_by_kind_day_and_number(ago):
     with ago(100):
         for text in "one", "two":
             record("speech.start", text=text)
@@ -77,7 +77,7 @@ def test_what_expired_is_on_record_by_kind_day_and_number(ago):
     assert told.parameters["kinds"]["speech.start"] == {"before": "2033-03-03", "removed": 2}
 
 
-def test_a_second_time_there_is_nothing_to_do(ago):
+def test_a_second_expiry_has_nothing_to_do(ago):
     with ago(100):
         record("speech.start", text="old")
     exhaust(expire(TODAY))
@@ -86,7 +86,7 @@ def test_a_second_time_there_is_nothing_to_do(ago):
 
 
 @pytest.mark.parametrize("go", [expire, remove])
-def test_what_went_cannot_be_found_any_more(go, ago, five_years):
+def test_expired_texts_cannot_be_found(go, ago, five_years):
     with ago(2000):
         record("speech.start", text="Geheimnis")
     exhaust(go(TODAY))
@@ -110,7 +110,7 @@ def test_contents_go_in_small_steps(ago, monkeypatch):
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="of SQLite's write-ahead log")
 @pytest.mark.django_db(transaction=True)
-def test_emptying_the_write_ahead_log_waits_for_nobody(caplog):
+def test_emptying_the_write_ahead_log_waits_for_no_process(caplog):
     record("speech.start", text="Zebrafisch")
     reader = sqlite3.connect(connection.settings_dict["NAME"], isolation_level=None)
     with closing(reader):
@@ -216,7 +216,7 @@ def test_future_records_expire_with_their_successors(ago, five_years, monkeypatc
     assert verify_all().findings == []
 
 
-def test_also_if_nothing_was_recorded_later_for_that_robot(ago, five_years):
+def test_records_are_removed_without_later_ones_of_their_robot(ago, five_years):
     """Their contents expired long before; the records of that expiry are removed, too."""
     with ago(-20000):
         record("speech.start", robot_id=ROBOT, text="the last words of this robot")
@@ -303,7 +303,7 @@ def test_by_a_clock_that_is_years_ahead_nothing_goes(spoken, ago, caplog):
     assert doubt.outcome == "doubted"
 
 
-def test_expiry_continues_once_somebody_confirms_the_clock(spoken):
+def test_expiry_continues_when_a_person_confirms_the_clock(spoken):
     spoken(150, 0)
     words = io.StringIO()
     call_command("confirm_clock", stdout=words)
@@ -314,7 +314,7 @@ def test_expiry_continues_once_somebody_confirms_the_clock(spoken):
     assert kept() == ["0 days ago"]
 
 
-def test_or_once_the_log_has_gone_on_for_as_long(spoken, ago):
+def test_expiry_continues_after_days_without_use(spoken, ago):
     """Nobody uses the running console. Its daily records of the doubt do not count as use."""
     spoken(150)
     for before in range(retention.SILENCE.days, 0, -1):
@@ -374,7 +374,7 @@ def test_after_a_clock_that_was_years_behind_it_is_doubted_too(spoken):
     assert kept() == ["60 days ago", "20 days ago", "0 days ago"]
 
 
-def test_that_the_clock_was_ahead_is_on_record_once(spoken):
+def test_a_clock_set_back_is_recorded_once(spoken):
     spoken(60, 30, -20000)
     for _ in range(2):
         keep_house()

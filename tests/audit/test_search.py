@@ -136,7 +136,7 @@ def test_the_newest_text_comes_first(said):
     assert [row.record.pk for row in rows][:3] == texts[::-1]
 
 
-def test_of_many_texts_those_with_an_outcome_are_found_each_once(operator, monkeypatch):
+def test_each_of_many_texts_with_an_outcome_is_found_once(operator, monkeypatch):
     monkeypatch.setattr("fleet.audit.listing.FEW", 0)
     wanted = {"outcome": "done", "person": str(operator.pk)}
     texts = [record("speech.start", actor=operator, text=f"good {number}") for number in range(3)]

@@ -85,7 +85,7 @@ def test_a_changed_record_is_named(chain, change):
 
 
 @pytest.mark.parametrize("digest", ["00" * 32, "zz", ""])
-def test_a_changed_digest_is_named_and_what_follows_on_it(chain, digest):
+def test_a_changed_digest_and_its_successors_are_named(chain, digest):
     tamper("UPDATE audit_record SET digest = %s WHERE id = %s", digest, chain[3].pk)
     what = f"does not follow on #{chain[3].pk} as that is now."
     assert found() == [of(chain[3], CHANGED), of(chain[4], what)]
@@ -96,7 +96,7 @@ RUBBISH = ["'garbage'", "'2020-13-45'", "-1", "1e999", "x'ff'", "CAST(x'ff' AS T
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="PostgreSQL keeps nothing but values of the column")
 @pytest.mark.parametrize("rubbish", RUBBISH)
-def test_whatever_is_put_into_one_cell_the_record_is_named(chain, rubbish):
+def test_any_change_of_a_cell_names_its_record(chain, rubbish):
     """SQLite stores any value in any column, also invalid ones."""
     columns = [field.column for field in Record._meta.fields if field.column != "id"]
     tamper("PRAGMA ignore_check_constraints = ON")
@@ -192,13 +192,13 @@ def test_records_whose_words_were_swapped_are_both_named(chain):
     "change",
     ["text = 'Something else.'", "data = '{\"mood\": 1}'", "salt = 'zz'", "salt = ''", "salt = '00'"],
 )
-def test_what_was_said_cannot_be_changed(chain, change):
+def test_spoken_texts_cannot_be_changed(chain, change):
     tamper(f"UPDATE audit_content SET {change} WHERE record_id = %s", chain[3].pk)
     index_anew()
     assert found() == [of(chain[3], "has another content than was written.")]
 
 
-def test_what_was_said_cannot_be_taken_out_before_its_time(chain):
+def test_spoken_texts_cannot_be_removed_early(chain):
     chain[3].content.delete()
     assert found() == [of(chain[3], "has lost its content before its time.")]
 
@@ -225,7 +225,7 @@ def test_contents_never_expire_before_their_time(chain, parameters):
     }
 
 
-def test_nor_by_what_is_said_to_be_recorded_some_day(chain):
+def test_a_record_dated_in_the_future_justifies_no_removal(chain):
     with mock.patch.object(django_timezone, "now", return_value=datetime(2100, 1, 1, tzinfo=timezone.utc)):
         told = record(
             "audit.expire", parameters={"kinds": {"speech.start": {"before": "2099-01-01", "removed": 8}}}
@@ -287,7 +287,7 @@ def test_a_foreign_checkpoint_explains_nothing(chain, changes):
         call_command("verify_audit", stderr=io.StringIO())
 
 
-def test_a_checkpoint_goes_on_where_the_one_before_ended(chain):
+def test_a_checkpoint_continues_where_the_previous_ended(chain):
     lawful = {"through": 4, "digest": chain[3].digest, "removed": 4, "before": "2020-01-01"}
     record("audit.checkpoint", robot_id=ROBOT, parameters=lawful)
     forged = record("audit.checkpoint", robot_id=ROBOT, parameters=lawful | {"through": 6, "removed": 6})
@@ -348,7 +348,7 @@ def test_a_cut_tail_shows_against_heads_kept_elsewhere(chain):
     assert finding.chain == "TIAGo 1" and finding.what.startswith("its end is cut off: it had 8 records")
 
 
-def test_a_chain_made_anew_shows_against_heads_kept_elsewhere(chain, operator):
+def test_a_recomputed_chain_differs_from_kept_heads(chain, operator):
     heads = verify_all().heads
     tamper("DELETE FROM audit_content WHERE record_id = %s", chain[-1].pk)
     tamper("DELETE FROM audit_record WHERE id = %s", chain[-1].pk)
@@ -388,7 +388,7 @@ def test_findings_give_exit_status_1_and_words(chain):
     assert Record.objects.get(kind="audit.verify").outcome == "findings"
 
 
-def test_of_robots_only_one_is_verified_when_one_is_named(chain):
+def test_only_the_named_robot_is_verified(chain):
     tamper("UPDATE audit_record SET fence = 99 WHERE id = %s", chain[3].pk)
     words = io.StringIO()
     call_command("verify_audit", robot=str(uuid.UUID(int=9)), stdout=words)
@@ -424,7 +424,7 @@ def test_heads_on_standard_output_are_nothing_but_heads(chain, capsys):
         ({"against": "/no/such/file"}, "cannot be read as heads"),
     ],
 )
-def test_what_cannot_be_done_is_said(options, words):
+def test_invalid_options_are_refused_in_words(options, words):
     with pytest.raises(CommandError, match=words):
         call_command("verify_audit", **options)
 

@@ -452,7 +452,7 @@ def test_lost_master_stops_the_robot_and_needs_neutral(bench):
     assert bench.stick(0.5).code == "neutral_needed"
 
 
-def test_a_robot_that_nobody_listens_on_is_not_driven_blindly(bench):
+def test_a_robot_without_drive_subscriber_is_not_driven(bench):
     bench.granted()
     bench.base.listeners = 0
     refusal = bench.stick(0.5)
@@ -693,7 +693,7 @@ def test_gate_counts_page_delay_and_page_shows_robot_latency(bench):
     assert (state.latency_s, state.latency_measured) == (0.2, False)
 
 
-def test_speed_limits_are_reported_only_while_somebody_drives(bench):
+def test_speed_limits_are_reported_only_with_a_driver(bench):
     bench.granted().driving()
     limits = (
         SpeedLimit("arm_away", "held to 0.2 m/s", 0.2),

@@ -42,7 +42,7 @@ async def test_each_beat_ticks_while_a_stop_is_latched(bridge):
     assert ticks(bridge, 3) == [True, True, True]
 
 
-async def test_a_beat_that_is_late_ticks_and_so_tells_of_it(bridge):
+async def test_a_late_beat_ticks_and_shows_the_delay(bridge):
     ticks(bridge, 1)
     assert ticks(bridge, 2, late_s=0.5) == [True, True]
 

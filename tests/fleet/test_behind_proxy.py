@@ -88,7 +88,7 @@ def _cookie(cookies):
         ["--certificate", "a.crt", "--private-key", "a.key"],
     ],
 )
-def test_nobody_but_this_machine_is_believed(words):
+def test_forwarded_headers_count_only_from_this_machine(words):
     with pytest.raises(SystemExit):
         arguments(["--behind-proxy", *words])
 

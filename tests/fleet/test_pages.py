@@ -75,7 +75,7 @@ def test_only_the_two_named_cookies_are_kept(staff, robot):
 # curl, requests; and no Accept header
 @pytest.mark.parametrize("accept", ["application/json", "*/*", None])
 @pytest.mark.parametrize("page", ["/stop-all/", "/your-data/export/"])
-def test_a_script_is_told_that_nobody_is_signed_in(page, accept):
+def test_a_script_learns_that_it_is_not_signed_in(page, accept):
     response = Client().post(page, headers={"accept": accept} if accept else {})
     assert (response.status_code, response.json()["code"]) == (401, "signed_out")
 
@@ -89,7 +89,7 @@ def test_moments_in_the_admin_say_in_which_zone_they_are(staff, signed_in):
     assert f"{staff.date_joined:%H:%M} UTC" in page
 
 
-def test_there_is_no_second_door_in_the_admin(staff, signed_in):
+def test_the_admin_has_no_separate_sign_in_page(staff, signed_in):
     assert signed_in(staff).get("/admin/login/", follow=True).redirect_chain == [("/admin/", 302)]
 
 

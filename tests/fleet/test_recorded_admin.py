@@ -32,7 +32,7 @@ def test_admin_changes_are_in_the_audit_log_alone(staff, robot, operator, signed
     assert not LogEntry.objects.exists()
 
 
-def test_there_is_no_history_but_the_audit_log(staff, signed_in):
+def test_only_the_audit_log_has_history(staff, signed_in):
     client = signed_in(staff)
     history = reverse("admin:accounts_user_history", args=[staff.pk])
     assert client.get(history).headers["Location"] == reverse("admin:audit_record_changelist")

@@ -41,7 +41,7 @@ def _says_locked(response):
     assert response.headers["Retry-After"]
 
 
-def test_nobody_signs_in_while_it_is_locked(lock, operator):
+def test_sign_in_fails_while_the_database_is_locked(lock, operator):
     client = Client()
     lock()
     _says_locked(client.post(SIGN_IN, {"username": "operator", "password": PASSWORD}))
@@ -55,7 +55,7 @@ def test_a_wrong_password_that_cannot_be_counted_is_not_judged(lock, operator):
 
 
 @pytest.mark.parametrize("page", ["/accounts/sign-out/", f"{SESSIONS}end-others/"])
-def test_nobody_signs_out_while_it_is_locked(page, lock, operator, signed_in):
+def test_sign_out_fails_while_the_database_is_locked(page, lock, operator, signed_in):
     desk = signed_in(operator)
     signed_in(operator)
     lock()
@@ -72,7 +72,7 @@ def test_the_admin_changes_nothing_while_it_is_locked(lock, operator, staff, sig
     assert User.objects.get(pk=operator.pk).full_name == "Olga Operator"
 
 
-def test_a_script_is_told_in_json(lock, operator, signed_in):
+def test_a_script_gets_json(lock, operator, signed_in):
     desk = signed_in(operator)
     signed_in(operator)
     lock()

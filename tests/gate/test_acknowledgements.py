@@ -52,7 +52,7 @@ def test_a_pause_does_not_change_the_speed_of_the_line(way_s):
     assert line.passes(1.0, writes=False) == []
 
 
-def test_a_line_that_grows_slow_is_told_of_while_it_does():
+def test_a_slowing_connection_is_reported_while_it_slows():
     line = Line(0.02)
     line.passes(1.0)
     line.way_s = 0.4

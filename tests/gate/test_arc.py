@@ -110,7 +110,7 @@ def test_polygon_contact_is_when_brute_force_says(twist, point, outline, growth)
 
 @given(twists, st.lists(points, min_size=1, max_size=20), outlines, st.sampled_from([0.0, 0.08]))
 @settings(max_examples=200, deadline=None)
-def test_of_many_points_the_one_is_told_that_is_first_alone(twist, several, outline, reserve_m):
+def test_the_first_point_touched_is_reported(twist, several, outline, reserve_m):
     together, way = np.array(several), arc.way(twist)
     for hull in (Disc(RADIUS), Polygon(outline), Discs(((-0.15, 0.0, 0.25), (0.2, 0.1, 0.22)))):
         each = hull.gaps(together) - 0.01  # each point has its growth

@@ -69,7 +69,7 @@ def on_the_border(certified, random):
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_arcs_take_nothing_from_what_is_certified(seed):
+def test_arcs_reduce_no_certified_twist(seed):
     random = np.random.default_rng(seed)
     profile = any_profile(random)
     hull = footprint_of(profile)
@@ -87,7 +87,7 @@ def test_arcs_take_nothing_from_what_is_certified(seed):
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_a_roll_out_takes_nothing_from_what_is_certified(seed):
+def test_a_roll_out_reduces_no_certified_twist(seed):
     random = np.random.default_rng(seed)
     profile = any_profile(random)
     hull = footprint_of(profile)

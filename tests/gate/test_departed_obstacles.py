@@ -124,7 +124,7 @@ def person(x, y):
 CROSSES = [(0.38, -1.4 + 0.2 * step) for step in range(15)]
 
 
-def test_who_crossed_holds_the_robot_for_less_than_a_second():
+def test_a_crossing_person_holds_the_robot_below_a_second():
     watcher = Watcher([FLOOR])
     watcher.stand(1.0)
     watcher.walk(CROSSES[:8])
@@ -146,7 +146,7 @@ def test_a_legless_desk_stays_after_a_person_passed():
     assert watcher.held()
 
 
-def test_a_chair_pulled_away_is_gone_once_its_place_is_seen():
+def test_a_chair_pulled_away_is_gone_when_its_place_is_seen():
     chair = [((0.6, -0.2, 0.40), (1.0, 0.2, 0.45)), ((0.95, -0.2, 0.0), (1.0, 0.2, 0.95))]
     watcher = Watcher([FLOOR, *chair])
     for x in np.arange(-1.0, 0.251, 0.05):
@@ -174,7 +174,7 @@ def test_a_legless_desk_stays_after_a_person_stood_there():
 
 
 @pytest.mark.parametrize("rear", [False, True])
-def test_a_person_who_leaves_holds_the_robot_below_a_second(rear):
+def test_a_leaving_person_holds_the_robot_below_a_second(rear):
     watcher = Watcher([FLOOR, *person(0.45, 0.05)], rear)
     for x in np.arange(-1.0, 0.051, 0.05):
         watcher.pose = Pose(float(x), 0.0, 0.0)

@@ -126,7 +126,7 @@ def test_unmeasured_is_unknown_and_infinity_is_free():
 
 @pytest.mark.parametrize("organised", [True, False])
 @pytest.mark.parametrize("big_endian", [False, True])
-def test_a_cloud_shows_what_a_picture_shows(organised, big_endian):
+def test_a_cloud_shows_the_same_as_a_picture(organised, big_endian):
     to_base = camera(tilt=-0.3)
     shown = picture([FLOOR, TABLE, WALL], to_base)
     points = picture_of_cloud(cloud_of(shown, big_endian, organised), FOV)
@@ -227,7 +227,7 @@ def test_the_edge_of_a_table_top_is_where_it_is(height_m, noise):
     assert found.points[:, 1].max() == pytest.approx(0.8, abs=0.05)
 
 
-def test_of_a_table_top_only_the_rim_is_kept():
+def test_only_the_rim_of_a_table_top_is_kept():
     found = obstacles([FLOOR, TABLE], camera(-0.3))
     inside = (abs(found.points[:, 1]) < 0.6) & (abs(found.points[:, 0] - 1.85) < 0.15)
     assert not inside.any()
@@ -276,7 +276,7 @@ def test_a_picture_sees_through_where_a_table_was_taken_away():
     assert not gone[~table].any()
 
 
-def test_what_is_still_there_is_not_seen_through():
+def test_present_obstacles_are_not_seen_through():
     found = obstacles([FLOOR, TABLE, WALL], camera(-0.3))
     for seed in range(5):
         later = picture([FLOOR, TABLE, WALL], camera(-0.3), noise=0.0015, seed=seed)
@@ -409,7 +409,7 @@ def test_points_out_of_the_picture_stay_while_the_head_turns(looker):
     assert looker.nearest_by("depth, remembered") == math.inf
 
 
-def test_a_silent_camera_leaves_memory_alone_to_tell(looker):
+def test_with_a_silent_camera_only_memory_remains(looker):
     looker.stand(0.6, looks=False)
     assert looker.nearest_by("depth") == math.inf
     assert looker.nearest_by("depth, remembered") == pytest.approx(1.6, abs=0.05)
@@ -427,7 +427,7 @@ def test_nothing_fades_while_the_odometry_only_trembles(looker):
     assert looker.nearest_by("depth, remembered") == pytest.approx(1.5, abs=0.05)
 
 
-def test_what_is_remembered_moves_with_the_robot(looker):
+def test_remembered_points_move_with_the_robot(looker):
     looker.pose = Pose(0.5, 0.0, 0.0)
     looker.to_base = camera(pan=1.2)
     looker.now_s += 0.6
@@ -435,7 +435,7 @@ def test_what_is_remembered_moves_with_the_robot(looker):
     assert looker.nearest_by("depth, remembered") == pytest.approx(1.1, abs=0.05)
 
 
-def test_a_jump_of_the_odometry_clears_what_was_remembered(looker):
+def test_a_jump_of_odometry_clears_the_memory(looker):
     looker.pose = Pose(1.5, 0.3, 0.0)
     looker.stand(0.1, looks=False)
     assert looker.nearest_by("depth") == looker.nearest_by("depth, remembered") == math.inf
@@ -531,7 +531,7 @@ def test_pictures_without_floor_and_things_prove_nothing(value):
 
 
 @pytest.mark.parametrize(("shown_share", "usable"), [(0.4, True), (0.2, False)])
-def test_of_a_dark_floor_a_third_is_enough(shown_share, usable):
+def test_a_third_of_a_dark_floor_is_enough(shown_share, usable):
     depth = drawn([FLOOR], camera(-0.3))
     depth[np.random.default_rng(3).random(depth.shape) > shown_share] = math.nan
     with nullcontext() if usable else pytest.raises(Malformed):

@@ -41,7 +41,7 @@ def off_rad(world: World) -> float:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_it_does_not_back_into_what_it_saw_before_it_turned(seed):
+def test_it_does_not_back_into_obstacles_seen_before_its_turn(seed):
     world = turned(slipping(ROOM, seed=seed), math.radians(170))
     world.drive(Velocity(-0.2, 0.0, 0.0), 6.0)
     assert world.least_gap_m > 0.0
@@ -50,7 +50,7 @@ def test_it_does_not_back_into_what_it_saw_before_it_turned(seed):
 @pytest.mark.parametrize("noise_m", [0.01, 0.03])
 @pytest.mark.parametrize("half_view", [90.0, 135.0])
 @pytest.mark.parametrize("beams", [181, 1081])
-def test_what_it_saw_stays_where_it_was(noise_m, half_view, beams):
+def test_remembered_points_stay_in_place_during_a_slip(noise_m, half_view, beams):
     world = slipping(ROOM, noise_m=noise_m, half_view=math.radians(half_view), beams=beams)
     turned(world, math.radians(175))
     assert abs(off_rad(world)) < math.radians(8)
@@ -76,7 +76,7 @@ def test_ordinary_drift_changes_nothing(slip):
     assert world.gate._trail.newest == world.odometry
 
 
-def test_somebody_who_walks_along_changes_nothing():
+def test_a_person_walking_along_changes_nothing():
     world = slipping(ROOM, slip=0.0)
 
     def walked(world: World) -> Velocity:
@@ -89,7 +89,7 @@ def test_somebody_who_walks_along_changes_nothing():
     assert world.gate._trail.newest == world.odometry
 
 
-def test_in_a_round_hall_nothing_tells_and_nothing_is_changed():
+def test_a_round_hall_gives_no_evidence_and_changes_nothing():
     world = slipping(HALL, slip=0.28)
     world.put(HALL)
     turned(world, math.radians(175))
@@ -104,7 +104,7 @@ def test_a_laser_repeating_one_scan_does_not_stop_the_turn():
     assert world.gate._trail.newest == world.odometry
 
 
-def test_a_drive_goes_on_straight_from_a_turn_that_was_put_right():
+def test_a_drive_continues_from_a_corrected_turn():
     world = turned(slipping(ROOM, noise_m=0.003), math.radians(60))
     world.slip = 0.0
     before, begun = world.gate._trail.newest, world.pose

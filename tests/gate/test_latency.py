@@ -108,7 +108,7 @@ def test_an_unanswered_command_makes_the_wait_the_latency():
     assert base.latency.in_force_s(base.now_s) == pytest.approx(0.44, abs=0.06)
 
 
-def test_a_robot_that_is_restarted_is_measured_anew():
+def test_a_restarted_robot_is_measured_again():
     base = Base(0.5)
     assert base.about() >= 0.5
     came(base.latency, [0.03] * 20 + [0.6] * 20)
@@ -149,7 +149,7 @@ def test_a_late_answer_counts_until_the_measurement_is_done():
         assert base.latency.worst_s(base.now_s) >= 0.48
 
 
-def test_an_answer_to_what_may_have_been_sent_before_is_none():
+def test_an_answer_to_a_possibly_older_command_does_not_count():
     base = Base(0.5)
     base.drive(0.0, 0.0, 1.0)
     for _ in range(8):  # tapped stick: the base reacts to the first tap during the second or third
@@ -209,7 +209,7 @@ def test_after_a_minute_of_rest_nothing_is_known_of_a_robot():
     assert base.latency.worst_s(base.now_s) == LONGEST_S
 
 
-def test_a_robot_that_somebody_else_drives_is_no_measurement():
+def test_a_robot_driven_by_others_is_not_measured():
     base = Base(0.1, deaf=True)
     for _ in range(2 * ENOUGH):
         base.drive(0.5, 0.0, 1.5)
@@ -250,7 +250,7 @@ def test_the_gate_uses_measured_latency_and_names_late_robots(tiago, delay_s):
     assert tiago.decide(1.0).velocity.vx == pytest.approx({0.05: 0.85, 0.4: 0.67}[delay_s], abs=0.02)
 
 
-def test_what_is_sent_counts_from_when_it_was_decided(tiago):
+def test_a_command_counts_from_its_decision(tiago):
     base, sent = Base(0.15), Velocity(0.0, 0.0, 0.0)
     base.latency = None
     now_s, late, speed = tiago.now_s, [], 0.0
@@ -273,7 +273,7 @@ def test_what_is_sent_counts_from_when_it_was_decided(tiago):
     assert 0.15 + ADDED_S - 0.02 <= tiago.gate.latency.measured_s <= 0.15 + ADDED_S + 0.03
 
 
-def test_an_operator_far_away_drives_slower_and_is_told(tiago):
+def test_a_distant_operator_drives_slower_and_learns_why(tiago):
     tiago.gate.observe_operator(0.25)
     assert tiago.decide(1.0).code == "free"
     tiago.gate.observe_operator(0.8)

@@ -26,7 +26,7 @@ def test_more_than_the_robot_can_do_is_cut_axis_by_axis(tiago):
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_what_is_not_a_number_stops(tiago, bad):
+def test_a_nan_twist_stops_the_robot(tiago, bad):
     for stick in (Velocity(bad, 0, 0), Velocity(0.1, bad, 0), Velocity(0.1, 0, bad)):
         verdict = tiago.gate.decide(stick, STILL, tiago.now_s)
         assert (verdict.velocity, verdict.code) == (STILL, "invalid")
@@ -54,7 +54,7 @@ def test_a_depth_robot_keeps_its_blind_speed_and_says_why():
     assert feeder.decide(0.25).code == "free"
 
 
-def test_a_direction_that_nobody_watches_is_held_to_blind_speed():
+def test_an_unwatched_direction_is_limited_to_blind_speed():
     blind_behind = tiago_profile(
         sonar_poses={}, sonar_fov={}, limits=Limits(1.0, 1.0, 0.0, 2.0, 1.0, 2.0), blind_mps=0.15
     )
@@ -113,7 +113,7 @@ def test_a_profile_trusts_sonars_up_to_the_blind_speed(trusted_mps, blind_mps, l
     assert bool(verdict.limits) == (left_mps < 0.2)
 
 
-def test_the_gate_tells_where_nobody_looks(tiago):
+def test_the_gate_reports_unwatched_directions(tiago):
     expected = [(-169, -146), (-124, -84), (84, 124), (146, 169)]
     told = np.degrees(tiago.gate.unseen(tiago.now_s))
     np.testing.assert_allclose(told, expected, atol=1.0)
@@ -133,7 +133,7 @@ def test_the_gate_tells_where_nobody_looks(tiago):
         ([(-90, 90), (80, 180), (180, 269)], []),
     ],
 )
-def test_gaps_are_what_no_sector_covers(covered, gaps):
+def test_gaps_are_directions_that_no_sector_covers(covered, gaps):
     found = gaps_between([(math.radians(start), math.radians(end)) for start, end in covered])
     assert [tuple(round(math.degrees(bearing)) for bearing in gap) for gap in found] == gaps
 

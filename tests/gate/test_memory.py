@@ -49,7 +49,7 @@ def watched(layer, seconds, period_s=0.1):
 
 @pytest.mark.parametrize("layer", [LASER_LAYER, DEPTH_LAYER], ids=["laser", "depth"])
 @pytest.mark.parametrize("seconds", [0.0, 0.5])
-def test_what_was_seen_in_passing_lives_for_the_shortest_life(layer, seconds):
+def test_a_briefly_seen_point_has_the_shortest_life(layer, seconds):
     memory = watched(layer, seconds)
     assert len(memory.points(seconds + layer.shortest_life_s - 0.01)) == 1
     assert len(memory.points(seconds + layer.shortest_life_s + 0.01)) == 0
@@ -86,7 +86,7 @@ def test_after_six_metres_older_points_are_forgotten():
     assert len(memory.points(3.0)) == 0
 
 
-def test_of_what_is_near_the_robot_only_the_way_driven_forgets():
+def test_near_points_are_forgotten_only_by_driving_away():
     """Random seed 194: the robot forgot a table top 0.55 m behind it after 20 s of turning, and backed into it."""
     memory = Memory(DEPTH_LAYER)
     memory.see(SPOT, HERE, 0.0)
@@ -98,7 +98,7 @@ def test_of_what_is_near_the_robot_only_the_way_driven_forgets():
     assert len(memory.points(119.0 + DEPTH_LAYER.shortest_life_s + 0.1)) == 0
 
 
-def test_what_is_near_is_remembered_for_twice_the_way():
+def test_near_points_are_remembered_for_twice_the_way():
     memory = Memory(DEPTH_LAYER)
     memory.see(np.array([[0.8, 0.0], [1.5, 0.0]]), HERE, 0.0)
     for step in range(110):  # 11 m, forwards and backwards
@@ -166,7 +166,7 @@ def test_two_observations_of_free_space_forget_and_one_does_not():
     assert len(memory.points(1.1)) == 0
 
 
-def test_forgotten_is_forgotten_a_new_sighting_begins_anew():
+def test_a_new_sighting_after_forgetting_starts_again():
     memory = watched(LASER_LAYER, 5.0)
     memory.clear()
     assert len(memory.points(5.0)) == 0
@@ -251,7 +251,7 @@ MOMENTS = st.lists(
 
 @given(MOMENTS, st.sampled_from([(0.0, 0.0), (1234.56, -9876.5), (-31.4, 7.85)]))
 @settings(max_examples=200, deadline=None)
-def test_the_rolling_grid_does_what_a_dictionary_does(moments, begin):
+def test_the_rolling_grid_equals_a_dictionary(moments, begin):
     memory, naive = Memory(COARSE), Naive(COARSE)
     now_s, (x, y) = 10.0, begin
     for passed_s, dx, dy, seed, count, every in moments:
@@ -304,11 +304,11 @@ def test_nothing_is_known_outside_the_field_of_view(degrees):
     assert told(hall(), 2.0, degrees) == (False, False)
 
 
-def test_nothing_is_known_behind_what_is_hit():
+def test_a_place_behind_a_hit_is_unknown():
     assert told(hall(1.5), 2.0, 0.0) == (False, False)
 
 
-def test_what_is_hit_now_is_the_scans_own_to_tell():
+def test_a_place_that_the_scan_hits_is_not_seen_through():
     assert told(hall(2.0), 2.0, 0.0) == (True, False)
     assert told(hall(1.95), 2.0, 0.0) == (True, False)
     assert told(hall(2.11), 2.0, 0.0) == (True, False), "a hand's breadth behind is not through"
@@ -317,7 +317,7 @@ def test_what_is_hit_now_is_the_scans_own_to_tell():
 
 @pytest.mark.parametrize("lost", [NAN, -INF, 0.0, 30.0], ids=str)
 @pytest.mark.parametrize("beam", [284, 285, 286])
-def test_a_lost_beam_among_the_three_nearest_tells_nothing(lost, beam):
+def test_a_lost_beam_among_the_three_nearest_proves_nothing(lost, beam):
     ranges = hall(4.0)
     ranges[beam] = lost
     assert told(ranges, 2.0, 0.0) == (False, False)
@@ -429,13 +429,13 @@ def something(distance_m=1.0, degrees=0.0, beams=5, behind=INF):
     return ranges
 
 
-def test_what_is_in_view_is_not_given_twice():
+def test_a_point_in_view_is_not_given_twice():
     bench = Bench()
     bench.look(something(), seconds=1.0)
     assert len(bench.remembered) == 0
 
 
-def test_what_turned_out_of_view_is_given_where_it_is():
+def test_a_point_turned_out_of_view_keeps_its_place():
     bench = Bench()
     bench.look(something(1.0, 90.0), seconds=1.0)
     bench.look(hall(), pose=Pose(0.0, 0.0, math.radians(-30)))
@@ -452,7 +452,7 @@ def test_between_scans_memory_moves_with_the_robot():
     np.testing.assert_allclose(np.hypot(*bench.remembered.T), 0.6, atol=0.03)
 
 
-def test_what_is_hidden_behind_somebody_is_given():
+def test_a_point_hidden_behind_a_person_is_remembered():
     bench = Bench()
     bench.look(something(2.0), seconds=1.0)
     bench.look(something(1.0, beams=21))
@@ -460,7 +460,7 @@ def test_what_is_hidden_behind_somebody_is_given():
 
 
 @pytest.mark.parametrize("lost", [NAN, -INF])
-def test_what_the_laser_lost_sight_of_is_given(lost):
+def test_a_point_lost_by_the_laser_is_remembered(lost):
     bench = Bench()
     bench.look(something(2.0), seconds=1.0)
     bench.look(something(lost, beams=41))
@@ -494,7 +494,7 @@ def test_a_beam_that_stands_alone_is_not_remembered():
     assert len(bench.remembered) == 0
 
 
-def test_what_lies_in_the_hull_is_not_given():
+def test_points_inside_the_hull_are_not_given():
     bench = Bench()
     bench.look(something(1.0, 90.0), seconds=1.0)
     bench.look(hall(), pose=Pose(0.0, 0.4, math.radians(-30)))
@@ -637,7 +637,7 @@ def test_a_passer_by_blocks_for_the_shortest_life_only(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("stick", [Velocity(0.0, 0.0, 1.0), Velocity(0.3, 0.0, 0.4)], ids=["turn", "bend"])
-def test_boxed_in_by_what_is_no_longer_there_the_robot_gets_out(stick, seed):
+def test_a_robot_boxed_in_by_old_memory_gets_out(stick, seed):
     """The obstacles were removed out of view: the gate still remembers walls on three sides."""
     ring = wall(-0.4, -0.4, 0.3, -0.4) + wall(-0.4, 0.4, 0.3, 0.4) + wall(-0.4, -0.4, -0.4, 0.4)
     world = World(half_blind_tiago(), ring, seed, half_view=math.pi * 0.999, beams=1000)

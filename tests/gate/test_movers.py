@@ -109,7 +109,7 @@ def walked(scene, start, velocity, seconds, robot=STILL, radius=0.15):
         ((2.5, 1.5), (-0.4, -1.2)),
     ],
 )
-def test_who_walks_is_seen_with_about_the_right_velocity(start, velocity, seed):
+def test_a_walker_is_seen_with_about_the_right_velocity(start, velocity, seed):
     seen = walked(Scene(seed), start, velocity, 2.0)
     told = [velocities for _, points, velocities in seen if len(points)]
     assert len(told) >= 0.8 * len(seen), "at nearly each scan"
@@ -118,7 +118,7 @@ def test_who_walks_is_seen_with_about_the_right_velocity(start, velocity, seed):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_what_moves_is_where_the_person_is_and_nothing_else(seed):
+def test_only_points_of_the_person_move(seed):
     for (x, y), points, _ in walked(Scene(seed, FURNITURE), (2.5, -0.7), (0.0, 0.9), 1.5):
         assert np.hypot(points[:, 0] - x, points[:, 1] - y).max(initial=0.0) < 0.35
 
@@ -126,12 +126,12 @@ def test_what_moves_is_where_the_person_is_and_nothing_else(seed):
 @pytest.mark.parametrize(
     "robot", [Velocity(0.5, 0.0, 0.0), Velocity(0.3, 0.0, 0.8), Velocity(0.0, 0.0, -1.2)]
 )
-def test_who_walks_is_seen_from_a_robot_that_drives(robot):
+def test_a_walker_is_seen_from_a_driving_robot(robot):
     seen = walked(Scene(4), (3.0, -0.8), (-0.2, 0.8), 1.5, robot)
     assert sum(len(points) > 0 for _, points, _ in seen) >= 0.5 * len(seen)
 
 
-def test_a_wall_does_not_move_with_who_walks_along_it():
+def test_a_wall_does_not_move_with_a_person_along_it():
     scene = Scene(3, wall(1.0, -1.0, 4.5, -1.0))
     seen = walked(scene, (1.8, -0.75), (0.9, 0.0), 1.5)
     assert any(len(points) for _, points, _ in seen)
@@ -148,7 +148,7 @@ def test_only_new_parts_of_a_touched_wall_move():
         assert (velocities[:, 0] < -0.4).all()
 
 
-def test_who_walks_far_away_is_left_alone():
+def test_distant_walkers_are_ignored():
     for start, moving in (((4.6, 2.6), False), ((4.0, 1.5), True)):
         seen = walked(Scene(1, noise_m=0.003), start, (0.0, 0.9), 1.5)
         assert any(len(points) for _, points, _ in seen) == moving
@@ -176,24 +176,24 @@ def test_in_a_standing_world_nothing_moves(robot, seed):
         scene.drive(robot)
 
 
-def test_who_stands_still_again_moves_no_longer():
+def test_a_person_who_stops_no_longer_moves():
     scene = Scene(5)
     walked(scene, (2.0, -1.0), (0.0, 1.0), 1.0)
     last = walked(scene, (2.0, 0.0), (0.0, 0.0), 1.5)
     assert not any(len(points) for _, points, _ in last[1:])
 
 
-def test_nobody_runs_faster_than_people_do():
+def test_movers_are_not_faster_than_people():
     for _, _, velocities in walked(Scene(6), (3.0, -2.4), (0.0, 2.3), 2.0):
         assert np.hypot(*velocities.T).max(initial=0.0) <= MOST_MPS + 1e-9
 
 
-def test_who_leaves_straight_away_is_no_danger_and_stands():
+def test_a_person_walking_straight_away_is_no_danger():
     seen = walked(Scene(7), (1.5, 0.0), (1.0, 0.0), 2.0)
     assert not any(len(points) for _, points, _ in seen)
 
 
-def test_one_scan_alone_tells_nothing_and_a_pause_neither():
+def test_one_scan_or_a_pause_shows_no_motion():
     scene = Scene(8)
     scene.scan(person(2.0, 0.0))
     assert not len(scene.moving()[0])
@@ -210,7 +210,7 @@ def test_another_odometry_frame_makes_nothing_move():
     assert not len(scene.moving()[0])
 
 
-def test_stamps_that_go_back_start_anew():
+def test_stamps_that_go_back_start_again():
     scene = Scene(10)
     walked(scene, (2.0, -1.0), (0.0, 1.0), 1.0)
     scene.now_s -= 100.0
@@ -249,7 +249,7 @@ class Crossing(World):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("early_s", [0.0, 0.3, 0.6])
-def test_the_robot_stands_when_somebody_walks_into_its_way(seed, early_s):
+def test_the_robot_stands_when_a_person_walks_into_its_way(seed, early_s):
     """At 0.6 m/s it would meet the person 2 m ahead, frontally or with its side."""
     world = Crossing(seed, (2.0, -3.3 + 0.8 * early_s), (0.0, 0.8))
     codes = set()
@@ -270,7 +270,7 @@ def test_a_robot_may_turn_away_from_an_approaching_person(seed):
     assert world.drive(Velocity(0.0, 0.0, 1.0), 0.5).velocity.w == pytest.approx(1.0)
 
 
-def test_points_are_reckoned_only_when_somebody_asks_what_moves():
+def test_points_are_computed_only_for_a_query_of_movers():
     scene, asked = Scene(), []
     observe = scene.movers.observe
 

@@ -39,7 +39,7 @@ def test_the_discs_cover_the_whole_arm(line, along, aside):
             assert hull.gaps(flank[None])[0] < RADIUS_M / 3.0
 
 
-def test_what_stays_within_the_base_adds_nothing():
+def test_an_arm_within_the_base_adds_nothing():
     assert beyond(((0.1, 0.0, 0.1), (0.2, 0.0, 0.1)), 0.27) == ((0.2, 0.0, 0.1),)
 
 
@@ -100,7 +100,7 @@ def test_turning_a_stretched_arm_into_a_thing_is_stopped(arm):
     assert verdict.code == "obstacle" and abs(verdict.velocity.w) < 1.0
 
 
-def test_what_the_laser_sees_under_the_arm_still_counts(arm):
+def test_laser_points_under_the_arm_still_count(arm):
     arm.gate.observe_posture(ahead, arm.now_s)
     arm.ahead_at(0.1)  # at 0.3 m, under the arm
     arm.now_s += 0.05

@@ -47,7 +47,7 @@ def known(feeder: Feeder) -> dict[str, int]:
         (0.05, 0.0, 1.0, 0),  # the pose jumps
     ],
 )
-def test_when_odometry_begins_anew_so_does_the_memory(haunted, silent_s, clock_s, x, run):
+def test_a_restart_of_odometry_clears_the_memory(haunted, silent_s, clock_s, x, run):
     gate = haunted.gate
     assert known(haunted)["/scan_raw, remembered"] > 10
     gate.latency._in_force_s = 0.6  # measured under load
@@ -90,7 +90,7 @@ def test_a_burst_after_a_delay_leaves_no_hole(haunted):
     assert known(haunted)["/scan_raw, remembered"] == pytest.approx(before, abs=2)
 
 
-def test_what_the_sensors_show_now_is_not_forgotten(haunted):
+def test_current_sensor_data_is_not_forgotten(haunted):
     haunted.ahead_at(1.0)
     haunted.now_s += 0.05
     haunted.all()

@@ -42,7 +42,7 @@ def braked_path(twist, profile, step_s=0.005):
 
 @given(kinds, twists, clouds)
 @settings(max_examples=200, deadline=None)
-def test_what_is_allowed_brakes_before_every_point(kind, twist, points):
+def test_an_allowed_twist_brakes_before_every_point(kind, twist, points):
     profile = PROFILES[kind]
     hull = footprint_of(profile)
     points = points[hull.gaps(points) > 0.001]
@@ -56,7 +56,7 @@ def test_what_is_allowed_brakes_before_every_point(kind, twist, points):
 
 @given(kinds, twists, clouds)
 @settings(max_examples=200, deadline=None)
-def test_what_is_allowed_is_a_part_of_what_was_asked(kind, twist, points):
+def test_an_allowed_twist_is_a_share_of_the_asked_one(kind, twist, points):
     allowed = decide(kind, twist, points).velocity
     for part, whole in zip(allowed, twist, strict=True):
         assert part * whole >= 0.0 and abs(part) <= abs(whole) + 1e-12
@@ -111,7 +111,7 @@ def test_a_box_turns_its_corner_out_of_a_wall_but_not_into_it(w):
     assert free == (w < 0.0)
 
 
-def test_the_way_out_demands_no_more_than_there_is():
+def test_the_way_out_needs_no_more_than_the_current_gap():
     gaps = np.array([0.5, 0.01, 0.2])
     np.testing.assert_allclose(way_out(gaps, 0.03, 1.0), [0.0099])
     inside = np.array([0.5, -0.02, 0.2])

@@ -107,7 +107,7 @@ def test_allowed_twists_stop_clear_or_no_nearer(kind, candidate, queue, now, poi
 
 @given(kinds, twists, queues, twists, clouds)
 @settings(max_examples=250, deadline=None)
-def test_what_stays_clear_is_left_whole(kind, candidate, queue, now, points):
+def test_a_clear_twist_is_not_reduced(kind, candidate, queue, now, points):
     going = least_gaps(kind, candidate, points, queue, now)
     rolled = roll(kind, candidate, points[going > HARD_M + 0.012], queue, now)
     assert rolled == CLEAR
@@ -115,7 +115,7 @@ def test_what_stays_clear_is_left_whole(kind, candidate, queue, now, points):
 
 @given(kinds, twists, queues, twists, clouds, clouds)
 @settings(max_examples=150, deadline=None)
-def test_what_drifts_is_met_where_it_will_be(kind, candidate, queue, now, points, drifts):
+def test_moving_points_are_met_at_their_future_place(kind, candidate, queue, now, points, drifts):
     several = min(len(points), len(drifts))
     points, drift = points[:several], drifts[:several]
     going = least_gaps(kind, candidate, points, queue, now, drift)
@@ -141,7 +141,7 @@ def wall_at(distance_m):
 
 @pytest.mark.parametrize("kind", sorted(PROFILES))
 @pytest.mark.parametrize("stick", [(0.8, 0.0, 0.0), (-0.5, 0.0, 0.0), (0.4, 0.0, 1.5), (0.0, 0.0, -2.0)])
-def test_the_quick_check_never_clears_what_the_play_forbids(kind, stick):
+def test_the_quick_check_never_clears_a_forbidden_twist(kind, stick):
     going = Velocity(*stick)
     queue = [Sent(going, 0.3), Sent(going, 0.1)]
     for distance_m in np.arange(0.28, 0.9, 0.04):
@@ -174,7 +174,7 @@ def test_a_late_turn_bends_the_arc_into_an_obstacle():
 
 
 @pytest.mark.parametrize(("room_m", "share"), [(0.37, 1.0), (0.34, 0.85), (0.31, 0.7), (0.28, 0.0)])
-def test_of_shares_the_largest_clear_one_is_taken(room_m, share):
+def test_the_largest_clear_share_is_taken(room_m, share):
     """At 0.5 m/s: share 1 of 0.6 m/s needs 0.358 m, 0.85 needs 0.325 m, braking now 0.292 m; 0.7 brakes as much."""
     half = Velocity(0.5, 0.0, 0.0)
     wall = wall_at(0.27 + HARD_M + room_m)
@@ -183,7 +183,7 @@ def test_of_shares_the_largest_clear_one_is_taken(room_m, share):
     assert share in SHARES
 
 
-def test_the_row_tells_which_point_stands_in_the_way():
+def test_the_row_names_the_blocking_point():
     ways = [(-0.5, 0.0), (0.9, 0.9), (0.29, 0.0), (0.6, 0.5)]
     forward = Velocity(0.6, 0.0, 0.0)
     assert roll("disc", forward, ways, [Sent(forward, 0.1)]).row == 2
@@ -234,7 +234,7 @@ def test_a_crossing_person_passes_a_standing_one_is_passed():
     assert leaving == CLEAR
 
 
-def test_what_moves_is_passed_at_a_wider_margin_than_what_stands():
+def test_moving_points_get_a_wider_margin_than_standing_ones():
     forward, beside = Velocity(0.6, 0.0, 0.0), [(0.5, 0.33)]
     driving = [Sent(forward, LATENCY_S)]
     assert roll("disc", forward, beside, driving, forward) == CLEAR

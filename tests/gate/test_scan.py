@@ -65,7 +65,7 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize("what", MALFORMED)
-def test_a_malformed_scan_is_no_scan_and_says_what_is_wrong(what):
+def test_a_malformed_scan_is_dropped_with_a_reason(what):
     feeder = Feeder(tiago_profile())
     feeder.odometry()
     feeder.sonars()
@@ -255,7 +255,7 @@ def test_a_laser_covered_ahead_is_blind_ahead_and_nowhere_else(tiago, useless):
     assert verdict.velocity.vx == pytest.approx(tiago.gate.profile.blind_mps)
 
 
-def test_beams_lost_to_noise_blind_nobody(tiago):
+def test_beams_lost_to_noise_do_not_blind_the_gate(tiago):
     tiago.ranges = np.full(571, math.inf)
     tiago.ranges[::3] = math.nan
     tiago.now_s += 0.05

@@ -70,7 +70,7 @@ def test_noise_and_lost_echoes_do_not_let_the_robot_creep(thing, seed):
         assert world.least_gap_m > 0.0
 
 
-def test_who_has_left_does_not_hold_the_robot():
+def test_a_person_who_left_does_not_hold_the_robot():
     world = World(tiago_profile(), shins(-0.8, 0.04))
     full_reverse(world)
     at = world.pose.x
@@ -81,7 +81,7 @@ def test_who_has_left_does_not_hold_the_robot():
     assert world.pose.x < at - 0.5, "and goes on"
 
 
-def test_who_passed_behind_a_parked_robot_does_not_hold_it():
+def test_a_passer_behind_a_parked_robot_does_not_hold_it():
     world = World(tiago_profile(), FAR)
     for step in range(21):
         world.put(shins(-0.8, 1.0 - 0.1 * step))
@@ -151,7 +151,7 @@ def test_without_a_camera_the_laser_clears_sonar_echoes():
 @pytest.mark.parametrize("other_hz", [10, 25, 40])
 @pytest.mark.parametrize("sonar_hz", [4, 10])
 @pytest.mark.parametrize("other", ["laser", "depth"])
-def test_no_other_sensor_denies_what_a_sonar_hears_now(other, sonar_hz, other_hz):
+def test_no_other_sensor_removes_a_current_sonar_echo(other, sonar_hz, other_hz):
     """For example glass, which only sonars detect, or a seat above the laser's plane."""
     view = DepthView(1.10) if other == "depth" else None
     ahead = {"ahead": (0.25, 0.0, 0.0)}
@@ -225,7 +225,7 @@ class Trembling(World):
         return Pose(self.pose.x + x, self.pose.y + y, self.pose.yaw + yaw)
 
 
-def test_a_trembling_odometry_does_not_hold_who_left():
+def test_with_noisy_odometry_departed_people_do_not_hold_it():
     world = Trembling(tiago_profile(has_depth=True), shins(-0.8, 0.04))
     full_reverse(world)
     at = world.pose.x

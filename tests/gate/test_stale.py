@@ -18,7 +18,7 @@ def test_with_everything_fresh_nothing_is_taken_away(tiago):
 
 
 @pytest.mark.parametrize("left_out", ["odometry", "scan"])
-def test_what_never_came_stops_the_robot_and_asks_for_neutral(left_out):
+def test_missing_data_stops_the_robot_and_asks_for_neutral(left_out):
     feeder = Feeder(tiago_profile())
     feeder.sonars()
     feeder.scan() if left_out == "odometry" else feeder.odometry()
@@ -175,7 +175,7 @@ def test_an_idle_robot_needs_no_neutral(tiago):
     assert (verdict.code, verdict.velocity, verdict.neutral) == ("idle", STILL, False)
 
 
-def test_health_names_each_sensor_its_age_and_what_is_wrong(tiago):
+def test_health_lists_each_sensor_with_age_and_fault(tiago):
     assert all(sensor.ok and not sensor.text for sensor in tiago.gate.sensor_health(tiago.now_s))
     tiago.now_s += 0.7
     tiago.odometry()

@@ -61,7 +61,7 @@ def test_the_arm_stays_within_its_sweep(motion):
         assert np.hypot(*(middles - (x, y)).T).min() <= CELL_M
 
 
-def test_thinned_discs_cover_what_they_stand_for():
+def test_thinned_discs_cover_the_original_discs():
     many = np.random.default_rng(3).uniform(-1, 1, (3000, 2))
     few = thinned(many, RADIUS_M)
     assert len(few) <= (2.0 / CELL_M + 1) ** 2
@@ -79,12 +79,12 @@ def test_a_motion_of_many_points_is_reckoned_in_a_moment():
     assert min(took_s) < 0.05
 
 
-def test_a_joint_that_nobody_tells_of_leaves_the_sweep_unknown():
+def test_an_unreported_joint_leaves_the_sweep_unknown():
     with pytest.raises(KeyError):
         swept(WAVE, {"elbow": 0.0}, two_links, RADIUS_M)
 
 
-def test_the_nearest_of_what_stands_in_the_sweep_is_named():
+def test_the_nearest_obstacle_in_the_sweep_is_named():
     obstacles = seen((3.0, 0.0), (0.7, 0.7), (0.5, 0.5), (-0.5, 0.0))
     found = intruder([(0.6, 0.6, 0.2)], obstacles, gaps(obstacles))
     assert found.gap_m == pytest.approx(math.hypot(0.5, 0.5) - 0.27)

@@ -85,7 +85,7 @@ def test_a_sonar_is_named():
     assert verdict.sensor == "base_sonar_02_link"
 
 
-def test_passing_closely_is_told_from_being_in_the_way():
+def test_passing_closely_differs_from_blocking():
     feeder = Feeder(tiago_profile())
     post = math.atan2(0.33, 0.3)
     beam = 285 + round(post / (math.radians(190) / 570))
@@ -97,7 +97,7 @@ def test_passing_closely_is_told_from_being_in_the_way():
     assert "passing close, laser" in verdict.text
 
 
-def test_two_lasers_are_told_apart_by_name():
+def test_two_lasers_are_distinguished_by_name():
     feeder = Feeder(tiago_profile(scan_poses={LASER: (0.202, 0.0, 0.0), "/scan_rear": (0.0, 0.0, math.pi)}))
     feeder.all()
     assert feeder.decide(0.5).text == "stopped: no scan of the laser /scan_rear has come yet"

@@ -84,7 +84,7 @@ def test_lost_control_breaks_a_web_attacks_limit():
     assert any("control lost" in fault for fault in faults(lost))
 
 
-def test_records_are_told_by_the_second():
+def test_records_are_counted_per_second():
     attacked = taken(PRESS, PRESS)
     attacked.records, attacked.lasted_s = 30, 4.0
     [records] = [one for one in figures(attacked, taken(), WEB) if one.name == "records"]

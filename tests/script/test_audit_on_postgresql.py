@@ -66,7 +66,7 @@ def test_a_web_processes_query_is_limited_a_commands_is_not(tmp_path: Path) -> N
 
 
 @pytest.mark.timeout(400)  # hundreds of tests
-def test_what_holds_on_sqlite_holds_on_postgresql() -> None:
+def test_the_audit_tests_pass_on_postgresql() -> None:
     command = [sys.executable, "-m", "pytest", "-q", *TESTS]
     environment = {name: value for name, value in outside().items() if not name.startswith("PYTEST")}
     with postgresql() as url:

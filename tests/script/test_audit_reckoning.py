@@ -26,7 +26,7 @@ LOG = [
 RECEIVED = [SAID, NOTE, PLAYED, MOVED]
 
 
-def test_what_was_on_record_before_it_came_is_all_right() -> None:
+def test_requests_recorded_before_their_effect_are_fine() -> None:
     assert unrecorded(RECEIVED, LOG) == []
 
 
@@ -63,14 +63,14 @@ def test_a_velocity_before_or_after_the_drive_is_found(at_s: float) -> None:
     assert unrecorded([Received("drive.start", at_s, "/key_vel")], LOG)
 
 
-def test_a_velocity_on_a_topic_that_nobody_chose_is_found() -> None:
+def test_a_velocity_on_an_unchosen_topic_is_found() -> None:
     elsewhere = Received("drive.start", 20.0, "/phone_vel")
     assert unrecorded([elsewhere], LOG)
     assert unrecorded([elsewhere], [*LOG, entry(6, 19.0, "topic.choose", to="/phone_vel")]) == []
     assert unrecorded([elsewhere], [*LOG, entry(6, 19.0, "topic.choose", of=5)])
 
 
-def test_what_has_no_outcome_is_found() -> None:
+def test_a_request_without_outcome_is_found() -> None:
     assert len(unfinished(LOG, before_s=30.0)) == 3
     ends = [
         entry(6, 13.0, "speech.end", 1),

@@ -11,7 +11,7 @@ from benchmarks.parts import hand_model
 from benchmarks.parts.hand_model import Movement
 
 
-def test_the_shipped_traces_are_what_the_generator_makes(tmp_path: Path) -> None:
+def test_the_shipped_traces_match_the_generator(tmp_path: Path) -> None:
     hand_model.record(tmp_path / "hands.json")
     assert (tmp_path / "hands.json").read_text() == hand_model.RECORDED.read_text()
 

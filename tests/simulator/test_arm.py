@@ -54,7 +54,7 @@ def test_a_robot_at_home_touches_nothing_that_its_base_does_not(robot_in):
     assert not driven.robot.physics.contacts()
 
 
-def test_an_arm_that_sweeps_something_is_told(robot_in):
+def test_an_arm_contact_is_reported(robot_in):
     driven = robot_in(room(boxes=[Box(name="column", at=(0.8, -0.1), size=(0.2, 0.2, 2.0))]))
     driven.robot.player.start("point", driven.now)
     touched = set()

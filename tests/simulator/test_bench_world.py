@@ -70,14 +70,14 @@ def test_a_driver_passes_the_narrowest_door_without_help():
     assert not trace.touches
 
 
-def test_the_true_way_is_free_up_to_what_stands_in_it():
+def test_the_true_way_is_free_up_to_its_obstacle():
     truth = Truth(box_at(1.5, 0.0))
     assert truth.free_m(ORIGIN, AHEAD, 3.0) == pytest.approx(1.4 - 0.27 - 0.05, abs=0.05)
     assert truth.free_m(ORIGIN, Velocity(-0.2, 0.0, 0.0), 3.0) == 3.0
     assert truth.free_m(Pose(0.0, 0.0, math.pi), Velocity(-0.2, 0.0, 0.0), 3.0) < 1.2
 
 
-def test_an_arc_meets_what_a_line_passes():
+def test_an_arc_meets_a_box_that_a_line_passes():
     truth = Truth(box_at(1.0, 1.0))
     assert truth.free_m(ORIGIN, AHEAD, 3.0) == 3.0
     assert truth.free_m(ORIGIN, Velocity(1.0, 0.0, 1.0), 3.0) < 1.4
@@ -103,7 +103,7 @@ def test_reverse_has_its_own_limit_and_names_causes():
     assert dict(held.stopped_by) == {"reverse: sonar, remembered": held.false_stops}
 
 
-def test_what_hangs_above_the_robot_is_not_in_its_way():
+def test_obstacles_above_the_robot_are_ignored():
     assert Truth(box_at(1.0, 0.0, z=1.3)).free_m(ORIGIN, AHEAD, 3.0) == 3.0
 
 
@@ -182,7 +182,7 @@ def test_a_leg_between_two_sonars_is_heard_too_late():
     assert not known.in_time
 
 
-def test_nobody_has_seen_a_table_top_behind_the_robot():
+def test_a_table_top_behind_the_robot_is_unseen():
     desk = Table(name="desk", at=(-0.9, 0.0), size=(0.7, 1.4), legs=False)
     assert seen(*touched(world_of(tables=[desk]), "desk top")) is None
 
@@ -195,7 +195,7 @@ def test_the_camera_saw_a_table_top_unless_it_was_dead():
     assert seen(*touched(desk, "desk top", reverse=False, faults=Faults(depth_dead=True))) is None
 
 
-def test_the_legs_of_a_chair_tell_of_its_seat():
+def test_the_legs_of_a_chair_imply_its_seat():
     known = seen(
         *touched(world_of(chairs=[Chair(name="chair", at=(2.0, 0.0))]), "chair leg 2", reverse=False)
     )
@@ -300,7 +300,7 @@ def held(asked: Velocity, pose: Pose = ORIGIN, moving: Twist = Twist(), sent: Ve
     return Moment(1.0, pose, moving, asked, sent, "obstacle", "", 0.1, True)
 
 
-def test_who_is_held_with_a_free_way_or_a_turn_is_stuck():
+def test_a_robot_held_despite_a_free_way_or_turn_is_stuck():
     limits = loop_of(Case(world_of(), ORIGIN, lambda _: FullStick(0, 0, 1), 1.0), "none", 0).limits
     truth = Truth(box_at(0.42, 0.0))  # 5 cm in front of the hull
     back, turn = Velocity(-0.2, 0.0, 0.0), Velocity(0.0, 0.0, 1.0)
@@ -377,7 +377,7 @@ def test_a_door_uses_the_given_or_the_drawn_pictures():
     assert doors.build(0.7, 3, drawn=True).conditions == drawn.conditions_of(3)
 
 
-def test_who_was_parked_close_turns_to_it_and_drives_off():
+def test_a_robot_parked_close_turns_and_drives_off():
     trace = loop_of(parked.build("wall", 1), "none", 1).play()
     assert abs(trace.moments[0].gap_m) <= 0.11
     assert trace.touches[0].other == "wall"

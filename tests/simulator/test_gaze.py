@@ -37,7 +37,7 @@ def test_an_axis_that_squints_meets_the_target_too():
     assert looking("head_2_link", (1.0, 0.3, 0.2), (2.0, 0.5, 0.8))[1] < 1e-4
 
 
-def test_what_is_low_before_the_robot_is_looked_down_at():
+def test_the_head_looks_down_at_low_targets():
     turned, _ = looking(OPTICAL_FRAME, OPTICAL_AXIS, (1.0, 0.0, 0.0))
     assert turned[PAN] == pytest.approx(0.0, abs=1e-6)
     assert turned[TILT] < -0.5

@@ -51,5 +51,5 @@ def test_joints_that_stand_have_no_velocity(robot_in):
     assert all(math.isclose(speed, 0.0, abs_tol=1e-3) for _, speed in driven.robot.joints().values())
 
 
-def test_a_base_without_known_wheels_tells_of_no_joints(robot_in):
+def test_a_base_without_known_wheels_publishes_no_joints(robot_in):
     assert robot_in(room(), base="generic_omni").robot.joints() == {}

@@ -69,7 +69,7 @@ def test_every_motion_ends_at_its_last_point_without_a_jump(name, player):
     assert player.is_there(name, 0.001)
 
 
-def test_a_motion_that_nobody_recorded_is_refused(player):
+def test_an_unknown_motion_is_refused(player):
     with pytest.raises(RefusedMotionError) as refused:
         player.start("dance", 0.0)
     assert refused.value.code is ErrorCode.MOTION_NOT_FOUND
@@ -82,7 +82,7 @@ def test_a_second_motion_of_the_same_controller_is_busy(player):
     assert refused.value.code is ErrorCode.CONTROLLER_BUSY
 
 
-def test_another_controllers_motion_runs_beside_it(player):
+def test_another_controllers_motion_runs_in_parallel(player):
     player.start("wave", 0.0)
     player.start("open", 0.0)
     play(player, 2.0)

@@ -42,7 +42,7 @@ def test_floor_is_free_wall_faces_occupied_behind_unknown(at):
     assert cell(2.08, 0.5) == cell(2.7, 0.5) == UNKNOWN
 
 
-def test_of_furniture_there_is_what_the_laser_meets(at):
+def test_the_map_has_furniture_at_the_lasers_height(at):
     cell = at(
         tables=[Table("table", (1.0, 1.0), (1.0, 0.6))],
         chairs=[Chair("chair", (-1.0, 1.0))],

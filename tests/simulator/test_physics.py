@@ -36,7 +36,7 @@ def test_it_drives_an_arc(robot_in):
 
 
 @pytest.mark.parametrize("speed", [0.2, 1.0])
-def test_a_wall_stops_it_and_is_told(robot_in, speed):
+def test_a_wall_stops_the_robot_and_is_reported(robot_in, speed):
     driven = robot_in(room())
     driven.drive(Twist(speed), 12.0)
     assert driven.robot.physics.pose.x == pytest.approx(2.0 - RADIUS_M, abs=0.01)
@@ -79,7 +79,7 @@ def test_a_doorway_of_eighty_centimetres_lets_it_through(robot_in):
     assert driven.robot.physics.pose.x > 0.9
 
 
-def test_a_person_who_walks_into_it_is_told(robot_in):
+def test_a_person_walking_into_the_robot_is_reported(robot_in):
     person = Person(name="visitor", at=(1.5, 0.0), path=[(1.5, 0.0), (-1.5, 0.0)], walks=True)
     driven = robot_in(room(people=[person]))
     for _ in range(200):

@@ -85,7 +85,7 @@ def test_pals_filter_blanks_a_square_about_the_base(robot_in):
     np.testing.assert_array_equal(raw[ahead], blanked[ahead])
 
 
-def test_sonars_tell_what_stands_behind(robot_in):
+def test_sonars_report_obstacles_behind(robot_in):
     behind = Box(name="behind", at=(-0.259 - 0.5 - 0.1, 0.0), size=(0.2, 0.2, 0.6))
     robot = robot_in(room(boxes=[behind])).robot
     right, back, left = robot.sonars

@@ -7,7 +7,7 @@ import pytest
 from robots.simulator.speech import Event, Utterance, objection
 
 
-def test_words_are_told_as_they_are_spoken():
+def test_words_are_reported_as_they_are_spoken():
     utterance = Utterance("guten Morgen", wait_s=0.0, now=10.0)
     first, *rest = utterance.marks(10.0)
     assert (first.event, first.said, first.next_word) == (Event.STARTED_WORD, "guten", "Morgen")

@@ -17,7 +17,7 @@ def test_the_office_can_be_entered_by_every_robot(base):
         assert Physics(world, BODIES[base], Pose(x, y, 0.0)).clearance_m() > 0.1
 
 
-def test_the_office_has_what_a_gate_must_know():
+def test_the_office_has_all_obstacles_for_the_gate():
     world = load_world("office")
     assert {table.legs for table in world.tables} == {True, False}
     assert world.chairs
@@ -44,7 +44,7 @@ def test_a_mistake_in_a_world_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("base", BODIES)
-def test_every_frame_hangs_on_one_that_is_there(base):
+def test_every_frame_has_an_existing_parent(base):
     body = BODIES[base]
     known = {body.names.base_frame, "base_link"}
     for frame in frames(body):

@@ -50,7 +50,7 @@ def drive_of(bench: Bench) -> DriveSummary:
 # --- path -----------------------------------------------------------------------------------------
 
 
-def test_a_drive_tells_its_path_and_where_it_began_and_ended(bench: Bench) -> None:
+def test_a_drive_has_its_path_start_and_end(bench: Bench) -> None:
     bench.x = 2.0
     bench.odometry()
     bench.driving()
@@ -121,7 +121,7 @@ def test_drive_ended_by_another_cause_records_the_cause(bench: Bench) -> None:
     assert (summary.outcome, summary.ended_by) == ("halted", "the robot was stopped")
 
 
-def test_a_drive_of_somebody_elses_control_is_another_one(bench: Bench) -> None:
+def test_a_drive_in_another_persons_control_is_a_new_one(bench: Bench) -> None:
     bench.driving()
     bench.granted(fence=2)
     bench.speed = FORWARD

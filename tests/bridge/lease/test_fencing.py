@@ -64,7 +64,7 @@ def asks_to_move(core, fence: int) -> wire.Refusal | None:
     return core.drive(drive, 1, 100.0)
 
 
-async def test_a_number_counts_once_it_is_on_disk_and_not_before(fences, core, disk):
+async def test_a_fence_counts_only_when_it_is_on_disk(fences, core, disk):
     link = Wire(1)
     fences.hear(link, GRANT)
     assert asks_to_move(core, 5).code == "no_lease"

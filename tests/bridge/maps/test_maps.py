@@ -149,7 +149,7 @@ async def test_a_bridge_that_ends_waits_for_no_map():
     assert not hangs()
 
 
-async def test_a_process_that_cannot_be_started_harms_nobody(caplog):
+async def test_a_process_that_cannot_start_harms_no_other(caplog):
     caplog.set_level(logging.INFO, map_fetch.__name__)
     broken = MapFetcher(with_map(MAP), lambda taken: None, ("/nowhere/nothing",))
     broken.tick(7, 0.0)

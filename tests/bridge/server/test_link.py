@@ -218,7 +218,7 @@ async def test_the_bridge_notices_at_once_that_a_web_process_is_gone(link, bridg
     await asyncio.wait_for(bridge.lost.wait(), 2)
 
 
-async def test_views_are_drawn_only_while_somebody_looks(link, bridge):
+async def test_views_are_drawn_only_with_viewers(link, bridge):
     [remote] = bridge.server.links
     link.set_viewers(link.follower, ["Ann"])
     await link.stop(wire.LinkStop("Ann"))
@@ -374,7 +374,7 @@ async def test_a_link_that_is_ended_closes_after_its_last_word(link, bridge):
     await link.follower.until("down")
 
 
-async def test_a_link_that_nobody_follows_any_more_is_closed(bridge, address, monkeypatch):
+async def test_a_link_without_followers_is_closed(bridge, address, monkeypatch):
     monkeypatch.setattr(robots.link.client, "_LINGER_S", 0.05)
     links, follower = Links(), Follower()
     link = links.get(ROBOT, address)

@@ -174,7 +174,7 @@ async def test_every_order_gets_one_answer_with_its_number(door):
     assert {answer.refusal.code for answer in answers} == {"robot_offline"}
 
 
-async def test_an_order_that_breaks_is_refused_and_the_link_goes_on(door, bench, caplog):
+async def test_a_failing_task_is_refused_and_the_link_stays(door, bench, caplog):
     link = await driven(door, bench)
     with patch.object(Tasks, "_end", side_effect=OverflowError("cannot convert float infinity to integer")):
         await door.received(link, wire.encode(wire.SayCancel(GRANT.fence, 7)))

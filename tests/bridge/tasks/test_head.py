@@ -99,7 +99,7 @@ def test_event_before_the_record_prevents_moving_the_head(bench, spoil, code):
         (lambda bench: setattr(bench.base, "listeners", 0), "robot_offline"),
     ],
 )
-def test_a_look_that_must_not_be_is_refused_and_not_recorded(bench, spoil, code):
+def test_a_forbidden_look_is_refused_and_not_recorded(bench, spoil, code):
     spoil(bench)
     assert codes(ask(bench)) == [code]
     settled(bench)

@@ -152,7 +152,7 @@ def test_forbidden_choice_is_refused_and_not_recorded(bench, use, topic, code):
     assert bench.base.attended == []
 
 
-def test_a_topic_that_nobody_listens_to_is_refused(bench):
+def test_a_topic_without_subscribers_is_refused(bench):
     bench.core.tasks.routing.surveyed(LISTENED | {"/phone_vel": "x/Y"}, bench.now_s)
     [refusal] = ask(bench, "drive", "/phone_vel")
     assert refusal.text == "/phone_vel has type x/Y on the robot, but geometry_msgs/Twist is needed."
@@ -386,7 +386,7 @@ def test_motions_are_those_of_the_chosen_action(bench):
     assert told(bench)[-1].motions == [NOD]
 
 
-def test_a_robot_without_motions_tells_that_when_asked():
+def test_a_robot_without_motions_says_so_when_asked():
     topics = msgspec.structs.replace(CONFIG.topics, motions=None, speech=None)
     bench = Bench(config=msgspec.structs.replace(CONFIG, topics=topics))
     bench.core.tasks.refresh()

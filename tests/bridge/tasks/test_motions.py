@@ -130,7 +130,7 @@ def test_unrecorded_motion_is_refused_before_its_points_arrive(bench):
         (lambda bench: bench.driving(), "base_moving"),
     ],
 )
-def test_a_motion_that_must_not_be_is_refused_and_not_recorded(bench, spoil, code):
+def test_a_forbidden_motion_is_refused_and_not_recorded(bench, spoil, code):
     spoil(bench)
     assert ask(bench).code == code
     settled(bench)
@@ -176,7 +176,7 @@ def test_a_refusal_for_want_of_room_says_where(bench):
 
 
 @pytest.mark.parametrize("kind", ["scan", "depth"])
-def test_an_arm_does_not_move_where_nobody_looks(bench, kind):
+def test_an_arm_does_not_move_without_sensors_watching(bench, kind):
     bench.gate.health = [SensorHealth("eye", kind, False, None, "nothing has come yet")]
     refusal = denied(bench)
     assert refusal.code == "not_watched"
@@ -450,7 +450,7 @@ def test_link_lost_for_two_seconds_cancels_the_motion(bench):
     )
 
 
-def test_a_goal_of_which_the_robot_never_speaks_is_given_up(bench):
+def test_a_goal_never_reported_by_the_robot_is_given_up(bench):
     begun(bench)
     bench.pass_time(2.2)
     bench.recorded()
@@ -539,7 +539,7 @@ def test_cancel_of_unwatched_goals_does_not_wait_for_records(bench):
     assert cancels(bench) == [("/play_motion", "fleet_bridge-left")]
 
 
-def test_the_goals_id_names_the_record_by_which_it_was_asked_for(bench):
+def test_the_goals_id_names_the_record_of_its_request(bench):
     goal_id = begun(bench)
     bench.recorded()
     number = bench.sink.kinds.index("motion.start") + 1

@@ -99,7 +99,7 @@ def test_unsent_message_is_neither_accepted_nor_recorded_as_sent(bench, rate_hz)
 
 
 @pytest.mark.parametrize("rate_hz", [1e-300, 0.05, -1.0, 51.0])
-def test_a_rate_is_one_at_which_somebody_would_wait_for_the_next(rate_hz):
+def test_a_rate_must_be_one_that_people_would_wait_for(rate_hz):
     raw = wire.encode(note(5.0)).replace(b'"rate_hz":5.0', f'"rate_hz":{rate_hz}'.encode())
     for door in (wire.browser_message, wire.link_request):
         with pytest.raises(wire.WireError) as caught:
@@ -134,7 +134,7 @@ def test_no_door_takes_a_name_that_ros_would_resolve_to_another(kind, name):
         assert caught.value.refusal.code == "invalid"
 
 
-def test_publishing_at_a_rate_goes_on_until_stopped(bench):
+def test_publishing_at_a_rate_continues_until_stopped(bench):
     bench.order(note(5.0))
     settled(bench)
     assert shown(bench) == [wire.Publishing("/notes", "std_msgs/String", 5.0)]
@@ -338,7 +338,7 @@ def test_program_started_while_stick_was_out_waits_after_stop(bench):
     assert bench.order(twist(bench, 0.3)) is None
 
 
-def test_a_twist_whose_age_nobody_can_tell_is_refused(bench):
+def test_a_twist_of_unknown_age_is_refused(bench):
     fields = {"linear.x": 0.3}
     assert bench.order(wire.Publish(1, "/key_vel", "geometry_msgs/Twist", fields)).code == "invalid"
     assert bench.last == STILL

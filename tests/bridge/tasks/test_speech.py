@@ -275,7 +275,7 @@ def test_event_before_the_record_prevents_speech(bench, spoil):
     assert bench.sink.kinds == ["speech.start", "speech.end"]
 
 
-def test_a_text_of_which_the_robot_never_speaks_is_given_up(bench):
+def test_a_text_never_reported_by_the_robot_is_given_up(bench):
     goal_id = begun(bench)
     bench.pass_time(2.2)
     bench.recorded()

@@ -67,7 +67,7 @@ def test_a_description_that_makes_no_sense_is_refused_in_words(text, why):
         Tree(text).moving(["hand"])
 
 
-def test_a_link_that_is_not_there_is_named():
+def test_a_missing_link_is_named():
     with pytest.raises(BadDescription, match="tentacle"):
         Tree(ARM).moving(["tentacle"])
 

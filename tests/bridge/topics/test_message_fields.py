@@ -215,7 +215,7 @@ def test_long_arrays_and_texts_are_read_in_part():
     assert shortened == {"points": 9}
 
 
-def test_an_array_that_claims_more_than_there_is_costs_nothing():
+def test_an_array_with_a_false_length_costs_nothing():
     layout = Layout([Field("names", "string", array=-1)])
     with pytest.raises(Broken, match="4294967295 elements"):
         layout.read(b"\xff\xff\xff\xff", ALL)

@@ -91,7 +91,7 @@ def test_a_large_answer_arrives_whole(web):
     assert len(body) == int(headers["Content-Length"]) > 100_000
 
 
-def test_head_tells_the_length_that_get_has(web):
+def test_a_head_request_has_the_length_of_get(web):
     path = "/static/vendor/uplot/uPlot.iife.js"
     status, body, headers = ask(web, "HEAD", path)
     assert (status, body) == (200, b"")

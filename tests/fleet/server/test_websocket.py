@@ -8,7 +8,7 @@ from fleet.server import limits
 from teleop.live.message_socket import CloseCode
 
 
-def test_a_stranger_is_told_to_sign_in(web):
+def test_a_stranger_must_sign_in(web):
     with connect(f"ws://127.0.0.1:{web.port}/ws/fleet/", origin=f"http://127.0.0.1:{web.port}") as stranger:
         with pytest.raises(ConnectionClosed) as closed:
             stranger.recv()

@@ -83,9 +83,7 @@ def records_of(robot: Robot) -> list[Record]:
     return list(Record.objects.filter(robot_id=robot.pk).order_by("id"))
 
 
-def test_what_is_asked_of_the_robot_is_a_request_and_its_outcome(
-    sink: AuditSink, holder: Holder, robot: Robot
-) -> None:
+def test_each_task_is_recorded_as_request_and_outcome(sink: AuditSink, holder: Holder, robot: Robot) -> None:
     motion = sink.request(holder, "motion.start", {"motion": "wave"})
     came_of_it = {"motion": "wave", "duration_s": 1.5, "text": "Cancelled by Ann."}
     sink.outcome(motion, holder, "motion.end", "cancelled", came_of_it)
@@ -158,7 +156,7 @@ def test_a_stop_that_reached_the_robot_is_in_its_session(
     assert (free.parameters, free.session_id, free.fence) == ({"number": 8, "was_standing": True}, None, None)
 
 
-def test_what_the_bridge_does_by_itself_is_the_consoles(sink: AuditSink, robot: Robot) -> None:
+def test_a_bridges_own_action_is_recorded_without_a_person(sink: AuditSink, robot: Robot) -> None:
     cancel = sink.request(None, "motion.cancel", {"topic": "/play_motion", "goal": "fleet_bridge-7-left"})
     sink.outcome(cancel, None, "motion.cancel", "cancelled", {})
     asked, end = records_of(robot)
@@ -255,7 +253,7 @@ def test_a_pulse_is_written_and_is_no_record(sink: AuditSink, robot: Robot) -> N
     assert records_of(robot) == []
 
 
-def test_what_cannot_be_written_is_told_in_words(sink: AuditSink, holder: Holder) -> None:
+def test_a_failed_write_is_explained_in_words(sink: AuditSink, holder: Holder) -> None:
     full = AuditUnavailable(
         "audit_disk_full", "Not done, because it could not be recorded: the disk is full."
     )
@@ -283,7 +281,7 @@ def test_on_a_full_disk_a_drive_is_not_recorded_and_says_why(
     assert Record.objects.get(pk=sink.begin_drive(holder, START)).kind == "drive.start"
 
 
-def test_a_connection_that_is_kept_is_made_anew_after_a_failure(sink: AuditSink, holder: Holder) -> None:
+def test_a_kept_connection_is_renewed_after_a_failure(sink: AuditSink, holder: Holder) -> None:
     with mock.patch.dict(connection.settings_dict, CONN_MAX_AGE=None):
         connection.close()
         sink.begin_drive(holder, START)
@@ -381,7 +379,7 @@ def held_stick(bench: Bench, seconds: float) -> Refusal | None:
     return refusal
 
 
-def test_on_a_full_disk_nothing_moves_until_there_is_room_again(bench: Bench, disk: Disk) -> None:
+def test_on_a_full_disk_nothing_moves_until_there_is_space(bench: Bench, disk: Disk) -> None:
     disk.fill()
     refusal = held_stick(bench, 0.2)
     assert refusal is not None

@@ -99,7 +99,7 @@ def test_no_allow_list_bypasses_or_blinds_the_chain(tiago: RobotProfile, name: s
         "rosgraph_msgs/Clock",
     ],
 )
-def test_nor_types_whatever_the_topic_is_called(tiago: RobotProfile, type_name: str) -> None:
+def test_forbidden_types_are_refused_under_any_topic_name(tiago: RobotProfile, type_name: str) -> None:
     assert why_denied("publish", "/demo/notes", type_name, profile_topics(tiago))
 
 
@@ -189,13 +189,13 @@ def test_a_wrong_entry_is_refused_at_its_field(
     assert not robot.allowances.exists()
 
 
-def test_what_a_robot_does_not_do_cannot_be_chosen(staff: User) -> None:
+def test_a_missing_capability_cannot_be_chosen(staff: User) -> None:
     base = RobotProfile.objects.get(slug="pmb2")
     told = complaint(base, staff, what="choose", use="speech", name="/tts", type="")
     assert "this robot takes no input for speech" in told["name"][0]
 
 
-def test_the_type_of_what_is_chosen_follows_from_the_robot(robot: Robot, staff: User) -> None:
+def test_the_type_of_a_choice_is_the_robots(robot: Robot, staff: User) -> None:
     allow(robot, staff, what="choose", use="drive", name="/phone_vel", type="")
     assert allowed_on(robot) == (Allowed("choose", "/phone_vel", "geometry_msgs/Twist", "drive", "operator"),)
 
@@ -205,7 +205,7 @@ def test_services_and_parameters_are_for_staff(robot: Robot, staff: User, what: 
     assert allow(robot, staff, what=what, type=type_name, role=Role.OPERATOR).role == Role.STAFF
 
 
-def test_entries_are_on_record(tiago: RobotProfile, staff: User) -> None:
+def test_entries_are_recorded(tiago: RobotProfile, staff: User) -> None:
     entry = allow(tiago, staff)
     entry.role = Role.SUPERVISOR
     entry_save(entry=entry, actor=staff)
@@ -251,7 +251,7 @@ def test_bridge_and_pages_get_the_same_list(robot: Robot, staff: User) -> None:
     assert bridge_config(robot).digest() != before
 
 
-def test_what_an_edit_of_the_robot_forbids_later_is_left_out(robot: Robot, staff: User) -> None:
+def test_entries_forbidden_by_a_later_edit_are_left_out(robot: Robot, staff: User) -> None:
     allow(robot, staff)
     allow(robot, staff, what="choose", use="speech", name="/tts_2", type="")
     robot.overrides = {
@@ -322,14 +322,14 @@ def test_a_new_robot_may_have_one_at_once(admin: Client, tiago: RobotProfile) ->
     assert Robot.objects.get(slug="new").allowances.count() == 1
 
 
-def test_what_no_list_admits_comes_back_with_the_reason(admin: Client, robot: Robot) -> None:
+def test_an_entry_that_no_list_admits_is_refused_with_reason(admin: Client, robot: Robot) -> None:
     url = reverse("admin:robots_robot_change", args=[robot.pk])
     page = admin.post(url, filled(admin, url, **entered(name="/tf", type="std_msgs/String"))).content.decode()
     assert "No allow-list admits /tf: the gate uses frames and clocks." in page
     assert not robot.allowances.exists()
 
 
-def test_one_name_is_there_once(admin: Client, robot: Robot, staff: User) -> None:
+def test_a_name_is_listed_once(admin: Client, robot: Robot, staff: User) -> None:
     allow(robot, staff)
     url = reverse("admin:robots_allowance_add")
     page = admin.post(url, {**NOTES, "robot": robot.pk, "role": "staff"}).content.decode()

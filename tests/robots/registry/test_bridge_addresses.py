@@ -49,7 +49,7 @@ def test_any_number_of_bridges_run_on_this_computer(robot: Robot, other_robot: R
         assert one.bridge_address == ""
 
 
-def test_a_doubled_address_works_until_somebody_edits_it(robot: Robot, other_robot: Robot) -> None:
+def test_a_doubled_address_works_until_it_is_edited(robot: Robot, other_robot: Robot) -> None:
     """Databases from before this rule mark the second robot."""
     robot.bridge_address, other_robot.bridge_address = ADDRESS, f"{ADDRESS}#2"
     assert link_address(robot) == link_address(other_robot)

@@ -14,7 +14,7 @@ from robots.registry.models import Robot
 pytestmark = pytest.mark.django_db
 
 
-def test_who_asks_while_a_check_runs_is_told_so_at_once(staff, signed_in, robot: Robot) -> None:
+def test_a_second_check_is_refused_at_once(staff, signed_in, robot: Robot) -> None:
     client: Client = signed_in(staff)
     with views._probed[robot.id], mock.patch.object(views, "run_checks", autospec=True) as run_checks:
         page = client.get(reverse("robot-check", args=[robot.slug]))

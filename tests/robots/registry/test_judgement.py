@@ -75,7 +75,7 @@ def test_a_robot_that_is_well_gets_nothing_but_ok(config: BridgeConfig, well: Fi
         (DescriptionFound(error="there is none"), "warn", "there is none"),
     ],
 )
-def test_what_the_description_lacks_of_the_arm_is_named(
+def test_links_missing_in_the_description_are_named(
     config: BridgeConfig, well: Findings, found: DescriptionFound, level: str, says: str
 ) -> None:
     description = answer(config, msgspec.structs.replace(well, description=found), "description of the arm")
@@ -97,7 +97,7 @@ def test_a_name_that_does_not_resolve_here_asks_for_an_alias(config: BridgeConfi
     assert '{"tiago-42c": "10.68.0.1"}' in check.advice
 
 
-def test_a_name_with_a_wrong_address_is_told_apart(config: BridgeConfig, well: Findings) -> None:
+def test_a_name_with_a_wrong_address_is_reported(config: BridgeConfig, well: Findings) -> None:
     lost = msgspec.structs.replace(well, hosts=[HostFound("tiago-42c", 9, "10.68.0.9", "timed out")])
     check = answer(config, lost, "names, robot to console")
     assert check.text == "Nodes on tiago-42c (10.68.0.9: timed out) cannot be reached."
@@ -139,7 +139,7 @@ def test_clocks_that_disagree_are_a_warning(
         ({"messages": 0}, "no message came"),
     ],
 )
-def test_what_is_wrong_with_a_topic_is_said_and_what_to_do(
+def test_errors_of_a_topic_are_explained_with_advice(
     config: BridgeConfig, well: Findings, changes: dict[str, Any], said: str
 ) -> None:
     for what, level in (
@@ -239,7 +239,7 @@ class TestPage:
         with mock.patch("robots.registry.views.run_checks", autospec=True, return_value=answers) as asked:
             yield asked
 
-    def test_whoever_may_see_the_robot_reads_every_answer(self, observer: User, signed_in: Any) -> None:
+    def test_everybody_who_sees_the_robot_reads_every_answer(self, observer: User, signed_in: Any) -> None:
         page = signed_in(observer).get(self.ADDRESS).content.decode()
         assert "No ROS master answers." in page
         assert "Is the robot on?" in page
@@ -250,7 +250,7 @@ class TestPage:
         assert signed_in(stranger).get(self.ADDRESS).status_code == 404
         assert not answers.called
 
-    def test_who_is_not_signed_in_is_sent_to_the_door(
+    def test_signed_out_people_are_sent_to_the_sign_in(
         self, robot: Robot, client: Any, answers: mock.Mock
     ) -> None:
         assert client.get(self.ADDRESS, headers={"accept": "text/html"}).status_code == 302

@@ -43,7 +43,7 @@ def test_files_of_other_systems_are_read_as_well() -> None:
     ]
 
 
-def test_what_is_there_twice_is_one_phrase() -> None:
+def test_a_repeated_phrase_is_stored_once() -> None:
     assert read(b"Hello.\nen-gb\tHello.\tgreeting\nfr-FR\tHello.\n") == [
         Line("Hello.", "en-GB"),
         Line("Hello.", "fr-FR"),
@@ -76,7 +76,7 @@ def test_a_bad_line_is_named_by_its_number(content: bytes, said: str) -> None:
     assert caught.value.lines[0].startswith(said)
 
 
-def test_of_many_bad_lines_the_first_ten_are_named() -> None:
+def test_the_first_ten_of_many_bad_lines_are_named() -> None:
     with pytest.raises(Problems) as caught:
         read(b"\t\n" * 3 + b"no\tway\tat\tall\n" * 12)
     assert len(caught.value.lines) == 11
@@ -84,7 +84,7 @@ def test_of_many_bad_lines_the_first_ten_are_named() -> None:
     assert caught.value.lines[-1] == "and 2 more."
 
 
-def test_what_is_written_is_read_as_it_was(tiago: RobotProfile) -> None:
+def test_written_phrases_are_read_back_unchanged(tiago: RobotProfile) -> None:
     lines = [phrase.line for phrase in tiago.phrases.all()]
     assert len(lines) == 24
     assert read(written(lines).encode()) == lines
@@ -127,7 +127,7 @@ def test_a_phrase_belongs_to_a_profile_or_to_a_robot(robot: Robot, tiago: RobotP
 
 
 @pytest.mark.django_db
-def test_what_is_made_changed_and_deleted_is_on_record(robot: Robot, staff: User) -> None:
+def test_creation_change_and_deletion_are_recorded(robot: Robot, staff: User) -> None:
     phrase = make(robot=robot, language="EN-gb", tags="b,a\tb , b")
     entry_save(entry=phrase, actor=staff)
     assert (phrase.language, phrase.tags) == ("en-GB", "b, a b")
@@ -147,7 +147,7 @@ def test_what_is_made_changed_and_deleted_is_on_record(robot: Robot, staff: User
 
 
 @pytest.mark.django_db
-def test_an_import_adds_what_is_not_there_yet_after_the_rest(robot: Robot, staff: User) -> None:
+def test_an_import_appends_missing_phrases(robot: Robot, staff: User) -> None:
     entry_save(entry=make(robot=robot, order=5, tags="kept"), actor=staff)
     lines = [Line("Good day.", "en-GB"), Line("Hello.", "en-GB"), Line("Hola.", "es-ES", ("greeting",))]
     assert phrases_import(owner=robot, lines=lines, actor=staff) == 2
@@ -253,7 +253,7 @@ def test_a_file_is_imported_in_the_admin(admin: Client, robot: Robot, staff: Use
     assert Record.objects.get(kind="phrase.import", robot_id=robot.id).actor_id == str(staff.pk)
 
 
-def test_what_is_wrong_with_a_file_is_said_at_the_file(admin: Client, robot: Robot) -> None:
+def test_errors_of_a_file_are_shown_at_the_file(admin: Client, robot: Robot) -> None:
     page = uploaded(admin, b"Hello.\nx\ty\n", robot=robot.pk).content.decode()
     assert "line 2: “x” is not a language code" in page
     assert not robot.phrases.exists()

@@ -53,7 +53,7 @@ def test_a_practice_robot_drives_speaks_and_has_examples(seed: Any) -> None:
     }
 
 
-def test_started_again_it_leaves_what_people_made_of_it(seed: Any) -> None:
+def test_a_second_start_keeps_peoples_changes(seed: Any) -> None:
     seed()
     robot = Robot.objects.get(slug="p-1")
     robot.allowances.all().delete()

@@ -27,7 +27,7 @@ def last_record() -> Record:
 
 
 @pytest.mark.django_db
-def test_a_robot_that_a_program_deletes_is_on_record(robot: Robot) -> None:
+def test_a_robot_deleted_by_a_program_is_recorded(robot: Robot) -> None:
     gone = robot.id
     robot.delete()
     record = last_record()
@@ -79,7 +79,7 @@ def test_saving_without_a_change_records_nothing(robot: Robot, staff: User) -> N
 
 
 @pytest.mark.django_db
-def test_what_is_not_right_is_neither_saved_nor_recorded(robot: Robot, staff: User) -> None:
+def test_invalid_values_are_neither_saved_nor_recorded(robot: Robot, staff: User) -> None:
     robot.master_uri = "nowhere"
     with pytest.raises(ValidationError):
         services.robot_save(robot=robot, actor=staff)

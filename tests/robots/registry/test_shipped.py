@@ -42,13 +42,13 @@ def texts(profile: RobotProfile) -> list[str]:
     return list(profile.phrases.values_list("text", flat=True))
 
 
-def test_an_update_reaches_a_profile_that_nobody_edited(tiago: RobotProfile, update: Path) -> None:
+def test_an_update_reaches_an_unedited_profile(tiago: RobotProfile, update: Path) -> None:
     profiles_load_shipped(directory=update)
     tiago.refresh_from_db()
     assert tiago.turn_radps == 1.5
 
 
-def test_an_update_that_changes_limits_is_on_record_once(tiago: RobotProfile, update: Path) -> None:
+def test_an_update_of_limits_is_recorded_once(tiago: RobotProfile, update: Path) -> None:
     profiles_load_shipped(directory=update)
     profiles_load_shipped(directory=update)
     (record,) = Record.objects.filter(kind="profile.change")
@@ -59,7 +59,7 @@ def test_an_update_that_changes_limits_is_on_record_once(tiago: RobotProfile, up
     }
 
 
-def test_shipped_data_is_on_record_from_the_start(tmp_path: Path) -> None:
+def test_shipped_data_is_recorded_from_the_start(tmp_path: Path) -> None:
     content = yaml.safe_load((DIRECTORY / "tiago.yaml").read_text())
     (tmp_path / "new.yaml").write_text(yaml.safe_dump({**content, "slug": "tiago-new", "phrases": None}))
     profiles_load_shipped(directory=tmp_path)
@@ -97,7 +97,7 @@ def test_a_speaking_profile_has_24_phrases_in_six_languages(tiago: RobotProfile)
     assert not RobotProfile.objects.get(slug="pmb2").phrases.exists()
 
 
-def test_new_phrases_come_with_an_update_once_and_are_on_record(
+def test_new_phrases_of_an_update_are_added_once_and_recorded(
     tiago: RobotProfile, more_phrases: Path
 ) -> None:
     profiles_load_shipped(directory=more_phrases)
@@ -126,7 +126,7 @@ def test_phrases_that_were_deleted_here_do_not_come_back(tiago: RobotProfile) ->
     assert not tiago.phrases.exists()
 
 
-def test_who_takes_the_shipped_version_takes_its_phrases_too(tiago: RobotProfile, staff: User) -> None:
+def test_taking_the_shipped_version_includes_its_phrases(tiago: RobotProfile, staff: User) -> None:
     tiago.phrases.all().delete()
     assert profile_take_shipped(profile=tiago, actor=staff)
     (file,) = (file for file in profile_files() if file.slug == "tiago")

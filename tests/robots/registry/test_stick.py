@@ -26,7 +26,7 @@ def test_a_robot_takes_its_profiles_steps(robot: Robot) -> None:
     assert bridge_config(robot).stick == (Snap(15.0, 0.25),)
 
 
-def test_the_page_says_what_the_stick_passes(robot: Robot) -> None:
+def test_the_page_shows_the_sticks_filters(robot: Robot) -> None:
     assert robot_facts(robot).stick == "dead zone 0.03, steadied (One-Euro)"
     robot.stick = [{"step": "scale", "w": 0.5}, {"step": "mean"}, {"step": "snap"}]
     assert robot_facts(robot).stick == (
@@ -78,7 +78,7 @@ def test_other_steps_are_news_to_the_bridge(robot: Robot) -> None:
     ],
 )
 @pytest.mark.parametrize("kind", ["robot", "profile"])
-def test_what_is_wrong_is_said_with_its_place(robot: Robot, kind: str, steps: Any, said: str) -> None:
+def test_errors_are_shown_with_their_place(robot: Robot, kind: str, steps: Any, said: str) -> None:
     entry: Robot | RobotProfile = robot if kind == "robot" else robot.profile
     entry.stick = steps
     with pytest.raises(ValidationError) as caught:
@@ -86,9 +86,7 @@ def test_what_is_wrong_is_said_with_its_place(robot: Robot, kind: str, steps: An
     assert said in " ".join(caught.value.message_dict["stick"])
 
 
-def test_the_steps_are_edited_in_the_admin_and_that_is_on_record(
-    robot: Robot, staff: User, signed_in: Any
-) -> None:
+def test_edits_of_the_steps_in_the_admin_are_recorded(robot: Robot, staff: User, signed_in: Any) -> None:
     admin: Client = signed_in(staff)
     url = reverse("admin:robots_robot_change", args=[robot.pk])
     steps = [{"step": "one_euro", "min_hz": 2.0}, {"step": "snap"}]

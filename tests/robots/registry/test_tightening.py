@@ -72,14 +72,14 @@ HEAD = {"topic": "/head_controller/command", "pan_joint": "head_1_joint", "tilt_
         ({"speed": 2}, "speed: there is no such field (there are: gate, limits, topics)"),
     ],
 )
-def test_what_loosens_or_does_not_fit_is_refused_by_name(robot: Robot, overrides: Any, said: str) -> None:
+def test_looser_or_unfit_overrides_are_refused_by_name(robot: Robot, overrides: Any, said: str) -> None:
     robot.overrides = overrides
     with pytest.raises(ValidationError) as caught:
         robot.full_clean()
     assert said in " ".join(caught.value.message_dict["overrides"])
 
 
-def test_what_tightens_reaches_gate_and_page(robot: Robot) -> None:
+def test_tighter_overrides_reach_gate_and_page(robot: Robot) -> None:
     robot.overrides = {
         "limits": {"forward_mps": 0.5, "reverse_mps": 0.0, "blind_mps": 0.2},
         "gate": {"front_margin_m": 0.2, "deceleration_share": 0.5},

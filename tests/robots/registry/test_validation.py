@@ -204,7 +204,7 @@ def test_a_largest_share_is_above_0_and_at_most_1(robot: Robot, share: float) ->
     assert complaint(robot, "max_share")
 
 
-def test_nobody_begins_faster_than_a_beginner(robot: Robot) -> None:
+def test_the_default_speed_is_at_most_0_4_mps(robot: Robot) -> None:
     robot.default_share = 0.6
     assert "0.6 of 1 m/s is 0.6 m/s; nobody begins faster than 0.4 m/s, so at most 0.4" in complaint(
         robot, "default_share"

@@ -88,13 +88,13 @@ def test_a_bridge_that_is_frozen_and_has_no_watchdog_is_silent(path: Path, closi
     assert refused.value.refusal.code == "bridge_silent"
 
 
-def test_where_neither_is_there_the_bridge_is_down(path: Path) -> None:
+def test_without_bridge_and_watchdog_the_bridge_is_down(path: Path) -> None:
     with pytest.raises(LinkRefused) as refused:
         press(path)
     assert refused.value.refusal.code == "bridge_down"
 
 
-def test_what_the_watchdog_refuses_is_refused(path: Path, closing: ExitStack) -> None:
+def test_a_refusal_by_the_watchdog_is_passed_on(path: Path, closing: ExitStack) -> None:
     no = wire.Refusal("other_robot", "Another robot’s.", "robot")
     watchdog = Watchdog(path.with_suffix(".stop"), wire.Refused("link_stop", no))
     closing.callback(watchdog.close)

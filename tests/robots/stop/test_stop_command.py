@@ -93,7 +93,7 @@ def bridge() -> Iterator[Callable[[Robot], Bridge]]:
         yield start
 
 
-def test_all_robots_are_stopped_with_who_and_why(
+def test_all_robots_are_stopped_with_person_and_reason(
     robot: Robot, other_robot: Robot, bridge: Callable[[Robot], Bridge]
 ) -> None:
     bridges = [bridge(robot), bridge(other_robot)]
@@ -191,7 +191,7 @@ def test_without_database_a_restarting_bridge_is_stopped_too(robot: Robot, no_da
     courier.pending_stops().settle(waiting, wire.Refusal("over", "The test is over.", "wire"))
 
 
-def test_without_database_nobody_is_known_by_name(no_database: None) -> None:
+def test_without_database_no_robot_is_known_by_name(no_database: None) -> None:
     with pytest.raises(CommandError, match="Say --all"):
         call_command("stop", "tiago-1", stdout=StringIO())
 

@@ -70,7 +70,7 @@ def test_the_end_of_its_life_line_ends_it_and_words_on_it_do_not(begin) -> None:
     assert process.wait(SOON_S) == 0
 
 
-def test_what_hangs_is_gone_when_its_time_is_over(begin) -> None:
+def test_a_hanging_process_is_killed_after_its_time(begin) -> None:
     process = begin(IMPATIENT, HANGS)
     process.terminate()
     began_s = time.monotonic()

@@ -35,7 +35,7 @@ def told(robot: Robot) -> list[tuple[str, str]]:
     return [(record.parameters["part"], record.outcome) for record in records]
 
 
-def test_a_fault_and_its_end_are_told_once(robot: Robot) -> None:
+def test_a_fault_and_its_end_are_reported_once(robot: Robot) -> None:
     for condition in (WELL, OFFLINE, OFFLINE, Condition("bridge_down"), WELL, WELL):
         part_is(robot.id, ROBOT, condition)
     assert told(robot) == [(ROBOT, "robot_offline"), (ROBOT, "over")]

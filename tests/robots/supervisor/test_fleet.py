@@ -207,7 +207,7 @@ def test_a_locked_database_holds_no_bridge_up(programs: FakePrograms, robot: Rob
         connection.settings_dict["OPTIONS"]["timeout"] = 5
 
 
-def test_one_of_several_hosts_runs_the_robots_it_is_told(
+def test_one_of_several_hosts_runs_only_its_robots(
     programs: FakePrograms, robot: Robot, other_robot: Robot
 ) -> None:
     supervised = Supervised(programs, frozenset({"tiago-2"}))

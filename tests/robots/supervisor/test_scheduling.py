@@ -54,7 +54,7 @@ def test_an_allowed_loop_has_real_time_priority_until_runaway():
     assert (found["thread"], found["child"], found["at_last"]) == (OTHER, OTHER, OTHER)
 
 
-def test_where_it_does_not_nothing_changes():
+def test_without_permission_priority_stays_unchanged():
     found = asked(0)
     assert found["got"] == "ordinary priority"
     assert {found[name] for name in ("loop", "thread", "stop_thread", "child", "at_last")} == {OTHER}

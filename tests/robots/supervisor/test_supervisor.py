@@ -129,7 +129,7 @@ def test_a_bridge_that_lost_its_name_always_starts_again(kept: Kept) -> None:
     assert kept.reports[-1] == (State.BACKING_OFF, lost, None)
 
 
-def test_a_bridge_that_could_not_join_its_robot_is_told_as_that(kept: Kept) -> None:
+def test_a_bridge_that_could_not_join_its_robot_is_reported(kept: Kept) -> None:
     (kept.programs.folder / "crash-fake").write_text(str(EXIT_NOT_JOINED))
     kept.want("fake")
     kept.step(8.0)
@@ -202,7 +202,7 @@ def test_programs_end_when_their_supervisor_is_killed(tmp_path: Path) -> None:
     assert programs.lines() == ["start fake", "end fake"]
 
 
-def test_a_second_supervisor_is_refused_and_told_of_the_first(tmp_path: Path) -> None:
+def test_a_second_supervisor_is_refused_naming_the_first(tmp_path: Path) -> None:
     lock = tmp_path / "fleet.lock"
     with (
         only_instance(lock),
