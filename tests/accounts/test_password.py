@@ -100,6 +100,6 @@ def test_staff_who_edit_themselves_stay_signed_in(staff, signed_in):
 
 @pytest.mark.django_db
 @pytest.mark.parametrize("nobody", ["00000000-0000-0000-0000-000000000000", "nobody"])
-def test_an_erased_accounts_password_is_not_changed(nobody, staff, signed_in):
+def test_a_missing_account_has_no_password_page(nobody, staff, signed_in):
     response = signed_in(staff).post(f"/admin/accounts/user/{nobody}/password/", ADMIN_FORM)
     assert response.status_code == 404
