@@ -94,7 +94,7 @@ def test_the_stick_turns_the_robot_and_letting_go_stops_it(ros, hand):
     hand.state_until(lambda state: state.neutral_needed, "the bridge to ask for a neutral stick")
 
 
-def test_the_drive_is_on_record_from_start_to_end(ros, hand, bridge):
+def test_the_drive_is_recorded_from_start_to_end(ros, hand, bridge):
     with ros.listen(ODOMETRY, Odometry) as odometry:
         hand.stick(0.0, 0.5)
         odometry.until(moving)

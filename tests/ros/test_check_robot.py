@@ -100,7 +100,7 @@ def test_the_simulated_tiago_is_ready_to_be_driven(
     assert running.node in answers["drive"]["text"]
 
 
-def test_a_robot_that_is_off_is_one_answer_with_what_to_do(robot: Robot, rosmaster: Master) -> None:
+def test_a_robot_that_is_off_gives_one_answer_with_advice(robot: Robot, rosmaster: Master) -> None:
     uri = f"http://127.0.0.1:{free_port()}"
     answers = check(robot, rosmaster, master_uri=uri)
     assert list(answers) == ["master"]
@@ -154,7 +154,7 @@ def test_a_clock_an_hour_ahead_is_reported(robot: Robot, ros: RosClient) -> None
     assert "s ahead of the console’s clock" in answers["clock"]["text"]
 
 
-def test_a_topic_of_another_type_is_told_with_both(robot: Robot, ros: RosClient) -> None:
+def test_a_wrong_topic_type_is_reported_with_both_types(robot: Robot, ros: RosClient) -> None:
     with ros.speak("/scan_raw", String, listeners=0):
         answers = check(robot, ros.master)
     assert answers["scan /scan_raw"]["text"] == "/scan_raw is a std_msgs/String, not a sensor_msgs/LaserScan."

@@ -85,7 +85,7 @@ def test_and_not_at_all_if_it_says_none(tmp_path: Path) -> None:
     assert caught.value.refusal.code == "type_unknown"
 
 
-def test_what_was_changed_on_disk_is_not_what_was_told(tmp_path: Path) -> None:
+def test_a_definition_changed_on_disk_is_refused(tmp_path: Path) -> None:
     header = told(LEVEL, "float64 level\n")
     Definitions(tmp_path).of_connection(header)
     assert Definitions(tmp_path).of_type(LEVEL).md5 == header["md5sum"]

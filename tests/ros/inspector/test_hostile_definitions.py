@@ -37,7 +37,7 @@ def nested(array: str, depth: int) -> str:
         ),
     ],
 )
-def test_what_means_too_much_is_refused_in_words(text, why):
+def test_a_definition_of_huge_messages_is_refused(text, why):
     with pytest.raises(Declined) as refused:
         parsed("e/T", text)
     assert refused.value.refusal.code == "bad_definition"
@@ -52,7 +52,7 @@ def test_a_large_but_allowed_definition_is_shown_in_a_line():
     assert len(told) < 1024 * 1024
 
 
-def test_what_a_publisher_says_is_cut_within_a_sentence_of_ours():
+def test_a_publishers_text_is_shortened_in_our_sentences():
     with pytest.raises(Declined) as refused:
         parsed("e/T", f"{'x' * 100_000} y")
     assert len(refused.value.refusal.text) < 1000

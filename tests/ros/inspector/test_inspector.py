@@ -287,7 +287,7 @@ def test_a_definition_with_a_wrong_md5_sum_is_refused(inspector):
             assert inspector.shown("/look/mute", lambda s: s.fields).fields == {"level": 2.0}
 
 
-def test_bytes_that_are_not_of_the_definition_are_told(inspector):
+def test_bytes_that_do_not_fit_the_definition_are_reported(inspector):
     class Cut(Float64):  # claims to be a Float64, and sends half of one
         __slots__ = ()
 
@@ -300,7 +300,7 @@ def test_bytes_that_are_not_of_the_definition_are_told(inspector):
     assert (shown.refusal.code, shown.fields) == ("broken", {})
 
 
-def test_of_a_large_map_and_an_image_the_beginning_is_shown(inspector):
+def test_only_the_start_of_a_large_map_or_image_is_shown(inspector):
     grid = OccupancyGrid(data=[7] * 1_000_000)
     grid.info.width = grid.info.height = 1000
     image = Image(height=480, width=640, encoding="rgb8", step=1920, data=bytes(range(256)) * 3600)
@@ -396,7 +396,7 @@ def test_a_message_grows_older_until_the_next_one_comes(inspector):
         ([0.0, 1000.0, 1000.1, 1000.2], 1000.2, 10.0),  # after a long silence
     ],
 )
-def test_the_rate_of_what_comes_often_seldom_and_no_more(arrivals, now_s, expected):
+def test_rates_of_frequent_rare_and_ended_messages_are_right(arrivals, now_s, expected):
     assert rate_hz(arrivals, now_s) == expected
 
 
@@ -441,7 +441,7 @@ def test_disagreeing_publishers_are_reported_and_shown(inspector, rosmaster):
     assert f"std_msgs/Bool ({Bool._md5sum}), std_msgs/String ({String._md5sum})" in shown.refusal.text
 
 
-def test_nothing_is_subscribed_while_nobody_looks(inspector, rosmaster):
+def test_without_viewers_no_topic_is_subscribed(inspector, rosmaster):
     with talking("/look/seldom", Empty()):
         inspector.look(**{"look/seldom": 10.0})
         inspector.shown("/look/seldom", lambda s: s.number)
@@ -468,7 +468,7 @@ def test_the_graph_has_topics_types_nodes_but_no_inspector(inspector):
     assert not any("fleet_inspector" in service.name for service in graph.services)
 
 
-def test_an_action_is_told_by_its_type(inspector):
+def test_an_action_is_recognised_by_its_type(inspector):
     goal = rospy.Subscriber("/ask/say/goal", tts("ActionGoal"))
     cancel = rospy.Subscriber("/ask/say/cancel", String)
     answers = [
@@ -503,7 +503,7 @@ def test_five_hundred_topics_are_listed_at_once(inspector, rosmaster):
     assert took_s < 2.0
 
 
-def test_a_type_that_nobody_knows_is_refused_in_words(inspector):
+def test_an_unknown_type_is_refused_in_words(inspector):
     refused = inspector.ask(wire.Describe("nobody_msgs/Nothing", seq=5))
     assert (refused.refusal.code, refused.of, refused.seq) == ("type_unknown", "describe", 5)
 
@@ -586,7 +586,7 @@ def test_a_service_is_described_and_called_by_allow_list(inspector):
         assert inspector.ask(wire.CallService("/door", {"data": True})).refusal.code == "not_allowed"
 
 
-def test_a_service_that_hangs_fails_or_is_not_there_is_told(inspector):
+def test_a_hanging_failing_or_missing_service_is_reported(inspector):
     let_go = threading.Event()
     with serving("/slow", Trigger, lambda _: let_go.wait(PATIENCE_S) and TriggerResponse()):
         assert inspector.ask(wire.CallService("/slow")).refusal.code == "service_silent"

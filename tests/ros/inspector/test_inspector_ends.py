@@ -85,7 +85,7 @@ def test_a_message_waiting_for_listeners_is_dropped_at_a_halt(inspector, ros, gh
         assert notes.drain() == []
 
 
-def test_a_halt_ends_what_is_published_at_a_rate(inspector, ros):
+def test_a_halt_ends_publishing_at_a_rate(inspector, ros):
     checked(inspector, note("on and on", 50.0))
     with ros.listen(NOTES, String) as notes:
         inspector.send(note("on and on", 50.0))
@@ -129,7 +129,7 @@ def test_without_a_sign_of_life_nothing_is_published_at_a_rate(inspector, ros):
         assert inspector.done(lambda number: HaltPublishing(number)) is None
 
 
-def test_what_nobody_waits_for_any_more_is_not_carried_out(inspector):
+def test_requests_without_a_waiting_asker_are_dropped(inspector):
     calls = []
     with serving("/lamp", SetBool, lambda request: calls.append(request) or SetBoolResponse()):
         late_s = time.monotonic()
@@ -172,7 +172,7 @@ def test_an_answer_with_a_too_long_line_is_refused(rosmaster, tmp_path, monkeypa
     assert b"too_large" in said.get(timeout=PATIENCE_S)
 
 
-def test_who_publishes_is_told_with_the_message(inspector):
+def test_a_sample_names_its_publishers(inspector):
     with talking("/look/who", Empty()):
         inspector.look(**{"look/who": 10.0})
         shown = inspector.shown("/look/who", lambda s: s.number)
@@ -180,7 +180,7 @@ def test_who_publishes_is_told_with_the_message(inspector):
     assert shown.publisher_names == [rospy.get_name()]
 
 
-def test_who_only_looks_is_no_listener(inspector, ros):
+def test_a_subscription_by_a_page_is_no_listener(inspector, ros):
     with talking("/look/heard", String("hello")) as publisher:
         inspector.look(**{"look/heard": 10.0})
         inspector.shown("/look/heard", lambda s: s.number)
@@ -218,7 +218,7 @@ def test_with_a_thread_that_publishes_the_process_ends(rosmaster, ros, tmp_path,
     assert given_up.wait(PATIENCE_S)
 
 
-def test_what_another_process_checked_is_judged_again(rosmaster, ros, tmp_path):
+def test_a_message_checked_by_another_process_is_checked_again(rosmaster, ros, tmp_path):
     """An inspector started after the check publishes only by the allow-list."""
     inspector = answers.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
     with pytest.raises(Declined):

@@ -108,7 +108,7 @@ def test_topics_are_listed_and_shown_on_every_link(bridge, hand):
     other.close()
 
 
-def test_the_holder_publishes_by_allow_list_on_record(bridge, holder, ros):
+def test_the_holder_publishes_by_allow_list_recorded(bridge, holder, ros):
     fence = holder.fence
     with ros.listen("/notes", String) as notes, ros.listen("/visit_pose", PoseStamped) as poses:
         note = wire.Publish(fence, "/notes", "std_msgs/String", {"data": "hello"}, seq=101)
@@ -140,7 +140,7 @@ def test_forbidden_messages_are_refused_before_recording(bridge, holder):
     assert bridge.records.read_text() == before
 
 
-def test_an_emergency_stop_ends_what_is_published(bridge, holder, ros):
+def test_an_emergency_stop_ends_publishing(bridge, holder, ros):
     fence = holder.fence
     with ros.listen("/notes", String) as notes:
         order = wire.Publish(fence, "/notes", "std_msgs/String", {"data": "on"}, 50.0, seq=121)

@@ -74,7 +74,7 @@ def topic(*listeners):
     return SimpleNamespace(impl=SimpleNamespace(connections=[listener.connection for listener in listeners]))
 
 
-def test_what_is_acknowledged_at_once_took_no_time(listen):
+def test_an_immediate_acknowledgement_took_no_time(listen):
     robot, echoes = listen(), Acknowledgements("127.0.0.1")
     told = []
     for period in range(5):
@@ -117,7 +117,7 @@ def test_remote_viewers_are_not_awaited_remote_robots_are(listen):
     assert looked(3.0, robot, onlooker) == 0.0
 
 
-def test_a_connection_that_rospy_has_closed_tells_nothing_more(listen):
+def test_a_connection_closed_by_rospy_no_longer_counts(listen):
     robot, echoes = listen(), Acknowledgements("127.0.0.1")
     robot.connection.write(52)
     echoes.wrote(topic(robot), 0.0)

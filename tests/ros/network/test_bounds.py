@@ -182,7 +182,7 @@ class _Speaker:
         self.dropped.append(why)
 
 
-def test_of_a_source_the_newest_waits_and_one_call_at_most():
+def test_only_the_newest_message_of_a_source_waits():
     loop, done = _Loop(), []
     mail = Mailboxes(loop.later)
     for number in range(1000):
@@ -196,7 +196,7 @@ def test_of_a_source_the_newest_waits_and_one_call_at_most():
     assert done[-1] == "again"
 
 
-def test_deferrable_work_wakes_nobody_and_goes_first():
+def test_deferrable_work_wakes_no_thread_and_goes_first():
     loop, done, hurry = _Loop(), [], [False]
     mail = Mailboxes(loop.later, lambda: hurry[0])
     for number in range(3):
@@ -359,7 +359,7 @@ def test_a_call_with_a_body_of_4_gb_is_refused_at_its_header():
         connection.close()
 
 
-def test_callers_who_say_nothing_keep_nobody_out():
+def test_silent_callers_lock_no_other_out():
     with call_server() as server:
         silent = [socket.create_connection(server.server_address) for _ in range(2 * doors.MOST_CALLERS)]
         with xmlrpc.client.ServerProxy("http://{}:{}/".format(*server.server_address)) as proxy:
@@ -420,7 +420,7 @@ class _Topics:
         self.came.set()
 
 
-def test_a_listener_that_declares_4_gb_delays_nobody():
+def test_a_listener_that_declares_4_gb_delays_no_other():
     topics, ours = _Topics(), []
     for said in (b"", struct.pack("<I", 0xFFFFFFFF) + bytes(100_000)):
         near, far = socket.socketpair()
@@ -494,7 +494,7 @@ def test_more_unread_listeners_do_not_wait_longer():
     assert 0.0 < patience_s < 0.03  # the kernel's clock has steps of some milliseconds
 
 
-def test_of_listeners_there_are_not_too_many(monkeypatch):
+def test_the_number_of_listeners_is_limited(monkeypatch):
     crowd = SimpleNamespace(connections=[object()] * doors.MOST_LISTENERS)
     monkeypatch.setattr(
         doors, "get_topic_manager", lambda: SimpleNamespace(get_publisher_impl=lambda _: crowd)

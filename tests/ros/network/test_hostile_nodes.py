@@ -55,7 +55,7 @@ def told(value: str) -> bytes:
 
 
 @pytest.mark.parametrize("answer", [b"<", b"", b"hello", told("<int>5</int>"), told("<string>x</string>")])
-def test_what_is_no_master_is_an_error_of_the_masters(answer):
+def test_a_server_that_is_no_master_is_a_masters_error(answer):
     with answering(answer) as uri, pytest.raises(MasterError, match="No ROS master"):
         Master(uri, "/test").alive()
 

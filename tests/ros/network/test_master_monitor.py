@@ -168,7 +168,7 @@ def test_a_failed_task_is_not_repeated_in_the_process(rosmaster, soon):
     assert before == ["refused: The bridge could not join the robot ([Errno 28] No space left on device)."]
 
 
-def test_a_master_restarted_during_joining_is_told_everything(make_master, soon, monkeypatch):
+def test_a_master_restarted_during_joining_gets_everything(make_master, soon, monkeypatch):
     master = make_master()
     told_again = []
     monkeypatch.setattr(master_monitor, "register_again", told_again.append)
@@ -183,7 +183,7 @@ def test_a_master_restarted_during_joining_is_told_everything(make_master, soon,
     assert len(told_again) == 1
 
 
-def test_the_watcher_outlives_whatever_fails_in_it(rosmaster, soon, monkeypatch):
+def test_the_master_monitor_survives_its_failures(rosmaster, soon, monkeypatch):
     class Failing(Told):
         def surveyed(self, system) -> None:
             super().surveyed(system)

@@ -100,7 +100,7 @@ def test_endless_frames_neither_fill_nor_stop_the_bridge(attacked):
     hand.send(wire.Revoke(10, "the test is over"))
 
 
-def test_a_cut_off_publisher_is_heard_again_once_it_behaves(attacked):
+def test_a_cut_off_publisher_is_heard_again_when_it_behaves(attacked):
     """The publisher first sends a broken message, later correct battery levels."""
     hand, levels = attacked.hand, iter([b"\xff" * 4, *[strangers.framed(b"\0\0\x28\x42")] * 1000])
     with strangers.Node(attacked.master.uri, "/mended") as node:

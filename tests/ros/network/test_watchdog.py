@@ -271,7 +271,7 @@ def test_a_short_thief_of_the_bridges_name_leaves_a_live_bridge(
     assert bridge.process.wait(PATIENCE_S) == EXIT_NAME_LOST
 
 
-def test_nobodys_shutdown_call_ends_bridge_or_watchdog(
+def test_no_shutdown_call_ends_bridge_or_watchdog(
     hand: Hand, bridge: BridgeProcess, watchdog: WatchdogProcess, rosmaster: Master, config: BridgeConfig
 ) -> None:
     for node in (BRIDGE, watchdog_name(config.robot_id)):
@@ -284,7 +284,7 @@ def test_nobodys_shutdown_call_ends_bridge_or_watchdog(
     assert (bridge.process.poll(), watchdog.process.poll()) == (None, None)
 
 
-def test_whoever_takes_the_watchdogs_name_does_not_keep_it(
+def test_a_node_that_takes_the_watchdogs_name_loses_it(
     watchdog: WatchdogProcess, rosmaster: Master, config: BridgeConfig, zeros: Zeros
 ) -> None:
     name = watchdog_name(config.robot_id)

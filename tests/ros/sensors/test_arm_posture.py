@@ -74,7 +74,7 @@ def arm(monkeypatch):
     return Listener(monkeypatch)
 
 
-def test_two_nodes_that_tell_of_some_joints_each_are_both_heard(arm):
+def test_joint_states_of_two_nodes_are_combined(arm):
     for _ in range(10):
         arm.after(0.1, gripper=0.04)
         arm.after(0.001, shoulder=0.0, elbow=2.5)
@@ -108,7 +108,7 @@ def test_a_finished_motion_leaves_the_arm_as_its_table_says(arm):
 
 
 @pytest.mark.parametrize("lost", ["", "never heard of again"])
-def test_a_goal_whose_end_nobody_can_tell_spoils_no_later_one(arm, lost):
+def test_a_goal_with_unknown_end_affects_no_later_one(arm, lost):
     arm.begun(lost, "offer")
     arm.ended("/play_motion-1-100.0")
     assert arm.after(shoulder=1.0, elbow=0.0) == NOWHERE
@@ -117,7 +117,7 @@ def test_a_goal_whose_end_nobody_can_tell_spoils_no_later_one(arm, lost):
     assert arm.after(shoulder=1.0, elbow=0.0) == OFFERED
 
 
-def test_what_is_seen_while_the_arm_moves_may_be_the_arm(arm):
+def test_points_seen_during_arm_motion_may_be_the_arm(arm):
     arm.posture.describe(DESCRIPTION)
     moving = [arm.after(shoulder=0.1 * step, elbow=0.0).reach for step in range(5)]
     assert moving == [(0.0, 0.0, ARM.reach_m + END_M)] * 5
@@ -155,7 +155,7 @@ def test_the_hand_belongs_to_the_arm_without_description(arm, lacks_hand):
             assert any(radius > HAND_M for _, _, radius in told.discs), "the hull has it too"
 
 
-def test_of_an_arm_of_a_thousand_links_some_are_looked_at(arm):
+def test_an_arm_of_a_thousand_links_is_sampled(arm):
     more = "".join(
         f'<joint name="j{n}" type="fixed"><parent link="hand"/><child link="f{n}"/></joint>'
         for n in range(1000)

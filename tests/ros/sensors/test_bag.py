@@ -46,7 +46,7 @@ def filled(path, *, odometry=True):
     return path
 
 
-def test_the_commands_of_a_bag_are_judged_by_what_the_bag_saw(tmp_path):
+def test_commands_of_a_bag_are_judged_by_its_sensor_data(tmp_path):
     told = list(bag.drive(filled(tmp_path / "drive.bag"), Gate(PROFILE), TOPICS))
     assert len(told) == 20
     assert [told[0][0], told[-1][0]] == pytest.approx([1000.0, 1001.9])
@@ -55,7 +55,7 @@ def test_the_commands_of_a_bag_are_judged_by_what_the_bag_saw(tmp_path):
 
 
 @pytest.mark.parametrize(("position", "held"), [(0.02, False), (0.5, True)])
-def test_joint_states_of_a_bag_tell_whether_the_arm_is_at_home(tmp_path, position, held):
+def test_joint_states_of_a_bag_show_if_the_arm_is_at_home(tmp_path, position, held):
     topics = structs.replace(
         TOPICS, joint_states=Topic("/joint_states", "sensor_msgs/JointState"), arm=ArmSource({"arm": 0.0}, [])
     )

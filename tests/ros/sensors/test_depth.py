@@ -147,7 +147,7 @@ def test_a_dead_camera_is_said_within_a_second(ros, rosmaster, stage, tmp_path):
         hand.state_until(lambda state: not depth_limits(state), "a free way ahead again")
 
 
-def test_asked_to_look_ahead_the_head_does_and_it_is_on_record(ros, rosmaster, stage, tmp_path):
+def test_the_head_looks_ahead_on_request_and_this_is_recorded(ros, rosmaster, stage, tmp_path):
     with (
         bridge(rosmaster, tmp_path, IMAGES, head=HEAD) as hand,
         ros.listen("/joint_states", JointState) as joints,

@@ -73,7 +73,7 @@ def test_a_picture_waits_for_the_frames_of_its_stamp(frames):
         ("camera", 9.0, "tf does not tell where head was then"),
     ],
 )
-def test_what_tf_does_not_tell_is_said(frames, frame, stamp_s, says):
+def test_a_missing_transform_is_reported(frames, frame, stamp_s, says):
     with pytest.raises(PoseUnknown, match=says):
         frames.place(frame, stamp_s, patience_s=0.01)
 
@@ -90,7 +90,7 @@ def test_a_hole_is_not_bridged(frames):
         frames.place("camera", 10.9, patience_s=0.0)
 
 
-def test_a_clock_that_was_set_back_begins_anew(frames):
+def test_a_clock_that_was_set_back_starts_again(frames):
     for stamp_s in (3.0, 3.1):
         frames.hear(raw(told("base", "head", stamp_s, (0.0, 0.0, 2.0))), fixed=False)
     assert frames.place("camera", 3.05, patience_s=0.0)[2, 3] == 2.0

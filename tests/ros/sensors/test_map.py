@@ -75,7 +75,7 @@ def test_the_map_pose_is_known_without_a_depth_camera(ros):
     until(lambda: tf.map_to_odom() is None, "nothing is known any more")
 
 
-def test_a_bridge_takes_the_map_once_somebody_has_control(rosmaster, tmp_path):
+def test_a_bridge_takes_the_map_when_control_is_taken(rosmaster, tmp_path):
     config = tiago_config(rosmaster, tmp_path, topics={"map": MAP})
     with running_bridge(config, rosmaster, tmp_path) as (bridge, hand):
         hand.state_until(lambda state: state.phase == "online", "a robot")
@@ -110,7 +110,7 @@ def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):
         (Topic("/mobile_base_controller/odom", MAP.type), "tells a nav_msgs/Odometry"),
     ],
 )
-def test_where_there_is_no_map_it_says_why(rosmaster, topic, why):
+def test_a_missing_map_is_explained(rosmaster, topic, why):
     found = take(MapWanted(rosmaster.uri, topic))
     assert isinstance(found, NoMap)
     assert why in found.why

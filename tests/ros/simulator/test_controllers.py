@@ -80,7 +80,7 @@ def test_a_command_moves_the_joints(ros, controller, joints, positions):
         states.until(lambda message: all(at(*pair)(message) for pair in zip(joints, positions, strict=True)))
 
 
-def test_a_goal_is_reached_and_its_state_told(ros):
+def test_a_goal_is_reached_and_its_state_reported(ros):
     state_type = message_class("control_msgs/JointTrajectoryControllerState")
     with ros.listen("/head_controller/state", state_type) as states:
         with following(ros, "head_controller") as (begin, result, _):

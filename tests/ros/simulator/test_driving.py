@@ -137,7 +137,7 @@ def test_not_a_number_is_ignored(ros, odometry):
         assert drive(keys, forward(0.2), odometry, 25).twist.twist.linear.x == pytest.approx(0.2, abs=0.02)
 
 
-def test_driving_into_a_wall_is_told_as_ground_truth(ros, odometry):
+def test_contact_with_a_wall_is_published_as_ground_truth(ros, odometry):
     with (
         ros.listen("/ground_truth/contacts", String) as contacts,
         ros.speak("/ground_truth/teleport", Pose2D) as teleport,

@@ -138,7 +138,7 @@ def test_motions_are_listed_without_durations():
     assert {motion.duration.to_sec() for motion in listed.motions} == {0.0}
 
 
-def test_it_tells_whether_it_is_already_there():
+def test_the_action_says_if_the_arm_is_already_there():
     ask = rospy.ServiceProxy(
         "/play_motion/is_already_there", service_class("play_motion_msgs/IsAlreadyThere")
     )

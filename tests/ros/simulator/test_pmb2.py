@@ -12,7 +12,7 @@ def robot(ros, simulator):
     return simulator(pose="2,1.8,0", base="pmb2", seed=1)
 
 
-def test_its_wheels_are_told_and_turn(ros):
+def test_wheel_joints_are_published_and_turn(ros):
     with (
         ros.listen("/joint_states", JointState) as joints,
         ros.speak("/mobile_base_controller/cmd_vel", Twist) as command,

@@ -111,7 +111,7 @@ def test_the_base_feels_gravity_and_the_wrist_its_hand(ros):
         assert wrist.next().wrench.force.z < 0.0
 
 
-def test_the_battery_is_told(ros):
+def test_the_battery_is_published(ros):
     with (
         ros.listen("/power/battery_level", Float32) as level,
         ros.listen("/power/is_charging", Bool) as charging,
@@ -120,7 +120,7 @@ def test_the_battery_is_told(ros):
         assert charging.next().data is False
 
 
-def test_depth_is_sent_while_somebody_looks(ros):
+def test_depth_is_sent_while_a_node_subscribes(ros):
     with (
         ros.listen("/xtion/depth_registered/image_raw", Image) as images,
         ros.listen("/xtion/depth_registered/camera_info", CameraInfo) as infos,
@@ -180,7 +180,7 @@ def test_dead_odometry_is_silent(ros):
         odometry.next()
 
 
-def test_a_point_cloud_comes_to_who_asks_for_it_alone(ros):
+def test_a_point_cloud_is_sent_only_on_request(ros):
     with ros.listen("/xtion/depth_registered/points", PointCloud2) as clouds:
         cloud = clouds.next()
     assert cloud.header.frame_id == "xtion_rgb_optical_frame"

@@ -114,7 +114,7 @@ def test_a_vanished_chosen_topic_is_reported_and_recorded(ros, talk):
     hand.send(wire.LinkSubscribe({}))
 
 
-def test_what_the_robot_does_not_have_is_refused(hand):
+def test_a_choice_that_the_robot_lacks_is_refused(hand):
     refused = hand.ask(wire.Choose(1, "motions", "/nowhere", seq=next(_numbers)))
     assert refused.code == "not_allowed"
     refused = hand.ask(wire.Choose(1, "motions", "/second_play", seq=next(_numbers)))

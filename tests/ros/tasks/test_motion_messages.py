@@ -94,7 +94,7 @@ def result(status, code, words=""):
     ("code", "words"),
     [*((getattr(CODES, name), words) for name, words in ERRORS.items()), (-99, "error code -99")],
 )
-def test_each_error_code_is_told_in_words_before_the_robots_own(motions, heard, code, words):
+def test_each_error_code_is_explained_before_the_robots_text(motions, heard, code, words):
     with action(result(GoalStatus.ABORTED, code, "arm_controller")):
         motions.play(f"{OURS}one", "wave", ACTION)
         told = f"{words[0].upper()}{words[1:]}: arm_controller"

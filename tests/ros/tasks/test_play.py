@@ -109,7 +109,7 @@ def perform(hand, motion, meanwhile=lambda: None):
     raise AssertionError(ended)
 
 
-def test_with_room_it_is_performed_and_its_end_is_on_record(ros, rosmaster, tmp_path):
+def test_with_space_it_is_performed_and_its_end_recorded(ros, rosmaster, tmp_path):
     with at(ros, IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, process):
 
         def push():
@@ -152,7 +152,7 @@ def test_an_intruder_cancels_it(ros, rosmaster, tmp_path):
             person.publish(FAR_AWAY)
 
 
-def test_who_may_cancels_it_by_its_goal(ros, rosmaster, tmp_path):
+def test_people_with_the_right_cancel_it_by_its_goal(ros, rosmaster, tmp_path):
     with at(ros, IN_THE_OPEN), bridge(rosmaster, tmp_path) as (hand, process):
         begun = play(hand, "inspect_surroundings")
         hand.send(wire.LinkCancel("motion", "Sue", seq=3))

@@ -59,7 +59,7 @@ def test_new_listeners_are_reported_except_own_nodes(ros, node, told):
         sender.close()
 
 
-def test_a_message_reaches_each_who_begins_to_listen_in_time(ros, sender):
+def test_a_message_reaches_each_subscriber_that_joins_in_time(ros, sender):
     sender.send(String("hello"))
     with ros.listen(topic(sender), String) as first:
         assert first.next().data == "hello"

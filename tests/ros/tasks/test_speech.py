@@ -54,7 +54,7 @@ def voice(ros):
         yield Voice(goals, cancels, feedback, results)
 
 
-def test_it_speaks_and_tells_each_word(voice):
+def test_it_speaks_and_reports_each_word(voice):
     goal_id = voice.say("hello lab")
     result = voice.result(goal_id)
     assert result.status.status == GoalStatus.SUCCEEDED
@@ -144,7 +144,7 @@ class TestPalsVoice:
         expected = ["speech.start hola a todos es-ES /tts", "speech.end done"]
         until(lambda: records()[-2:] == expected, "both on record")
 
-    def test_a_cancelled_sentence_ends_and_nobody_elses(self, ros, voice, talk):
+    def test_only_the_cancelled_sentence_ends(self, ros, voice, talk):
         hand, _ = talk
         said = word_of(hand, LONG)
         refused = hand.ask(wire.Say(1, "another one", "en-GB", seq=next(_numbers)))
@@ -165,7 +165,7 @@ class TestPalsVoice:
             )
             status.settle()
 
-    def test_what_the_robot_will_not_say_fails_in_its_own_words(self, talk):
+    def test_a_text_refused_by_the_robot_fails_in_its_words(self, talk):
         hand, records = talk
         hand.send(wire.Say(1, "saluton", "eo"))  # none of its languages: sent unchanged
         ended = hand.state_until(
