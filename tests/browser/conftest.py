@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import Browser, sync_playwright
 
 from script.stack.stack import PracticeRobot, Stack
-from tests.browser.people import Person
+from tests.browser.people import Person, running_stack
 
 CHROMIUM = "/usr/bin/chromium"
 ARGUMENTS = [
@@ -43,15 +43,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(scope="package")
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     """The running console on a free port."""
-    stack = Stack(tmp_path_factory.mktemp("stack"), robots=ROBOTS)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("DJANGO_SETTINGS_MODULE", raising=False)  # the stack runs the product's settings
-        stack.launch()
-    try:
-        stack.wait_ready()
+    with running_stack(tmp_path_factory.mktemp("stack"), ROBOTS) as stack:
         yield stack
-    finally:
-        stack.end()
 
 
 @pytest.fixture(scope="package")

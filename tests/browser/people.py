@@ -7,16 +7,17 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
 from playwright.sync_api import Browser, Locator, Page, WebSocket, expect
 
 from script.stack.client import Console
 from script.stack.places import REPOSITORY
-from script.stack.stack import SimulatedRobot
+from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
 
 PATIENCE_S = 30.0
 expect.set_options(timeout=1000.0 * PATIENCE_S)
@@ -184,6 +185,17 @@ class Person:
         assert box is not None
         return 0.45 * min(box["width"], box["height"])
 
+    def drag_stick(self, right: float, up: float) -> None:
+        """Press the mouse on the joystick's middle and move it there; 1 is beyond full stick. It stays down."""
+        self.page.mouse.move(*self.middle_of("zone"))
+        self.page.mouse.down()
+        self.move_stick(right, up)
+
+    def move_stick(self, right: float, up: float) -> None:
+        """Move the mouse to this place on the joystick; 1 is beyond full stick."""
+        x, y = self.middle_of("zone")
+        self.page.mouse.move(x + self.stick_reach * right, y - self.stick_reach * up)
+
     def push(self, *keys: str, until: Callable[[], Any], what: str) -> None:
         """Hold these keys until a condition is true; they stay down.
 
@@ -234,6 +246,20 @@ class Person:
         self.until(
             lambda: all(abs(self.state["odometry"][axis]) < 0.02 for axis in ("vx", "vy", "w")), "standstill"
         )
+
+
+@contextmanager
+def running_stack(folder: Path, robots: Sequence[PracticeRobot]) -> Iterator[Stack]:
+    """A console with these robots, for the length of a `with` block."""
+    stack = Stack(folder, robots=robots)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("DJANGO_SETTINGS_MODULE", raising=False)  # the stack runs the product's settings
+        stack.launch()
+    try:
+        stack.wait_ready()
+        yield stack
+    finally:
+        stack.end()
 
 
 @contextmanager

@@ -193,7 +193,7 @@ def logged(person: Person) -> list[str]:
     return list(dict.fromkeys(text for text in told if "no answer within" not in text))
 
 
-def test_what_a_person_does_about_control_is_told_once_each(person: Arrive) -> None:
+def test_each_control_action_gives_one_notice(person: Arrive) -> None:
     operator, supervisor = person("operator"), person("supervisor")
     operator.take("tiago-2")
     supervisor.watch("tiago-2")

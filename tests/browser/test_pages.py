@@ -92,7 +92,7 @@ def test_axe_accepts_control_stopped_page_and_dialogs(person: Arrive, theme: str
 
 
 @pytest.mark.parametrize(("width", "height"), [*SIZES, (1024, 768)])
-def test_joystick_and_stop_are_in_sight_whatever_the_window(person: Arrive, width: int, height: int) -> None:
+def test_joystick_and_stop_are_visible_in_every_window(person: Arrive, width: int, height: int) -> None:
     operator = person("operator", width=width, height=height, touch=width < 1000)
     operator.take("tiago-1")
     everything_is_in_sight(operator, width, height)

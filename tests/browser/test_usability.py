@@ -17,27 +17,14 @@ from playwright.sync_api import Browser, expect
 from script.stack.places import REPOSITORY
 from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
 from tests.browser.course import SHARE, START, Follower, pushed
-from tests.browser.people import Person, robot_side
+from tests.browser.people import Person, robot_side, running_stack
 
 STICK_PERIOD_MS = 30
 PATIENCE_S = 60.0
 TRIES = 3  # a busy machine may interrupt the driver; this is no fault of the page
 SLOWER_AT_MOST = 1.15  # ratio: joystick on the page with the gate, to keys at the robot
+# Two robots at the same start in separate offices: one driven through the gate, one without.
 DRIVEN, BESIDE = (PracticeRobot(f"tiago-{number}", f"TIAGo {number}", START) for number in (1, 2))
-
-
-@contextmanager
-def started(folder: Path) -> Iterator[Stack]:
-    """Two robots at the same start in separate offices: one driven through the gate, one without."""
-    stack = Stack(folder, robots=(DRIVEN, BESIDE))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("DJANGO_SETTINGS_MODULE", raising=False)
-        stack.launch()
-    try:
-        stack.wait_ready()
-        yield stack
-    finally:
-        stack.end()
 
 
 class Grip(NamedTuple):
@@ -81,7 +68,7 @@ class Tasks:
 def test_the_usability_tasks(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> None:
     for _ in range(TRIES):
         folder = tmp_path_factory.mktemp("usability")
-        with started(folder) as stack:
+        with running_stack(folder, (DRIVEN, BESIDE)) as stack:
             ratio, seized = do_tasks(stack, browser, folder / "contacts")
         print(
             f"the course: {ratio:.2f} times as long as by keys without gate, the stick seized {seized} times"
