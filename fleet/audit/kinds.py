@@ -58,7 +58,7 @@ KINDS: dict[str, Kind] = {
     "motion.end": _motion(_("end of motion")),
     "motion.cancel": _motion(_("motion cancelled")),
     "head.look_ahead": _motion(_("look ahead")),
-    "memory.forget": _motion(_("told to forget what was seen")),
+    "memory.forget": _motion(_("asked to forget obstacles")),
     "gate.begin": _refusal(_("gate held back")),
     "gate.end": _refusal(_("gate let go")),
     "refusal": _refusal(_("refused")),

@@ -52,7 +52,7 @@ class AllowanceInline(admin.TabularInline):  # type: ignore[type-arg]  # not sub
     formset = SpokenFormSet
     extra = 0
     fields = ["what", "use", "name", "type", "role"]
-    verbose_name_plural = _("allow-list (what is not there, nobody may)")
+    verbose_name_plural = _("allow-list (everything else is forbidden)")
 
 
 class EntryAdmin(RecordedAdmin):
@@ -165,7 +165,7 @@ class ImportForm(forms.Form):
         max_length=35,
         required=False,
         label=_("Language"),
-        help_text=_("Of lines without one, such as en-GB. Empty: the robot’s first."),
+        help_text=_("Language of lines without one, such as en-GB. Empty: the robot’s first."),
     )
     replace = forms.BooleanField(
         required=False, label=_("Replace"), help_text=_("Instead of what is there; otherwise after it.")

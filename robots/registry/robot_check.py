@@ -81,7 +81,7 @@ def _elsewhere(robot: Robot) -> Iterator[Check]:
             _("asked from here"),
             WARN,
             _("This computer asked, but the robot’s bridge runs at %s.") % robot.bridge_address,
-            _("What counts is the answer of manage.py check_robot %s on that computer.") % robot.slug,
+            _("Run manage.py check_robot %s on that computer: its answer counts.") % robot.slug,
         )
 
 
@@ -301,7 +301,7 @@ def _others(topic: str, nodes: list[str]) -> Check:
         return Check(name, OK, _("Nobody else publishes to %s.") % topic)
     text = _("%(nodes)s publishes to %(topic)s too, past the console’s gate.")
     words = {"nodes": _and(nodes), "topic": topic}
-    return Check(name, WARN, text % words, _("Stop it, or choose a drive topic of the console’s own."))
+    return Check(name, WARN, text % words, _("Stop it, or choose a drive topic that only the console uses."))
 
 
 def _and(names: list[str]) -> str:

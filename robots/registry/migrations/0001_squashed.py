@@ -37,7 +37,7 @@ class Migration(migrations.Migration):
                 ("slug", models.SlugField(help_text="Short name in addresses and commands, such as tiago-1.", unique=True, verbose_name="slug")),
                 ("name", models.CharField(max_length=80, verbose_name="name")),
                 ("enabled", models.BooleanField(default=True, help_text="Untick to take the robot out of service: it is stopped, its bridge ends within 3 s.", verbose_name="enabled")),
-                ("practice", models.BooleanField(default=False, help_text="Shown as a practice robot, so that nobody takes it for a real one.", verbose_name="simulated")),
+                ("practice", models.BooleanField(default=False, help_text="The pages mark it as a practice robot, so that nobody mistakes it for a real one.", verbose_name="simulated")),
                 ("master_uri", models.CharField(help_text="ROS_MASTER_URI of the robot, such as http://tiago-42c:11311.", max_length=200, verbose_name="ROS master")),
                 ("advertised_address", models.CharField(blank=True, help_text="What the console calls itself to this robot, so that the robot can call back: this computer’s address in the robot’s network, such as 10.68.0.2. Empty: this computer’s host name.", max_length=200, verbose_name="advertised address")),
                 ("host_aliases", models.JSONField(blank=True, default=dict, help_text='Host names that the robot’s nodes use and this network does not know, with addresses: {"tiago-42c": "10.68.0.1"}.', verbose_name="host aliases")),
@@ -46,7 +46,7 @@ class Migration(migrations.Migration):
                     "drive_topic",
                     models.CharField(
                         blank=True,
-                        help_text="Empty: the profile’s. See there what the choice means.",
+                        help_text="Empty: the profile’s choice. The profile explains it.",
                         max_length=200,
                         validators=[django.core.validators.RegexValidator("^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*$", "Write a full ROS name such as /key_vel: a leading slash, then letters, digits and _.")],
                         verbose_name="drive topic",
@@ -84,7 +84,7 @@ class Migration(migrations.Migration):
                 ("reverse_mps", models.FloatField(help_text="A positive number. TIAGo’s own limit is 0.2.", validators=[django.core.validators.MinValueValidator(0.0), django.core.validators.MaxValueValidator(3.0)], verbose_name="reverse, m/s")),
                 ("lateral_mps", models.FloatField(default=0.0, help_text="0 unless the base is holonomic.", validators=[django.core.validators.MinValueValidator(0.0), django.core.validators.MaxValueValidator(3.0)], verbose_name="sideways, m/s")),
                 ("turn_radps", models.FloatField(validators=[django.core.validators.MinValueValidator(0.05), django.core.validators.MaxValueValidator(6.3)], verbose_name="turning, rad/s")),
-                ("linear_mps2", models.FloatField(help_text="What the base can speed up and brake with; the gate plans with a share of it.", validators=[django.core.validators.MinValueValidator(0.05), django.core.validators.MaxValueValidator(10.0)], verbose_name="acceleration, m/s²")),
+                ("linear_mps2", models.FloatField(help_text="The base’s acceleration and braking; the gate uses a share of it.", validators=[django.core.validators.MinValueValidator(0.05), django.core.validators.MaxValueValidator(10.0)], verbose_name="acceleration, m/s²")),
                 ("angular_radps2", models.FloatField(validators=[django.core.validators.MinValueValidator(0.05), django.core.validators.MaxValueValidator(20.0)], verbose_name="angular acceleration, rad/s²")),
                 (
                     "blind_mps",
@@ -208,7 +208,7 @@ class Migration(migrations.Migration):
                 (
                     "name",
                     models.CharField(
-                        help_text="Of the topic, action, service or parameter, in full.", max_length=200, validators=[django.core.validators.RegexValidator("^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*$", "Write a full ROS name such as /key_vel: a leading slash, then letters, digits and _.")], verbose_name="name"
+                        help_text="Full name of the topic, action, service or parameter.", max_length=200, validators=[django.core.validators.RegexValidator("^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*$", "Write a full ROS name such as /key_vel: a leading slash, then letters, digits and _.")], verbose_name="name"
                     ),
                 ),
                 (
@@ -226,7 +226,7 @@ class Migration(migrations.Migration):
                     models.CharField(
                         choices=[("operator", "Operator: may drive"), ("supervisor", "Supervisor: may also take over control"), ("staff", "Staff: everything, on every robot")],
                         default="operator",
-                        help_text="The lowest that may. Services and parameters are for staff, whatever is chosen here.",
+                        help_text="The lowest role that may use it. Services and parameters are always for staff only.",
                         max_length=16,
                         verbose_name="lowest role",
                     ),

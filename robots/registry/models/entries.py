@@ -144,7 +144,7 @@ class Allowance(OfProfileOrRobot):
         _("name"),
         max_length=200,
         validators=[topic_name],
-        help_text=_("Of the topic, action, service or parameter, in full."),
+        help_text=_("Full name of the topic, action, service or parameter."),
     )
     type = models.CharField(
         _("type"),
@@ -165,7 +165,7 @@ class Allowance(OfProfileOrRobot):
         max_length=16,
         choices=[choice for choice in Role.choices if choice[0] != Role.OBSERVER.value],
         default=Role.OPERATOR,
-        help_text=_("The lowest that may. Services and parameters are for staff, whatever is chosen here."),
+        help_text=_("The lowest role that may use it. Services and parameters are always for staff only."),
     )
 
     class Meta(OfProfileOrRobot.Meta):
@@ -197,7 +197,7 @@ class Allowance(OfProfileOrRobot):
                 else gettext("Only for what is chosen: leave it empty.")
             )
         if self.what in self.TYPED and not self.type:
-            errors["type"] = gettext("What is published or called needs its type.")
+            errors["type"] = gettext("Publishing and calling need a type.")
         if self.what == self.What.SET and self.type:
             errors["type"] = gettext("A parameter has no type: leave it empty.")
         if errors:

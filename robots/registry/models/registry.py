@@ -104,7 +104,7 @@ class RobotProfile(models.Model):
     linear_mps2 = models.FloatField(
         _("acceleration, m/s²"),
         validators=_between(0.05, 10.0),
-        help_text=_("What the base can speed up and brake with; the gate plans with a share of it."),
+        help_text=_("The base’s acceleration and braking; the gate uses a share of it."),
     )
     angular_radps2 = models.FloatField(_("angular acceleration, rad/s²"), validators=_between(0.05, 20.0))
     blind_mps = models.FloatField(
@@ -232,7 +232,7 @@ class Robot(models.Model):
     practice = models.BooleanField(
         _("simulated"),
         default=False,
-        help_text=_("Shown as a practice robot, so that nobody takes it for a real one."),
+        help_text=_("The pages mark it as a practice robot, so that nobody mistakes it for a real one."),
     )
 
     master_uri = models.CharField(
@@ -270,7 +270,7 @@ class Robot(models.Model):
         max_length=200,
         blank=True,
         validators=[topic_name],
-        help_text=_("Empty: the profile’s. See there what the choice means."),
+        help_text=_("Empty: the profile’s choice. The profile explains it."),
     )
     default_share = models.FloatField(
         _("default speed share"),

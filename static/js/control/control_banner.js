@@ -213,7 +213,7 @@ export function pendingText(pending) {
 
 /** What to do about a robot that is out of reach. */
 function waits() {
-  return gettext("This page goes on by itself. If this lasts, tell staff.");
+  return gettext("This page continues by itself. If this lasts, tell staff.");
 }
 
 export function phaseTitle(phase) {

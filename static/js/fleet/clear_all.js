@@ -15,7 +15,7 @@ export function stoppedOf(robots) {
 export function whyText(stop) {
   const by = stop.by
     ? interpolate(gettext("Stopped by %s."), [stop.by])
-    : gettext("Nobody knows who stopped it.");
+    : gettext("The person who stopped it is not known.");
   return [by, stop.reason, standstillText(stop)].filter(Boolean).join(" ");
 }
 
@@ -92,7 +92,7 @@ export class ClearAll {
     if (!mayClear)
       say(
         words,
-        gettext("Only who has control, a supervisor of this robot, or staff may clear it."),
+        gettext("Only the person in control, a supervisor of this robot, or staff may clear it."),
       );
     const texts = [make("strong", { text: name }), make("p", { text: whyText(stop) }), words];
     return make("li", { children: [make("div", { children: texts }), button] });
@@ -125,7 +125,7 @@ export class ClearAll {
       show(row.button, false);
     } else if (stop.number !== row.number) {
       row.over = true;
-      const again = gettext("Stopped again since, by %s: close this and look again.");
+      const again = gettext("%s stopped it again: close this and look again.");
       say(row.words, interpolate(again, [stop.by ?? gettext("somebody")]));
       show(row.button, false);
     }

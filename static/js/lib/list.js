@@ -86,7 +86,7 @@ export class SearchList {
     this.#field.setAttribute("aria-controls", id);
     this.#hits = make("ul", { className: "hits" });
     this.#hits.id = id;
-    this.#none = make("p", { className: "quiet", text: gettext("Nothing fits.") });
+    this.#none = make("p", { className: "quiet", text: gettext("No match.") });
     this.#none.hidden = true;
     this.#none.setAttribute("role", "status");
     this.#field.hidden = true; // until there is something to search

@@ -26,7 +26,7 @@ function endedOnce(sentence) {
 export function speechEndNotice({ outcome, text: why }, text) {
   const outcomes = {
     done: gettext("Said: “%s”."),
-    sent: gettext("Sent: “%s”. This robot does not tell when it has spoken."),
+    sent: gettext("Sent: “%s”. This robot does not report when it has spoken."),
     cancelled: gettext("Cancelled: “%s”."),
     rejected: gettext("The robot did not accept “%s”."),
     failed: gettext("The robot failed to say “%s”."),

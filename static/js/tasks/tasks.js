@@ -43,7 +43,7 @@ function doneText(order) {
     case "look_ahead":
       return gettext("The head turns to where the robot drives.");
     case "forget":
-      return gettext("What was seen before is forgotten.");
+      return gettext("Remembered obstacles are forgotten.");
     case "choose":
       return interpolate(
         order.topic

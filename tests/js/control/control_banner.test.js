@@ -92,7 +92,7 @@ describe("the banner", () => {
 
   it("shows why the robot is unreachable, and what to do", () => {
     const text = "No ROS master at http://tiago-3:11311.";
-    const todo = "This page goes on by itself. If this lasts, tell staff.";
+    const todo = "This page continues by itself. If this lasts, tell staff.";
     const state = { ...ONLINE, phase: "waiting", text };
     expect(banner({ ...WELL, state })).toMatchObject({
       title: "Waiting for the robot",

@@ -44,7 +44,7 @@ describe("clear all", () => {
     all.robots = { a: robot(stop("stopped", 2)), b: robot(stop("stopping", 7, null)) };
     part("clear-all").click();
     expect(rows()[0]).toContain("AStopped by Bo. test Standstill confirmed after 80 ms.");
-    expect(rows()[1]).toContain("Nobody knows who stopped it.");
+    expect(rows()[1]).toContain("The person who stopped it is not known.");
     part("clear-yes").click();
     expect(sent).toEqual([
       { t: "clear", slug: "a", number: 2 },

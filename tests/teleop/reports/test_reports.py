@@ -260,7 +260,7 @@ def test_long_session_shows_its_newest_entries(session, put, monkeypatch):
 
 def test_page_opens_without_any_record(session, signed_in, operator):
     page = signed_in(operator).get(reverse("control-session", args=[session.pk])).content.decode()
-    assert "Nothing is on record." in page
+    assert "No records." in page
 
 
 # --- a robot --------------------------------------------------------------------------------------
