@@ -1,7 +1,7 @@
 """Effect of smoothing on a hand at the stick: none, the mean of similar inputs (the former scheme), One-Euro.
 
 Two things are measured. First the recorded hands (`benchmarks.parts.hand_model`), thinned to the page's 30 commands a
-second and to the 20 at which docs/gate.md judged:
+second and to the 20 of the first design:
 
 * jitter: how far a resting hand's output strays from its own middle, rms, percent of the stick's way;
 * lag: by how much the output must be shifted in time to lie on what the hand meant;
