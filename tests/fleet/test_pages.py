@@ -120,7 +120,7 @@ def test_health_says_that_migrations_are_missing(monkeypatch):
 def test_a_foreign_host_name_is_refused_in_words():
     answer = Client().get("/", headers={"host": "elsewhere.example"})
     assert answer.status_code == 400
-    assert "which address you used" in answer.text
+    assert "cannot handle your browser’s request" in answer.text
 
 
 def test_a_form_from_another_sign_in_is_refused_in_words():

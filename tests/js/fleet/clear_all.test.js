@@ -60,7 +60,7 @@ describe("clear all", () => {
     all.robots = { a: robot(stop("stopped", 2)) };
     part("clear-all").click();
     all.robots = { a: robot(stop("stopped", 3, "Ann")) };
-    expect(rows()[0]).toContain("Stopped again since, by Ann");
+    expect(rows()[0]).toContain("Ann stopped it again");
     part("clear-yes").click();
     expect(sent).toEqual([]);
   });

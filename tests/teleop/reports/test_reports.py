@@ -153,7 +153,7 @@ def test_privacy_page_shows_what_is_kept_for_how_long(person, request, signed_in
     page = browser_of(person, request, signed_in).get(reverse("privacy")).content.decode()
     for days in [*settings.FLEET_AUDIT_KEEP_DAYS.values(), settings.FLEET_AUDIT_KEEP_RECORDS_DAYS]:
         assert f"{days} days" in page
-    assert "who watched a camera" in page.lower()
+    assert "each viewing of a camera" in page.lower()
 
 
 def test_details_are_deleted_with_their_records_at_the_latest(client, settings):
