@@ -28,7 +28,7 @@ TESTS = [
                 "exports",
                 "index_check",
                 "lists",
-                "past",
+                "invented_lab",
                 "record",
             ),
             *("retention", "search", "triggers", "verify"),
