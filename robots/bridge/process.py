@@ -153,7 +153,7 @@ class Bridge:
             now_s = time.monotonic()
             if self._ticks(now_s, now_s - due_s):
                 # read sensors and commands first: after a stall, they arrived before the dead-man is checked
-                self._soon(self._base.hear)
+                self._soon(self._base.take_waiting)
                 await asyncio.sleep(0.0)
                 now_s = time.monotonic()
                 self._tick(now_s, now_s - due_s)
@@ -176,7 +176,7 @@ class Bridge:
     def _tick(self, now_s: float, late_s: float) -> None:
         self._core.tick(now_s, late_s)
         grant = self._core.lease.current
-        self._base.look(grant is not None)
+        self._base.use_on_demand_topics(grant is not None)
         self._maps.tick(grant.fence if grant else None, now_s)
         self._soon(self._show)
         self._soon(self._collect)

@@ -85,7 +85,7 @@ class RosBase:
         self._sonars = {sonar.frame_id for sonar in config.topics.sonars}
         self._cancels: list[rospy.Publisher] = []
         self._tf: TfTopics | None = None
-        self._costly: OnDemandTopics | None = None
+        self._on_demand: OnDemandTopics | None = None
         self._head: rospy.Publisher | None = None
         self._arm: ArmPosture | None = None
         self._motions: MotionTopics | None = None
@@ -93,21 +93,21 @@ class RosBase:
         self._names = HostNames()
         self._is_unconnected = False  # a listener of the drive topic did not connect
         self._listened: dict[str, str] = {}  # topics with listeners at the last survey, and their types
-        self._connecting = RosWorker("topics")
-        self._reading = RosWorker("motions")
+        self._topic_worker = RosWorker("topics")
+        self._list_worker = RosWorker("motions")
         self._joined = RateLimit(self._read_joined, JOINED_GAP_S)
-        self._sweeping = RosWorker("motion")  # apart from `_reading`: a list may take seconds
-        self._watcher = MasterMonitor(self._master, self)
+        self._sweeping = RosWorker("motion")  # apart from `_list_worker`: a list may take seconds
+        self._monitor = MasterMonitor(self._master, self)
         self._described = False
         self._runs = RunMonitor()
         self._moves = True  # by the last odometry
         self._mail = Mailboxes(self._post, lambda: self._core.needs_fresh_sensors, speaker)
         self._loop: asyncio.AbstractEventLoop
         self._core: Core
-        self._do: Callable[[Callable[[], None]], None]
+        self._run_on_loop: Callable[[Callable[[], None]], None]
         self._on_lost: Callable[[bool], None]
 
-    # --- as Core sees it ---------------------------------------------------------------------------
+    # --- called by Core ----------------------------------------------------------------------------
 
     def publish(self, velocity: Velocity) -> None:
         """Publish a twist if the drive topic is connected."""
@@ -122,7 +122,7 @@ class RosBase:
         return None if self._acknowledgements is None else self._acknowledgements.took_s(now_s)
 
     def drive_to(self, topic: str) -> None:
-        """Publish twists to this one of the attended topics from now on."""
+        """Publish twists to this connected topic from now on."""
         self._drive_topic = topic
 
     def cancel_all(self) -> None:
@@ -136,7 +136,7 @@ class RosBase:
             try:
                 cancel()
             except rospy.ROSException:  # its topic is being closed
-                log.exception("some goals could not be cancelled")
+                log.exception("goals of one action were not cancelled")
 
     def aim_head(self, aim: Aim) -> None:
         """Send the head's target if its topic is connected."""
@@ -183,15 +183,15 @@ class RosBase:
         """Read the list of motions from the robot."""
         motions = self._motions
         if motions is not None:
-            self._reading.do(lambda: motions.read(self._offer))
+            self._list_worker.do(lambda: motions.read(self._offer))
         elif self._config.topics.motions:
-            self._offer(self._config.topics.motions.name, [], "The robot’s ROS master was not there yet.")
+            self._offer(self._config.topics.motions.name, [], "The robot’s ROS master has not answered yet.")
 
     def _offer(self, action: str, motions: list[MotionOffer], text: str) -> None:
         self._post(lambda: self._core.tasks.capabilities.read(action, motions, text))
 
     def _read_joined(self) -> None:
-        """Read the motions of a motion server that just came. Runs on a thread of `_joined`."""
+        """Read the motions of a motion server that has just connected. Runs on a thread of `_joined`."""
         if self._motions is not None:  # else `begin` reads them
             self.read_motions()
 
@@ -205,8 +205,8 @@ class RosBase:
             self._speech.cancel_speech(goal_id, topic)
 
     def attend(self, use: Use, topics: frozenset[str]) -> None:
-        """Connect to these topics of a use and to no others. Asks the master, so a worker thread does it."""
-        self._connecting.do(lambda: self._attend(use, topics))
+        """Connect to these topics of a use and to no others. A worker thread does it, since it calls the master."""
+        self._topic_worker.do(lambda: self._attend(use, topics))
 
     @property
     def _drive(self) -> rospy.Publisher | None:
@@ -218,17 +218,17 @@ class RosBase:
         """Return the number of the robot's nodes that listen to the drive topic."""
         return len(heard_by(self._drive)) if self._drive is not None else 0
 
-    def look(self, wanted: bool) -> None:
-        """Subscribe to the costly topics (depth, tf) only while somebody drives."""
-        if self._costly is not None:
-            self._costly.look(wanted)
+    def use_on_demand_topics(self, wanted: bool) -> None:
+        """Subscribe to the costly topics (depth, tf) only while a person drives."""
+        if self._on_demand is not None:
+            self._on_demand.set_wanted(wanted)
 
-    def hear(self) -> None:
+    def take_waiting(self) -> None:
         """Pass on messages that could wait. Runs on the loop at each tick."""
         self._mail.take_waiting()
 
     def map_to_odom(self) -> Pose | None:
-        """Return the odometry frame in the map frame, if the robot has a map and somebody drives."""
+        """Return the odometry frame in the map frame, if the robot has a map and a person drives."""
         return self._tf.map_to_odom() if self._tf else None
 
     # --- life ----------------------------------------------------------------------------------------
@@ -237,22 +237,22 @@ class RosBase:
         self,
         loop: asyncio.AbstractEventLoop,
         core: Core,
-        do: Callable[[Callable[[], None]], None],
+        run_on_loop: Callable[[Callable[[], None]], None],
         on_lost: Callable[[bool], None],
     ) -> None:
         """Begin to look for the master. After `on_lost`, only a new process can be this robot's node.
 
-        `on_lost` gets whether another node took the name. `do` runs calls with the robot's data on the loop.
+        `on_lost` gets whether another node took the name. `run_on_loop` runs calls with the robot's data on the loop.
         """
-        self._loop, self._core, self._do, self._on_lost = loop, core, do, on_lost
+        self._loop, self._core, self._run_on_loop, self._on_lost = loop, core, run_on_loop, on_lost
         os.environ["ROS_MASTER_URI"] = self._config.master_uri
         os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
         os.environ.setdefault("ROS_LOG_DIR", str(Path(self._config.state_dir) / "ros-log"))
-        self._watcher.start()
+        self._monitor.start()
 
     def stop(self) -> None:
         """Publish zero and unregister from the master."""
-        self._watcher.end()
+        self._monitor.end()
         if self._drive is None:
             return
         self.publish(STILL)
@@ -261,17 +261,17 @@ class RosBase:
         leaving.start()
         leaving.join(1.0)
 
-    # --- the master (master_monitor.Node) ---------------------------------------------------------------------
+    # --- called by the master monitor (master_monitor.Node) ------------------------------------------
 
     def begin(self) -> None:
         """Register at the master and connect all topics."""
         topics = self._config.topics
         install(end_without_memory)
-        refuse_shutdown(self._watcher.name_is_lost)
+        refuse_shutdown(self._monitor.name_is_lost)
         rospy.init_node(
             BRIDGE.strip("/"), argv=[], disable_signals=True, disable_rostime=True, disable_rosout=True
         )
-        # Delayed messages arrive all at once: a dropped one is a gap in odometry, and a gap ends the gate's memory.
+        # Delayed messages arrive all at once. A dropped one is a gap in odometry, and a gap clears the gate's memory.
         self._subscribe(topics.odometry, self._on_odometry, ODOMETRY_WAITS)
         pause(topics.odometry.name, lambda: 0.0 if self._core.needs_fresh_sensors or self._moves else RESTS_S)
         for scan in topics.scans:
@@ -293,7 +293,7 @@ class RosBase:
         if topics.head:
             self._head = rospy.Publisher(topics.head.topic, JointTrajectory, queue_size=1)
         if topics.motions:
-            actions = self._core.tasks.routing.connected("motions")  # all that may be chosen
+            actions = self._core.tasks.routing.connected("motions")  # all that people may choose
             self._motions = MotionTopics(
                 actions,
                 topics.motions.type,
@@ -313,10 +313,10 @@ class RosBase:
         if depth and view:
             self._tf = TfTopics(depth.base_frame)
             pictures = DepthTopics(depth, view, self._tf.frames, self._mail, self._core)
-            self._costly = OnDemandTopics(self._connecting, self._tf, pictures)
+            self._on_demand = OnDemandTopics(self._topic_worker, self._tf, pictures)
         elif topics.map:
             self._tf = TfTopics()
-            self._costly = OnDemandTopics(self._connecting, self._tf)
+            self._on_demand = OnDemandTopics(self._topic_worker, self._tf)
 
     def began_again(self) -> None:
         """Handle a restart of the master, and maybe of the robot."""
@@ -343,7 +343,7 @@ class RosBase:
         self._post(lambda: self._core.ros_status(short, time.monotonic()))
 
     def lost(self, name_taken: bool) -> None:
-        """Report that this process's node ended or failed to begin."""
+        """Report that this process's node ended or failed to start."""
         self._post(lambda: self._on_lost(name_taken))
 
     def _describe(self) -> None:
@@ -394,9 +394,11 @@ class RosBase:
         wanted += [Topic(scan.topic, "sensor_msgs/LaserScan") for scan in topics.scans]
         problems = BOARD.texts()
         if system.is_cut:
-            problems.append("The robot has too many topics or services: some are not known here.")
+            problems.append(
+                "The robot has too many topics or services: the console does not know all of them."
+            )
         if self._tf is not None and self._tf.frames.is_full:
-            problems.append("tf has too many frames: some are not kept.")
+            problems.append("The robot’s tf has too many frames: the console does not keep all of them.")
         problems += [_wrong_type(topic, system.types) for topic in wanted]
         problems += self._unresolved(system.publishers.get(topics.odometry.name, []))
         problems.append(self._unconnected(drive, system.subscribers.get(drive.name, [])))
@@ -476,7 +478,7 @@ class RosBase:
 
     def _post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._do, call)
+            self._loop.call_soon_threadsafe(self._run_on_loop, call)
 
 
 def _twist(velocity: Velocity) -> Twist:

@@ -16,7 +16,7 @@ BUFFER_BYTES = 1 << 20  # one read; a picture has some hundred kilobytes to some
 def listen(
     topic: str, type_name: str, take: Callable[[bytes], None], queue: int | None = None
 ) -> rospy.Subscriber:
-    """Subscribe to a topic of this type; `take` is called on a thread of rospy's with each message as it came."""
+    """Subscribe to a topic of this type; `take` gets the bytes of each message, on a rospy thread."""
     expect(topic, type_name)
     return rospy.Subscriber(
         topic,
@@ -39,7 +39,7 @@ class OnDemandSource(Protocol):
 
 
 class OnDemandTopics:
-    """Listens, on the errands' thread, while that is wanted."""
+    """Subscribes and unsubscribes on the worker's thread."""
 
     def __init__(self, worker: RosWorker, *parts: OnDemandSource) -> None:
         self._worker = worker
@@ -47,8 +47,8 @@ class OnDemandTopics:
         self._wanted = False
         self._subscribers: list[rospy.Subscriber] = []
 
-    def look(self, wanted: bool) -> None:
-        """Listen, or leave the robot alone. Returns at once."""
+    def set_wanted(self, wanted: bool) -> None:
+        """Subscribe while wanted, else unsubscribe. Returns at once."""
         if wanted != self._wanted:
             self._wanted = wanted
             self._worker.do(self._follow)
@@ -56,7 +56,7 @@ class OnDemandTopics:
     def _follow(self) -> None:
         if self._wanted and not self._subscribers:
             for part in self._parts:
-                # At once: if the next part breaks, this one is still left with control.
+                # Added per part: if the next part raises, this one is still unsubscribed when control ends.
                 self._subscribers += part.listen()
         elif not self._wanted and self._subscribers:
             leaving, self._subscribers = self._subscribers, []

@@ -21,7 +21,7 @@ from robots.bridge.ros.bounds.board import Board
 from robots.bridge.ros.inspector.graph import graph
 from robots.bridge.ros.network import master
 from robots.bridge.ros.network.master import TIMEOUT_S, Master, MasterError, SystemState
-from robots.bridge.ros.network.tcpros import Conversation, connect, first_told
+from robots.bridge.ros.network.tcpros import Conversation, connect, first_response
 from robots.bridge.ros.node import RosBase
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from tests.bridge.support import CONFIG
@@ -134,7 +134,7 @@ def test_a_header_that_is_cut_short_is_an_error_in_words(header):
 @pytest.mark.parametrize("where", [7, "x", [], ["TCPROS"], ["TCPROS", 5, 5], ["TCPROS", "here", "x"]])
 def test_a_publisher_with_a_bad_address_cannot_be_heard(where):
     with answering(answer_of(where)) as uri:
-        heard = first_told(Conversation.read_header, "/scan", {"/base": uri}, "/test")
+        heard = first_response(Conversation.read_header, "/scan", {"/base": uri}, "/test")
     assert heard == (None, {"/base": "does not offer TCPROS"})
 
 

@@ -44,7 +44,7 @@ def bridges(tmp_path):
         bridge.stop()
 
 
-class Told:
+class RecordingNode:
     """The monitor's node: stores its calls in order. Each `begin` runs the next of `begins`."""
 
     def __init__(self, *begins) -> None:
@@ -80,7 +80,7 @@ class Told:
 
 
 @contextmanager
-def watching(uri: str, node: Told):
+def watching(uri: str, node: RecordingNode):
     """Run a master monitor."""
     watch = MasterMonitor(Master(uri, BRIDGE), node)
     watch.start()
@@ -162,7 +162,7 @@ def test_a_failed_task_is_not_repeated_in_the_process(rosmaster, soon):
     def full() -> None:
         raise OSError(28, "No space left on device")
 
-    node = Told(full)
+    node = RecordingNode(full)
     with watching(rosmaster.uri, node):
         before = node.until("lost, name taken: False")
     assert before == ["refused: The bridge could not join the robot ([Errno 28] No space left on device)."]
@@ -177,17 +177,17 @@ def test_a_master_restarted_during_joining_gets_everything(make_master, soon, mo
         master.kill()
         master.start()
 
-    node = Told(restart)
+    node = RecordingNode(restart)
     with watching(master.uri, node):
         node.until("begun again")
     assert len(told_again) == 1
 
 
 def test_the_master_monitor_survives_its_failures(rosmaster, soon, monkeypatch):
-    class Failing(Told):
+    class Failing(RecordingNode):
         def surveyed(self, system) -> None:
             super().surveyed(system)
-            monkeypatch.setattr(Failing, "surveyed", Told.surveyed)
+            monkeypatch.setattr(Failing, "surveyed", RecordingNode.surveyed)
             raise RecursionError("of what a master answered")
 
     monkeypatch.setattr(master_monitor, "register_again", lambda _: None)
@@ -239,7 +239,7 @@ class TestNamesake:
         monkeypatch.setattr(master_monitor, "monotonic", lambda: next(clock))
         monkeypatch.setattr(Master, "node_uri", lambda *_: "http://elsewhere:1/")
         monkeypatch.setattr(master_monitor, "node_alive", lambda *_: answers.pop(0))
-        node = Told()
+        node = RecordingNode()
         with watching(rosmaster.uri, node):
             before = node.until("begun")
         assert answers == []

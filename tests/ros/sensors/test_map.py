@@ -67,11 +67,11 @@ def hears_tf(master):
 
 def test_the_map_pose_is_known_without_a_depth_camera(ros):
     tf = TfTopics()
-    costly = OnDemandTopics(RosWorker("topics"), tf)
-    costly.look(True)
+    on_demand = OnDemandTopics(RosWorker("topics"), tf)
+    on_demand.set_wanted(True)
     until(tf.map_to_odom, "a place")
     assert tf.map_to_odom() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)
-    costly.look(False)
+    on_demand.set_wanted(False)
     until(lambda: tf.map_to_odom() is None, "nothing is known any more")
 
 

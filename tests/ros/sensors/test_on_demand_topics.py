@@ -10,9 +10,9 @@ from robots.bridge.ros.on_demand_topics import OnDemandTopics
 class AtOnce:
     """A worker without a thread."""
 
-    def do(self, errand):
+    def do(self, call):
         with contextlib.suppress(OSError):
-            errand()
+            call()
 
 
 class Part:
@@ -38,11 +38,11 @@ class Part:
 
 def test_old_subscriptions_end_with_control_and_are_retried():
     first, second = Part(), Part(broken=True)
-    costly = OnDemandTopics(AtOnce(), first, second)
-    costly.look(True)
+    on_demand = OnDemandTopics(AtOnce(), first, second)
+    on_demand.set_wanted(True)
     assert (first.subscribed, second.subscribed) == (1, 0)
-    costly.look(False)
+    on_demand.set_wanted(False)
     assert (first.subscribed, first.forgot, second.forgot) == (0, 1, 1)
     second.broken = False
-    costly.look(True)
+    on_demand.set_wanted(True)
     assert (first.subscribed, second.subscribed) == (1, 1)

@@ -23,7 +23,7 @@ from robots.bridge.ros.inspector.definitions import Definition, Definitions
 from robots.bridge.ros.inspector.publishing import PublishPermit
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.network.master import INSPECTOR, Master, MasterError
-from robots.bridge.ros.network.tcpros import Conversation, Header, first_told
+from robots.bridge.ros.network.tcpros import Conversation, Header, first_response
 from robots.bridge.tasks.denylist import COUNTERFEITED, admissible, names_set, why_denied, why_fields_denied
 from robots.bridge.topics.inspector_messages import (
     Check,
@@ -207,16 +207,16 @@ class Inspector:
 
     def _definition(self, type_name: str, topic: str | None) -> Definition:
         """As a publisher of the topic has it, if there is one of this type; else as known here."""
-        told = self._told(topic) if topic else {}
+        told = self._connection_header(topic) if topic else {}
         if told.get("type") == type_name:
             return self._definitions.of_connection(told)
         return self._definitions.of_type(type_name)
 
-    def _told(self, topic: str) -> Header:
+    def _connection_header(self, topic: str) -> Header:
         """Connection header of the first publisher that can be reached; empty if there is none."""
         nodes = self._master.system_state().publishers.get(topic, [])
         addresses = {node: self._master.node_uri(node) for node in nodes if not node.startswith(INSPECTOR)}
-        told, unheard = first_told(Conversation.read_header, topic, addresses, INSPECTOR)
+        told, unheard = first_response(Conversation.read_header, topic, addresses, INSPECTOR)
         for node, why in unheard.items():
             log.info("%s says nothing of %s: %s", node, topic, why)
         return told or {}

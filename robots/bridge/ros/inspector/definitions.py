@@ -187,10 +187,10 @@ class Definitions:
         if here is not None and here.md5 == md5:
             return here
         if text.strip() or here is None:
-            return self._told(type_name, md5, text)
+            return self._as_published(type_name, md5, text)
         raise _unknown(type_name, md5)
 
-    def _told(self, type_name: str, md5: str, text: str) -> Definition:
+    def _as_published(self, type_name: str, md5: str, text: str) -> Definition:
         """In the publisher's words, or in those that another used for the same sum."""
         if not text.strip():
             for kept in self._kept(type_name, md5):

@@ -28,7 +28,7 @@ def is_own(node: str) -> bool:
     return node.startswith((BRIDGE, INSPECTOR, WATCHDOG))
 
 
-_Told = TypeVar("_Told")
+T = TypeVar("T")
 _Nodes = list[tuple[str, list[str]]]  # by topic
 
 
@@ -155,13 +155,13 @@ class Master:
     def node_uri(self, node: str) -> str | None:
         """The XML-RPC address of a registered node, None if there is none of that name."""
         try:
-            return self._told(str, "lookupNode", node)
+            return self._call_typed(str, "lookupNode", node)
         except NotThere:
             return None
 
     def register(self, kind: str, topic: str, type_name: str, node_uri: str) -> list[str]:
         """registerPublisher or registerSubscriber; returns the addresses of the other side."""
-        return self._told(list[str], kind, topic, type_name, node_uri)
+        return self._call_typed(list[str], kind, topic, type_name, node_uri)
 
     def parameter(self, name: str) -> Any:
         """The parameter's value; None if there is none."""
@@ -172,9 +172,9 @@ class Master:
 
     def system_state(self) -> SystemState:
         """Return publishers, subscribers and types of all topics, and service providers; long names are cut."""
-        told = self._told(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
+        told = self._call_typed(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
         publishers, subscribers, services = map(texts.books, told)
-        types = texts.cut_types(self._told(list[tuple[str, str]], "getTopicTypes"))
+        types = texts.cut_types(self._call_typed(list[tuple[str, str]], "getTopicTypes"))
         types.update(_goal_types(publishers, types))
         is_cut = max(map(len, told)) > texts.MOST_TOPICS
         return SystemState(publishers, subscribers, types, services, is_cut)
@@ -199,7 +199,7 @@ class Master:
             raise (NotThere if code == -1 else MasterError)(texts.cut(str(text), texts.SENTENCE))
         return value
 
-    def _told(self, kind: type[_Told], method: str, *arguments: object) -> _Told:
+    def _call_typed(self, kind: type[T], method: str, *arguments: object) -> T:
         """The same, for a value that must be of this kind."""
         value = self.call(method, *arguments)
         try:

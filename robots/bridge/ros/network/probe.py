@@ -36,7 +36,7 @@ from robots.bridge.probe_findings import (
 )
 from robots.bridge.ros.message_types.classes import UnknownTypeError, message_class
 from robots.bridge.ros.network.master import Master, MasterError, SystemState
-from robots.bridge.ros.network.tcpros import Conversation, first_told
+from robots.bridge.ros.network.tcpros import Conversation, first_response
 from robots.bridge.tasks.urdf import BadDescription, Tree
 
 CALLBACK_S = 2.0
@@ -181,7 +181,7 @@ def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: 
         return _listen(conversation, asked, found, listen_s)
 
     addresses = {node: uris.get(node) for node in publishers}
-    heard, unheard = first_told(hear, asked.topic, addresses, CALLER, NODE_S)
+    heard, unheard = first_response(hear, asked.topic, addresses, CALLER, NODE_S)
     errors = "; ".join(f"{node}: {why}" for node, why in unheard.items())
     return heard or msgspec.structs.replace(found, error=errors or None)
 

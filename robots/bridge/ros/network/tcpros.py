@@ -18,7 +18,7 @@ MOST_FIELDS = 100  # of it
 CONNECT_S = 1.0
 
 Header = dict[str, str]
-_Told = TypeVar("_Told")
+T = TypeVar("T")
 
 
 class Conversation:
@@ -100,13 +100,13 @@ def connect_to_publisher(
     return connect(host, port, wanted, timeout_s)
 
 
-def first_told(
-    hear: Callable[[Conversation], _Told],
+def first_response(
+    hear: Callable[[Conversation], T],
     topic: str,
     publishers: Mapping[str, str | None],  # a node's address, None if the master has none
     caller: str,
     timeout_s: float = CONNECT_S,
-) -> tuple[_Told | None, dict[str, str]]:
+) -> tuple[T | None, dict[str, str]]:
     """Result of `hear` for the first publisher that can be reached, and errors of the others by node."""
     unheard: dict[str, str] = {}
     for node, uri in publishers.items():

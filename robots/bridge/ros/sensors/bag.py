@@ -16,10 +16,10 @@ from robots.bridge.gate.values import STILL, Velocity, Verdict
 from robots.bridge.gate_recording import BadRecording
 from robots.bridge.ros.message_types.convert import laser_scan, planar
 
-Told = tuple[float, Verdict]
+TimedVerdict = tuple[float, Verdict]
 
 
-def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[Told]:
+def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[TimedVerdict]:
     """Replay the bag to `gate`; yields the time and the verdict of each command on the drive topic.
 
     The bag's own times count as arrival times. Of the arm, the gate learns only whether it is at home. It gets no

@@ -17,7 +17,7 @@ from robots.bridge.maps.map_fetch import END_S, MapWanted, NoMap
 from robots.bridge.maps.occupancy import LARGEST_MESSAGE, BadMap, taken
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.network.master import Master, MasterError
-from robots.bridge.ros.network.tcpros import Conversation, first_told
+from robots.bridge.ros.network.tcpros import Conversation, first_response
 from robots.processes.shutdown import exit_within
 
 CALLER = "/fleet_map"
@@ -36,7 +36,7 @@ def take(wanted: MapWanted) -> TakenMap | NoMap:
     def hear(conversation: Conversation) -> TakenMap:
         return taken(_message(conversation, wanted))
 
-    heard, unheard = first_told(hear, name, addresses, CALLER)
+    heard, unheard = first_response(hear, name, addresses, CALLER)
     whys = "; ".join(f"{node}: {why}" for node, why in unheard.items())
     return heard or NoMap(whys or f"nobody publishes {name}")
 

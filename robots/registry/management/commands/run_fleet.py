@@ -42,7 +42,7 @@ from robots.supervisor.keeper import (
 from robots.supervisor.ros_environment import WrapperMissing, ros_environment
 
 State = BridgeStatus.State
-Told = tuple[State, str, int | None]  # state, detail in words, process id
+Report = tuple[State, str, int | None]  # state, detail in words, process id
 log = logging.getLogger(__name__)
 
 STEP_S = 0.1
@@ -133,8 +133,8 @@ class Fleet:
         self._watchdog = watchdog
         self._keepers: dict[UUID, Keeper] = {}
         self._watchdogs: dict[UUID, Keeper] = {}
-        self._told: dict[UUID, Told] = {}
-        self._unsaved: dict[UUID, Told] = {}
+        self._told: dict[UUID, Report] = {}
+        self._unsaved: dict[UUID, Report] = {}
         self._database_well = True
         self._poll_at_s = 0.0
         self._housekeeping = Keeper("Housekeeping", lambda *_: None)
