@@ -52,7 +52,7 @@ class CallbackFound(Struct, frozen=True):
 
     advertised: str
     called: bool
-    route: str | None = None  # our address on the way to the master
+    route: str | None = None  # our address in the master's network
     error: str | None = None
 
 

@@ -17,7 +17,7 @@ class Battery:
         self.charging = False
 
     def step(self, velocity: Twist, dt: float) -> None:
-        """`dt` seconds pass."""
+        """Drain or charge for `dt` seconds."""
         if self.charging:
             change = _CHARGING_PERCENT_PER_S
         elif any(velocity):

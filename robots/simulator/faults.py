@@ -6,24 +6,24 @@ from dataclasses import dataclass, fields
 
 
 class FaultError(ValueError):
-    """No such fault, or a value that is no number."""
+    """The fault does not exist, or its value is no number."""
 
 
 @dataclass(frozen=True)
 class Faults:
-    """Everything that is wrong just now. Read and replaced as a whole."""
+    """All present faults. Read and replaced as a whole."""
 
     laser_dead: bool = False  # no scans
     laser_frozen: bool = False  # the same scan with the same stamp, again and again
-    laser_nan: bool = False  # scans of nothing but nan
+    laser_nan: bool = False  # scans contain only nan
     sonar_dead: bool = False
     odom_dead: bool = False
     odom_frozen: bool = False
     depth_dead: bool = False
     motion_fails: bool = False  # motions are aborted half-way
     command_delay_s: float = 0.0  # commands reach the controller late
-    brake_share: float = 1.0  # of the deceleration that the controller should manage
-    slip_share: float = 0.0  # of the wheels' way that the robot does not make
+    brake_share: float = 1.0  # of the controller's nominal deceleration
+    slip_share: float = 0.0  # of the wheels' path that the robot does not travel
 
 
 def parse_faults(text: str) -> Faults:

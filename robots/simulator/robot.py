@@ -1,4 +1,4 @@
-"""The whole simulated robot but for ROS: what happens in one tick, in which order. Times are seconds of one clock."""
+"""The whole simulated robot without ROS: the steps of one tick and their order. Times are seconds of one clock."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Robot:
         self.wheels = Wheels(body.wheels) if body.wheels else None
         self.player = Player(load_motions() if body.upper_body else {})
         self.faults = Faults()
-        self.approach = Twist()  # how it moved before the last tick: with this it hit what it touches now
+        self.approach = Twist()  # velocity before the last tick: the speed of present contacts at impact
         self._frames = frames(body)
         self._arm_at: list[float] = []
         self._lay_arm()
@@ -52,14 +52,14 @@ class Robot:
         self._steps = round(TICK_S / self.physics.timestep_s)
 
     def command(self, twist: Twist, now: float) -> None:
-        """A command reached the base."""
+        """Take a command for the base."""
         if self.faults.command_delay_s:
             self._late.append((now + self.faults.command_delay_s, twist))
         else:
             self.controller.command(twist, now)
 
     def tick(self, now: float) -> None:
-        """Live through the next `TICK_S` seconds."""
+        """Simulate the next `TICK_S` seconds."""
         while self._late and self._late[0][0] <= now:
             self.controller.command(self._late.popleft()[1], now)
         self._walk()
@@ -89,7 +89,7 @@ class Robot:
         }
 
     def _lay_arm(self) -> None:
-        """Lay the arm where the joints are now, if they moved."""
+        """Place the arm by the present joints, if they moved."""
         joints = self.player.positions
         at = [joints[name] for name in MOVED_BY]
         if self.body.upper_body and at != self._arm_at:

@@ -1,4 +1,4 @@
-"""Speech with PAL's quirks, without ROS: a language is mandatory, words are told as they are spoken."""
+"""Speech with PAL's quirks, without ROS: a language is mandatory, and each word is reported when it is spoken."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Utterance:
 
 
 def objection(text: str, lang_id: str) -> str | None:
-    """Why the robot will not say this; None if it will."""
+    """Return why the robot refuses to say this; None if it accepts."""
     if not text.strip():
         return "nothing to say: rawtext.text is empty"
     if not _LANGUAGE.fullmatch(lang_id):

@@ -1,4 +1,4 @@
-"""A certificate of our own for phones on the lab's network."""
+"""Makes a certificate for phones on the lab's network."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from script.stack.stack import Certificate
 
 _SIOCGIFADDR = 0x8915
 _AUTHORITY_DAYS = 3650
-_CERTIFICATE_DAYS = 397  # browsers take no longer ones
+_CERTIFICATE_DAYS = 397  # browsers refuse longer validity
 
 
 def lan_addresses() -> list[str]:
-    """This machine's IPv4 addresses, the one that leads to the rest of the network first."""
+    """Return this computer's IPv4 addresses; the one of the default route comes first."""
     addresses = [address for _, name in socket.if_nameindex() if (address := _address_of(name))]
     outside = [address for address in addresses if not ipaddress.ip_address(address).is_loopback]
     first = _default_address()

@@ -1,4 +1,4 @@
-"""A person's way in, without a browser: sign in over HTTP, drive over the public WebSocket."""
+"""A client without a browser: sign in over HTTP, drive over the public WebSocket."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _CSRF = re.compile(r'name="csrfmiddlewaretoken" value="([^"]+)"')
 
 
 class Console(Protocol):
-    """A running console, as its clients need to know it; a `Stack` is one."""
+    """A running console, with the data that clients need; a `Stack` is one."""
 
     @property
     def url(self) -> str: ...
@@ -45,7 +45,7 @@ class Console(Protocol):
 
 
 class SignInError(RuntimeError):
-    """The console did not let us in."""
+    """The console refused to sign in."""
 
 
 def sign_in(console: Console, role: str) -> str:
@@ -96,7 +96,7 @@ class Driver:
     async with Driver(stack, "tiago-1", cookie) as driver:
         await driver.take()
 
-    `port` leads there through somebody between, on this machine. `tab` is that of an earlier page, which resumes.
+    `port` is that of a proxy on this computer, if any. `tab` is the tab of an earlier page, which resumes.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class Driver:
         self.offers: wire.Offers | None = None
         self.refused: list[wire.Refused] = []
         self.notices: list[wire.Notice] = []
-        self.on_frame: Callable[[bytes], Any] | None = None  # every message as it comes
+        self.on_frame: Callable[[bytes], Any] | None = None  # called with every message
         self.seq = 0
         self._control_heard_s = 0.0
         self._console = console
@@ -162,7 +162,7 @@ class Driver:
     async def hold_stick(
         self, x: float, w: float, until: Callable[[], Any], *, share: float = 0.4, timeout_s: float = 20.0
     ) -> None:
-        """Hold the stick there, as a person does, until `until()` is true; let it go where that is asked for."""
+        """Hold the stick until `until()` is true, as a person does; release it afterwards if requested."""
         end_s = time.monotonic() + timeout_s
         while not until():
             if time.monotonic() > end_s:
@@ -174,7 +174,7 @@ class Driver:
             await asyncio.sleep(DRIVE_PERIOD_S)
 
     async def order(self, order: wire.TaskRequest) -> wire.Accepted | wire.Refused:
-        """Send an order under the next number; returns its one answer."""
+        """Send a task request with the next number; return its one answer."""
         self.seq += 1
         key = wire.kind_of(order), self.seq
         answer = self._answers[key] = asyncio.get_running_loop().create_future()
@@ -189,7 +189,7 @@ class Driver:
         await self.send(wire.Stop())
 
     async def clear(self) -> None:
-        """Clear the latch."""
+        """Clear the stop."""
         await self.send(wire.Clear(self.state.stop.number if self.state else 0))
         await self.until(lambda: self.state and self.state.stop.state == "clear")
         await self.drive(0.0, 0.0)
@@ -198,26 +198,26 @@ class Driver:
 
     @property
     def closed(self) -> bool:
-        """The connection is gone."""
+        """The connection is closed."""
         return self._reader.done()
 
     @property
     def fence(self) -> int | None:
-        """Our fencing number, if control is ours."""
+        """Return our fence, if we have control."""
         return self.control.fence if self.control and self.control.state == "yours" else None
 
     @property
     def state(self) -> wire.State | None:
-        """The robot, as last shown."""
+        """Return the robot's last state."""
         return self.view.state if self.view else None
 
     @property
     def odometry(self) -> wire.Odometry | None:
-        """Where the robot believes to be."""
+        """Return the robot's pose by its odometry."""
         return self.view.state.odometry if self.view else None
 
     async def until(self, condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
-        """Wait until `condition()` is true; it is asked again after every message."""
+        """Wait until `condition()` is true; it is called again after every message."""
         try:
             await asyncio.wait_for(self._become(condition), timeout_s)
         except asyncio.TimeoutError:
@@ -228,7 +228,7 @@ class Driver:
             await self._news.wait_for(condition)
 
     def said_last(self) -> str:
-        """The console's last word, for error messages."""
+        """Return the console's last message, for error texts."""
         if self.gone:
             return f"no bridge: {self.gone.refusal.text}"
         verdict = (
@@ -280,7 +280,7 @@ class Driver:
             answer.set_result(message)
 
     async def _renew(self) -> None:
-        """Ask for a fresh term before ours ends, as a page does."""
+        """Renew the lease before it ends, as a page does."""
         while True:
             await asyncio.sleep(1.0)
             remaining_s = self.control.remaining_s if self.fence and self.control else None
@@ -291,7 +291,7 @@ class Driver:
 
 
 class Topics:
-    """One open connection to a robot's topics: keeps the newest message of each that it looks at.
+    """One open connection to a robot's topics: keeps the newest message of each subscribed topic.
 
     async with Topics(stack, "tiago-1", cookie) as topics:
         graph = await topics.ask(wire.ListTopics())
@@ -325,7 +325,7 @@ class Topics:
             await self._reader
 
     async def ask(self, question: wire.TopicQuery) -> wire.TopicAnswer:
-        """Ask one question; returns its answer, which may be a refusal."""
+        """Send one query; return its answer, which may be a refusal."""
         seq = next(self._numbers)
         answer = self._answers[seq] = asyncio.get_running_loop().create_future()
         try:
@@ -335,16 +335,16 @@ class Topics:
             del self._answers[seq]
 
     async def look(self, topic: str, rate_hz: float = 5.0) -> None:
-        """Look at a topic from now on."""
+        """Subscribe to a topic."""
         await self._send(wire.Subscribe(topic, rate_hz))
 
     async def look_away(self, topic: str) -> None:
-        """Look at it no more."""
+        """Unsubscribe from a topic."""
         await self._send(wire.Unsubscribe(topic))
         self.shown.pop(topic, None)
 
     async def until(self, condition: Callable[[], Any], timeout_s: float = 10.0) -> None:
-        """Wait until `condition()` is true; it is asked again after every message."""
+        """Wait until `condition()` is true; it is called again after every message."""
 
         async def become() -> None:
             async with self._news:

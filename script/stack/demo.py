@@ -49,7 +49,7 @@ def arguments() -> argparse.Namespace:
 
 
 def demo(port: int | None, *, lan: bool) -> int:
-    """Run until a signal comes or something dies."""
+    """Run until a signal comes or a process dies."""
     began_s = time.monotonic()
     listener = listen("0.0.0.0" if lan else "127.0.0.1", port)  # noqa: S104 - that is what --lan asks for
     directory = REPOSITORY / "var" / f"demo-{listener.getsockname()[1]}"
@@ -73,7 +73,7 @@ def listen(address: str, port: int | None) -> socket.socket:
 
 
 def lock_or_fail(lock: TextIO, directory: Path) -> None:
-    """One demo per directory: also one that still ends counts."""
+    """Allow one demo per directory, including one that is ending."""
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -81,7 +81,7 @@ def lock_or_fail(lock: TextIO, directory: Path) -> None:
 
 
 def lan_stack(directory: Path, listener: socket.socket) -> Stack:
-    """A stack that phones on this network can reach."""
+    """Return a stack that phones on this network can reach."""
     from script.stack.certificates import certificate_for, lan_addresses
 
     addresses = lan_addresses()
@@ -94,7 +94,7 @@ def lan_stack(directory: Path, listener: socket.socket) -> Stack:
 
 
 def introduce(stack: Stack, seconds: float) -> None:
-    """Say where to go and how to get in."""
+    """Print the address and the passwords."""
     say(f"\nThe console is ready ({seconds:.1f} s):  {stack.url}/\n")
     if stack.certificate:
         say(qr_code(f"{stack.url}/"))
@@ -108,7 +108,7 @@ def introduce(stack: Stack, seconds: float) -> None:
 
 
 def qr_code(text: str) -> str:
-    """For a phone's camera, drawn with characters."""
+    """Print a QR code with characters, for a phone's camera."""
     import segno
 
     drawn = io.StringIO()

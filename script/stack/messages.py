@@ -1,6 +1,6 @@
 """Writes docs/protocol-messages.md from `robots.wire`: every message, field by field.
 
-Types and defaults come from the structs, words from their docstrings and from the comments beside fields.
+Types and defaults come from the structs, words from their docstrings and from the comments next to fields.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ Kind = type[Struct]
 
 
 def page() -> str:
-    """The text of the page."""
+    """Return the text of the page."""
     told: dict[Kind, str] = {}  # the door under which a message is described
     common = _common()
     fields = "\n".join(f"* {line}" for line in common.values())
@@ -86,7 +86,7 @@ def _kinds(union: Any) -> list[Kind]:
 
 
 def _structs() -> Iterator[Kind]:
-    """All that `wire` defines, in its order."""
+    """Return all message types of `wire`, in its order."""
     for kind in vars(wire).values():
         if (
             inspect.isclass(kind)
@@ -97,7 +97,7 @@ def _structs() -> Iterator[Kind]:
 
 
 def _name(kind: Kind) -> str:
-    """A message's tag; where several share it, the struct's own name beside it. A part's name."""
+    """Return a message's tag, with the struct's name if several share the tag; or a part's name."""
     tag = kind.__struct_config__.tag
     if tag is None:
         return f"`{kind.__name__}`"
@@ -143,12 +143,12 @@ def _common() -> dict[str, str]:
 
 
 def _words_of(kind: Kind) -> str:
-    """Its docstring, as readers of JSON know it."""
+    """Return the docstring in terms of JSON."""
     return _renamed(inspect.getdoc(kind) or "")
 
 
 def _renamed(text: str) -> str:
-    """With messages and null called as on the wire."""
+    """Replace Python's names of messages and null by those on the wire."""
     text = re.sub(r"\bNone\b", "null", text)
     tags = {kind.__name__: kind.__struct_config__.tag for kind in _structs()}
     return re.sub(r"`(\w+)`", lambda found: f"`{tags.get(found[1]) or found[1]}`", text)
@@ -202,7 +202,7 @@ def _bounded(hint: Any, bounds: tuple[Meta, ...]) -> str:
 
 
 def _comments(kind: Kind) -> dict[str, str]:
-    """The comment beside each field, by its name."""
+    """Return the comment next to each field, by the field's name."""
     source = inspect.getsource(kind)
     comments = {
         token.start[0]: token.string.lstrip("# ")

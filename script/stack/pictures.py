@@ -38,7 +38,7 @@ LOOKED_AT = 10  # seconds into it
 
 LOOKING_AROUND = "Inspect surroundings"
 HEAD = ("head_1_joint", "head_2_joint")
-PLOTTED_S = 7.0  # until there is a curve worth looking at
+PLOTTED_S = 7.0  # until there is a curve to show
 
 
 def main() -> None:
@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def take_pictures(stack: Stack, cookie: str) -> None:
-    """All of them, into `PICTURES`."""
+    """Take all screenshots, into `PICTURES`."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"]
@@ -86,7 +86,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
 def page_of(
     stack: Stack, browser: Browser, cookie: str, width: int, height: int, theme: str, *, scale: float = 1
 ) -> Iterator[Page]:
-    """A signed-in page of this size."""
+    """Open a signed-in page of this size."""
     context = browser.new_context(
         viewport={"width": width, "height": height},
         color_scheme=theme,  # type: ignore[arg-type]
@@ -102,7 +102,7 @@ def page_of(
 
 
 def drive_to_the_wall(page: Page, stack: Stack) -> None:
-    """Hold W until the gate says that something is near, and a little longer."""
+    """Hold W until the gate reports an obstacle, and a little longer."""
     page.goto(f"{stack.url}/robots/{ROBOT}/")
     page.get_by_role("button", name="Take control").click()
     page.get_by_role("button", name="Release").wait_for()
@@ -119,7 +119,7 @@ def drive_to_the_wall(page: Page, stack: Stack) -> None:
 
 
 def say_a_phrase(page: Page) -> None:
-    """One that is in the history afterwards."""
+    """Make a booking that is in the history afterwards."""
     page.locator("[data-part=phrase-list] .hit").first.click()
     page.locator("[data-part=history-list] .hit").first.wait_for()
 
@@ -144,7 +144,7 @@ def watch_the_head(page: Page) -> None:
 
 
 async def tour(stack: Stack, cookie: str) -> None:
-    """A control session worth looking back at: the robot speaks, drives through a doorway, and waves."""
+    """Make a control session: the robot speaks, drives through a doorway, and waves."""
     async with Driver(stack, TOUR_ROBOT, cookie) as driver:
         fence = await driver.take()
         await driver.until(lambda: driver.odometry)
@@ -162,7 +162,7 @@ async def tour(stack: Stack, cookie: str) -> None:
 
 
 async def drive_to(driver: Driver, x: float, y: float, share: float) -> None:
-    """Steer there, as a person does who sees the robot."""
+    """Steer to a point, as a person does who sees the robot."""
     end_s = time.monotonic() + DRIVEN_S
     while time.monotonic() < end_s and (at := driver.odometry):
         if math.hypot(x - at.x, y - at.y) < THERE_M:
@@ -178,7 +178,7 @@ async def drive_to(driver: Driver, x: float, y: float, share: float) -> None:
 
 
 def look_back(page: Page, stack: Stack) -> None:
-    """A record in the middle of the tour."""
+    """Return a record in the middle of the tour."""
     page.set_viewport_size({"width": 1440, "height": 1000})
     page.goto(f"{stack.url}/your-data/")
     page.get_by_role("link", name="TIAGo Two").first.click()

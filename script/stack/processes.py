@@ -1,7 +1,7 @@
 """Child processes that never outlive this one, and an orderly end by signal.
 
 A child leads its own process group, so a terminal's Ctrl-C reaches only the parent, which then ends its
-children in order. Should the parent be killed without a chance to do so, the kernel sends every child
+children in order. If the parent is killed and cannot do so, the kernel sends every child
 SIGTERM (the parent-death signal).
 """
 
@@ -26,7 +26,7 @@ from script.stack.places import REPOSITORY
 
 LAST_LINES = 15
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-# Asked for by a process whose parent was killed just before, the signal never comes: hence the look at the parent.
+# If the parent was killed just before this call, the signal never comes: so check the parent.
 TIED_TO_US = ("/usr/bin/setpriv", "--pdeathsig", "TERM", "/bin/sh", "-c", 'test $PPID = "$0" && exec "$@"')
 
 
@@ -70,7 +70,7 @@ class ChildDied(RuntimeError):
 
 
 class Child:
-    """A process of ours, in the repository, writing to its own log file if it is given one.
+    """A child process in the repository's folder, with its own log file if one is given.
 
     Start children from the main thread: the parent-death signal follows the *thread* that started them.
     """
@@ -111,7 +111,7 @@ class Child:
         return self.process.poll() is None
 
     def fate(self) -> str:
-        """How it ended, as the rest of a sentence."""
+        """Return how the process ended, as the rest of a sentence."""
         code = self.process.poll()
         if code is None:
             return "is running"
@@ -120,18 +120,18 @@ class Child:
         return f"ended with status {code}"
 
     def last_lines(self) -> str:
-        """The end of its log."""
+        """Return the end of its log."""
         if self.log is None:
             return ""
         return "\n".join(self.log.read_text(errors="replace").splitlines()[-LAST_LINES:])
 
     def signal(self, number: signal.Signals) -> None:
-        """To the process itself. Its children notice in their own way."""
+        """Send a signal to the process itself; it ends its own children."""
         if self.running:
             self.process.send_signal(number)
 
     def wait(self, timeout_s: float) -> bool:
-        """True if it has ended in time."""
+        """Wait; return whether the process has ended in time."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(timeout_s)
             return True
@@ -145,7 +145,7 @@ class Child:
 
 
 def end_all(children: Iterable[Child], *, patience_s: float = 8.0) -> None:
-    """End these children together: SIGTERM, patience, then SIGKILL."""
+    """End these children together: SIGTERM, a wait, then SIGKILL."""
     children = list(children)
     for child in children:
         child.signal(signal.SIGTERM)
@@ -171,10 +171,10 @@ def wait_for_any_end(children: Sequence[Child]) -> Child:
 
 
 class ReservedPort:
-    """A free loopback port, kept from everybody else until our child listens there.
+    """Reserve a free loopback port until our child listens there.
 
-    We bind it and never listen: the kernel gives it to nobody who asks for "any port", and lets in a server
-    that sets SO_REUSEADDR.
+    Binds it without listening: the kernel does not give it out for "any port", but lets a server with
+    SO_REUSEADDR bind it.
     """
 
     def __init__(self, host: str = "127.0.0.1") -> None:

@@ -19,7 +19,7 @@ from script.stack.places import REPOSITORY
 from script.stack.processes import Child, ChildDied, Ended, end_all, ended_by_signals, say, wait_for_any_end
 from script.stack.stack import Certificate, StartError, daphne, tls_endpoint
 
-# collectstatic first: the check asks whether it was done.
+# collectstatic first: the check needs its result.
 PREPARATION = (["collectstatic", "--no-input", "-v", "0"], ["check", "--deploy"], ["migrate", "--no-input"])
 
 
@@ -64,7 +64,7 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 def is_loopback(address: str) -> bool:
-    """Whether only this machine can connect there, where X-Forwarded headers can be believed."""
+    """Whether only this computer can connect to the address: then X-Forwarded headers are trusted."""
     try:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:
@@ -106,7 +106,7 @@ def require_one_mind_about_tls(asked: argparse.Namespace, env: Environment) -> N
 
 
 def require_certificate(asked: argparse.Namespace) -> None:
-    """Certificate and key can be read and belong together."""
+    """Check that certificate and key can be read and belong together."""
     if not asked.certificate:
         return
     try:
@@ -121,7 +121,7 @@ def require_certificate(asked: argparse.Namespace) -> None:
 
 
 def require_free_port(asked: argparse.Namespace) -> None:
-    """Daphne would say so as well, but only after the bridges have begun."""
+    """Raise if the port is taken: Daphne would report it only after the bridges have started."""
     family = socket.AF_INET6 if ":" in asked.bind else socket.AF_INET
     try:
         socket.create_server((asked.bind, asked.port), family=family).close()
@@ -130,7 +130,7 @@ def require_free_port(asked: argparse.Namespace) -> None:
 
 
 def web_command(asked: argparse.Namespace) -> list[str]:
-    """Daphne, where it listens, and whom it believes."""
+    """Return Daphne's command: its addresses and trusted proxies."""
     if asked.certificate:
         certificate = Certificate(asked.certificate, asked.private_key, asked.authority)
         return [*daphne(), "--endpoint", tls_endpoint(certificate, asked.bind, asked.port)]

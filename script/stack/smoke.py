@@ -1,4 +1,4 @@
-"""The main job, driven through the public doors: sign in, take control, drive a metre, stop."""
+"""The main job through the public interfaces: sign in, take control, drive a metre, stop."""
 
 from __future__ import annotations
 

@@ -39,21 +39,21 @@ from script.stack.places import (
 from script.stack.processes import Child, ChildDied, ReservedPort, end_all
 
 ROLES = ("observer", "operator", "supervisor", "staff")
-READY_S = 120.0  # on a slow machine that does much else; as a rule it takes ten
+READY_S = 120.0  # limit for a slow and busy computer; usually it takes 10 s
 LONGEST_SOCKET_PATH = 107  # sun_path has 108 bytes with its closing zero
 SOCKET_NAME_LENGTH = len("/123456789012.sock")
 
 
 class StartError(RuntimeError):
-    """The stack could not be started, and why."""
+    """The stack could not be started; the text is the reason."""
 
 
 @dataclass(frozen=True)
 class PracticeRobot:
-    """A simulated robot: its name in the registry and where it stands (metres, degrees).
+    """A simulated robot: its name in the registry and its pose (metres, degrees).
 
-    The addresses are what robot and console call themselves to each other; `inside` is a command that runs its
-    words in the robot's own network, if it has one.
+    Robot and console advertise these addresses to each other. `inside` is a command prefix that runs a command in
+    the robot's own network, if it has one.
     """
 
     slug: str
@@ -62,7 +62,7 @@ class PracticeRobot:
     address: str = "127.0.0.1"
     console_address: str = "127.0.0.1"
     inside: tuple[str, ...] = ()
-    # (): the stick passes nothing on its way to the gate; None: as the profile says
+    # (): no input filters between stick and gate; None: those of the profile
     stick: tuple[()] | None = None
 
 
@@ -92,7 +92,7 @@ PRACTICE_ROBOTS = (
 
 
 class SimulatedRobot:
-    """A rosmaster and a simulator of our own."""
+    """A rosmaster and a simulator of this stack."""
 
     def __init__(self, plan: PracticeRobot, stack: Stack) -> None:
         self.plan = plan
@@ -108,7 +108,7 @@ class SimulatedRobot:
 
     @property
     def environment(self) -> dict[str, str]:
-        """For any ROS program that belongs to this robot."""
+        """Environment of ROS programs of this robot."""
         return {
             **self._stack.environment,
             "ROS_MASTER_URI": self.master_uri,
@@ -139,7 +139,7 @@ class SimulatedRobot:
 
 
 class Stack:
-    """See the module. `directory` is made if it is not there, and used again if it is."""
+    """See the module. `directory` is created if it does not exist, and used again if it does."""
 
     def __init__(
         self,
@@ -175,7 +175,7 @@ class Stack:
 
     @property
     def url(self) -> str:
-        """Where a browser on this machine reaches the console, without a closing slash."""
+        """Return the console's address for a browser on this computer, without a slash at the end."""
         return f"{'https' if self.certificate else 'http'}://{self.hosts[0]}:{self.port}"
 
     # --- start -----------------------------------------------------------------------------------
@@ -203,7 +203,7 @@ class Stack:
 
     def _prepare(self) -> None:
         self.directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        self.directory.chmod(0o700)  # also one from before: its database holds session keys
+        self.directory.chmod(0o700)  # also an existing one: its database contains session keys
         self.logs = self.directory / "log"
         shutil.rmtree(self.logs, ignore_errors=True)
         self.logs.mkdir()
@@ -213,7 +213,7 @@ class Stack:
         self.environment = self._environment()
 
     def _short_enough(self, directory: Path) -> Path:
-        """`directory`, or a temporary one where a socket's full path would not fit into an address."""
+        """Return `directory`, or a temporary one if a socket's full path would be too long for an address."""
         if len(os.fsencode(directory)) + SOCKET_NAME_LENGTH <= LONGEST_SOCKET_PATH:
             return directory
         return Path(self._closing.enter_context(tempfile.TemporaryDirectory(prefix="fleet-")))
@@ -307,7 +307,7 @@ class Stack:
             self.robots[slug].link_path = path
 
     def _finish(self, command: Child) -> None:
-        """Wait for a command that should end well."""
+        """Wait for a command; raise if it fails."""
         if not command.wait(120.0) or command.process.returncode:
             raise StartError(str(ChildDied(command)))
         self.children.remove(command)
@@ -331,14 +331,14 @@ class Stack:
     # --- ready -----------------------------------------------------------------------------------
 
     def wait_ready(self, timeout_s: float = READY_S) -> None:
-        """Until people can sign in and every robot is online."""
+        """Wait until people can sign in and every robot is online."""
         deadline = time.monotonic() + timeout_s
         self.wait_web(deadline)
         for slug in self.robots:
             self.wait_online(slug, deadline)
 
     def _tries(self, deadline: float, what: str) -> Iterator[None]:
-        """Try again and again, as long as everybody lives and there is time."""
+        """Repeat a check while all processes live and there is time."""
         while time.monotonic() < deadline:
             self.check()
             yield
@@ -352,7 +352,7 @@ class Stack:
                 raise ChildDied(child)
 
     def wait_web(self, deadline: float) -> None:
-        """Until the web process answers."""
+        """Wait until the web process answers."""
         for _ in self._tries(deadline, "The web process"):
             try:
                 connection = self._connection()
@@ -370,7 +370,7 @@ class Stack:
         return http.client.HTTPSConnection(host, self.port, timeout=5.0, context=trust)
 
     def wait_online(self, slug: str, deadline: float) -> None:
-        """Until the robot's bridge reports the robot online."""
+        """Wait until the robot's bridge reports the robot online."""
         path = self.robots[slug].link_path
         for _ in self._tries(deadline, f"The bridge of {slug}"):
             try:
@@ -395,7 +395,7 @@ class Stack:
     # --- end -------------------------------------------------------------------------------------
 
     def end(self) -> None:
-        """End every process; the masters last, since everybody takes leave of them."""
+        """End every process; the masters last, since all nodes unregister from them."""
         masters = [robot.master for robot in self.robots.values()]
         end_all(child for child in self.children if child not in masters)
         end_all(child for child in self.children if child in masters)
@@ -409,7 +409,7 @@ class Stack:
 def temporary_stack(
     robots: Sequence[PracticeRobot] = PRACTICE_ROBOTS, *, settings: Mapping[str, str] | None = None
 ) -> Iterator[Stack]:
-    """A stack on free ports, in a temporary directory that is kept after a failure."""
+    """Start a stack on free ports, in a temporary directory that is kept after a failure."""
     directory = Path(tempfile.mkdtemp(prefix="fleet-"))
     try:
         with Stack(directory, robots=robots, settings=settings) as stack:
@@ -421,12 +421,12 @@ def temporary_stack(
 
 
 def daphne() -> list[str]:
-    """The web process's command, without where it listens."""
+    """Return the web process's command without its addresses."""
     return [sys.executable, "-m", "fleet.server", "--verbosity", "0", "fleet.site.asgi:application"]
 
 
 def tls_endpoint(certificate: Certificate, address: str, port: int) -> str:
-    """In Twisted's words."""
+    """Return Twisted's endpoint description."""
     files = {"privateKey": certificate.private_key, "certKey": certificate.certificate}
     if certificate.authority:
         files["extraCertChain"] = certificate.authority
@@ -435,5 +435,5 @@ def tls_endpoint(certificate: Certificate, address: str, port: int) -> str:
 
 
 def _escape(value: str) -> str:
-    """For an endpoint description, where ``:`` separates."""
+    """Escape ``:``, the separator of endpoint descriptions."""
     return value.replace("\\", r"\\").replace(":", r"\:")

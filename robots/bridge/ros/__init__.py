@@ -1,6 +1,6 @@
-"""The robot's side of the bridge, the only one that knows rospy; it makes the distribution's ROS importable.
+"""The bridge's ROS side. Only this package imports rospy; it makes the distribution's ROS importable.
 
-ROS 1 lives in the distribution's own package folder, which a virtual environment rightly does not see.
+ROS 1 is installed in the distribution's package folder, which a virtual environment does not include.
 The folder is appended, so that the environment's own packages always win; and only in the processes
 that speak ROS, so that the web process never sees it. `FLEET_ROS_PATH` names other folders
 (separated by colons), such as ``/opt/ros/noetic/lib/python3/dist-packages``.

@@ -15,6 +15,8 @@ def register_again(master: Master) -> None:
         master.register("registerPublisher", topic, kind, own_uri)
     for topic, kind in get_topic_manager().get_subscriptions():
         publishers = master.register("registerSubscriber", topic, kind, own_uri)
-        Master(own_uri, "/master").call("publisherUpdate", topic, publishers)  # as the master itself would
+        Master(own_uri, "/master").call(
+            "publisherUpdate", topic, publishers
+        )  # as the master does for a new subscriber
     for service, service_uri in get_service_manager().get_services():
         master.call("registerService", service, service_uri, own_uri)

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections import deque
 
-KNOWN = 4  # of the newest connections: two nodes that publish in turn are no new ones each time
+KNOWN = 4  # newest connections kept: two nodes that publish in turn must not count as new each time
 
 
 class RunMonitor:
-    """Numbers them. `begin` and `of` may be called on different threads."""
+    """Numbers the runs. `begin` and `of` may be called on different threads."""
 
     def __init__(self) -> None:
         self._number = 0
         self._headers: deque[object] = deque(maxlen=KNOWN)
 
     def begin(self) -> None:
-        """The robot's master was restarted."""
+        """Start a new run: the robot's master was restarted."""
         self._number += 1
 
     def of(self, header: object) -> int:
-        """The run of a message with this connection header; rospy makes one for each connection to a publisher."""
+        """Return the run of a message with this connection header. rospy makes one header object per connection."""
         if not any(header is known for known in self._headers):
             self._headers.append(header)
             self._number += 1

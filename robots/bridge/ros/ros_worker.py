@@ -38,9 +38,9 @@ class RosWorker:
             try:
                 call()
             except MasterError as error:
-                log.warning("the robot was asked in vain: %s", error)
+                log.warning("a request to the robot failed: %s", error)
             except Exception:  # any answer of a hostile master; the next call runs
-                log.exception("something that was asked of the robot failed")
+                log.exception("a request to the robot failed")
 
 
 class RateLimit:
@@ -49,11 +49,11 @@ class RateLimit:
     def __init__(self, what: Callable[[], None], gap_s: float) -> None:
         self._what = what
         self._gap_s = gap_s
-        self._due_s = -math.inf  # when it was begun last, or will be next
+        self._due_s = -math.inf  # time of the last start, or of the next one
         self._lock = threading.Lock()
 
     def do(self) -> None:
-        """Returns at once."""
+        """Request a call. Returns at once."""
         with self._lock:
             now_s = time.monotonic()
             if self._due_s > now_s:

@@ -1,4 +1,4 @@
-"""rospy ends a node at any caller's `shutdown`; a bridge and a watchdog end by their supervisor only."""
+"""Refuses rospy's `shutdown` call, which any node may make: only the supervisor ends a bridge or a watchdog."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _REFUSED: _Answer = (0, "refused: this node ends by its supervisor", 0)
 
 
 def refuse_shutdown(name_is_lost: Callable[[], bool] = lambda: False) -> None:
-    """Do nothing at a `shutdown` call, from now on in this process. Call it before `rospy.init_node`.
+    """Refuse `shutdown` calls from now on in this process. Call it before `rospy.init_node`.
 
-    A master calls `shutdown` when another node takes this node's name; it has struck this node's topics off its books
-    then. `name_is_lost` asks the master whether that happened: if so, rospy shuts down as usual.
+    A master calls `shutdown` when another node takes this node's name, after it has unregistered this node's topics.
+    `name_is_lost` asks the master whether that happened: if so, rospy shuts down as usual.
     """
     shutdown = ROSHandler.shutdown
-    asking = threading.Lock()  # a flood of calls asks the master one question at a time
-    unasked = threading.Event()  # a call came since
+    asking = threading.Lock()  # a flood of calls causes one request to the master at a time
+    unasked = threading.Event()  # a call arrived since the last request
     said = False
 
     def judged(handler: ROSHandler, caller: str, message: str = "") -> _Answer:

@@ -1,4 +1,4 @@
-"""The watchdog's rospy node: publishers only, so that nothing that the robot says can hold it up."""
+"""The watchdog's rospy node. It only publishes, so that no message of the robot can delay it."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from robots.bridge.watchdog.config import WatchdogConfig
 log = logging.getLogger(__name__)
 
 RETRY_S = 0.5
-CHECK_S = 0.5  # that the master still knows this node, and that each drive topic has its publisher
-SEND_PATIENCE_S = 0.02  # by then the buffer of a listener to zeros is not full by chance
+CHECK_S = 0.5  # between checks of the registration and of the drive topics
+SEND_PATIENCE_S = 0.02  # if a listener's buffer is full for longer, the listener does not read
 FLUSH_S = 0.1
 
 
@@ -49,7 +49,7 @@ class WatchdogNode:
         threading.Thread(target=self._keep_registered, name="master", daemon=True).start()
 
     def stop(self) -> None:
-        """Off the master's books, if it answers."""
+        """Unregister from the master, if it answers."""
         self._ending.set()
         if self._joined:
             time.sleep(FLUSH_S)  # the last bytes leave before the socket is closed
@@ -57,10 +57,10 @@ class WatchdogNode:
             leaving.start()
             leaving.join(1.0)
 
-    # --- as the watchdog sees it (watchdog.process.Robot) ----------------------------------------------
+    # --- called by the watchdog (watchdog.process.Robot) -----------------------------------------------
 
     def zero(self) -> int:
-        """Publish a zero velocity wherever the robot is driven; returns how many nodes it was written to."""
+        """Publish a zero velocity on every drive topic; returns the number of nodes that it was written to."""
         twist = Twist()
         message = TwistStamped(twist=twist) if self._stamped else twist
         if self._stamped:
@@ -69,13 +69,13 @@ class WatchdogNode:
         for publisher in list(self._drives.values()):
             try:
                 publish(publisher, message)
-            except rospy.ROSException as error:  # its topic is just being left
+            except rospy.ROSException as error:  # its topic is being closed
                 log.warning("a zero was not published: %s", error)
             reached += len(heard_by(publisher))
         return reached
 
     def cancel(self) -> None:
-        """Cancel everybody's goals: an empty goal id means all."""
+        """Cancel the goals of all clients: an empty goal id means all."""
         for publisher in self._cancels:
             publish(publisher, GoalID())
 
@@ -93,13 +93,13 @@ class WatchdogNode:
                     self._join()
                     self._stay(watch)
             except MasterError as error:
-                log.debug("%s", error)  # the bridge says it on the page
+                log.debug("%s", error)  # the bridge reports it on the page
             except Exception:
                 log.exception("watching the robot's master failed")
             self._ending.wait(RETRY_S)
 
     def _join(self) -> None:
-        """rospy begins once in a process's life: if that fails, another process must try."""
+        """Register with the master. Failing that, end: rospy starts only once per process, so another one must try."""
         if self._joined:
             return
         try:
@@ -134,7 +134,7 @@ class WatchdogNode:
                 return
 
     def _attend(self) -> None:
-        """A publisher for each drive topic that is wanted, and for no other."""
+        """Keep a publisher for each wanted drive topic, and for no other."""
         kind = TwistStamped if self._stamped else Twist
         wanted = self._wanted
         for name in wanted - self._drives.keys():

@@ -1,6 +1,6 @@
 """The arm's shape: capsules between the frames of its joints. Metres.
 
-Slimmer than the arm itself, or it would not fold within the base's circle, as the real one does.
+The capsules are slimmer than the real arm, so that the folded arm stays within the base's circle, as the real one does.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Segment(NamedTuple):
 
 
 class Capsule(NamedTuple):
-    """Where a segment is in the base frame: its middle, and the quaternion (w, x, y, z) that lays z along it."""
+    """A segment's pose in the base frame: its middle, and the quaternion (w, x, y, z) that turns z along it."""
 
     middle: Matrix
     rotation: Matrix
@@ -49,7 +49,7 @@ def lengths(table: Sequence[Frame]) -> list[float]:
 
 
 def capsules(table: Sequence[Frame], joints: Mapping[str, float]) -> list[Capsule]:
-    """Where the segments are with these joints."""
+    """Return the segments' poses at these joint positions."""
     found = []
     for segment in SEGMENTS:
         begin, end = _ends(table, segment, joints)
@@ -62,7 +62,7 @@ def _ends(table: Sequence[Frame], segment: Segment, joints: Mapping[str, float])
 
 
 def _laid_along(way: Matrix) -> Matrix:
-    """The shortest turn from z to `way`."""
+    """Return the shortest rotation from z to `way`."""
     x, y, z = (way / np.linalg.norm(way)).tolist()
     if z < -0.999999:
         return np.array([0.0, 1.0, 0.0, 0.0])

@@ -25,11 +25,11 @@ Matrix = NDArray[np.float64]
 
 
 class FrameError(ValueError):
-    """No such frame."""
+    """The frame does not exist."""
 
 
 class Frame(NamedTuple):
-    """`child` hangs on `parent`, fixed or by a joint about or along `axis`."""
+    """`child` is attached to `parent`, fixed or by a joint about or along `axis`."""
 
     parent: str
     child: str
@@ -47,7 +47,7 @@ class Placed(NamedTuple):
     axes: Matrix
 
     def point(self, inside: Matrix) -> Matrix:
-        """A point of this frame, in the other one."""
+        """Transform a point of this frame to the other one."""
         return self.origin + self.axes @ inside
 
 
@@ -130,7 +130,7 @@ def moved(frame: Frame, position: float) -> tuple[Vector, Rotation]:
 
 
 def _after(first: Rotation, then: Rotation) -> Rotation:
-    """Two rotations in a row, the second about the axes that the first has turned."""
+    """Combine two rotations; the second turns about the axes that the first has turned."""
     (ax, ay, az, aw), (bx, by, bz, bw) = first, then
     return (
         aw * bx + ax * bw + ay * bz - az * by,
@@ -141,7 +141,7 @@ def _after(first: Rotation, then: Rotation) -> Rotation:
 
 
 def place(table: Sequence[Frame], name: str, joints: Mapping[str, float], root: str | None = None) -> Placed:
-    """Where frame `name` is in frame `root` (of all by default), which carries it; else `FrameError`."""
+    """Return the pose of frame `name` in its ancestor `root` (default: the root of all). Raises `FrameError`."""
     parents = {frame.child: frame for frame in table}
     placed = Placed(np.zeros(3), np.eye(3))
     at = name

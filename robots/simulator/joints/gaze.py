@@ -1,7 +1,6 @@
-"""Where the head has to turn so that it looks at something, without ROS. Metres, radians, base frame.
+"""Computes the head joints that point the head at a target, without ROS. Metres, radians, base frame.
 
-The way of PAL's head action: an axis of a frame that the head carries is brought onto the target, as far as
-the neck turns.
+Follows PAL's head action: it points an axis of a frame of the head at the target, as far as the neck turns.
 """
 
 from __future__ import annotations
@@ -20,8 +19,8 @@ PAN, TILT = "head_1_joint", "head_2_joint"
 HEAD = "head_2_link"
 REACHED_RAD = 0.02
 
-# The frame looks from beside the joints that turn it. Each round shrinks what that displaces to about the
-# offset's part of the distance.
+# The frame is offset from the joints that turn it. Each iteration multiplies the remaining error by about
+# offset / distance.
 _ROUNDS = 12
 _SHORTEST = 1e-6
 
@@ -38,7 +37,7 @@ class Eye(NamedTuple):
 
 
 def eye(table: Sequence[Frame], frame: str, axis: Sequence[float]) -> Eye:
-    """The `axis` of `frame`. As the robot does: the head's own where none is named, forward where no axis is."""
+    """Return the `axis` of `frame`. Defaults, as on the robot: the head's own frame, the forward axis."""
     placed = place(table, frame or HEAD, {}, root=HEAD)
     wanted = np.array(axis, dtype=float)
     length = float(np.linalg.norm(wanted))
@@ -49,7 +48,7 @@ def eye(table: Sequence[Frame], frame: str, axis: Sequence[float]) -> Eye:
 
 
 def aim(table: Sequence[Frame], looks: Eye, target: Matrix, joints: Mapping[str, float]) -> dict[str, float]:
-    """Pan and tilt that bring the eye onto `target`, held within the neck's limits."""
+    """Return pan and tilt that point the eye at `target`, clamped to the neck's limits."""
     if not np.isfinite(target).all():
         raise GazeError("the target is not a point")
     wanted = dict(joints)
@@ -61,7 +60,7 @@ def aim(table: Sequence[Frame], looks: Eye, target: Matrix, joints: Mapping[str,
 
 
 def error(table: Sequence[Frame], looks: Eye, target: Matrix, joints: Mapping[str, float]) -> float:
-    """The angle between where the eye looks and where the target is."""
+    """Return the angle between the eye's axis and the direction of the target."""
     looking = place(table, HEAD, joints).axes @ looks.axis
     wanted = _direction(table, looks, target, joints)
     return math.atan2(float(np.linalg.norm(np.cross(looking, wanted))), float(looking @ wanted))
@@ -78,7 +77,7 @@ def _direction(table: Sequence[Frame], looks: Eye, target: Matrix, joints: Mappi
 
 
 def _turned(axis: Matrix, direction: Matrix) -> tuple[float, float]:
-    """Pan and tilt that turn the head's `axis` into `direction`. Tilt moves it on a circle about the left."""
+    """Return pan and tilt that turn the head's `axis` into `direction`. Tilt rotates it about the left axis."""
     forward, left, up = axis.tolist()
     x, y, z = direction.tolist()
     circle = math.hypot(forward, up)

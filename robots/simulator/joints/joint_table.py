@@ -1,4 +1,4 @@
-"""TIAGo's joints above the base: names, limits, speeds, and where the head's camera is. Metres, radians."""
+"""TIAGo's joints above the base: names, limits, speeds, and the pose of the head's camera. Metres, radians."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ HOME: Mapping[str, float] = {
     "head_2_joint": 0.0,
 }
 
-# Where the movable links hang: origin in the parent's frame. Together they put the camera 1.067 m above the
+# Origins of the movable links in the parent's frame. Together they place the camera 1.067 m above the
 # floor at torso 0.
 TORSO_M = (-0.062, 0.0, 0.790)
 HEAD_PAN_M = (0.182, 0.0, 0.0)
@@ -66,7 +66,7 @@ class CameraPose(NamedTuple):
 
 
 def camera_pose(joints: Mapping[str, float]) -> CameraPose:
-    """Where the head's camera is with these joints. A positive tilt looks up."""
+    """Return the pose of the head's camera at these joint positions. A positive tilt looks up."""
     pan = _about_z(joints["head_1_joint"])
     tilted = pan @ _about_y(-joints["head_2_joint"])
     lift = np.array([0.0, 0.0, joints["torso_lift_joint"]])

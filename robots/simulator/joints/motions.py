@@ -1,8 +1,8 @@
-"""How the joints move, without ROS: recorded motions as play_motion performs them, and trajectories.
+"""Moves the joints, without ROS: recorded motions as play_motion performs them, and trajectories.
 
-Each controller follows one run of points at a time, and no joint ever moves faster than it can: points that
-ask for more are reached later. A motion that needs a busy controller is refused; a trajectory takes its
-controller over, and what moved it before has failed. A cancelled run stops where it is.
+Each controller follows one run of points at a time, and joints keep their speed limits: points that need a
+higher speed are reached later. A motion that needs a busy controller is refused. A trajectory takes over its
+controller, and the run before it fails. A cancelled run stops at its present position.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from msgspec import Struct
 from robots.simulator.joints.joint_table import HOME, JOINTS
 from robots.simulator.physics.base import clamp
 
-# An eased way begins and ends at rest: at its middle it is this much faster than on average.
+# An eased path begins and ends at rest: its middle is this much faster than its average.
 EASED_PEAK = 1.5
 
 
@@ -34,14 +34,14 @@ class ErrorCode(IntEnum):
 
 
 class Point(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where the joints are at a time."""
+    """The joint positions at a time."""
 
     positions: list[float]
     time_from_start: float
 
 
 class Meta(Struct, frozen=True, forbid_unknown_fields=True):
-    """For people."""
+    """Description for people."""
 
     name: str
     usage: str
@@ -56,18 +56,18 @@ class Motion(Struct, frozen=True, forbid_unknown_fields=True):
     meta: Meta
 
     def parameters(self) -> dict[str, Any]:
-        """As it stands on the robot's parameter server."""
+        """Return the motion as on the robot's parameter server."""
         plain: dict[str, Any] = msgspec.to_builtins(self)
         return plain
 
 
 def load_motions() -> dict[str, Motion]:
-    """TIAGo's motions by name."""
+    """Return TIAGo's motions by name."""
     return msgspec.yaml.decode(Path(__file__).with_name("motions.yaml").read_bytes(), type=dict[str, Motion])
 
 
 class RefusedMotionError(Exception):
-    """The motion was not begun."""
+    """The motion was refused."""
 
     def __init__(self, code: ErrorCode, text: str) -> None:
         super().__init__(text)
@@ -75,7 +75,7 @@ class RefusedMotionError(Exception):
 
 
 class Phase(Enum):
-    """Where a run is in its life."""
+    """The state of a run."""
 
     MOVING = "moving"
     DONE = "done"
@@ -85,14 +85,14 @@ class Phase(Enum):
 
 
 class Knot(NamedTuple):
-    """All joints of a run at a moment."""
+    """All joints of a run at one time."""
 
     at: float
     positions: Sequence[float]
 
 
 class Run:
-    """Joints on their way along points."""
+    """Joints that move along points."""
 
     def __init__(
         self,
@@ -116,12 +116,12 @@ class Run:
         self._fails_at = (now + self._knots[-1].at) / 2.0 if fails else None
 
     def _shortest_s(self, begin: Sequence[float], end: Sequence[float]) -> float:
-        """How long the slowest joint needs between two points."""
+        """Return the time that the slowest joint needs between two points."""
         ways = zip(self.joints, begin, end, strict=True)
         return max(EASED_PEAK * abs(to - at) / JOINTS[joint].speed for joint, at, to in ways)
 
     def positions(self, now: float) -> dict[str, float]:
-        """Its joints at `now`; ends the run when its time has come."""
+        """Return the joints at `now`; end the run when its time is over."""
         if self._fails_at is not None and now >= self._fails_at:
             self.phase = Phase.FAILED
         elif now >= self._knots[-1].at:
@@ -157,7 +157,7 @@ class Player:
         return run
 
     def follow(self, joints: Sequence[str], points: Sequence[Point], now: float) -> Run:
-        """Begin a trajectory, within the joints' limits, in place of what moves its controller now."""
+        """Begin a trajectory, within the joints' limits; it replaces its controller's present run."""
         held = [
             Point(
                 [
@@ -174,20 +174,20 @@ class Player:
         return run
 
     def release(self, controllers: frozenset[str]) -> None:
-        """Stop whatever these controllers follow, where it is."""
+        """Stop the runs of these controllers at their present positions."""
         for run in self._running[:]:
             if run.controllers & controllers:
                 self._running.remove(run)
                 run.phase = Phase.REPLACED
 
     def cancel(self, run: Run) -> None:
-        """Stop `run` where it is."""
+        """Stop `run` at its present position."""
         if run in self._running:
             self._running.remove(run)
             run.phase = Phase.CANCELLED
 
     def step(self, now: float) -> None:
-        """Move the joints of all runs to where they are at `now`."""
+        """Move the joints of all runs to their positions at `now`."""
         before = dict(self.positions)
         for run in self._running[:]:
             self.positions.update(run.positions(now))
@@ -201,7 +201,7 @@ class Player:
         self._stepped_at = now
 
     def is_there(self, name: str, tolerance: float) -> bool:
-        """True when the joints are at the motion's last point; raises `RefusedMotionError` if there is no such."""
+        """True when the joints are at the motion's last point; raises `RefusedMotionError` for unknown motions."""
         motion = self._motion(name)
         pairs = zip(motion.joints, motion.points[-1].positions, strict=True)
         return all(abs(self.positions[joint] - end) <= tolerance for joint, end in pairs)

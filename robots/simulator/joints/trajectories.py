@@ -23,7 +23,7 @@ class ErrorCode(IntEnum):
 
 
 class RefusedTrajectoryError(Exception):
-    """The trajectory was not begun."""
+    """The trajectory was refused."""
 
     def __init__(self, code: ErrorCode, text: str) -> None:
         super().__init__(text)
@@ -52,6 +52,6 @@ def check(controller: str, joints: Sequence[str], points: Sequence[Point]) -> No
 
 
 def missed(joints: Sequence[str], goal: Point, positions: Mapping[str, float]) -> list[str]:
-    """The joints that are not where the goal wants them, such as beyond their limits."""
+    """Return the joints that missed the goal, such as a goal beyond their limits."""
     pairs = zip(joints, goal.positions, strict=True)
     return [joint for joint, wanted in pairs if abs(positions[joint] - wanted) > GOAL_TOLERANCE]

@@ -1,6 +1,6 @@
 """The mobile base controller: limits, accelerations and time-out, without ROS or physics.
 
-It turns the last command into the velocity that the wheels are asked for now, as PAL's
+It turns the last command into the wheels' commanded velocity, as PAL's
 diff_drive_controller does: clamp to the velocity limits, then to the accelerations, and brake to zero
 when no command came for `timeout_s`.
 """
@@ -49,17 +49,17 @@ class BaseController:
     def __init__(self, limits: BaseLimits = TIAGO) -> None:
         self.limits = limits
         self.velocity = STILL
-        self.brake_share = 1.0  # less than 1: worn brakes, for tests of what relies on them
+        self.brake_share = 1.0  # below 1: worn brakes, for tests of braking
         self._command = STILL
         self._commanded_at = float("-inf")
 
     def command(self, twist: Twist, now: float) -> None:
-        """A new command arrived."""
+        """Take a new command."""
         self._command = twist
         self._commanded_at = now
 
     def step(self, now: float, dt: float) -> Twist:
-        """The velocity to ask of the wheels for the next `dt` seconds."""
+        """Return the wheels' velocity for the next `dt` seconds."""
         wanted = self._within_limits(self._command) if self._is_fresh(now) else STILL
         linear = self.limits.linear_mps2 * dt
         angular = self.limits.angular_radps2 * dt
@@ -71,7 +71,7 @@ class BaseController:
         return self.velocity
 
     def _towards(self, wanted: float, before: float, change: float) -> float:
-        """At most `change` away from `before`; less where that means to slow down with worn brakes."""
+        """Limit the change from `before` to `change`; less when worn brakes slow the robot down."""
         if abs(wanted) < abs(before):
             change *= self.brake_share
         return clamp(wanted, before - change, before + change)

@@ -1,4 +1,4 @@
-"""The robot's body in the world: MuJoCo decides where it goes and what it touches. Knows no ROS."""
+"""The robot's body in the world: MuJoCo computes its motion and contacts. Knows no ROS."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from typing import NamedTuple
 
-# Only the camera draws, in a context of its own (see `camera`): MuJoCo need not look for a display.
+# Only the camera draws, in its own context (see `camera`): MuJoCo must not search for a display.
 os.environ.setdefault("MUJOCO_GL", "disable")
 
 import mujoco
@@ -47,7 +47,7 @@ class Contact(NamedTuple):
 
 
 class Snapshot(NamedTuple):
-    """Where everything that can move is at one moment."""
+    """The poses of all movable bodies at one moment."""
 
     qpos: Vector
     mocap_pos: Vector
@@ -57,7 +57,7 @@ class Snapshot(NamedTuple):
 def cast_rays(
     model: mujoco.MjModel, data: mujoco.MjData, robot_id: int, origin: Vector, directions: Vector
 ) -> Vector:
-    """Distances along unit rays (N, 3) from one point, in the world's frame; -1 where nothing is hit."""
+    """Distances along unit rays (N, 3) from one point, in the world's frame; -1 for rays without a hit."""
     count = len(directions)
     hit = np.empty((count, 1), dtype=np.int32)
     distance = np.empty(count)
@@ -87,7 +87,7 @@ class Onlooker:
         self._robot_id = physics.robot_id
 
     def follow(self, snapshot: Snapshot) -> None:
-        """See the world as it was at `snapshot`."""
+        """Set the world to `snapshot`."""
         self.data.qpos[:] = snapshot.qpos
         self.data.mocap_pos[:] = snapshot.mocap_pos
         self.data.mocap_quat[:] = snapshot.mocap_quat
@@ -95,7 +95,7 @@ class Onlooker:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot was then."""
+        """The robot's pose at that moment."""
         x, y, yaw = self.data.qpos[:3].tolist()
         return Pose(x, y, yaw)
 
@@ -124,13 +124,13 @@ class Physics:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot truly is."""
+        """The robot's true pose."""
         x, y, yaw = self.data.qpos[:3].tolist()
         return Pose(x, y, yaw)
 
     @property
     def velocity(self) -> Twist:
-        """How the robot truly moves, in its own frame."""
+        """The robot's true velocity, in its own frame."""
         x, y, w = self.data.qvel[:3].tolist()
         yaw = float(self.data.qpos[2])
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -143,7 +143,7 @@ class Physics:
             mujoco.mj_step(self.model, self.data)
 
     def _push(self, wanted: Twist) -> None:
-        """The force that would reach `wanted` within one step, as far as the motors can."""
+        """Return the force that reaches `wanted` within one step, limited to the motors' force."""
         yaw = float(self.data.qpos[2])
         now = self.velocity
         gain = self._mass / self.timestep_s
@@ -161,7 +161,7 @@ class Physics:
         )
 
     def contacts(self) -> list[Contact]:
-        """Present contacts of the robot, the hardest first."""
+        """Return the robot's present contacts, the strongest force first."""
         found = []
         force = np.zeros(6)
         for index in range(self.data.ncon):
@@ -174,7 +174,7 @@ class Physics:
         return sorted(found, key=lambda contact: -contact.force_n)
 
     def clearance_m(self, reach_m: float = 3.0) -> float:
-        """The gap between the robot's hull and the nearest thing; at most `reach_m`; negative inside."""
+        """Return the gap (m) between hull and nearest object: at most `reach_m`, negative inside an object."""
         return min(
             (
                 mujoco.mj_geomDistance(self.model, self.data, part, other, reach_m, None)
@@ -189,18 +189,18 @@ class Physics:
         return cast_rays(self.model, self.data, self.robot_id, origin, directions)
 
     def snapshot(self) -> Snapshot:
-        """Where everything is now, for an `Onlooker` of another thread."""
+        """Return all present poses, for an `Onlooker` on another thread."""
         data = self.data
         return Snapshot(data.qpos.copy(), data.mocap_pos.copy(), data.mocap_quat.copy())
 
     def place_person(self, name: str, x: float, y: float, yaw: float) -> None:
-        """Put a person somewhere; shows from the next step on."""
+        """Place a person; takes effect with the next step."""
         mocap = self._mocaps[name]
         self.data.mocap_pos[mocap] = (x, y, 0.0)
         self.data.mocap_quat[mocap] = (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
 
     def place_furniture(self, name: str, x: float, y: float) -> None:
-        """Put a chair or a table somewhere else, as it is turned; shows from the next step on."""
+        """Place a chair or a table without turning it; takes effect with the next step."""
         self.model.body(name).pos[:2] = (x, y)
 
     def place_arm(self, capsules: Sequence[Capsule]) -> None:
@@ -210,7 +210,7 @@ class Physics:
             self.model.body_quat[body] = rotation
 
     def place_robot(self, pose: Pose) -> None:
-        """Put the robot somewhere, at rest."""
+        """Place the robot, at rest."""
         self.data.qpos[:3] = pose
         self.data.qvel[:3] = 0.0
         mujoco.mj_forward(self.model, self.data)

@@ -1,8 +1,8 @@
-"""Which of several velocity inputs drives the base: twist_mux's rules, without ROS.
+"""Selects the velocity input that drives the base by twist_mux's rules, without ROS.
 
-An input speaks for `INPUT_TIMEOUT_S` after its last message; the speaking input of highest priority
-that no lock masks is obeyed. A lock masks inputs of a priority lower than its own. Ties go to
-whoever speaks (twist_mux lets both through).
+An input is active for `INPUT_TIMEOUT_S` after its last message; the active input of highest priority
+that no lock masks drives the base. A lock masks inputs of a lower priority. Inputs of equal
+priority pass (as in twist_mux).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ TIAGO_LOCKS: Mapping[str, int] = MappingProxyType(
 
 
 class TwistMux:
-    """Keeps when each input last spoke and which locks are on. Times are seconds of one monotonic clock."""
+    """Keeps each input's last time and the active locks. Times are seconds of one monotonic clock."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class TwistMux:
             self._locked.discard(name)
 
     def passes(self, name: str, now: float) -> bool:
-        """Note that input `name` spoke at `now`; true if its command goes through to the base."""
+        """Note a command of input `name` at `now`; return whether it passes to the base."""
         priority = self._inputs[name]
         self._heard_at[name] = now
         return priority >= self._highest_lock() and priority == self._highest_speaking(now)

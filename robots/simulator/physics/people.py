@@ -1,4 +1,4 @@
-"""People who stand or walk to and fro along a path, also through obstacles."""
+"""People who stand, or walk back and forth along a path, also through obstacles."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robots.simulator.worlds import Person
 
 
 class Walker:
-    """One person: where they are."""
+    """One person and their position."""
 
     def __init__(self, person: Person) -> None:
         self.person = person
@@ -20,7 +20,7 @@ class Walker:
         self._target = next(self._targets) if self._targets else person.at
 
     def place(self, x: float, y: float) -> None:
-        """Stand somewhere else."""
+        """Stand at this place."""
         self.x, self.y = x, y
         self.walks = False
 
@@ -49,5 +49,5 @@ class Walker:
 
 
 def _to_and_fro(path: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """There, then back along the same points."""
+    """Yield the path forth and back."""
     return path + path[-2:0:-1]

@@ -1,6 +1,6 @@
 """A world and one robot, written as MuJoCo's XML.
 
-Geometry groups: 0 what robots touch and sensors see; 3 the robot itself.
+Geometry groups: 0 objects that robots touch and sensors see; 3 the robot itself.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ def _numbers(*values: float) -> str:
 def _floor(parent: Element, world: World) -> None:
     """Seen by cameras and depth sensors; the robot is held upright by its joints and touches nothing here.
 
-    It answers to a contact type that nothing has: MuJoCo bounds a body by what may touch something, and without it
-    mj_multiRay met the floor only behind something else.
+    Its contact type matches no other geometry. It needs one because MuJoCo bounds a body by its geometry with a contact
+    type: without it, mj_multiRay hit the floor only behind other objects.
     """
     west, south, east, north = world.size
     SubElement(
@@ -190,12 +190,12 @@ def _robot(parent: Element, body: Body) -> None:
         _arm(robot, body)
     for geom in robot.iter("geom"):
         geom.set("group", str(ROBOT_GROUP))
-        # Smooth covers: the robot slides along what it scrapes instead of sticking to it.
+        # Smooth covers: the robot slides along obstacles instead of sticking to them.
         geom.set("friction", "0.3 0.005 0.0001")
 
 
 def _arm(robot: Element, body: Body) -> None:
-    """A body for each capsule, without joints or mass: `physics` lays them where the joints are."""
+    """A body for each capsule, without joints or mass: `physics` places them by the joints."""
     for segment, length in zip(SEGMENTS, lengths(frames(body)), strict=True):
         name = f"robot {segment.name}"
         size = _numbers(segment.radius, length / 2.0)

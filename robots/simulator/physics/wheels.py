@@ -10,7 +10,7 @@ RIGHT = "wheel_right_joint"
 
 
 class Wheels:
-    """Angles and speeds, integrated from how fast the wheels roll, slipping or not."""
+    """Angles and speeds, integrated from the wheels' rolling speed, with or without slip."""
 
     def __init__(self, base: WheelBase) -> None:
         self._base = base
@@ -18,7 +18,7 @@ class Wheels:
         self.velocities = {LEFT: 0.0, RIGHT: 0.0}
 
     def step(self, rolled: Twist, dt: float) -> None:
-        """The base would have moved like this for `dt` seconds, had no wheel slipped."""
+        """Roll for `dt` seconds; `twist` is the base's motion without slip."""
         outwards_mps = rolled.w * self._base.separation_m / 2.0
         self.velocities = {
             LEFT: (rolled.vx - outwards_mps) / self._base.radius_m,

@@ -56,18 +56,18 @@ class Eyes:
         self._thread.start()
 
     def publish_depth(self, stamp: rospy.Time) -> None:
-        """Take a depth picture of now, if anybody wants one."""
+        """Take a depth picture, if it has subscribers."""
         if _anybody(self._depth, self._depth_info, self._cloud) and not self._robot.faults.depth_dead:
             self._see(stamp, in_colour=False)
 
     def publish_rgb(self, stamp: rospy.Time) -> None:
-        """Take a colour picture of now, if anybody wants one."""
+        """Take a colour picture, if it has subscribers."""
         if _anybody(self._rgb, self._rgb_info, self._compressed) and not self._blind:
             self._see(stamp, in_colour=True)
 
     def close(self) -> None:
-        """End the thread, which alone can give the camera's context back."""
-        with contextlib.suppress(queue.Full):  # the thread is dead, or will not come back to look
+        """End the thread; only it can release the camera's context."""
+        with contextlib.suppress(queue.Full):  # the thread is dead or blocked
             self._moments.put(None, timeout=1.0)
         self._thread.join(timeout=2.0)
 
@@ -143,7 +143,7 @@ def _image(stamp: rospy.Time, encoding: str, pixels: NDArray[np.generic]) -> Ima
 
 
 def _point_cloud(stamp: rospy.Time, points: NDArray[np.float32]) -> PointCloud2:
-    """An organised cloud: a point that the camera did not see is not a number."""
+    """Return an organised cloud; points without a measurement are NaN."""
     height, width, _ = points.shape
     size = points.itemsize
     message = PointCloud2(height=height, width=width, point_step=3 * size, row_step=3 * size * width)
@@ -157,7 +157,7 @@ def _point_cloud(stamp: rospy.Time, points: NDArray[np.float32]) -> PointCloud2:
 
 
 def _camera_info(stamp: rospy.Time) -> CameraInfo:
-    """A pinhole without distortion."""
+    """Return the camera info of a pinhole without distortion."""
     cx, cy = WIDTH / 2.0, HEIGHT / 2.0
     message = CameraInfo(height=HEIGHT, width=WIDTH, distortion_model="plumb_bob", D=[0.0] * 5)
     message.K = [FOCAL_PX, 0.0, cx, 0.0, FOCAL_PX, cy, 0.0, 0.0, 1.0]

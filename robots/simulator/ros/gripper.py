@@ -1,4 +1,4 @@
-"""/parallel_gripper_controller: both fingers as one joint, that is how far they are apart."""
+"""/parallel_gripper_controller: both fingers as one joint, whose position is their distance."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Awaited(NamedTuple):
 
 
 class GripperServer:
-    """`command`, `grasp` and `release`. There is nothing to hold: a grasp closes the fingers."""
+    """`command`, `grasp` and `release`. There is no object to hold: a grasp closes the fingers."""
 
     def __init__(self, robot: Robot) -> None:
         self._player = robot.player
@@ -42,7 +42,7 @@ class GripperServer:
         rospy.Service(f"{_NAME}/release", Empty, self._release)
 
     def step(self, now: float) -> None:
-        """Take requests since the last tick, and answer the services whose fingers rest."""
+        """Take requests since the last tick, and answer the services whose fingers have stopped."""
         while not self._commands.empty():
             self._command(self._commands.get(), now)
         while not self._asked.empty():

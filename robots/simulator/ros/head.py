@@ -17,7 +17,7 @@ from robots.simulator.ros.actions import Goals
 
 
 class Pointing(NamedTuple):
-    """A goal on its way. The target is that of the base frame when the goal came."""
+    """A running goal. Its target is in the base frame at the goal's arrival."""
 
     handle: Any
     run: Run
@@ -26,7 +26,7 @@ class Pointing(NamedTuple):
 
 
 class HeadServer:
-    """Points the head. A new goal takes the head over, as does a trajectory for its controller."""
+    """Points the head. A new goal replaces the running one, and so does a trajectory of its controller."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -79,7 +79,7 @@ class HeadServer:
         return np.array([cos * ahead + sin * left, cos * left - sin * ahead, point[2]])
 
     def _shortest_s(self, wanted: dict[str, float], max_velocity: float) -> float:
-        """How long the way takes when no joint may be faster than asked, rad/s; 0 asks for nothing."""
+        """Return the duration (s) with joints at most this fast (rad/s); 0: no limit."""
         if not max_velocity > 0.0:
             return 0.0
         way = max(abs(wanted[joint] - self._player.positions[joint]) for joint in (PAN, TILT))

@@ -73,7 +73,7 @@ class SimulatorNode:
             self._eyes = Eyes(robot, depth_encoding)
             self._duties.append(Duty(TICK_HZ // 10, 2, self._eyes.publish_depth))
             self._duties.append(Duty(TICK_HZ // 5, 4, self._eyes.publish_rgb))
-        # Last, so that whoever sees a scan can count on everything else.
+        # Last, so that everything else is published before a scan.
         self._duties.append(Duty(TICK_HZ // 10, 0, LaserTopics(robot).publish))
 
     def run(self, stop: threading.Event) -> None:
@@ -81,7 +81,7 @@ class SimulatorNode:
         due = time.monotonic()
         while not stop.wait(max(0.0, due - time.monotonic())):
             self.tick(time.monotonic())
-            # After a long stall (a suspended machine) carry on from now: the past is not replayed.
+            # After a long stall (a suspended machine) continue from now, without the missed ticks.
             due = max(due + TICK_S, time.monotonic() - _LONGEST_LAG_S)
 
     def tick(self, now: float) -> None:
@@ -97,7 +97,7 @@ class SimulatorNode:
         self._tick += 1
 
     def set_parameters(self) -> None:
-        """Parameters of the robot on its master."""
+        """Set the robot's parameters on its master."""
         rospy.set_param("/robot_description", urdf(self._robot.body, self._name))
         for name, motion in self._robot.player.motions.items():
             rospy.set_param(f"/play_motion/motions/{name}", motion.parameters())

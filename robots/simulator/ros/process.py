@@ -21,7 +21,7 @@ from robots.simulator.ros.registration import watch_registration
 log = logging.getLogger(__name__)
 
 _MASTER_RETRY_S = 0.2
-_FAREWELL_S = 1.0  # to take leave of a master that answers
+_FAREWELL_S = 1.0  # time to unregister from a master that answers
 _END_S = 5.0  # from the end signal to the exit, even if a part hangs
 
 
@@ -47,7 +47,7 @@ def _node_name(name: str) -> str:
 
 
 def _take_leave() -> None:
-    """Off the master's books; rospy waits for a master that hangs without end."""
+    """Unregister from the master, with a time limit: rospy would wait forever for a hanging master."""
     leaving = threading.Thread(
         target=rospy.signal_shutdown, args=("the simulator was told to stop",), daemon=True
     )

@@ -34,6 +34,6 @@ def _watch(stop: threading.Event, set_parameters: Callable[[], None]) -> None:
                 known = True
                 log.info("registered again with the master, which had been restarted")
         except (MasterError, OSError):
-            continue  # no master just now, or it went while we were talking
+            continue  # the master is away, or ended during the call
         except Exception:  # rospy's faults with a master that ends while it answers
             log.exception("registering again failed")

@@ -56,7 +56,7 @@ class LaserTopics:
 
 
 class SonarTopic:
-    """All sonars on one topic, told apart by their frames."""
+    """All sonars on one topic, distinguished by their frames."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot

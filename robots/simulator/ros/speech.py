@@ -1,4 +1,4 @@
-"""The /tts action: one voice, so a newer goal takes over from an older one."""
+"""The /tts action: one voice, so a newer goal replaces an older one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class SpeechServer:
         self._goals = Goals("/tts", "pal_interaction_msgs/TtsAction")
 
     def step(self, now: float) -> None:
-        """Take new goals and cancels, then go on speaking."""
+        """Take new goals and cancels, then continue to speak."""
         for is_goal, handle in self._goals.arrived():
             if is_goal:
                 self._interrupt("a newer goal took over")

@@ -1,6 +1,6 @@
-"""Ground truth and the strings behind the scene, on a name space of their own that the console never reads.
+"""Ground truth and control of the simulation, in a name space that the console never reads.
 
-Told: /ground_truth/{pose,clearance,contacts,faults}. Obeyed: /ground_truth/{fault,person,teleport,battery}.
+Published: /ground_truth/{pose,clearance,contacts,faults}. Subscribed: /ground_truth/{fault,person,teleport,battery}.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class GroundTruth:
             self._asked.get()()
 
     def publish_pose(self, stamp: rospy.Time) -> None:
-        """The true pose and velocity."""
+        """Publish the true pose and velocity."""
         if not self._pose.get_num_connections():
             return
         pose, velocity = self._robot.physics.pose, self._robot.physics.velocity
@@ -62,7 +62,7 @@ class GroundTruth:
         self._pose.publish(message)
 
     def publish_clearance(self, _stamp: rospy.Time) -> None:
-        """The gap between the hull and the nearest thing, metres."""
+        """Publish the gap (m) between the hull and the nearest object."""
         if self._clearance.get_num_connections():
             self._clearance.publish(Float32(self._robot.physics.clearance_m()))
 
@@ -120,7 +120,7 @@ class GroundTruth:
         self._robot.physics.place_robot(Pose(message.x, message.y, message.theta))
 
     def _battery(self, message: Float32) -> None:
-        """Set the charge in percent; negative: put it on the charger."""
+        """Set the charge in percent; negative: dock at the charger."""
         self._robot.battery.charging = message.data < 0.0
         if message.data >= 0.0:
             self._robot.battery.percent = min(message.data, 100.0)

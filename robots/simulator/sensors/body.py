@@ -1,6 +1,6 @@
 """Data of the simulated robots: hull, sensors, topics. Base frame, metres, radians.
 
-The figures of TIAGo and PMB-2 are PAL's; the generic robots are those of the profiles of the same name.
+The figures of TIAGo and PMB-2 are PAL's; the generic robots are those of the profiles with the same names.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Part:
 
 @dataclass(frozen=True)
 class LaserMount:
-    """A planar laser: pose (x, y, z, yaw) and what it can see."""
+    """A planar laser: pose (x, y, z, yaw) and field of view."""
 
     frame: str = "base_laser_link"
     pose: tuple[float, float, float, float] = (0.202, 0.0, 0.0945, 0.0)
@@ -48,7 +48,7 @@ class SonarMount:
     shortest_m: float = 0.02
     longest_m: float = 1.0
     sigma_m: float = 0.005
-    lost_share: float = 0.0  # of echoes: as if nothing were there
+    lost_share: float = 0.0  # share of echoes that are lost
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class WheelBase:
 
 @dataclass(frozen=True)
 class Names:
-    """How a base's topics are called. `mux`: TIAGo's velocity inputs and locks stand before `command`."""
+    """Names of a base's topics. `mux`: TIAGo's velocity inputs and locks come before `command`."""
 
     command: str = "/mobile_base_controller/cmd_vel"
     odometry: str = "/mobile_base_controller/odom"
@@ -97,7 +97,7 @@ _CENTRE_LASER = LaserMount(frame="laser", pose=(0.0, 0.0, 0.2, 0.0), half_angle=
 
 TIAGO = Body(
     mass_kg=70.0,
-    # With the arm folded (see `arm`) all this stays within the base's circle; a table top meets it all the same.
+    # With the arm folded (see `arm`) all this stays within the base's circle; a table top still hits it.
     parts=(
         _PMB2_BASE,
         Part("torso", (-0.06, 0.0), 0.30, 1.0, radius=0.19),

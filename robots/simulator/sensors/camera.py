@@ -24,7 +24,7 @@ class NoCameraError(Exception):
 
 
 class Camera:
-    """Takes pictures in colour; raises `NoCameraError` where that cannot be done."""
+    """Takes pictures in colour; raises `NoCameraError` if this computer cannot draw."""
 
     def __init__(self, onlooker: Onlooker) -> None:
         self._context = _context()
@@ -53,12 +53,12 @@ class Camera:
         return upside_down[::-1]
 
     def close(self) -> None:
-        """Give the context back."""
+        """Release the context."""
         self._renderer.free()
         self._context.free()
 
     def _aim(self, pose: CameraPose) -> None:
-        """Put both of the scene's eyes where the camera is."""
+        """Place both of the scene's eyes at the camera."""
         robot = self._onlooker.pose
         cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
         to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

@@ -17,14 +17,16 @@ FOCAL_PX = WIDTH / 2.0 / math.tan(math.radians(63.0) / 2.0)
 NEAREST_M = 0.3
 FARTHEST_M = 8.0
 
-_RAYS = 160  # across a picture: one for each square of pixels, a full image would cost sixteen times as much
+_RAYS = (
+    160  # across a picture, one for each square of pixels: a ray per pixel would cost sixteen times as much
+)
 _NOISE_PER_M = 0.0015  # sigma grows with the square of the distance
 _DROPOUT_SHARE = 0.01
-_HOLE_SHARE = 0.2  # of a picture's sides: how long and wide a hole is at most
+_HOLE_SHARE = 0.2  # of a picture's sides: largest length and width of a hole
 
 
 class DepthCamera:
-    """Takes pictures of distances, 63 degrees wide. `holes` are rectangles of each picture that show nothing."""
+    """Takes pictures of distances, 63 degrees wide. `holes` are rectangles without measurements in each picture."""
 
     def __init__(
         self,
@@ -51,7 +53,7 @@ class DepthCamera:
         self._ahead = (1.0 / length).ravel()  # part of a ray's length that lies along the optical axis
 
     def image(self, onlooker: Onlooker, camera: CameraPose) -> NDArray[np.float32]:
-        """Distances along the optical axis in metres (height, width); nan where the camera sees none."""
+        """Distances along the optical axis in metres (height, width); nan without a measurement."""
         robot = onlooker.pose
         cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
         to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -81,6 +83,6 @@ class DepthCamera:
 
 
 def as_millimetres(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """As real robots often send it (16UC1): millimetres, 0 where nothing is seen."""
+    """Convert to the usual format of real robots (16UC1): millimetres, 0 without a measurement."""
     millimetres: NDArray[np.uint16] = np.nan_to_num(depth * 1000.0, nan=0.0).astype(np.uint16)
     return millimetres

@@ -28,7 +28,7 @@ class Laser:
         return 2.0 * self.mount.half_angle / (self.mount.rays - 1)
 
     def scan(self, physics: Physics) -> NDArray[np.float32]:
-        """Ranges by ray: metres; nan dropped out, -inf nearer than the laser can measure, +inf nothing there."""
+        """Return the range (m) of each ray: nan dropped out, -inf nearer than the laser can measure, +inf no hit."""
         x, y, z, yaw = self.mount.pose
         robot = physics.pose
         origin = np.array([*in_world(robot, x, y), z])

@@ -1,4 +1,4 @@
-"""Where the odometry's frame is in the map's, as a localisation by laser (amcl) believes it to be."""
+"""Estimates the odometry frame's pose in the map frame, like a localisation by laser (amcl)."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.sensors.odometry import Odometry
 
-MOVED_M = 0.2  # a new belief after this, or
+MOVED_M = 0.2  # a new estimate after this, or
 TURNED_RAD = 0.3
 SIGMA_M = 0.02
 SIGMA_RAD = 0.005
 
 
 class Localisation:
-    """Estimates the robot's pose again each time it has moved; in between odometry counts. The world is the map."""
+    """Estimates the robot's pose again each time it has moved; odometry is used in between. World frame = map frame."""
 
     def __init__(self, odometry: Odometry, random: np.random.Generator) -> None:
         self._odometry = odometry
@@ -25,7 +25,7 @@ class Localisation:
         self._map_to_odom = Pose(0.0, 0.0, 0.0)
 
     def map_to_odom(self, truth: Pose) -> Pose:
-        """The odometry's frame in the map's, now that the robot truly is at `truth`."""
+        """Return the odometry frame's pose in the map frame, for the robot's true pose `truth`."""
         told = Pose(self._odometry.x, self._odometry.y, self._odometry.yaw)
         if self._believed_at is None or _moved(self._believed_at, told):
             self._believed_at = told

@@ -1,7 +1,7 @@
 """Odometry that drifts, as wheels do.
 
-Each run draws its own small, constant scale errors (wheel radius and separation are never exactly
-what the driver believes), and slips a little at random in proportion to the way travelled.
+Each run draws small constant scale errors (the driver's wheel radius and separation are never exact),
+and random slip that grows with the distance travelled.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ class Drift:
     angular_scale: float = 0.01
     slip_m: float = 0.002
     slip_rad: float = 0.004
-    linear_off: float = 0.0  # scale errors that are not drawn, added to those that are
+    linear_off: float = 0.0  # constant scale errors, added to the drawn ones
     angular_off: float = 0.0
 
     def times(self, factor: float) -> Drift:
-        """The same drift, `factor` times as strong."""
+        """Return this drift, `factor` times as strong."""
         return Drift(
             self.linear_scale * factor,
             self.angular_scale * factor,
@@ -51,7 +51,7 @@ class Odometry:
         self._angular = 1.0 + drift.angular_off + drift.angular_scale * float(random.standard_normal())
 
     def step(self, wheels: Twist, dt: float) -> None:
-        """The wheels turned with `wheels` for `dt` seconds."""
+        """Integrate the wheels' velocity `wheels` for `dt` seconds."""
         ahead = self._travelled(wheels.vx * dt, self._linear, self._drift.slip_m)
         left = self._travelled(wheels.vy * dt, self._linear, self._drift.slip_m)
         turned = self._travelled(wheels.w * dt, self._angular, self._drift.slip_rad)

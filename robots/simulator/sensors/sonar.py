@@ -1,6 +1,6 @@
-"""A sonar in the simulated world: the nearest thing in its cone, the floor apart.
+"""A sonar in the simulated world: the nearest object in its cone, except the floor.
 
-A smooth floor reflects ultrasound away from a sonar that looks along it: only what rises from the floor is heard.
+A smooth floor reflects ultrasound away from a sonar that looks along it: it measures only objects on the floor.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Sonar:
         self._cosine = np.cos(upright.ravel())
 
     def range_m(self, physics: Physics) -> float:
-        """Distance to the nearest thing in the cone; the longest range where there is nothing."""
+        """Return the distance to the nearest object in the cone; the longest range without one."""
         x, y, z, yaw = self.mount.pose
         robot = physics.pose
         heading = self._across + (robot.yaw + yaw)

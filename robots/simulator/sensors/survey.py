@@ -13,8 +13,10 @@ from robots.simulator.physics.mujoco_world import Physics
 from robots.simulator.physics.scene import ROBOT_GROUP
 
 RESOLUTION_M = 0.05
-HALF_CELL_M = 0.499 * RESOLUTION_M  # less than half: what ends where a cell does is not in the next one
-UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # percent, as nav_msgs/OccupancyGrid has them
+HALF_CELL_M = (
+    0.499 * RESOLUTION_M
+)  # below half: a box that ends at a cell's edge must not occupy the next cell
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # percent, as in nav_msgs/OccupancyGrid
 
 Cells = NDArray[np.int8]  # row 0 is the south edge
 
@@ -46,7 +48,7 @@ def surveyed(physics: Physics, size: tuple[float, float, float, float], height_m
 
 
 def _standing(physics: Physics, height_m: float) -> list[int]:
-    """The boxes at that height that stay where they are: walls and furniture, no people."""
+    """Return the fixed boxes at that height: walls and furniture, no people."""
     model, heights = physics.model, physics.data.geom_xpos[:, 2]
     still = (model.geom_group != ROBOT_GROUP) & (model.body_mocapid[model.geom_bodyid] < 0)
     met = np.abs(heights - height_m) <= model.geom_size[:, 2]
@@ -54,7 +56,7 @@ def _standing(physics: Physics, height_m: float) -> list[int]:
 
 
 def _covers(physics: Physics, geom: int, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """The cells of which an upright box covers a part, be it as thin as the leg of a chair."""
+    """Return the cells that an upright box covers in part, even a box as thin as a chair's leg."""
     from_x, from_y, _ = physics.data.geom_xpos[geom]
     axis_x, _, _, axis_y, *_ = physics.data.geom_xmat[geom]
     half_x, half_y, _ = physics.model.geom_size[geom] + HALF_CELL_M
@@ -65,7 +67,7 @@ def _covers(physics: Physics, geom: int, x: NDArray[np.float64], y: NDArray[np.f
 
 
 def _reached(open_cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bool_]:
-    """The open cells that are joined to the one at `start`."""
+    """Return the open cells that are connected to the one at `start`."""
     reached = np.zeros_like(open_cells)
     reached[start] = True
     count = 0
@@ -75,7 +77,7 @@ def _reached(open_cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[n
 
 
 def _grown(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """They and their neighbours."""
+    """Return these cells and their neighbours."""
     padded = np.pad(cells, 1)
     rows = padded[:-2] | padded[1:-1] | padded[2:]
     grown: NDArray[np.bool_] = rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]

@@ -1,4 +1,4 @@
-"""Worlds are data: `load_world("office")` reads ``office.yaml`` beside this file, or any path."""
+"""Worlds are data: `load_world("office")` reads ``office.yaml`` in this folder, or any path."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Box(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Person(Struct, frozen=True, forbid_unknown_fields=True):
-    """A person who stands at `at`, or walks to and fro along `path`."""
+    """A person who stands at `at`, or walks back and forth along `path`."""
 
     name: str
     at: Point
@@ -68,7 +68,7 @@ class Person(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class World(Struct, frozen=True, forbid_unknown_fields=True):
-    """Everything that stands around the robot. Metres and degrees."""
+    """All objects around the robot. Metres and degrees."""
 
     name: str
     size: tuple[float, float, float, float]
@@ -81,7 +81,7 @@ class World(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_world(name: str) -> World:
-    """Read a world by name or path; raises `ValueError` that names the file and what is wrong in it."""
+    """Read a world by name or path; raises `ValueError` with the file's name and the reason."""
     path = Path(name) if name.endswith(".yaml") else Path(__file__).with_name(f"{name}.yaml")
     try:
         return msgspec.yaml.decode(path.read_bytes(), type=World)

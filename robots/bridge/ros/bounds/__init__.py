@@ -1,6 +1,6 @@
 """Limits on the cost of a robot's network to its bridge: bytes, messages, time, connections, entries, memory, texts.
 
-`texts` and `sizes` hold the limits. `listening` bounds what rospy reads of publishers, `doors` what it takes from those
-who connect to us, `mailboxes` what reaches the event loop, `memory` the process. `board` keeps what was refused, for
-the page. `install` puts all of it into rospy, in one place.
+`texts` and `sizes` hold the limits. `listening` bounds rospy's reading from publishers, `servers` the nodes
+that connect to us, `mailboxes` the calls on the event loop, `memory` the process. `board` keeps reasons of refused
+data for the page. `install` replaces rospy's parts by these, in one place.
 """

@@ -11,13 +11,13 @@ from robots.bridge.ros.bounds.texts import SENTENCE, cut
 
 log = logging.getLogger(__name__)
 
-SHOWN_S = 15.0  # longer than a publisher is left alone: one that goes on is shown all the time
+SHOWN_S = 15.0  # longer than a publisher is cut off, so that a repeated fault is shown without gaps
 MOST_SHOWN = 20
 MOST_BARRED = 500  # publishers
 
 
 class Board:
-    """Safe to use from several threads. Bounded: the oldest entries go."""
+    """Safe to use from several threads. The oldest entries are dropped when it is full."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -25,7 +25,7 @@ class Board:
         self._barred: OrderedDict[tuple[str, str], float] = OrderedDict()  # topic and address: until when
 
     def complain(self, subject: str, words: str, now_s: float | None = None) -> None:
-        """Show it for a while. It is logged when it begins."""
+        """Show a complaint about `subject` for `SHOWN_S`. A new one is logged."""
         now_s = time.monotonic() if now_s is None else now_s
         words = cut(words, SENTENCE)
         with self._lock:
@@ -57,13 +57,13 @@ class Board:
                 self._barred.popitem(last=False)
 
     def barred(self, topic: str, uri: str, now_s: float | None = None) -> bool:
-        """Whether it must not be listened to yet."""
+        """Whether this publisher is still barred."""
         now_s = time.monotonic() if now_s is None else now_s
         with self._lock:
             return self._barred.get((topic, uri), 0.0) > now_s
 
     def released(self, now_s: float) -> set[str]:
-        """The topics of publishers whose time is over; each is reported once."""
+        """Return the topics of publishers that are no longer barred; each is returned once."""
         with self._lock:
             over = [key for key, until_s in self._barred.items() if until_s <= now_s]
             for key in over:
@@ -76,4 +76,4 @@ class Board:
         return self._shown
 
 
-BOARD = Board()  # of this process: rospy has one node in a process
+BOARD = Board()  # one per process, as rospy has one node per process

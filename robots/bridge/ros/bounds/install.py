@@ -1,4 +1,4 @@
-"""Puts the bounds into rospy, once in a process and before its node begins."""
+"""Installs the bounds in rospy, once in a process and before its node starts."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rospy.impl import masterslave, tcpros_base, tcpros_pubsub
 from robots.bridge.ros.bounds import listening, servers
 from robots.bridge.ros.bounds.logs import spare_the_log
 
-PATIENCE_S = 60.0  # of rospy's own calls of the master
+PATIENCE_S = 60.0  # time limit of rospy's own calls to the master
 
 
 def install(exhausted: Callable[[], None]) -> None:
     """Limit what rospy reads and from which nodes. rospy's threads call `exhausted` when memory ends."""
     spare_the_log()
-    socket.setdefaulttimeout(PATIENCE_S)  # as rospy itself does once it has listened to something
+    socket.setdefaulttimeout(PATIENCE_S)  # rospy sets the same limit with its first subscription
     listening.Transport.exhausted = staticmethod(exhausted)
     tcpros_pubsub.TCPROSSub = listening.Listening
     tcpros_pubsub.TCPROSTransport = listening.Transport
@@ -38,7 +38,7 @@ def install(exhausted: Callable[[], None]) -> None:
 def _publisher_update(
     handler: Any, _caller: object, topic: object, publishers: object
 ) -> tuple[int, str, int]:
-    """rospy's asks for every publisher once for every publisher."""
+    """Replace rospy's handler, which starts a request to every publisher once for every publisher."""
     if not isinstance(topic, str) or not isinstance(publishers, list):
         return -1, "a topic and its publishers are needed", 0
     handler.reg_man.publisher_update(topic, publishers)

@@ -1,7 +1,7 @@
 """Bounds on rospy's reading of publishers: connections, sizes, messages a second, thread time.
 
-A publisher that sends more than its topic's `Kind` allows is cut off before a message of it is made, told on the
-`BOARD`, and tried again after `DROPPED_S`. Its data is missing, and the gate's rules for silence hold.
+A publisher that sends more than its topic's `Kind` allows is cut off before its message is deserialized, shown on
+the `BOARD`, and connected again after `DROPPED_S`. Its data is missing, so the gate's rules for silence apply.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from robots.bridge.server.flood_limits import TokenBucket
 
 log = logging.getLogger(__name__)
 
-DROPPED_S = 10.0  # a publisher that was cut off is left alone for so long
+DROPPED_S = 10.0  # until a publisher that was cut off is connected again
 AGAIN_S = (
     2.0,
     30.0,
 )  # until one that could not be reached is tried again: doubled each time, up to the second
 CONNECT_S = 5.0
-MOST_DIALLING = 32  # connections that are being made, of all topics
+MOST_DIALLING = 32  # connections in progress, of all topics
 LOOK_S = 1.0  # between checks of which nodes may be tried again
 
 _length = struct.Struct("<I")
@@ -48,26 +48,26 @@ _pauses: dict[str, Callable[[], float]] = {}  # by topic
 
 
 def pause(topic: str, seconds: Callable[[], float]) -> None:
-    """Between reads of a topic's publishers wait so long: a thread that wakes for each message costs thrice as much.
+    """Wait between reads of a topic's publishers: a thread that wakes for each message costs three times as much.
 
-    What comes meanwhile waits in the socket and is read at once; rospy keeps the newest `queue_size` of it. `seconds`
-    is asked before each read, on rospy's thread.
+    Messages that arrive meanwhile wait in the socket and are read at once; rospy keeps the newest `queue_size` of
+    them. `seconds` is called before each read, on rospy's thread.
     """
     _pauses[topic] = seconds
 
 
 class Reading:
-    """How much one publisher has sent, and cost. Pure: time is an argument."""
+    """Counts a publisher's messages and processor time. Pure: time is an argument."""
 
     def __init__(self, kind: Kind) -> None:
         self._kind = kind
         self._messages = TokenBucket(
             kind.most_hz, 2.0 * kind.most_hz
-        )  # after a stall of the network they come at once
+        )  # after a stall of the network, messages arrive at once
         self._time = TokenBucket(kind.share, 2.0 * kind.share)
 
     def why_not(self, largest: int, messages: int, worked_s: float, now_s: float) -> str:
-        """Why it is cut off: by the largest message that came or is announced, how many came, and their time."""
+        """Return why the publisher is cut off, or "". `largest` in bytes; `messages` is their number."""
         if largest > self._kind.most_bytes:
             return f"sends messages of {told(largest)}, at most {told(self._kind.most_bytes)} is taken"
         if not self._messages.spend(now_s, messages):
@@ -95,13 +95,13 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
         self._dropped = ""
 
     def rest(self) -> None:
-        """On rospy's thread, before it reads on."""
+        """Pause before the next read, on rospy's thread."""
         seconds = _pauses.get(self.topic)
         if seconds is not None:
             time.sleep(seconds())
 
     def drop(self, why: str) -> None:
-        """Cut it off, from any thread; done before its next message is read."""
+        """Cut the publisher off before its next message is read. Thread-safe."""
         self._dropped = why
 
     def read_messages(self, b: io.BytesIO, msg_queue: list[Any], sock: Any) -> None:
@@ -129,12 +129,12 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
 
 
 def speaker() -> Listening | None:
-    """The publisher whose message this thread of rospy's is with; None on other threads."""
+    """Return the publisher whose message this rospy thread handles; None on other threads."""
     return getattr(_here, "speaker", None)
 
 
 def _came(b: io.BytesIO) -> tuple[int, int]:
-    """The size of the largest message, the one that has only begun among them; and how many are whole."""
+    """Return the largest message's size (bytes), incomplete ones included, and the number of complete messages."""
     largest = messages = at = 0
     end = b.tell()
     with b.getbuffer() as came:
@@ -147,7 +147,7 @@ def _came(b: io.BytesIO) -> tuple[int, int]:
 
 
 class Transport(TCPROSTransport):  # type: ignore[misc]
-    """A connection that knows its protocol's limits, and does not outlive a lack of memory."""
+    """A connection with its protocol's limits. It ends the process when memory is exhausted."""
 
     exhausted: Callable[[], None] = staticmethod(lambda: None)
 
@@ -157,7 +157,7 @@ class Transport(TCPROSTransport):  # type: ignore[misc]
             protocol.transport = self
 
     def receive_once(self) -> Any:
-        """Messages; on rospy's thread for this connection."""
+        """Read messages, on rospy's thread for this connection."""
         if isinstance(self.protocol, Listening):
             self.protocol.rest()
         try:
@@ -174,7 +174,7 @@ class Transport(TCPROSTransport):  # type: ignore[misc]
 # --- connecting ----------------------------------------------------------------------------------
 
 _dialling: set[tuple[str, str]] = set()
-_failures: dict[tuple[str, str], float] = {}  # how long was waited last
+_failures: dict[tuple[str, str], float] = {}  # last pause (s)
 _lock = threading.Lock()
 
 
@@ -206,7 +206,7 @@ def connect(manager: Any, topic: str, uri: str) -> None:
 
 
 def receive(connection: Any, host: str, port: int, uri: str, take: Any, topic: str) -> None:
-    """In place of rospy's robust_connect_subscriber, on the connection's thread: one try, and another later."""
+    """Replace rospy's robust_connect_subscriber, on the connection's thread: try once, and again later."""
     try:
         connection.connect(host, port, uri, timeout=CONNECT_S)
     except TransportInitError as error:
@@ -220,7 +220,7 @@ def receive(connection: Any, host: str, port: int, uri: str, take: Any, topic: s
 
 
 def _later(topic: str, uri: str) -> None:
-    """Try again after a while, each time after a longer one."""
+    """Try again later; the pause doubles each time."""
     with _lock:
         if len(_failures) >= 10 * MOST_DIALLING:
             _failures.clear()
@@ -229,7 +229,7 @@ def _later(topic: str, uri: str) -> None:
 
 
 class Manager(RegManager):  # type: ignore[misc]
-    """rospy's, with connections made by `connect`."""
+    """rospy's RegManager, with connections made by `connect`."""
 
     def __init__(self, handler: Any) -> None:
         super().__init__(handler)
@@ -238,7 +238,7 @@ class Manager(RegManager):  # type: ignore[misc]
     def _connect_topic_thread(self, topic: str, uri: str) -> None:
         try:
             connect(self, topic, uri)
-        except Exception:  # any fault of the other side; the next try comes when the master names it again
+        except Exception:  # any fault of the other side; the master's next update tries again
             log.exception("a publisher of %s cannot be listened to", topic)
 
     def publisher_update(self, topic: str, uris: list[Any]) -> None:
@@ -250,7 +250,7 @@ class Manager(RegManager):  # type: ignore[misc]
             super().publisher_update(topic, list(found)[:most])
 
     def _try_again(self) -> None:
-        """Ask the master again for the publishers of topics on which some were left alone."""
+        """Ask the master again for the publishers of topics on which some were barred."""
         while not rospy.is_shutdown():
             time.sleep(LOOK_S)
             topics = BOARD.released(time.monotonic())
@@ -259,7 +259,7 @@ class Manager(RegManager):  # type: ignore[misc]
                 topics |= {topic for topic, _ in get_topic_manager().get_subscriptions()}
                 time.sleep(
                     DROPPED_S / 2.0
-                )  # a stranger's large calls are no reason to ask the master all the time
+                )  # a stranger's large calls must not cause constant calls to the master
             for topic in topics:
                 subscriber = get_topic_manager().get_subscriber_impl(topic)
                 if subscriber is None or not self.uri:

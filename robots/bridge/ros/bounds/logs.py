@@ -21,7 +21,7 @@ class LogLimiter(logging.Filter):
         self._budget = TokenBucket(PER_S, AT_ONCE)
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether it is written."""
+        """Whether the record is written."""
         if record.name.partition(".")[0] not in TALKATIVE:
             return True
         if not self._budget.spend(time.monotonic()):
@@ -31,7 +31,7 @@ class LogLimiter(logging.Filter):
 
 
 def spare_the_log() -> None:
-    """Put it before all handlers that there are now."""
+    """Add the filter to all present handlers."""
     sparing = LogLimiter()
     for handler in logging.getLogger().handlers:
         handler.addFilter(sparing)

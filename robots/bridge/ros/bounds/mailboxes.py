@@ -1,8 +1,8 @@
-"""From rospy's threads to the event loop: of each source a few messages wait at most, and one call takes them.
+"""Passes messages from rospy's threads to the event loop: a few wait per source, and one call takes them.
 
-What can wait does not wake the loop: it is taken before the next message that cannot, or at the loop's next tick.
+Messages that can wait do not wake the loop: it takes them before the next message that cannot, or at its next tick.
 
-A source that costs the loop more than its share is not heard for a while: zeros and the stop run on that loop, too.
+A source that costs the loop more than its share is cut off for a while: zeros and the stop run on that loop, too.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ class Speaker(Protocol):
     topic: str
 
     def drop(self, why: str) -> None:
-        """Listen to it no more, for a while."""
+        """Cut the sender off for a while."""
 
 
 class Mailboxes:
-    """One box for each source. `later` runs something on the loop soon, and may be called on any thread.
+    """One box for each source. `later` runs a call on the loop soon; it is thread-safe.
 
-    Nothing waits while `hurry` says so; it is asked on rospy's threads.
+    While `hurry` is true, every message wakes the loop; it is called on rospy's threads.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Mailboxes:
         self._lock = threading.Lock()
 
     def post(self, source: Hashable, call: Call, depth: int = 1, *, can_wait: bool = False) -> None:
-        """Do `call` on the loop. Where `depth` calls of this source wait already, the oldest is left out."""
+        """Run `call` on the loop. If `depth` calls of this source wait already, the oldest is dropped."""
         waits = can_wait and not self._hurry()
         with self._lock:
             box = self._boxes.setdefault(source, deque(maxlen=depth))

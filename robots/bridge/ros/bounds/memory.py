@@ -15,7 +15,7 @@ STACK_BYTES = 1024 * 1024  # of each thread; all of it counts, used or not
 
 
 def limit_memory(most_bytes: int) -> None:
-    """Beyond it allocating fails, with a MemoryError or the end of the process. Before there are threads."""
+    """Limit memory: beyond it, allocation raises MemoryError or ends the process. Call it before threads start."""
     threading.stack_size(STACK_BYTES)
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     if hard != resource.RLIM_INFINITY:
@@ -35,7 +35,7 @@ def end_process() -> None:
 
 
 def end_without_memory(end: Callable[[], None] = end_process) -> None:
-    """There is none left. May be called on any thread, and more than once."""
+    """End the process: no memory is left. May be called on any thread, and more than once."""
     lift_limit()
     log.error("no memory is left: the process ends")
     end()

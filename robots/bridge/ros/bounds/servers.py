@@ -1,7 +1,7 @@
 """Bounds on rospy's servers: XML-RPC, and the server of its topics.
 
-Each connection costs a thread at most, for a bounded time; of too many the oldest is closed. Neither reads more than a
-call, or a connection's header, may have.
+Each connection costs one thread at most, for a bounded time; when there are too many, the oldest is closed. Both
+servers limit the bytes of a call and of a connection's header.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ PER_S, AT_ONCE = 100.0, 300.0  # connections, and calls, of one address
 MOST_ADDRESSES = 256
 
 
-# A call was refused. If it was the master's, it named publishers: it is asked for them.
+# Set when a call was refused. It may have been the master's update of publishers: then ask the master for them.
 UNHEARD = threading.Event()
 
 
@@ -51,7 +51,7 @@ class CallerLimits:
         self._open: OrderedDict[socket.socket, None] = OrderedDict()
 
     def may(self, address: str, now_s: float) -> bool:
-        """Whether one more is not too many of this address."""
+        """Whether this address may make one more call or connection."""
         with self._lock:
             budget = self._budgets.setdefault(address, TokenBucket(PER_S, AT_ONCE))
             self._budgets.move_to_end(address)
@@ -60,7 +60,7 @@ class CallerLimits:
             return budget.spend(now_s)
 
     def enter(self, connection: socket.socket) -> None:
-        """One comes. If there are too many now, the oldest is cut off."""
+        """Add a connection. If there are too many now, the oldest is closed."""
         with self._lock:
             self._open[connection] = None
             oldest = next(iter(self._open)) if len(self._open) > self._most else None
@@ -70,13 +70,13 @@ class CallerLimits:
             _hang_up(oldest)
 
     def leave(self, connection: socket.socket) -> None:
-        """It is over."""
+        """Remove a connection that ended."""
         with self._lock:
             self._open.pop(connection, None)
 
 
 def _hang_up(connection: socket.socket) -> None:
-    """The reader on another thread gets the end of the stream."""
+    """Close a connection: its reader on another thread gets the end of the stream."""
     try:
         connection.shutdown(socket.SHUT_RDWR)
     except OSError as error:
@@ -87,7 +87,7 @@ def _hang_up(connection: socket.socket) -> None:
 
 
 class _Sip:
-    """A file of which no more than so many bytes are read, until it is filled up again."""
+    """A file with a byte budget for reading; `left` is set again for each call."""
 
     def __init__(self, file: Any) -> None:
         self._file = file
@@ -151,7 +151,7 @@ class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
         self.RequestHandlerClass = _Handler
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Not of an address that comes too often; of too many the oldest goes."""
+        """Refuse addresses with too many connections; close the oldest connection when there are too many."""
         if not self.callers.may(client_address[0], time.monotonic()):
             UNHEARD.set()
             return False
@@ -159,11 +159,11 @@ class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
         return True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A connection broke; any host can cause that."""
+        """Log a broken connection briefly: any host can cause one."""
         log.debug("a call from %s broke", client_address[0])
 
     def shutdown_request(self, request: Any) -> None:
-        """A connection is over."""
+        """Close a connection."""
         self.callers.leave(request)
         super().shutdown_request(request)
 
@@ -171,7 +171,7 @@ class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
 # --- topics -----------------------------------------------------------------------------------------
 
 _handshakes = CallerLimits(MOST_HANDSHAKES)
-_taking = threading.Lock()  # rospy takes one listener after the other
+_taking = threading.Lock()  # rospy can add only one listener at a time
 
 
 def take_connection(
@@ -180,7 +180,7 @@ def take_connection(
     address: tuple[str, int],
     exhausted: Callable[[], None] = end_without_memory,
 ) -> None:
-    """In place of TCPROSServer._tcp_server_callback: a node connected. Returns at once."""
+    """Replace TCPROSServer._tcp_server_callback: a node connected. Returns at once."""
     if not _handshakes.may(address[0], time.monotonic()):
         connection.close()
         return
@@ -212,7 +212,7 @@ def _shake_hands(server: Any, connection: socket.socket, address: tuple[str, int
 def _why_full(header: dict[str, str]) -> str:
     topic = header.get("topic")
     if topic is None:
-        return "only topics are here"  # rospy's own services would let anybody turn on its debug log
+        return "only topics are here"  # rospy's own services would let any node turn on its debug log
     header["callerid"] = cut(header.get("callerid", "unknown"), NAME)
     publisher = get_topic_manager().get_publisher_impl(topic)
     if publisher is None or len(publisher.connections) < MOST_LISTENERS:
@@ -229,17 +229,17 @@ def _field(name: str, value: str) -> bytes:
 
 
 def read_header(connection: socket.socket, _buffer: Any, _size: int) -> dict[str, str]:
-    """In place of rosgraph's read_ros_handshake_header: bounded in bytes and time. ValueError or OSError."""
+    """Replace rosgraph's read_ros_handshake_header, with limits of bytes and time. Raises ValueError or OSError."""
     return Conversation(connection, time.monotonic() + HEADER_S).read_header(LARGEST_HEADER)
 
 
-# --- where they listen ------------------------------------------------------------------------------
+# --- bind address -----------------------------------------------------------------------------------
 
 _rospys_own = rosgraph.network.get_bind_address
 
 
 def bind_address(address: str | None = None) -> str:
-    """The address that this node is advertised by, if it is one of this computer's; else as rospy has it."""
+    """Return the advertised address if it belongs to this computer, else rospy's choice."""
     advertised = address or rosgraph.network.get_address_override()
     if advertised:
         try:

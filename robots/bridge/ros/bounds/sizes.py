@@ -1,6 +1,6 @@
-"""How large a message of each type may be and how many a second, judged before it is made of its bytes.
+"""Limits of size and rate of each message type, checked before a message is deserialized.
 
-Lasers and depth cameras by what the gate takes of them; the rest by what robots send, with a large margin.
+Limits of lasers and depth cameras follow the gate's needs; the others exceed real robots' by a large margin.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How long a text from a robot's network may be, by kind: it is cut where it enters, and an ellipsis shows that."""
+"""Length limits of texts from a robot's network, by kind. Texts are cut on arrival and end with an ellipsis then."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def cut_types(told: Iterable[tuple[str, str]]) -> dict[str, str]:
 
 
 def named(names: Collection[str]) -> list[str]:
-    """As many as a page shows, and how many more there are."""
+    """Return the names that a page shows, and the number of the others."""
     shown = sorted(names)[:MOST_NAMED]
     return [*shown, f"{len(names) - len(shown)} more"] if len(names) > len(shown) else shown
 
 
 def most_of(told: Mapping[str, _Item], ours: str) -> dict[str, _Item]:
-    """At most `MOST_GOALS` of these, with names cut; those whose name begins with `ours` before all others."""
+    """Return at most `MOST_GOALS` of these, with names cut; goals whose name begins with `ours` come first."""
     own_first = sorted(told.items(), key=lambda item: not item[0].startswith(ours))
     return {cut(name, NAME): item for name, item in own_first[:MOST_GOALS]}

@@ -1,7 +1,7 @@
-"""``python -m robots.bridge.ros.inspector``: the bridge's config on the first line of stdin, then its requests.
+"""``python -m robots.bridge.ros.inspector``: reads the bridge's config from the first line of stdin, then requests.
 
-One JSON line each way. When stdin ends, or the robot's master dies, this process ends: the bridge starts another if it
-needs one, so that nothing here has to register anything again.
+Each message is one JSON line. This process ends when stdin ends or the robot's master dies. The bridge starts another
+one when it needs it, so this process never registers again.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class Lines:
 
 
 def main() -> None:
-    """Until stdin ends."""
+    """Run until stdin ends."""
     logging.basicConfig(format="inspector: %(message)s")
     logging.getLogger("robots").setLevel(logging.INFO)
-    for number in (signal.SIGTERM, signal.SIGINT):  # they are for the bridge, whose end closes our stdin
+    for number in (signal.SIGTERM, signal.SIGINT):  # the bridge handles them; its end closes our stdin
         signal.signal(number, signal.SIG_IGN)
     os.nice(NICE)
     limit_memory(MOST_BYTES)

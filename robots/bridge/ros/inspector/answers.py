@@ -42,13 +42,13 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 MOST_QUESTIONS = 16  # at once
-LARGEST_ANSWER = 1024 * 1024  # bytes; a line of the bridge's may have more
+LARGEST_ANSWER = 1024 * 1024  # bytes; the bridge accepts longer lines
 
 _request = msgspec.json.Decoder(Request)
 
 
 class Inspector:
-    """Answers the requests of one line."""
+    """Answers the bridge's requests."""
 
     def __init__(self, config: BridgeConfig, say: Callable[[bytes], None]) -> None:
         self._config = config
@@ -63,7 +63,7 @@ class Inspector:
         self._checked: dict[tuple[str, str], Definition] = {}  # by topic and type, as they were checked last
 
     def hear(self, line: bytes) -> None:
-        """One request. Never waits for long, so that a halt and the end of stdin are always heard."""
+        """Handle one request. Returns at once, so that a halt and the end of stdin are read without delay."""
         self._permit.heard()
         match _request.decode(line):
             case InspectorQuery() as question:
@@ -79,7 +79,7 @@ class Inspector:
             case HaltPublishing(number=number, topic=str(topic)):
                 self._work.put(partial(self._silence, number, topic))
             case KeepAlive():
-                pass  # that it came says it all
+                pass  # its arrival already extended the permit
 
     def run(self) -> None:
         """Run the requests that use the rospy node, one after the other."""
@@ -87,14 +87,14 @@ class Inspector:
             self._work.get()()
 
     def close(self) -> None:
-        """Off the master's books."""
+        """Unregister from the master."""
         if self._node is not None:
             self._node.close()
 
     # --- requests that use the rospy node --------------------------------------------------------------
 
     def _made_node(self) -> Node:
-        """Made when it is needed: most questions are answered without, and sooner."""
+        """Return the node; create it at first use, because most queries need none."""
         if self._node is None:
             from robots.bridge.ros.inspector.node import Node
 
@@ -133,7 +133,7 @@ class Inspector:
             self._node.publishers.stop(topic)
         self._report(Done(number))
 
-    # --- saying ---------------------------------------------------------------------------------------
+    # --- reports --------------------------------------------------------------------------------------
 
     def _report(self, report: Report) -> None:
         self._say(wire.encode(report))
@@ -141,7 +141,7 @@ class Inspector:
     def _seen(self, topic: str, shown: bytes) -> None:
         self._report(wire.LinkSample(topic, msgspec.Raw(shown)))
 
-    # --- questions ------------------------------------------------------------------------------------
+    # --- queries --------------------------------------------------------------------------------------
 
     def _aside(self, work: Callable[[], None]) -> None:
         """Run on a separate thread, since it may take a second; without a free one the request is refused."""
@@ -155,7 +155,7 @@ class Inspector:
         if self._room.acquire(blocking=False):
             threading.Thread(target=run, daemon=True).start()
         else:
-            log.warning("more than %s questions at once: one is not answered", MOST_QUESTIONS)
+            log.warning("more than %s queries at once: one is not answered", MOST_QUESTIONS)
 
     def _answer(self, question: InspectorQuery) -> None:
         ask = question.ask
@@ -164,7 +164,7 @@ class Inspector:
             if len(answer) > LARGEST_ANSWER:
                 text = f"The answer has {len(answer)} bytes: too many to be shown."
                 raise Declined("too_large", text, bytes=len(answer), limit_bytes=LARGEST_ANSWER)
-        except Exception as error:  # noqa: BLE001  (a question's end: every one gets its answer)
+        except Exception as error:  # noqa: BLE001  (every query gets an answer)
             answer = wire.encode(wire.Refused(wire.kind_of(ask), _refusal(error), ask.seq))
         self._report(wire.LinkAnswer(question.seq, msgspec.Raw(answer)))
 
@@ -206,7 +206,7 @@ class Inspector:
                 raise Declined("not_allowed", f"Nobody may set {inner}: {why}.", name=inner)
 
     def _definition(self, type_name: str, topic: str | None) -> Definition:
-        """As a publisher of the topic has it, if there is one of this type; else as known here."""
+        """Return a publisher's definition, if one publishes this type on the topic; else the known definition."""
         told = self._connection_header(topic) if topic else {}
         if told.get("type") == type_name:
             return self._definitions.of_connection(told)
@@ -218,7 +218,7 @@ class Inspector:
         addresses = {node: self._master.node_uri(node) for node in nodes if not node.startswith(INSPECTOR)}
         told, unheard = first_response(Conversation.read_header, topic, addresses, INSPECTOR)
         for node, why in unheard.items():
-            log.info("%s says nothing of %s: %s", node, topic, why)
+            log.info("%s does not describe %s: %s", node, topic, why)
         return told or {}
 
     def _sendable(self, order: wire.Publish) -> Definition:
@@ -240,7 +240,7 @@ class Inspector:
 
 
 def _refusal(error: Exception) -> wire.Refusal:
-    """Why a question has no better answer."""
+    """Return the refusal for an exception."""
     match error:
         case BadField() | Declined():
             return error.refusal
@@ -253,7 +253,7 @@ def _refusal(error: Exception) -> wire.Refusal:
         case Broken():
             return wire.Refusal("broken", str(error), "robot")
         case _:
-            log.error("a question found a fault", exc_info=error)
+            log.error("a query failed", exc_info=error)
             return wire.Refusal("inspector_fault", "The inspector failed at this; its log says how.", "robot")
 
 

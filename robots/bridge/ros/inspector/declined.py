@@ -1,4 +1,4 @@
-"""How the inspector says no."""
+"""The inspector's refusals."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from robots.wire import Refusal
 
 
 class Declined(Exception):
-    """Something cannot be shown, or must not be done; `refusal` is for people."""
+    """A request cannot or must not be carried out; `refusal` gives the reason for people."""
 
     def __init__(self, code: str, text: str, **figures: float | int | str | None) -> None:
         super().__init__(text)

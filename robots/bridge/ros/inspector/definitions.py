@@ -1,7 +1,7 @@
-"""Message definitions: of installed packages, of this project, and as publishers send them.
+"""Message definitions of installed packages, of this project, and of publishers.
 
-A definition is taken at its md5 sum: text whose sum is not the one that its publisher claims describes other bytes
-than those that come. Definitions of types that are not installed are kept on disk by (type, md5), for publishers that
+A definition is accepted only if its text has the md5 sum that the publisher claims: else it describes other bytes than
+the publisher sends. Definitions of types that are not installed are kept on disk by (type, md5), for publishers that
 send no text.
 """
 
@@ -42,7 +42,7 @@ _MD5 = re.compile(r"[0-9a-f]{32}")
 
 @dataclass(frozen=True)
 class Definition:
-    """One type at one md5 sum. `known`: from a package here, else built from the publisher's own words."""
+    """One type at one md5 sum. `known`: from an installed package, else from the publisher's text."""
 
     type: str
     md5: str
@@ -52,7 +52,7 @@ class Definition:
 
     @cached_property
     def layout(self) -> Layout:
-        """How its messages lie in bytes."""
+        """The byte layout of its messages."""
         return Layout(self.fields)
 
     @cached_property
@@ -64,12 +64,14 @@ class Definition:
 
 
 def parsed(type_name: str, text: str, known: bool = False) -> Definition:
-    """The definition that `text` is, with its own md5 sum. Raises Declined."""
+    """Parse a definition's text and compute its md5 sum. Raises Declined."""
     if len(text) > LARGEST_TEXT or not _TYPE.fullmatch(type_name):
         raise _bad(type_name, "it is too long, or its type has no proper name")
     try:
         context, spec = _loaded(type_name, text)
-        fields = list(_Tree(context).fields(spec, DEEPEST))  # before the sum, which trusts that it ends
+        fields = list(
+            _Tree(context).fields(spec, DEEPEST)
+        )  # before the sum, whose computation does not limit nesting
         return Definition(type_name, compute_md5(context, spec), text, known, fields)
     except (genmsg.InvalidMsgSpec, KeyError, ValueError, IndexError) as error:
         raise _bad(type_name, str(error)) from error
@@ -84,7 +86,7 @@ def _loaded(type_name: str, text: str) -> tuple[genmsg.MsgContext, genmsg.MsgSpe
 
 
 def _types_within(fields: Iterable[Field]) -> set[str]:
-    """The types of the messages that these fields hold, at any depth."""
+    """Return the message types within these fields, at any depth."""
     found: set[str] = set()
     for field_ in fields:
         if not is_builtin(field_.type):
@@ -93,7 +95,7 @@ def _types_within(fields: Iterable[Field]) -> set[str]:
 
 
 class _Tree:
-    """A definition's fields, counted, so that a few lines cannot mean millions of them, nor of bytes or elements."""
+    """Counts a definition's fields, so that a few lines cannot expand to millions of fields, bytes or elements."""
 
     def __init__(self, context: genmsg.MsgContext) -> None:
         self._context = context
@@ -101,7 +103,7 @@ class _Tree:
         self._words_left = MOST_WORDS
 
     def fields(self, spec: genmsg.MsgSpec, deeper: int, within: int = 1) -> Iterator[Field]:
-        """`within`: how many elements the fixed arrays mean that this message stands in."""
+        """Yield the fields. `within`: number of elements of the fixed arrays that contain this message."""
         self._count_words(*(f"{constant.name}={constant.val}" for constant in spec.constants))
         for type_name, name in zip(spec.types, spec.names, strict=True):
             self._fields_left -= 1
@@ -128,14 +130,14 @@ class _Tree:
 
 
 def _constants(spec: genmsg.MsgSpec, type_name: str) -> dict[str, float | int | str | bool]:
-    """Constants of the field's own type are meant for it, as far as a definition can say so."""
+    """Return the constants of the field's own type: a definition does not say which field they belong to."""
     if type_name not in INTEGERS and type_name not in FLOATS:
         return {}
     return {constant.name: constant.val for constant in spec.constants if constant.type == type_name}
 
 
 def installed(type_name: str) -> Definition | None:
-    """As the packages here have it."""
+    """Return the definition of an installed package, if there is one."""
     try:
         found = message_class(type_name)
     except UnknownTypeError:
@@ -144,7 +146,7 @@ def installed(type_name: str) -> Definition | None:
 
 
 class Definitions:
-    """Every definition that was met. Safe to use from several threads."""
+    """All definitions seen so far. Safe to use from several threads."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -191,18 +193,18 @@ class Definitions:
         raise _unknown(type_name, md5)
 
     def _as_published(self, type_name: str, md5: str, text: str) -> Definition:
-        """In the publisher's words, or in those that another used for the same sum."""
+        """Return the publisher's definition, or a kept one with the same md5 sum."""
         if not text.strip():
             for kept in self._kept(type_name, md5):
                 return kept
-            if md5 != parsed(type_name, "").md5:  # an empty text is a whole definition, too
+            if md5 != parsed(type_name, "").md5:  # an empty text is a valid definition
                 raise _unknown(type_name, md5)
         told = parsed(type_name, text)
         if told.md5 != md5:
             raise Declined(
                 "definition_differs",
                 f"The publisher’s definition of {type_name} is not the one of its md5 sum: "
-                "what its messages hold cannot be told.",
+                "the console cannot decode its messages.",
                 type=type_name,
                 claimed_md5=md5,
                 definition_md5=told.md5,

@@ -21,7 +21,7 @@ LONGEST_TEXT = 16 * 1024  # characters of one text in it
 
 
 def graph(master: Master, seq: int) -> wire.Graph:
-    """Everything that is on the master's books, by name."""
+    """Return all topics, actions and services of the master, sorted by name."""
     system = master.system_state()
     publishers, subscribers = _of_the_robot(system.publishers), _of_the_robot(system.subscribers)
     topics = [
@@ -64,13 +64,13 @@ def _action_type(parts: dict[str, wire.TopicRow | None]) -> str:
 
 
 def parameter_names(master: Master, seq: int) -> wire.Parameters:
-    """All of them."""
+    """Return the names of all parameters."""
     names = [cut(str(name), NAME) for name in master.call("getParamNames")[:MOST_TOPICS]]
     return wire.Parameters(sorted(names), seq)
 
 
 def parameter(master: Master, name: str, seq: int) -> wire.Parameter:
-    """A value, or the tree below `name`. Raises MasterError or Declined."""
+    """Return a value, or the tree below `name`. Raises MasterError or Declined."""
     if not master.call("hasParam", name):
         raise Declined("no_parameter", f"The robot has no parameter {name}.", name=name)
     value = _plain(master.parameter(name))
@@ -94,7 +94,7 @@ def set_parameter(master: Master, name: str, value: Any, seq: int) -> wire.Param
 
 
 def _plain(value: Any) -> Any:
-    """As JSON has it: XML-RPC also knows NaN, dates and bytes; long texts are cut."""
+    """Convert a value for JSON: XML-RPC also has NaN, dates and bytes. Long texts are cut."""
     match value:
         case dict():
             return {str(key): _plain(inner) for key, inner in value.items()}

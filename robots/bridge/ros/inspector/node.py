@@ -25,7 +25,7 @@ WATCH_S = 5.0
 
 
 class Node:
-    """Subscribes and publishes at one robot. When its master dies, so does this process."""
+    """Subscribes and publishes at one robot. The process ends when the master dies."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class Node:
         self.publishers = Publishers(master)
 
     def close(self) -> None:
-        """Off the master's books."""
+        """Unregister from the master."""
         rospy.signal_shutdown("nobody looks")
 
 

@@ -22,8 +22,10 @@ from robots.bridge.ros.tasks.publishing import immediate_publisher, publish
 
 LISTENERS_S = 1.0  # a single message waits so long for listeners to connect
 WAITING = 20  # messages on their way to one topic, at most
-LINGER_S = 10.0  # a topic stays advertised after its last message, so that the next need not wait
-LIFE_S = 0.5  # at a rate only while the bridge was heard within this
+LINGER_S = (
+    10.0  # a topic stays advertised after its last message, so that the next one need not wait for listeners
+)
+LIFE_S = 0.5  # publishing at a rate needs a sign of life from the bridge within this time
 SEND_PATIENCE_S = (
     0.3  # a subscriber that does not read for so long is disconnected, so that it delays no other
 )
@@ -32,7 +34,7 @@ Bytes = Callable[[], bytes]
 
 
 class PublishPermit:
-    """To send, until it is ended; at a rate only while the bridge lives, for it is the bridge that ends things."""
+    """Permission to send until its end. Sending at a rate also needs a living bridge, because the bridge ends it."""
 
     def __init__(self) -> None:
         self._sending = threading.Lock()
@@ -40,16 +42,16 @@ class PublishPermit:
         self.ended = False
 
     def heard(self) -> None:
-        """The bridge lives."""
+        """Note a sign of life from the bridge."""
         self._heard_s = time.monotonic()
 
     def end(self) -> None:
-        """End it: nothing is sent for it after this returns."""
+        """End the permission: nothing is sent under it after this returns."""
         with self._sending:
             self.ended = True
 
     def send(self, send: Callable[[], None], repeated: bool) -> None:
-        """Do it, if that may be."""
+        """Send if the permission holds."""
         with self._sending:
             lives = not repeated or time.monotonic() - self._heard_s < LIFE_S
             if lives and not self.ended:
@@ -70,7 +72,7 @@ class _Publisher:
         self._thread = start_vital(self._run, f"publish {topic}")
 
     def say(self, data: Bytes, permit: PublishPermit, rate_hz: float) -> bool:
-        """Send this. False: the topic is being closed, nothing is sent there any more."""
+        """Send a message. Returns False if the topic is being closed: then it is not sent."""
         with self._news:
             if rate_hz:
                 self._repeated = (data, permit, rate_hz)
@@ -87,7 +89,7 @@ class _Publisher:
             self._news.notify()
 
     def close(self) -> None:
-        """Send no more, and leave the master's books."""
+        """Stop sending and unregister from the master."""
         with self._news:
             self._closed = True
             self._news.notify()
@@ -102,7 +104,7 @@ class _Publisher:
             publisher.unregister()
 
     def _await_listeners(self, publisher: rospy.Publisher) -> None:
-        """Subscribers miss messages that are sent before they are connected."""
+        """Wait for listeners: they miss messages that are sent before they are connected."""
         deadline_s = time.monotonic() + LISTENERS_S
         try:
             known = len(self._master.system_state().subscribers.get(self._topic, []))
@@ -131,7 +133,7 @@ def _send(publisher: rospy.Publisher, data: Bytes) -> None:
 
 
 class Publishers:
-    """All that is published, by topic."""
+    """The published topics."""
 
     def __init__(self, master: Master) -> None:
         self._master = master
@@ -140,7 +142,7 @@ class Publishers:
     def publish(
         self, topic: str, definition: Definition, data: Bytes, permit: PublishPermit, rate_hz: float
     ) -> None:
-        """Send `data()` once (`rate_hz` 0), or at a rate until `stop`, or until the leave to send ends."""
+        """Send `data()` once (`rate_hz` 0), or at a rate until `stop`, or until the permit ends."""
         talk = self._publishers.get(topic)
         if talk is not None and talk.definition.md5 == definition.md5 and talk.say(data, permit, rate_hz):
             return
@@ -150,13 +152,13 @@ class Publishers:
         self._publishers[topic].say(data, permit, rate_hz)
 
     def stop(self, topic: str) -> None:
-        """Send no more there."""
+        """Stop sending on this topic."""
         if topic in self._publishers:
             self._publishers[topic].stop()
 
 
 def _message_class(definition: Definition) -> type[rospy.AnyMsg]:
-    """The names that rospy needs of a type; the bytes are packed here."""
+    """Return a class with the names that rospy needs of a type; this module packs the bytes."""
     names = {
         "_type": definition.type,
         "_md5sum": definition.md5,

@@ -23,7 +23,7 @@ SHOWN = Detail(whole=64, first=32, text=2000)  # of an answer
 
 @dataclass(frozen=True)
 class Service:
-    """One service as it says of itself, with the definition that the packages here have for it."""
+    """One service: its own description, and the installed definition of its type."""
 
     name: str
     type: str
@@ -66,10 +66,10 @@ def call(
     detail: Detail = SHOWN,
     largest: int = LARGEST_ANSWER,
 ) -> tuple[dict[str, Any], dict[str, int]]:
-    """Its answer, and by path the whole lengths of its arrays that were shortened.
+    """Call a service; return its answer, and the full lengths of shortened arrays by path.
 
     Raises BadField before anything is sent, Declined after.
-    `require_time` raises, just before the request is sent, if it is too late for it.
+    `require_time` is called just before the request is sent, and raises if it is too late.
     """
     now = divmod(time.time_ns(), 1_000_000_000)
     request = service.request.layout.write(fit_fields(service.request.fields, given), now)

@@ -1,7 +1,7 @@
 """The live view: the newest message of each subscribed topic, decoded in part, at the requested rate.
 
-rospy's threads only keep the newest bytes and count. One thread of ours decides what is due, and decodes just that: a
-topic of 100 Hz that is shown five times a second is decoded five times, and one that nobody looks at is not subscribed.
+rospy's threads only keep the newest bytes and count messages. One thread decides which topics are due, and decodes only
+those: a topic of 100 Hz that is shown five times a second is decoded five times a second.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ AGAIN_S = 1.0
 LONGEST_NAME = 200  # characters of a publisher's own name
 MOST_NAMED = 20  # publishers of a topic
 RATE_WINDOW_S = 10.0
-RATE_LEAST = 3  # messages, of a topic on which fewer than that come within the window
+RATE_LEAST = 3  # messages for the rate of a topic with fewer messages in the window
 RATE_SAMPLES = 2000
 
 _encode = msgspec.json.Encoder().encode
@@ -45,7 +45,7 @@ class Subscription:
     def __init__(self, topic: str, rate_hz: float, awake: threading.Condition) -> None:
         self.topic = topic
         self.gap_s = 1.0 / rate_hz
-        # So the first message is shown at once, and a word on silence comes after a while.
+        # So the first message is shown at once, and a silent topic is reported after a while.
         self.shown_s = time.monotonic() - self.gap_s
         self._awake = awake
         self._arrivals: deque[float] = deque(maxlen=RATE_SAMPLES)
@@ -56,7 +56,7 @@ class Subscription:
         self._subscriber = rospy.Subscriber(topic, rospy.AnyMsg, self._on_message)
 
     def close(self) -> None:
-        """Look no more."""
+        """Unsubscribe."""
         self._subscriber.unregister()
 
     def _on_message(self, message: rospy.AnyMsg) -> None:
@@ -67,12 +67,12 @@ class Subscription:
             self._awake.notify()
 
     def due_s(self) -> float:
-        """When it is to be shown next: as soon as its pace allows if something came, else after a while."""
+        """Return when the topic is due: as soon as its rate allows after a new message, else after a while."""
         fresh = self._number != self._shown_number
         return self.shown_s + (self.gap_s if fresh else max(self.gap_s, AGAIN_S))
 
     def show(self, definitions: Definitions, now_s: float) -> bytes:
-        """The `Shown` of now."""
+        """Return the present `Shown`."""
         with self._awake:
             message, number = self._newest, self._number
         self.shown_s, self._shown_number = now_s, number
@@ -104,9 +104,9 @@ class Subscription:
 
 
 def rate_hz(arrivals: Sequence[float], now_s: float) -> float | None:
-    """Messages a second: over the last seconds, or over the last few messages where they come more seldom.
+    """Return messages a second: over the last seconds, or over the last few messages of a slow topic.
 
-    None for fewer than two; 0 if nothing has come for much longer than that rate would have it.
+    None for fewer than two messages; 0 if the topic has been silent for much longer than its rate allows.
     """
     recent = [arrival_s for arrival_s in arrivals if arrival_s > now_s - RATE_WINDOW_S]
     if len(recent) < RATE_LEAST:
@@ -133,7 +133,7 @@ def _discord(publishers: Sequence[Any]) -> wire.Refusal | None:
 
 
 def _filled(shown: wire.Sample, definition: Definition, data: bytes, wall_s: float) -> bytes:
-    """With as much detail as fits."""
+    """Encode with as much detail as fits."""
     for detail in LEVELS:
         try:
             fields, shortened = definition.layout.read(data, detail)
@@ -147,7 +147,7 @@ def _filled(shown: wire.Sample, definition: Definition, data: bytes, wall_s: flo
 
 
 def _age_s(fields: Mapping[str, Any], wall_s: float) -> float | None:
-    """Since its stamp, by the console's clock."""
+    """Return the time since the message's stamp, by the console's clock."""
     header = fields.get("header")
     stamp = header.get("stamp") if isinstance(header, dict) else None
     if not isinstance(stamp, dict) or not stamp.get("secs"):
@@ -179,7 +179,7 @@ class Subscriptions:
         start_vital(self._run, "looks")
 
     def set_subscriptions(self, topics: Mapping[str, float]) -> None:
-        """Exactly these topics from now on, at most so many messages a second of each."""
+        """Set the subscriptions: topic -> most messages a second."""
         with self._awake:
             self._wanted = topics
             self._awake.notify()
@@ -189,7 +189,7 @@ class Subscriptions:
             try:
                 self._subscribe()
                 self._show_due(time.monotonic())
-            except Exception:  # a topic that breaks this must not end the view of the others
+            except Exception:  # one bad topic must not end the view of the others
                 log.exception("a topic cannot be shown")
             with self._awake:
                 if self._wanted.keys() == self._subscriptions.keys():
@@ -202,7 +202,7 @@ class Subscriptions:
                 self._send(look.topic, look.show(self._definitions, now_s))
 
     def _subscribe(self) -> None:
-        """Make the subscriptions those that are wanted. Asks the master, so it is done on this thread."""
+        """Subscribe and unsubscribe as wanted. Runs on this thread, since it calls the master."""
         with self._awake:
             wanted = self._wanted
         for topic in self._subscriptions.keys() - wanted.keys():

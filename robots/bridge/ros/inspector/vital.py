@@ -1,4 +1,4 @@
-"""Threads whose end must end the inspector: without them it would run without doing its work."""
+"""Threads that the inspector needs: the process ends when one of them fails."""
 
 from __future__ import annotations
 

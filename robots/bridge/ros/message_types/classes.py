@@ -1,9 +1,8 @@
 """ROS classes by type name, also for the types that the distribution does not package.
 
-PAL's types are written in `definitions/`, one file each, and turned into Python by genpy once per
-change of a definition: into a folder named by what went in, so that processes never see half of it
-and an old folder is never wrong. Once a class of ours was asked for, that folder is on `sys.path`, and
-``import play_motion_msgs.msg`` works like any other.
+`definitions/` has one file for each of PAL's types. genpy generates Python from them once per change, in a
+folder named by a digest of its inputs, so that processes never see an incomplete or old folder. The first use of
+a generated class appends the folder to `sys.path`; from then on ``import play_motion_msgs.msg`` works.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ REPOSITORY = Path(__file__).resolve().parents[4]
 
 
 class UnknownTypeError(LookupError):
-    """This type is in neither the distribution nor our definitions."""
+    """The type is neither installed nor among our definitions."""
 
     def __init__(self, name: str) -> None:
         super().__init__(f"there is no ROS type {name!r}: neither installed nor among our definitions")
@@ -69,7 +68,7 @@ def make_ours_importable() -> Path:
 
 
 def definition_files() -> list[Path]:
-    """All definition files, in one order."""
+    """All definition files, sorted."""
     return sorted(file for file in DEFINITIONS.rglob("*.*") if file.suffix in {".msg", ".srv", ".action"})
 
 

@@ -1,7 +1,7 @@
 """Writes Python packages for ROS definition files, with genmsg and genpy.
 
 `<package>/msg/_<Type>.py` holds one class each, as catkin would lay them out; the packages' own
-``__init__`` loads a class when it is asked for, because loading all would cost more than the classes used.
+``__init__`` loads a class at its first use, because loading all of them is slow.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def generate(definitions: Iterable[Path], folder: Path) -> None:
 
 
 def action_messages(name: str, text: str) -> dict[str, str]:
-    """The seven message types that an action file stands for: name -> definition."""
+    """Return the seven message types of an action file: name -> definition."""
     package, _, short = name.partition("/")
     goal, result, feedback = re.split(r"^-{3,}[^\S\n]*$", text, flags=re.MULTILINE)
     stamped = "std_msgs/Header header\nactionlib_msgs/{status}\n{short}{part} {field}\n"
@@ -82,7 +82,7 @@ def action_messages(name: str, text: str) -> dict[str, str]:
 
 
 def _register_embedded(context: genmsg.MsgContext, spec: genmsg.MsgSpec | genmsg.SrvSpec) -> None:
-    """Make the installed types that `spec` embeds known to `context`, from their classes' own text."""
+    """Register the installed types that `spec` embeds in `context`, from the text in their classes."""
     fields = spec.types if isinstance(spec, genmsg.MsgSpec) else spec.request.types + spec.response.types
     for field in fields:
         bare = genmsg.msgs.bare_msg_type(field)

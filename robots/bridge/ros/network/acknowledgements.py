@@ -1,6 +1,6 @@
-"""How long the robot's machine takes to acknowledge the twists that are written to its drive topic.
+"""Measures how long the robot's computer takes to acknowledge twists on its drive topic.
 
-The kernel knows how many bytes of a connection it still keeps because nobody has acknowledged them (tcp(7), SIOCOUTQ).
+The kernel reports how many sent bytes of a connection are not acknowledged yet (tcp(7), SIOCOUTQ).
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from robots.bridge.ros.tasks.publishing import heard_by
 
 
 class Acknowledgements:
-    """The connections of the drive topic to one machine, the master's; to all, if it listens nowhere.
+    """The drive topic's connections to the master's computer; all connections, if there are none to it.
 
-    Somebody who looks on from elsewhere, over a slow link of his own, says nothing of the robot's.
+    A listener on another computer may have a slow link, which says nothing about the robot's.
     """
 
     def __init__(self, address: str) -> None:
@@ -27,7 +27,7 @@ class Acknowledgements:
         self._acknowledgements: dict[Any, Echo] = {}  # by rospy's connection
 
     def wrote(self, publisher: rospy.Publisher, now_s: float) -> None:
-        """A message has just been published."""
+        """Note that a message was published at `now_s`."""
         connections = heard_by(publisher)
         of_robot = [connection for connection in connections if _peer(connection) == self._address]
         self._acknowledgements = {
@@ -51,7 +51,7 @@ _CLOSED = (OSError, AttributeError, ValueError)
 
 
 def _peer(connection: Any) -> str:
-    """The address of the other end."""
+    """Return the IP address of the other end; empty if the connection is closed."""
     try:
         return str(connection.socket.getpeername()[0])
     except _CLOSED:
@@ -59,7 +59,7 @@ def _peer(connection: Any) -> str:
 
 
 def _kept(connection: Any) -> int:
-    """Bytes that the other end has not acknowledged."""
+    """Return the bytes that the other end has not acknowledged."""
     try:
         kept: int = struct.unpack("i", fcntl.ioctl(connection.socket.fileno(), termios.TIOCOUTQ, bytes(4)))[0]
     except _CLOSED:

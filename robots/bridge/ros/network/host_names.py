@@ -1,4 +1,4 @@
-"""Whether hosts' names are known here: looked up aside, for a resolver whose name server is silent tries for long."""
+"""Resolves robots' host names on a separate thread, because a silent name server blocks for long."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robots.bridge.ros.ros_worker import RosWorker
 
 
 class HostNames:
-    """The host names by which a robot's nodes want to be called."""
+    """The host names that a robot's nodes advertise."""
 
     def __init__(self) -> None:
         self._worker = RosWorker("names")
@@ -17,7 +17,7 @@ class HostNames:
         self._unknown: Set[str] = frozenset()
 
     def unknown(self, hosts: Set[str]) -> Set[str]:
-        """Which of these could not be resolved when it was tried last. Tries all of them again, and returns at once."""
+        """Return the names that failed to resolve at the last try. Starts a new try of all, and returns at once."""
         self._wanted = hosts
         self._worker.do(self._look_up)
         return hosts & self._unknown

@@ -1,4 +1,4 @@
-"""Talking to a ROS master over XML-RPC, with time-outs, and noticing at once when it dies."""
+"""Calls a ROS master over XML-RPC, with time-outs, and detects its death at once."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from robots.bridge.probe_findings import BRIDGE, WATCHDOG
 from robots.bridge.ros.bounds import texts
 
 TIMEOUT_S = 1.0
-WHOLE_S = 5.0  # a call with its answer: of a hundred kilobytes, maybe, by a slow radio
-LARGEST_ANSWER = 64 * 1024 * 1024  # bytes that are read; less is kept
+WHOLE_S = 5.0  # a whole call: an answer may have a hundred kilobytes and come by slow radio
+LARGEST_ANSWER = 64 * 1024 * 1024  # bytes read from the network
 MOST_VALUES = 500_000  # in an answer
-INSPECTOR = "/fleet_inspector"  # how an inspector's name begins: every console may have one
+INSPECTOR = "/fleet_inspector"  # prefix of the inspectors' names; each console may have one
 
 
 def is_own(node: str) -> bool:
-    """Whether a node is a console's bridge, inspector or watchdog: none is part of the robot, or listens."""
+    """Whether a node is a console's bridge, inspector or watchdog: these are not part of the robot."""
     return node.startswith((BRIDGE, INSPECTOR, WATCHDOG))
 
 
@@ -33,15 +33,15 @@ _Nodes = list[tuple[str, list[str]]]  # by topic
 
 
 class MasterError(Exception):
-    """The master does not answer, or answers that something failed. The text is for people."""
+    """The master does not answer, or reports a failure. The text is for people."""
 
 
 class NotThere(MasterError):
-    """It answers, and has nothing of that name, or does not do it."""
+    """The master answers that it has no such name, or refuses the call."""
 
 
 def left_s(until_s: float) -> float:
-    """The time until then, by the monotonic clock; a TimeoutError once it is over."""
+    """Return the time until `until_s` on the monotonic clock. Raises TimeoutError when it is over."""
     left_s = until_s - time.monotonic()
     if left_s <= 0.0:
         raise TimeoutError("timed out")
@@ -49,7 +49,7 @@ def left_s(until_s: float) -> float:
 
 
 class _Reader(xmlrpc.client.Unmarshaller):
-    """Makes values of an answer. Each text is cut at `longest` characters, as it comes."""
+    """Parses an answer. Each text is cut at `longest` characters while it is read."""
 
     def __init__(self, longest: int) -> None:
         super().__init__()
@@ -71,7 +71,7 @@ class _Reader(xmlrpc.client.Unmarshaller):
 
 
 class _Transport(xmlrpc.client.Transport):
-    """For one call: no wait is longer than `timeout_s`, and all of it is over within `WHOLE_S`."""
+    """Transport of one call: each wait takes at most `timeout_s`, the whole call at most `WHOLE_S`."""
 
     accept_gzip_encoding = False
 
@@ -95,12 +95,12 @@ class _Transport(xmlrpc.client.Transport):
 
     def parse_response(self, response: Any) -> Any:
         if response.getheader("Content-Encoding"):
-            raise xmlrpc.client.ResponseError("the answer is compressed, though nobody asked for that")
+            raise xmlrpc.client.ResponseError("the answer is compressed, which was not requested")
         return super().parse_response(response)
 
 
 class _Socket(socket.socket):
-    """A connection on which nothing is waited for after `until_s`, however slowly the other side speaks."""
+    """A connection whose reads and writes end at `until_s`, even if the other side is slow."""
 
     def __init__(self, connection: socket.socket, timeout_s: float, until_s: float) -> None:
         super().__init__(fileno=connection.detach())
@@ -117,7 +117,7 @@ class _Socket(socket.socket):
         return size
 
     def sendall(self, *what: Any) -> None:
-        """All of it."""
+        """Send all bytes, within the time limit."""
         self._limit()
         super().sendall(*what)
 
@@ -133,14 +133,14 @@ class SystemState:
     subscribers: dict[str, list[str]]
     types: dict[str, str]
     services: dict[str, list[str]]
-    is_cut: bool = False  # there are more than are kept here
+    is_cut: bool = False  # the master has more entries than are kept here
 
 
 class Master:
     """One master (or one node), as the node `caller` calls it.
 
-    Calls raise MasterError once it says nothing for `timeout_s`, and within `WHOLE_S` though it speaks. Before that its
-    name is looked up, for as long as this computer's resolver tries.
+    Calls raise MasterError after `timeout_s` of silence, and at `WHOLE_S` in any case. Resolving the host name comes
+    first and takes as long as this computer's resolver tries.
     """
 
     def __init__(self, uri: str, caller: str, timeout_s: float = TIMEOUT_S) -> None:
@@ -180,7 +180,7 @@ class Master:
         return SystemState(publishers, subscribers, types, services, is_cut)
 
     def call(self, method: str, *arguments: object, longest: int = texts.ANSWER) -> Any:
-        """One call of the master (or slave) API; returns its value, with each text in it cut at `longest`."""
+        """One call of the master (or slave) API; returns its value, each text cut at `longest` characters."""
         try:
             transport = _Transport(self._timeout_s, longest)
             with xmlrpc.client.ServerProxy(self.uri, transport=transport) as proxy:
@@ -200,7 +200,7 @@ class Master:
         return value
 
     def _call_typed(self, kind: type[T], method: str, *arguments: object) -> T:
-        """The same, for a value that must be of this kind."""
+        """Call and convert the value to `kind`. Raises MasterError if it does not fit."""
         value = self.call(method, *arguments)
         try:
             return msgspec.convert(value, kind)
@@ -223,7 +223,7 @@ def _goal_types(publishers: Mapping[str, object], types: Mapping[str, str]) -> d
 
 
 class DeathWatch:
-    """An idle TCP connection to the master's port: the kernel ends it the moment the master dies. Or MasterError."""
+    """An idle TCP connection to the master: the kernel closes it when the master dies. Raises MasterError."""
 
     def __init__(self, uri: str) -> None:
         parts = urlsplit(uri)
@@ -244,28 +244,28 @@ class DeathWatch:
         return True
 
     def close(self) -> None:
-        """Let go."""
+        """Close the connection."""
         self._socket.close()
 
 
 def node_alive(uri: str, node: str) -> bool | None:
-    """Whether this node of rospy's answers at this XML-RPC address, or is somewhere that has no name here.
+    """Whether this node answers at this XML-RPC address; True as well if its host name does not resolve here.
 
-    None: it is silent, or out of reach just now. False: nobody listens there any more, or something else does.
+    None: the node is silent or out of reach now. False: no process listens there, or another one does.
     """
     try:
         return bool(Master(uri, BRIDGE).call("getName") == node)
     except MasterError as error:
         why = error.__cause__
         if isinstance(why, socket.gaierror):
-            return True  # for all that is known: only the robot can call it
+            return True  # the node may live: only the robot can resolve its name
         return None if isinstance(why, OSError) and not isinstance(why, ConnectionRefusedError) else False
 
 
 def why_silent(uri: str) -> str:
-    """Why a node that a master has at this XML-RPC address does not listen, in words: it has ended, or hangs.
+    """Return in words why a registered node at this XML-RPC address does not connect: it has ended, or hangs.
 
-    "" if it answers; a host's name that is not known here tells nothing of the node.
+    "" if it answers, or if its host name does not resolve here: then its state is unknown.
     """
     try:
         Master(uri, BRIDGE).alive()

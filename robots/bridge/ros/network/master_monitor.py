@@ -1,4 +1,4 @@
-"""The robot's master, watched: joined when it is there, surveyed while it stays, joined again when it is back."""
+"""Monitors the robot's master: joins it, surveys it while it lives, and registers again after a restart."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 RETRY_S = 0.5
 SURVEY_S = 2.0
-SILENCE_S = 10.0  # of a namesake, without a break, until it counts as dead
+SILENCE_S = 10.0  # without a break, until another bridge counts as dead
 
 
 class Namesake(Exception):
@@ -28,7 +28,7 @@ class Namesake(Exception):
 
 
 class NodeLost(Exception):
-    """For the rest of this process's life rospy cannot be this robot's node."""
+    """rospy cannot be this robot's node again in this process."""
 
     def __init__(self, text: str, name_taken: bool) -> None:
         super().__init__(text)
@@ -39,19 +39,19 @@ class Node(Protocol):
     """Callbacks of the monitor, called on its thread."""
 
     def begin(self) -> None:
-        """The master is there and knows no other bridge: join it, by rospy. Called once."""
+        """Join the master by rospy: it answers and knows no other bridge. Called once."""
 
     def began_again(self) -> None:
-        """A restarted master has all registrations again."""
+        """Handle a restarted master. All registrations were repeated."""
 
     def surveyed(self, system: SystemState) -> None:
-        """Present publishers and subscribers."""
+        """Take the present publishers and subscribers."""
 
     def tell(self, status: RosStatus) -> None:
-        """Why the robot is not joined."""
+        """Take the reason why the robot is not joined."""
 
     def lost(self, name_taken: bool) -> None:
-        """Only another process can be this robot's node: another one took the name, or `begin` failed."""
+        """Handle the loss of the node, another process must replace it: the name was taken, or `begin` failed."""
 
 
 class MasterMonitor:
@@ -66,11 +66,11 @@ class MasterMonitor:
         self._thread = threading.Thread(target=self._watch, name="master", daemon=True)
 
     def start(self) -> None:
-        """Begin to look for the master."""
+        """Start to search for the master."""
         self._thread.start()
 
     def end(self) -> None:
-        """Look no more. Returns at once."""
+        """Stop monitoring. Returns at once."""
         self._ending.set()
 
     def _watch(self) -> None:
@@ -82,11 +82,11 @@ class MasterMonitor:
             except Namesake as error:
                 self._node.tell(RosStatus("refused", str(error)))
             except NodeLost as error:
-                if not self._ending.is_set():  # else `rospy.signal_shutdown` came in between
+                if not self._ending.is_set():  # else `rospy.signal_shutdown` was called meanwhile
                     self._node.tell(RosStatus("refused", str(error)))
                     self._node.lost(error.name_taken)
                 return
-            except Exception as error:  # without this thread the robot's loss would not be noticed
+            except Exception as error:  # without this thread no one would notice the robot's loss
                 log.exception("watching the robot's master failed")
                 self._node.tell(RosStatus("waiting", f"Watching the robot’s ROS master failed ({error})."))
             self._ending.wait(RETRY_S)
@@ -94,7 +94,7 @@ class MasterMonitor:
     def _join_and_stay(self) -> None:
         self._require_name()
         self._master.alive()
-        with closing(DeathWatch(self._master.uri)) as watch:  # first: it may die while we join
+        with closing(DeathWatch(self._master.uri)) as watch:  # first: the master may die during the join
             self._require_no_namesake()
             if self._begun:
                 register_again(self._master)
@@ -122,9 +122,9 @@ class MasterMonitor:
                 raise MasterError(f"The ROS master at {self._master.uri} is gone.")
 
     def name_is_lost(self) -> bool:
-        """Whether the master no longer knows this node by the bridge's name: another took it, and may have left again.
+        """Whether another node took the bridge's name on the master, and maybe left again.
 
-        On any thread. False if the master does not answer.
+        Thread-safe. False if the master does not answer.
         """
         try:
             return bool(self._master.node_uri(BRIDGE) != rospy.get_node_uri())
@@ -136,7 +136,7 @@ class MasterMonitor:
             raise NodeLost("Another node took this bridge’s name on the robot’s master.", name_taken=True)
 
     def _require_no_namesake(self) -> None:
-        """One that is only silent may be a busy computer in mid-drive: it is not taken for dead at once."""
+        """Raise Namesake if another bridge lives. A silent one may be a busy computer: it counts as dead only later."""
         uri = self._master.node_uri(BRIDGE)
         alive = node_alive(uri, BRIDGE) if uri and uri != rospy.get_node_uri() else False
         if alive:

@@ -1,8 +1,8 @@
-"""``python -m robots.bridge.ros.network.probe``: a plan on stdin, findings on stdout, both JSON.
+"""``python -m robots.bridge.ros.network.probe``: reads a plan from stdin, writes findings to stdout, both JSON.
 
-Listens to topics by a TCPROS handshake of its own rather than as a rospy node: the publisher then tells its type
-and md5 sum even where they are not ours, and nothing stays registered with the master. Runs in the environment
-that the robot's bridge runs in (`robots.supervisor.ros_environment`), so that names resolve as for the bridge.
+Subscribes by a TCPROS handshake instead of a rospy node: the publisher then sends its type and md5 sum even if they
+differ from ours, and nothing stays registered with the master. Runs in the environment of the robot's
+bridge (`robots.supervisor.ros_environment`), so that names resolve as for the bridge.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from robots.bridge.ros.network.tcpros import Conversation, first_response
 from robots.bridge.tasks.urdf import BadDescription, Tree
 
 CALLBACK_S = 2.0
-DESCRIPTION_S = 5.0  # for hundreds of kilobytes, maybe by radio
-NODE_S = 3.0  # a robot that is busy is not one that is silent
-HEAD = 512  # bytes of a message that are read: its std_msgs/Header
+DESCRIPTION_S = 5.0  # a description has hundreds of kilobytes, and may come by radio
+NODE_S = 3.0  # a busy robot answers late
+HEAD = 512  # bytes read of a message: its std_msgs/Header
 
 
 def probe(plan: Plan) -> Findings:
-    """Find out; takes a few seconds at most."""
+    """Check the robot as planned; takes a few seconds at most."""
     master = Master(plan.master_uri, CALLER)
     try:
         state = master.system_state()
@@ -99,7 +99,7 @@ def _node_uris(master: Master, state: SystemState) -> dict[str, str]:
 
 
 def _hosts(uris: dict[str, str]) -> list[HostFound]:
-    """The host names that nodes advertise; of each, one node is called."""
+    """Check each host name that nodes advertise, by connecting to one node of it."""
     names = Counter(urlsplit(uri).hostname or "" for uri in uris.values())
     one_of = {urlsplit(uri).hostname or "": uri for uri in uris.values()}
     with ThreadPoolExecutor(16) as pool:
@@ -120,11 +120,11 @@ def _host(name: str, nodes: int, uri: str) -> HostFound:
 
 class _QuietHandler(SimpleXMLRPCRequestHandler):
     def log_message(self, format: str, *args: Any) -> None:
-        """Not a word on stderr."""
+        """Write nothing to stderr."""
 
 
 def _callback(master: Master) -> CallbackFound:
-    """Publish and subscribe one made-up topic: the master then has to call the subscriber, which is us."""
+    """Publish and subscribe to a random topic: the master must then call the subscriber, which is this process."""
     advertised, route = get_host_name(), _route(master.uri)
     called = threading.Event()
 
@@ -158,7 +158,7 @@ def _provoke(master: Master, uri: str, called: threading.Event) -> None:
 
 
 def _route(master_uri: str) -> str | None:
-    """This computer's address in the master's network; connecting a datagram socket sends nothing."""
+    """Return this computer's address in the master's network. Connecting a datagram socket sends nothing."""
     parts = urlsplit(master_uri)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as datagrams:
         try:
@@ -173,7 +173,7 @@ def _route(master_uri: str) -> str | None:
 
 
 def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: float) -> TopicFound:
-    """The topic's type and sum by the first publisher that can be reached."""
+    """Return the topic's type and md5 sum, from the first publisher that can be reached."""
     publishers = state.publishers.get(asked.topic, [])
     found = TopicFound(asked.what, publishers, state.types.get(asked.topic), our_md5=_our_md5(asked.type))
 
@@ -201,7 +201,7 @@ def _listen(conversation: Conversation, asked: Listened, found: TopicFound, list
         raise ValueError(offered["error"])
     messages, frames, skews = 0, set[str](), list[float]()
     conversation.until_s = time.monotonic() + listen_s
-    as_asked = offered.get("type") == asked.type  # of another type's bytes we know nothing
+    as_asked = offered.get("type") == asked.type  # the layout of another type is unknown
     try:
         while messages == 0 or (as_asked and asked.frames and not frames.issuperset(asked.frames)):
             head = _read_message(conversation)

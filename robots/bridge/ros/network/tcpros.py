@@ -1,4 +1,4 @@
-"""The header exchange of a TCPROS connection: a publisher's or service's own description."""
+"""The header exchange of a TCPROS connection, in which a publisher or service describes itself."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import msgspec
 
 from robots.bridge.ros.network.master import Master, MasterError, left_s
 
-LARGEST_HEADER = 1024 * 1024  # bytes of a connection header; a definition is part of it
+LARGEST_HEADER = 1024 * 1024  # bytes of a connection header, which includes a definition
 MOST_FIELDS = 100  # of it
 CONNECT_S = 1.0
 
@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 class Conversation:
-    """One connection, and by when all is said on it: however slowly the other side speaks, a TimeoutError ends it."""
+    """One connection with a time limit: after `until_s` each read or write raises TimeoutError."""
 
     def __init__(self, connection: socket.socket, until_s: float) -> None:
         self.until_s = until_s  # by the monotonic clock
@@ -37,12 +37,12 @@ class Conversation:
         self._connection.close()
 
     def send(self, message: bytes) -> None:
-        """A message, with its length before it."""
+        """Send a message with its length prefix."""
         self._connection.settimeout(left_s(self.until_s))
         self._connection.sendall(struct.pack("<I", len(message)) + message)
 
     def read(self, length: int) -> bytes:
-        """Exactly so many bytes."""
+        """Read exactly `length` bytes."""
         parts = bytearray()
         while len(parts) < length:
             self._connection.settimeout(left_s(self.until_s))
@@ -53,12 +53,12 @@ class Conversation:
         return bytes(parts)
 
     def read_length(self) -> int:
-        """A length, as it stands before everything."""
+        """Read a length prefix."""
         length: int = struct.unpack("<I", self.read(4))[0]
         return length
 
     def read_header(self, largest: int = LARGEST_HEADER) -> Header:
-        """The other side's header, with at most this many bytes."""
+        """Read the other side's header of at most `largest` bytes. Raises ValueError if it is none."""
         length = self.read_length()
         if length > largest:
             raise ValueError("does not speak TCPROS")
@@ -90,7 +90,7 @@ def connect(host: str, port: int, fields: Header, timeout_s: float = CONNECT_S) 
 def connect_to_publisher(
     topic: str, node_uri: str, caller: str, timeout_s: float = CONNECT_S
 ) -> Conversation:
-    """A subscriber's connection to one publisher of any type."""
+    """Connect to one publisher of any type, as a subscriber."""
     protocol = Master(node_uri, caller, timeout_s).call("requestTopic", topic, [["TCPROS"]])
     try:
         _, host, port = msgspec.convert(protocol, tuple[str, str, int])
@@ -107,7 +107,7 @@ def first_response(
     caller: str,
     timeout_s: float = CONNECT_S,
 ) -> tuple[T | None, dict[str, str]]:
-    """Result of `hear` for the first publisher that can be reached, and errors of the others by node."""
+    """Return the result of `hear` for the first reachable publisher, and the errors of the others by node."""
     unheard: dict[str, str] = {}
     for node, uri in publishers.items():
         try:

@@ -1,7 +1,7 @@
-"""A depth camera's topics: pictures made ready for the gate.
+"""A depth camera's topics: prepares pictures for the gate.
 
-Pictures arrive on a thread of rospy's and are thinned out and placed there; what reaches the event loop is small. A
-megabyte of pixels is copied by nobody but rospy.
+A rospy thread thins out each picture and computes its pose, so that the event loop gets little data. Only rospy copies
+the megabyte of pixels.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from robots.bridge.ros.bounds.texts import SENTENCE, cut
 from robots.bridge.ros.on_demand_topics import listen
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
 
-EARLY_SHARE = 0.8  # of the time between two pictures: one that comes a little early is not too many
+EARLY_SHARE = 0.8  # of the time between two pictures: a picture may come a little early
 
 
 class DepthTopics:
@@ -45,7 +45,7 @@ class DepthTopics:
         self._frames = frames
         self._mail = mail
         self._core = core
-        self._info: tuple[int, int, Lens] | None = None  # width and height of the pictures that it is for
+        self._info: tuple[int, int, Lens] | None = None  # width and height of its pictures, lens
         self._taken_s = float("-inf")
 
     def listen(self) -> list[rospy.Subscriber]:
@@ -61,7 +61,7 @@ class DepthTopics:
     # --- on rospy's threads ------------------------------------------------------------------------
 
     def _learn(self, raw: bytes) -> None:
-        """Camera info comes with each picture and stays the same."""
+        """Keep the first valid camera info: it comes with each picture and stays the same."""
         if self._info is None:
             info = CameraInfo().deserialize(raw)
             lens = Lens(info.K[0], info.K[4], info.K[2], info.K[5])
@@ -104,7 +104,7 @@ class DepthTopics:
         return picture_of_image(image, self._lens(message.width, message.height))
 
     def _lens(self, width: int, height: int) -> Lens:
-        """By the camera's own word, for pictures of this size; without it, by the profile's field of view."""
+        """Return the lens for pictures of this size: from camera info, else from the profile's field of view."""
         if self._info is None or not (width and height):
             return Lens.seeing(self._source.fov, max(width, 1), max(height, 1))
         of_width, of_height, lens = self._info

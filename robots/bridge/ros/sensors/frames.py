@@ -1,7 +1,7 @@
-"""Where a frame is in the base frame at a stamp, from raw /tf and /tf_static messages.
+"""Computes a frame's pose in the base frame at a stamp, from raw /tf and /tf_static messages.
 
-A robot tells of thirty frames fifty times a second; of these the way from the base to one camera is wanted ten times a
-second, and numbers are unpacked only then. Messages are kept as they come, by child frame.
+A robot publishes thirty frames fifty times a second. The chain from the base to one camera is needed ten times a
+second, and numbers are unpacked only then. Transforms are kept packed, by child frame.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from robots.bridge.gate.values import Pose
 from robots.bridge.ros.bounds.texts import NAME
 
 MAP, ODOM = "map", "odom"  # frames by their usual names (REP 105)
-KEPT = 100  # of each frame: 2 s at 50 Hz
-PATIENCE_S = 0.15  # that a picture waits for the frames of its stamp
+KEPT = 100  # transforms of each frame: 2 s at 50 Hz
+PATIENCE_S = 0.15  # longest wait of a picture for the transforms of its stamp
 LARGEST_HOLE_S = 0.3  # between two transforms that are interpolated
 SET_BACK_S = 1.0
-TURNING_RADPS = 0.5  # while a joint turns faster, the least error of a stamp lifts the floor into the way
+TURNING_RADPS = 0.5  # above it, a small error of a stamp would lift the floor to an obstacle
 LONGEST_WAY = 30
 MOST_MOVING = 500  # frames in memory; a robot publishes about fifty
 MOST_FIXED = 2000
-MOST_WANTED = 200  # frames that are never left out for others
-FULL_S = 15.0  # how long it is said that some were left out
+MOST_WANTED = 200  # requested frames, which are never dropped for others
+FULL_S = 15.0  # how long the page shows that frames were dropped
 
 _HEADER = struct.Struct("<III")  # number, seconds, nanoseconds
 _LENGTH = struct.Struct("<I")
@@ -41,7 +41,7 @@ Matrix = NDArray[np.float64]  # (4, 4)
 
 
 class PoseUnknown(Exception):
-    """A place that the frames do not give; the text has the reason, in words that follow "depth camera:"."""
+    """The frames do not give a pose. The text is the reason; it follows "depth camera:"."""
 
 
 class FramePlace(NamedTuple):
@@ -59,17 +59,17 @@ class Frames:
         self._base = base
         self._fixed: dict[str, FramePlace] = {}
         self._moving: OrderedDict[str, deque[FramePlace]] = OrderedDict()  # most recently updated at the end
-        self._wanted: set[str] = set()  # on the way from a frame that was asked for
-        self._full_s = -math.inf  # when one was left out last
+        self._wanted: set[str] = set()  # frames on the chain of a requested frame
+        self._full_s = -math.inf  # when a frame was dropped last
         self._news = threading.Condition()
 
     @property
     def is_full(self) -> bool:
-        """Whether frames were left out lately, for there are too many."""
+        """Whether frames were dropped lately because there are too many."""
         return time.monotonic() - self._full_s < FULL_S
 
     def hear(self, raw: bytes, fixed: bool) -> None:
-        """Take a serialized tf2_msgs/TFMessage. A truncated one counts as far as it goes."""
+        """Take a serialized tf2_msgs/TFMessage. Of a truncated one, the complete transforms count."""
         with self._news:
             for child, place in transforms(raw):
                 if len(child) > NAME or len(place.parent) > NAME:
@@ -88,7 +88,7 @@ class Frames:
             self._news.notify_all()
 
     def _fix(self, child: str, place: FramePlace) -> None:
-        """A static transform is published once: the first ones stay."""
+        """Keep a static transform. It is published once, so when the table is full the first ones stay."""
         if child in self._fixed or child in self._wanted or len(self._fixed) < MOST_FIXED:
             self._fixed[child] = place
         else:
@@ -114,7 +114,7 @@ class Frames:
             self._moving.clear()
 
     def place(self, frame: str, stamp_s: float, patience_s: float = PATIENCE_S) -> Matrix:
-        """The transform from `frame` to the base at a stamp. Waits for frames that are still to come; PoseUnknown."""
+        """Return the transform from `frame` to the base at a stamp. Waits for late transforms. Raises PoseUnknown."""
         deadline_s = time.monotonic() + patience_s
         with self._news:
             while self._to_come(frame, stamp_s) and (left_s := deadline_s - time.monotonic()) > 0.0:
@@ -147,7 +147,7 @@ class Frames:
         return any(child not in self._fixed and self._moving[child][-1].stamp_s < stamp_s for child in way)
 
     def _way(self, frame: str) -> list[str]:
-        """The frames from `frame` to the base, the base not among them."""
+        """Return the frames on the chain from `frame` to the base, without the base."""
         way: list[str] = []
         while frame != self._base:
             self._want(frame)
@@ -171,7 +171,7 @@ class Frames:
         return self._moving[child][-1] if child in self._moving else None
 
     def _at(self, child: str, stamp_s: float) -> Matrix:
-        """The transform of one frame to its parent."""
+        """Return the transform of one frame to its parent at a stamp."""
         if child in self._fixed:
             return _matrix(*_parts(self._fixed[child]))
         history = self._moving[child]
@@ -186,7 +186,7 @@ class Frames:
 
 
 def transforms(raw: bytes) -> Iterator[tuple[str, FramePlace]]:
-    """The child frames of a serialized tf2_msgs/TFMessage, and the transform of each."""
+    """Yield child frame and transform of a serialized tf2_msgs/TFMessage."""
     try:
         (count,) = _LENGTH.unpack_from(raw)
         at = _LENGTH.size
@@ -204,14 +204,14 @@ def transforms(raw: bytes) -> Iterator[tuple[str, FramePlace]]:
 
 
 def _name(raw: bytes, at: int) -> tuple[str, int]:
-    """A frame's name, and where the next field begins. Old publishers write a slash before it."""
+    """Return a frame's name and the offset of the next field. Old publishers write a slash before the name."""
     (length,) = _LENGTH.unpack_from(raw, at)
     begin = at + _LENGTH.size
     return raw[begin : begin + length].decode(errors="replace").lstrip("/"), begin + length
 
 
 def _parts(place: FramePlace) -> tuple[Matrix, Matrix]:
-    """Translation and unit quaternion."""
+    """Unpack translation and unit quaternion. Raises PoseUnknown for implausible numbers."""
     numbers = np.array(_TRANSFORM.unpack(place.packed))
     translation, rotation = numbers[:3], numbers[3:]
     length = math.sqrt(float(rotation @ rotation))

@@ -1,7 +1,7 @@
-"""``python -m robots.bridge.ros.sensors.map``: takes the robot's map once, for its bridge. JSON in, MessagePack out.
+"""``python -m robots.bridge.ros.sensors.map``: fetches the robot's map once. Reads JSON, writes MessagePack.
 
-A process of its own, because a map has up to 16 MB and the control loop decodes none; over within `END_S`. It listens
-by a TCPROS handshake rather than as a rospy node, so nothing is registered with the robot's master.
+A separate process, because a map has up to 16 MB and the control loop must not decode it; it ends within `END_S`. It
+subscribes by a TCPROS handshake instead of a rospy node, so nothing is registered with the robot's master.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robots.bridge.ros.network.tcpros import Conversation, first_response
 from robots.processes.shutdown import exit_within
 
 CALLER = "/fleet_map"
-MESSAGE_S = 5.0  # a map is latched: it comes at once
+MESSAGE_S = 5.0  # a map is latched: it is sent at once
 
 
 def take(wanted: MapWanted) -> TakenMap | NoMap:
@@ -42,10 +42,10 @@ def take(wanted: MapWanted) -> TakenMap | NoMap:
 
 
 def _message(conversation: Conversation, wanted: MapWanted) -> bytes:
-    """The first message of a publisher."""
+    """Return the first message of a publisher. Raises ValueError for another definition of the type."""
     offered = conversation.read_header()
     if offered.get("md5sum") != message_class(wanted.topic.type)._md5sum:
-        raise ValueError(offered.get("error") or f"it tells a {offered.get('type')} that is another one here")
+        raise ValueError(offered.get("error") or f"its {offered.get('type')} differs from the console's")
     conversation.until_s = time.monotonic() + MESSAGE_S
     length = conversation.read_length()
     if length > LARGEST_MESSAGE:
@@ -54,8 +54,8 @@ def _message(conversation: Conversation, wanted: MapWanted) -> bytes:
 
 
 def main() -> None:
-    """One question, one answer."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # from a terminal it is for the bridge, which ends us
+    """Answer one request from stdin on stdout."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the bridge handles it and ends this process
     exit_within(END_S)
     wanted = msgspec.json.decode(sys.stdin.buffer.read(), type=MapWanted)
     sys.stdout.buffer.write(msgspec.msgpack.encode(take(wanted)))

@@ -1,4 +1,4 @@
-"""Where the robot's frames are, from /tf and /tf_static."""
+"""The topics /tf and /tf_static: poses of the robot's frames."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robots.bridge.ros.sensors.frames import MAP, ODOM, Frames
 
 
 class TfTopics:
-    """The places of frames in `base`, and of the odometry's in the map's."""
+    """Poses of frames in `base`, and of the odometry frame in the map frame."""
 
     def __init__(self, base: str = MAP) -> None:
         self.frames = Frames(base)
@@ -26,9 +26,9 @@ class TfTopics:
         ]
 
     def forget(self) -> None:
-        """Where things were they need not be."""
+        """Forget all transforms: they may be outdated."""
         self.frames.forget()
 
     def map_to_odom(self) -> Pose | None:
-        """The last one received, if any."""
+        """Return the last pose of the odometry frame in the map frame, if any."""
         return self.frames.flat(ODOM, MAP)

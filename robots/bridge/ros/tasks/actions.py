@@ -1,4 +1,4 @@
-"""One action of the robot's, spoken to by its topics: goals have ids of our own, so that only these are cancelled."""
+"""One action of the robot, used by its topics. Goals have our own ids, so that we can cancel only these."""
 
 from __future__ import annotations
 
@@ -28,28 +28,32 @@ class GoalListener(Protocol):
     """Receiver of the action's feedback. Called on rospy's threads."""
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        """The running goals of all senders, and their status."""
+        """Take the running goals of all senders, and their status."""
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
-        """Feedback of the action."""
+        """Take feedback of the action."""
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
-        """A goal has ended: one of `OUTCOMES`, or "failed"."""
+        """Take the end of a goal: one of `OUTCOMES`, or "failed"."""
 
 
 class ActionTopics:
     """The topics of one action. `joined` is called whenever a node subscribes to its goals."""
 
     def __init__(
-        self, action: Topic, hearer: GoalListener, queue: int = 10, joined: Callable[[], None] = lambda: None
+        self,
+        action: Topic,
+        listener: GoalListener,
+        queue: int = 10,
+        joined: Callable[[], None] = lambda: None,
     ) -> None:
         kind = action.type.removesuffix("Action")
         self.name = action.name
         self.goal_class = message_class(f"{kind}ActionGoal")
-        self._hearer = hearer
+        self._listener = listener
         self._goals = Sender(f"{action.name}/goal", self.goal_class, joined)
         self._cancels = Sender(f"{action.name}/cancel", GoalID)
-        self._goal_id: str | None = None  # the last one that was sent
+        self._goal_id: str | None = None  # the last goal sent
         told = {
             "status": (GoalStatusArray, self._on_status, 1),
             "feedback": (message_class(f"{kind}ActionFeedback"), self._on_feedback, queue),
@@ -77,7 +81,7 @@ class ActionTopics:
         publish(self._cancels.publisher, GoalID())
 
     def close(self) -> None:
-        """Leave the action."""
+        """Unregister from the action's topics."""
         self._goals.close()
         self._cancels.close()
         for subscriber in self._subscribers:
@@ -89,13 +93,13 @@ class ActionTopics:
         goals = {
             status.goal_id.id: status.status for status in message.status_list if status.status in RUNNING
         }
-        self._hearer.running(self.name, most_of(goals, OURS))
+        self._listener.running(self.name, most_of(goals, OURS))
 
     def _on_feedback(self, message: Any) -> None:
-        self._hearer.feedback(cut(message.status.goal_id.id, NAME), message.feedback)
+        self._listener.feedback(cut(message.status.goal_id.id, NAME), message.feedback)
 
     def _on_result(self, message: Any) -> None:
         status = message.status
         outcome = OUTCOMES.get(status.status, "failed")
         text = cut(status.text, SENTENCE)
-        self._hearer.ended(cut(status.goal_id.id, NAME), outcome, text, message.result)
+        self._listener.ended(cut(status.goal_id.id, NAME), outcome, text, message.result)

@@ -1,4 +1,4 @@
-"""Recorded motions over play_motion's action: which there are, and goals with ids of our own."""
+"""Recorded motions over play_motion's action: their list, and goals with our own ids."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ ERRORS = {  # PlayMotionResult's codes in words
 
 
 class MotionTopics:
-    """The motion actions of one robot: the default, and those that may be chosen instead, of one type.
+    """The motion actions of one robot: the default, and those that people may choose instead, of one type.
 
-    Changes of goals are reported to `tasks` through `mail`, on the event loop. `joined` is called whenever somebody
-    begins to perform motions, which may be others than before.
+    Changes of goals are reported to `tasks` through `mail`, on the event loop. `joined` is called whenever a
+    motion server connects: it may have other motions than before.
     """
 
     def __init__(
@@ -57,11 +57,13 @@ class MotionTopics:
         self._tasks = tasks
         self._errors = _errors(message_class(f"{type.removesuffix('Action')}Result"))
         self.repertoire: dict[str, Mapping[str, Motion | None]] = {}  # by action; None: points unknown
-        self._offers: dict[str, tuple[list[MotionOffer], str]] = {}  # by action; why there is none
+        self._offers: dict[
+            str, tuple[list[MotionOffer], str]
+        ] = {}  # by action: motions, and why there are none
         self._actions = {name: ActionTopics(Topic(name, type), self, joined=joined) for name in names}
 
     def close(self) -> None:
-        """Leave them."""
+        """Unregister from the topics of all actions."""
         for action in self._actions.values():
             action.close()
 
@@ -85,9 +87,9 @@ class MotionTopics:
             tell(action, *self._offers[action])
 
     def look_up(self, action: str, motion: str) -> tuple[Motion | None, bool]:
-        """A motion as the robot has it now, None if no points are known; and whether `read` had it otherwise.
+        """Return the robot's present motion (None: points unknown), and whether it differs from the last `read`.
 
-        One question to the master. KeyError if there is no such motion, MasterError if the master does not answer.
+        One call to the master. KeyError if there is no such motion, MasterError if the master does not answer.
         """
         now = recorded({motion: self._parameters(action, motion)})[motion]
         read = self.repertoire.get(action, {})
@@ -130,20 +132,20 @@ class MotionTopics:
             for info in answer["motions"]
         }
 
-    # --- on rospy's threads (actions.Hearer) ----------------------------------------------------------
+    # --- on rospy's threads (actions.GoalListener) ----------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        """The running goals of all senders."""
+        """Report the running goals of all senders."""
         self._mail.post(
             ("motions", action), lambda: self._tasks.running(action, goals.keys(), time.monotonic())
         )
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
-        """It is empty."""
+        """Do nothing: the feedback is empty."""
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
-        """A goal has ended: in the robot's own words, with its error code in ours."""
-        if not goal_id.startswith(OURS):  # of others' goals only those under way count
+        """Report the end of one of our goals, with the robot's text and its error code in words."""
+        if not goal_id.startswith(OURS):  # other senders' goals matter only while they run
             return
         told = [self._code_words(result.error_code), cut(result.error_string, SENTENCE) or text]
         if outcome in {"succeeded", "cancelled"}:
@@ -163,7 +165,7 @@ def _errors(result: type[Any]) -> dict[int, str]:
 
 
 def _cut(offer: MotionOffer) -> MotionOffer:
-    """Its texts, as long as a page has room for. A name that is cut is no motion's: it cannot be played."""
+    """Cut the texts for the page. A motion whose name was cut cannot be played."""
     return structs.replace(
         offer,
         name=cut(offer.name, TITLE),

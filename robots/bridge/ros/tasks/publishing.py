@@ -1,4 +1,4 @@
-"""Publishing on topics that rospy may close at any moment: a namesake on the master ends it from outside."""
+"""Publishes on topics that rospy may close at any moment: another node of the same name causes that."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rospy.core import is_shutdown_requested
 
 from robots.bridge.ros.network.master import is_own
 
-PATIENCE_S = 1.0  # a message waits so long for a listener: connections take some milliseconds
+PATIENCE_S = 1.0  # longest wait of a message for a listener; connecting takes some milliseconds
 SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
 
 
@@ -27,16 +27,16 @@ def heard_by(publisher: rospy.Publisher) -> list[Any]:
 def immediate_publisher(topic: str, kind: type[Any], patience_s: float) -> rospy.Publisher:
     """Publish in the calling thread: no message waits in a rospy queue."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SyntaxWarning)  # rospy takes no queue for an oversight
+        warnings.simplefilter("ignore", SyntaxWarning)  # rospy warns of a missing queue size
         return rospy.Publisher(topic, kind, subscriber_listener=_AtOnce(patience_s), queue_size=None)
 
 
 class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
-    """A message goes out at once, without a queue and its thread; a subscriber that does not read is disconnected.
+    """Sends messages at once, without a queue and its thread; disconnects a subscriber that does not read.
 
-    rospy's subscribers ask for Nagle's algorithm and its publishers obey; a twist must not wait for an ACK. A
+    rospy's subscribers request Nagle's algorithm and its publishers obey, but a twist must not wait for an ACK. A
     listener whose buffers are full has been silent for seconds: the write gives up and rospy closes the connection,
-    which the listener's own side makes anew when it wakes. All listeners together are waited for `patience_s` at most.
+    and the listener connects again when it wakes. One message waits for all listeners together at most `patience_s`.
     """
 
     def __init__(self, patience_s: float) -> None:
@@ -53,7 +53,7 @@ class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
 
 
 def publish(publisher: rospy.Publisher, message: Any) -> None:
-    """Send it; nothing once rospy shuts down (topics are closed first), which `RosBase` notices and answers for."""
+    """Publish a message; do nothing while rospy shuts down: it closes topics first, and `RosBase` handles the end."""
     try:
         publisher.publish(message)
     except rospy.ROSException:
@@ -62,9 +62,9 @@ def publish(publisher: rospy.Publisher, message: Any) -> None:
 
 
 class Sender(rospy.SubscribeListener):  # type: ignore[misc]
-    """A topic whose newest message waits a moment for its listeners, if it has none yet.
+    """A topic whose newest message waits up to `PATIENCE_S` for a listener, if there is none yet.
 
-    `joined` is called, on a thread of rospy's, whenever somebody else than the console itself begins to listen.
+    `joined` is called on a rospy thread whenever a node of the robot begins to listen.
     """
 
     def __init__(self, topic: str, kind: type[Any], joined: Callable[[], None] = lambda: None) -> None:
@@ -89,7 +89,7 @@ class Sender(rospy.SubscribeListener):  # type: ignore[misc]
             self._waiting = None
 
     def close(self) -> None:
-        """Leave the topic."""
+        """Unregister the topic."""
         self.withdraw()
         self.publisher.unregister()
 

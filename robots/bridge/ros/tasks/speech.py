@@ -31,14 +31,14 @@ class _Voice(Protocol):
         """Cancel this goal and no other."""
 
     def cancel_all(self) -> None:
-        """Cancel everybody's."""
+        """Cancel the speech of all senders."""
 
     def close(self) -> None:
-        """Leave the topic."""
+        """Unregister the topic."""
 
 
 class SpeechTopics:
-    """The topics of one robot's voice: the default, and those chosen instead, all of one type.
+    """The topics of one robot's voice: the default and chosen ones, all of one type.
 
     Changes of goals are reported to `tasks` through `mail`, on the event loop.
     """
@@ -51,7 +51,7 @@ class SpeechTopics:
         self.attend({default.name})
 
     def attend(self, topics: Collection[str]) -> None:
-        """Be connected to these and no others. Asks the master."""
+        """Connect to these topics and no others. Calls the master."""
         for name in set(topics) - set(self._voices):
             self._voices[name] = _KINDS[self._type](Topic(name, self._type), self._mail, self._tasks)
         for name in set(self._voices) - set(topics):
@@ -99,7 +99,7 @@ class _ActionVoice:
     def close(self) -> None:
         self._topics.close()
 
-    # --- on rospy's threads (actions.Hearer) ----------------------------------------------------------
+    # --- on rospy's threads (actions.GoalListener) ----------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
         told = {goal_id: STATUSES.get(status, "speaking") for goal_id, status in goals.items()}
@@ -132,11 +132,11 @@ class _PlainVoice:
         return False
 
     def message(self, utterance: Utterance) -> Any:
-        """std_msgs/String."""
+        """Return a std_msgs/String."""
         return message_class("std_msgs/String")(data=utterance.text)
 
     def cancel_speech(self, goal_id: str) -> None:
-        """There is no way to."""
+        """Do nothing: such a topic has no cancel."""
 
     def cancel_all(self) -> None:
         self._sender.withdraw()
