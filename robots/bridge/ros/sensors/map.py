@@ -45,7 +45,9 @@ def _message(conversation: Conversation, wanted: MapWanted) -> bytes:
     """Return the first message of a publisher. Raises ValueError for another definition of the type."""
     offered = conversation.read_header()
     if offered.get("md5sum") != message_class(wanted.topic.type)._md5sum:
-        raise ValueError(offered.get("error") or f"it publishes another {offered.get('type')} than this console knows")
+        raise ValueError(
+            offered.get("error") or f"it publishes another {offered.get('type')} than this console knows"
+        )
     conversation.until_s = time.monotonic() + MESSAGE_S
     length = conversation.read_length()
     if length > LARGEST_MESSAGE:
