@@ -185,7 +185,7 @@ class Backlog:
     def __init__(self) -> None:
         self._lately: deque[Sample] = deque()  # arrivals, and how much later than its stamp each came
         self._best_s = math.inf
-        self._quicker_s: float | None = None  # the last message came so much sooner than the best one
+        self._quicker_s: float | None = None  # one message came so much sooner than the best one
         self._stamp_s = -math.inf
         self._gap_s = 0.0  # between stamps, usually
         self.later_s = 0.0  # by how much even the quickest of late came later than the best one, jitter apart
@@ -212,8 +212,8 @@ class Backlog:
             self._lately.popleft()
         best_s = self._best_s + ACCEPTED * max(passed_s, 0.0)
         if after_s >= best_s - JITTER_S or math.isinf(best_s):
-            self._best_s, self._quicker_s = min(best_s, after_s), None
-        elif self._quicker_s is None:  # a wrong stamp, perhaps: the next message shows it
+            self._best_s = min(best_s, after_s)
+        elif self._quicker_s is None:  # a wrong stamp, perhaps: a second such message shows that it is right
             self._best_s, self._quicker_s = best_s, after_s
         else:
             self._best_s, self._quicker_s = max(after_s, self._quicker_s), None
