@@ -1,8 +1,8 @@
 """Guessing passwords is slow: few failures for each name from each address, and not many more from one address.
 
 The failures are counted in the audit log, so that several web processes count together; by digests, for names and
-addresses do not stay there for ever. A password that is being looked at counts as a failure until it was found right:
-many guesses at once are no more than one after the other.
+addresses do not stay there for ever. An attempt counts as failed until its password is found right, so
+parallel guesses gain nothing.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ class DriveInput:
     """The newest command of one source (a page, or its holder's programs), after the input filters `steps`.
 
     A command lives `COMMAND_LIFE_S` from the earliest time at which it can have been sent. After a stop by any cause
-    other than the operator, the source `neutral_needed` neutral: it moves nothing before its stick was in the middle.
+    other than the operator, its stick must return to the middle first (`neutral_needed`).
     """
 
     def __init__(self, steps: Sequence[StickStep] = ()) -> None:

@@ -33,7 +33,7 @@ export class StatusBar {
   }
 
   /**
-   * @param {object} now what `banner` of standing.js takes, and:
+   * @param {object} now as `banner` of control_banner.js takes it, and:
    * @param {boolean} now.cut what is known of the robot may no longer be true
    * @param {boolean} now.mayClear this person may clear the stop
    * @param {number | null} now.delayMs page to console and back
