@@ -322,6 +322,13 @@ def test_one_stamp_ahead_of_time_makes_no_robot_late(ahead_s):
     assert latency.in_force_s(now_s) == ASSUMED_S
 
 
+def test_silence_after_a_stamp_ahead_of_time_counts_at_once():
+    latency = Latency(LIMITS, ASSUMED_S)
+    now_s = came(latency, [0.03] * 100, period_s=0.02) + 0.02
+    latency.arrived("odometry", now_s - 0.03 + 3600.0 + 0.5, now_s)
+    assert latency.in_force_s(now_s + 0.1) == pytest.approx(ASSUMED_S + 0.042, abs=0.002)
+
+
 def test_rare_quick_messages_count_as_the_best():
     latency = Latency(LIMITS, ASSUMED_S)
     came(latency, [*[0.10] * 9, 0.03] * 5)

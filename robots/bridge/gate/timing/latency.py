@@ -202,7 +202,10 @@ class Backlog:
 
     def age_s(self, now_s: float) -> float:
         """Return the age of the newest message beyond the usual, by its stamp."""
-        return min(max(now_s - self._stamp_s - self._best_s - self._gap_s - JITTER_S, 0.0), MOST_BACKLOG_S)
+        best_s = (
+            min(self._best_s, self._lately[-1][1]) if self._lately else self._best_s
+        )  # a stamp may be ahead
+        return min(max(now_s - self._stamp_s - best_s - self._gap_s - JITTER_S, 0.0), MOST_BACKLOG_S)
 
     def took(self, after_s: float, now_s: float) -> None:
         """Something came so long after it was sent, by one clock or by two that keep step."""
