@@ -20,6 +20,7 @@ class EndReason(models.TextChoices):
     HANDED_OVER = "handed_over", _("handed over")
     TAKEN_OVER = "taken_over", _("taken over")
     TERM = "term", _("the term ended")
+    SLOT = "slot", _("the slot ended, or another person’s began")
     AWAY = "away", _("the page was gone")
     RIGHT = "right", _("the right to control ended")
     BRIDGE = "bridge", _("the robot’s bridge refused it")

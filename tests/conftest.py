@@ -142,6 +142,11 @@ def operator(robot: Robot) -> User:
 
 
 @pytest.fixture
+def second_operator(robot: Robot) -> User:
+    return _person_with("second", "Olaf Operator", robot, Role.OPERATOR)
+
+
+@pytest.fixture
 def observer(robot: Robot) -> User:
     return _person_with("observer", "Obi Observer", robot, Role.OBSERVER)
 

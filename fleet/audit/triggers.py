@@ -140,7 +140,7 @@ _POSTGRESQL_SEARCH = [
     "CREATE INDEX audit_content_said_at_length ON audit_content (record_id) WHERE octet_length(text) > 2000",
 ]
 
-_MADE = {
+_MADE: dict[str, dict[str, str]] = {
     "sqlite": _REFUSING["sqlite"]
     | {"audit_content_index": _SQLITE_SEARCH[1], "audit_content_unindex": _SQLITE_SEARCH[2]},
     "postgresql": _REFUSING["postgresql"],
@@ -157,6 +157,11 @@ CREATE = {
         *_POSTGRESQL_SEARCH,
     ],
 }
+
+
+def expect(vendor: str, made: dict[str, str]) -> None:
+    """Add the triggers of another app, by name: verification expects them, too."""
+    _MADE[vendor] |= made
 
 
 # --- whether they are as they were made -------------------------------------------------------------

@@ -82,6 +82,7 @@ from robots.wire.link import Stopped as Stopped
 from robots.wire.link import Viewers as Viewers
 from robots.wire.page import Ask as Ask
 from robots.wire.page import AskCancel as AskCancel
+from robots.wire.page import Booked as Booked
 from robots.wire.page import Clear as Clear
 from robots.wire.page import ClearRobot as ClearRobot
 from robots.wire.page import Control as Control

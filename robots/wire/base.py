@@ -25,7 +25,9 @@ Use = Literal["drive", "speech", "motions"]
 Role = Literal[
     "observer", "operator", "supervisor", "staff"
 ]  # each role includes the rights of those before it
-Rule = Literal["account", "lease", "dead-man", "gate", "stop", "audit", "wire", "robot", "database"]
+Rule = Literal[
+    "account", "booking", "lease", "dead-man", "gate", "stop", "audit", "wire", "robot", "database"
+]
 ReverseSteering = Literal["turn", "car"]  # stick left always turns left; mirrored in reverse
 SLOWEST_HZ = 0.1  # of repeated publishing
 Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz; 0 is once

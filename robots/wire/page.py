@@ -169,6 +169,14 @@ class Request(Struct, frozen=True):
 ControlState = Literal["free", "yours", "elsewhere", "other", "away"]
 
 
+class Booked(Struct, frozen=True):
+    """A booking of the robot. `seconds` are those until its end if it runs, else until its start."""
+
+    name: str  # of the person
+    mine: bool
+    seconds: float
+
+
 class Control(Struct, frozen=True, tag_field="t", tag="control"):
     """The holder of control, as this connection may see it. Sent on every change.
 
@@ -188,6 +196,8 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     may_take_over: bool = False  # this person may say `TakeOver`
     may_clear: bool = False  # this person may say `Clear`
     refusal: Refusal | None = None  # why `Take` would be refused
+    booked: Booked | None = None  # the present booking
+    next_booked: Booked | None = None  # the next one within a day
 
 
 class FleetCard(Struct, frozen=True):

@@ -1,13 +1,17 @@
-"""Decides whether a person may control a robot now, and until when. One list of rules; bookings will add a rule."""
+"""Decides whether a person may control a robot now, and until when. One list of rules."""
 
 from __future__ import annotations
 
 from datetime import datetime
 from typing import Protocol
+from zoneinfo import ZoneInfo
 
+from django.conf import settings
 from msgspec import Struct
 
 from fleet.accounts.models import User
+from fleet.bookings.rules import FAR
+from fleet.bookings.selectors import Held, Schedule
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
 
@@ -30,52 +34,118 @@ class Permit(Struct, frozen=True):
 
     until: datetime | None = None
     max_share: float = 1.0  # share of the robot's speed limits
+    whole_slot: bool = False  # a term lasts until then, without renewals
+    over: Refusal | None = None  # only by taking over, with a reason: the robot is booked by another person
 
     def narrowed_by(self, other: Permit) -> Permit:
         """Return the narrower of both permits: the earlier end, the lower share."""
         ends = [until for until in (self.until, other.until) if until is not None]
-        return Permit(until=min(ends, default=None), max_share=min(self.max_share, other.max_share))
+        return Permit(
+            until=min(ends, default=None),
+            max_share=min(self.max_share, other.max_share),
+            whole_slot=self.whole_slot or other.whole_slot,
+            over=self.over or other.over,
+        )
+
+
+class Subject(Struct, frozen=True):
+    """The facts by which the rules judge: a person, a robot, the role, the robot's bookings, the time."""
+
+    user: User
+    robot: Robot
+    role: Role | None
+    schedule: Schedule
+    now: datetime
+
+    @property
+    def supervises(self) -> bool:
+        """Return whether the person is a supervisor of the robot or staff."""
+        return self.role is not None and self.role >= Role.SUPERVISOR
 
 
 class Rule(Protocol):
     """One condition of control: returns a permit or a refusal."""
 
-    def __call__(self, *, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal: ...
+    def __call__(self, subject: Subject) -> Permit | Refusal: ...
 
 
-def require_active_account(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
+def require_active_account(subject: Subject) -> Permit | Refusal:
     """Refuse closed accounts."""
-    if user.is_active:
+    if subject.user.is_active:
         return Permit()
     return Refusal("account_inactive", "This account is closed; ask the staff.", "account")
 
 
-def require_robot_in_service(
-    *, user: User, robot: Robot, role: Role | None, now: datetime
-) -> Permit | Refusal:
-    """Refuse robots that are out of service, and limit the speed to the robot's own share."""
-    return out_of_service(robot) or Permit(max_share=robot.max_share)
+def require_robot_in_service(subject: Subject) -> Permit | Refusal:
+    """Refuse robots that are out of service, and limit the speed to the robot's own share.
+
+    Supervisors drive a robot in an out-of-service period, to repair it.
+    """
+    if (refusal := out_of_service(subject.robot)) is not None:
+        return refusal
+    out = subject.schedule.out
+    if out is None or subject.supervises:
+        return Permit(max_share=subject.robot.max_share)
+    text = f"This robot is out of service {_until(out.slot.ends_at)} ({out.label}). Choose another robot."
+    return Refusal("out_of_service", text, "robot")
 
 
-def require_role(*, user: User, robot: Robot, role: Role | None, now: datetime) -> Permit | Refusal:
+def require_role(subject: Subject) -> Permit | Refusal:
     """Require the role operator or higher on this robot."""
-    if role is not None and role >= Role.OPERATOR:
+    if subject.role is not None and subject.role >= Role.OPERATOR:
         return Permit()
     return Refusal(
         "role_too_low",
-        f"You may watch {robot.name} but not drive it. Ask the staff for the role operator.",
+        f"You may watch {subject.robot.name} but not drive it. Ask the staff for the role operator.",
         "account",
     )
 
 
-RULES: tuple[Rule, ...] = (require_active_account, require_robot_in_service, require_role)
+def require_booking(subject: Subject) -> Permit | Refusal:
+    """In a slot, permit its owner; in unbooked time everybody, until the next slot of another person begins.
+
+    A supervisor may take over in another person's slot, with a reason.
+    """
+    schedule, me = subject.schedule, subject.user.id
+    begins = next((held.slot.starts_at for held in schedule.next if held.person != me), None)
+    current = schedule.current
+    if current is not None and current.person == me:
+        return Permit(until=_own_end(current, schedule), whole_slot=True)
+    if current is not None:
+        until = current.slot.ends_at
+        text = f"{current.name} has booked this robot {_until(until)}. Book another time, or ask for control."
+        refusal = Refusal("booked", text, "booking", {"holder": current.name, "until": until.isoformat()})
+        return Permit(until=begins, over=refusal) if subject.supervises else refusal
+    if schedule.free_time or subject.supervises:
+        return Permit(until=begins)
+    return Refusal("book_first", "This robot is for booked time only: book a slot first.", "booking")
 
 
-def permit_for(role: Role | None, *, user: User, robot: Robot, now: datetime) -> Permit | Refusal:
+def _own_end(current: Held, schedule: Schedule) -> datetime:
+    """Return the end of the person's slot, with their slots that follow without a gap."""
+    end = current.slot.ends_at
+    for held in schedule.next:
+        if held.person != current.person or held.slot.starts_at > end:
+            break
+        end = held.slot.ends_at
+    return end
+
+
+def _until(moment: datetime) -> str:
+    """Return "until 15:00" in the lab's zone."""
+    if moment == FAR:
+        return "until further notice"
+    return f"until {moment.astimezone(ZoneInfo(settings.TIME_ZONE)):%H:%M}"
+
+
+RULES: tuple[Rule, ...] = (require_active_account, require_robot_in_service, require_role, require_booking)
+
+
+def permit_for(subject: Subject) -> Permit | Refusal:
     """Return the permit that all rules agree on, or the first refusal."""
     permit = Permit()
     for rule in RULES:
-        answer = rule(user=user, robot=robot, role=role, now=now)
+        answer = rule(subject)
         if isinstance(answer, Refusal):
             return answer
         permit = permit.narrowed_by(answer)

@@ -11,10 +11,11 @@ from django.db.models.functions import Lower
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.audit.models import Record
+from fleet.bookings.selectors import Schedule, schedule_of
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import allowed_on, link_address, robot_facts, roles_on
 from robots.wire import Refusal
-from teleop.control.policy import out_of_service, permit_for
+from teleop.control.policy import Subject, out_of_service, permit_for
 from teleop.control.rules import LeaseState, OpenRequest, Tab
 from teleop.control.status import ControlStatus, Rights, RobotEntry, SessionEnd
 from teleop.models import ControlRequest, ControlSession, Lease
@@ -58,12 +59,14 @@ def control_status(
     """Read the robot's lease and requests, the rights of `people`, and the ends of `sessions`."""
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
     lease = lease_of(robot_id)
+    schedule = schedule_of(robot, now) if robot else Schedule()
     return ControlStatus(
         read_at=now,
         lease=lease,
         requests=open_requests_of(robot_id),
         endings=_endings(set(sessions) - {lease.session} if lease else sessions),
-        rights=rights_of(people, robot, now),
+        rights=rights_of(people, robot, now, schedule),
+        schedule=schedule,
     )
 
 
@@ -79,30 +82,41 @@ def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
     return {session: data["words"] for session, data in found if session and "words" in data}
 
 
-def rights_of(people: Collection[SignIn], robot: Robot | None, now: datetime) -> dict[SignIn, Rights]:
+def rights_of(
+    people: Collection[SignIn], robot: Robot | None, now: datetime, schedule: Schedule | None = None
+) -> dict[SignIn, Rights]:
     """Return each sign-in's rights on the robot; no rights if the robot is None (it was deleted).
 
-    It takes two queries for any number of people, and a third one if a sign-in ended.
+    It takes two queries for any number of people, a third one if a sign-in ended, and those of `schedule_of` unless the
+    `schedule` is given.
     """
     active = signed_in(people)
     users = {user.id: user for user in active.values()}
     if ended := {user_id for user_id, _ in people} - users.keys():
         users |= User.objects.in_bulk(ended)
     roles = roles_on(robot, users.values()) if robot else {}
+    schedule = schedule or (schedule_of(robot, now) if robot else Schedule())
     return {
-        person: _rights(users.get(person[0]), person in active, roles.get(person[0]), robot, now)
+        person: _rights(users.get(person[0]), person in active, roles.get(person[0]), robot, schedule, now)
         for person in set(people)
     }
 
 
-def _rights(user: User | None, active: bool, role: Role | None, robot: Robot | None, now: datetime) -> Rights:
+def _rights(
+    user: User | None,
+    active: bool,
+    role: Role | None,
+    robot: Robot | None,
+    schedule: Schedule,
+    now: datetime,
+) -> Rights:
     if user is None or not user.is_active:
         return _no_rights(Refusal("account_inactive", "This account is closed; ask the staff.", "account"))
     if not active:
         return _no_rights(SIGNED_OUT)
     if robot is None or role is None:
         return Rights(True, None, Refusal("no_role", "You have no role on this robot.", "account"))
-    permit = permit_for(role, user=user, robot=robot, now=now)
+    permit = permit_for(Subject(user, robot, role, schedule, now))
     return Rights(True, role, permit)
 
 

@@ -22,12 +22,15 @@ from fleet.accounts.models import User
 from fleet.audit import services as audit
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
+from fleet.bookings.models import Booking
+from fleet.bookings.selectors import Schedule, schedule_of
+from fleet.bookings.services import booking_hand_running, booking_used
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import role_on, supervises
 from robots.registry.services import fence_next
 from robots.wire import NotDone, Refusal
 from teleop.control import rules
-from teleop.control.policy import Permit, permit_for
+from teleop.control.policy import Permit, Subject, permit_for
 from teleop.control.rules import LeaseState, OpenRequest, Tab
 from teleop.control.selectors import lease_of, open_requests_of
 from teleop.models import ControlRequest, ControlSession, EndReason, Lease
@@ -69,6 +72,7 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         role, permit = _permit(user=user, robot=robot, now=now)
+        _require(permit.over)
         before = lease_of(robot_id)
         _require(rules.check_take(before, user=user_id, tab=tab, now=now))
         if before is not None:
@@ -83,24 +87,29 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
 def lease_take_over(
     *, robot_id: UUID, user_id: UUID, tab: Tab, reason: str, highest_fence: int, now: datetime
 ) -> LeaseState:
-    """Take control from its holder, as a supervisor or staff. The reason is recorded."""
+    """Take control from its holder, or in another person's slot, as a supervisor or staff. The reason is recorded."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         role, permit = _permit(user=user, robot=robot, now=now)
-        held = lease_of(robot_id)
-        refusal = rules.check_take_over(held, user=user_id, supervises=supervises(user, robot), now=now)
-        before = _allowed(held, refusal)
-        note = f"{user.display_name} took over: {reason}"
-        _end_session(before, EndReason.TAKEN_OVER, robot, user, now, note=note)
+        before = lease_of(robot_id)
+        if permit.over is None or (before is not None and before.user == user_id):
+            _require(rules.check_take_over(before, user=user_id, supervises=supervises(user, robot), now=now))
+        if before is not None:
+            lapsed = rules.lapse_reason(before, now)
+            note = "" if lapsed else f"{user.display_name} took over: {reason}"
+            ended = EndReason(lapsed) if lapsed else EndReason.TAKEN_OVER
+            _end_session(before, ended, robot, None if lapsed else user, now, note=note)
         taken = _assign(robot, user, tab, role, permit, before, highest_fence, now)
+        slot = schedule_of(robot, now).current
+        owner = (before.user, before.name) if before else (slot.person, slot.name) if slot else None
         _record(
             "control.take_over",
             taken,
             robot,
             user,
-            parameters={"holder": str(before.user)},
+            parameters={"holder": str(owner[0])} if owner else {},
             text=reason,
-            private={"holder_name": before.name},
+            private={"holder_name": owner[1]} if owner else {},
         )
     return taken
 
@@ -115,6 +124,7 @@ def lease_hand_over(
         before = _allowed(held, rules.check_holder(held, tab=tab, now=now))
         request = _open_request(robot_id, request_id, now)
         receiver = _user(request.user)
+        booking_hand_running(robot=robot, owner=before.user, to=receiver, actor=user, now=now)
         role, permit = _permit(user=receiver, robot=robot, now=now)
         note = f"You handed over to {receiver.display_name}."
         _end_session(before, EndReason.HANDED_OVER, robot, user, now, note=note)
@@ -158,6 +168,12 @@ def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> N
         _record("control.resume", before, robot, user)
 
 
+def lease_shorten(*, robot_id: UUID, before: LeaseState, until: datetime) -> None:
+    """End a term earlier: another person's slot begins then, or the holder's own slot was shortened."""
+    with recorded_change():
+        _change_lease(robot_id, before, {"term_ends_at": until})
+
+
 def lease_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> None:
     """Store the holder's last sign of life, if this connection still holds the lease."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
@@ -178,8 +194,10 @@ def lease_expire(*, robot_id: UUID, now: datetime) -> None:
     with recorded_change():
         held = lease_of(robot_id)
         if held is not None and (why := rules.lapse_reason(held, now)) is not None:
+            robot = _robot(robot_id)
             _free(robot_id, held, now, seen_at=held.seen_at)
-            _end_session(held, EndReason(why), _robot(robot_id), None, now)
+            note = _slot_note(held, robot, now) if why == "term" else ""
+            _end_session(held, EndReason.SLOT if note else EndReason(why), robot, None, now, note=note)
 
 
 def lease_end(
@@ -226,8 +244,8 @@ def control_request(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -
     """Ask the holder for control. Asking again moves the request to this tab. Returns the request's number."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
-        _permit(user=user, robot=robot, now=now)
         held = lease_of(robot_id)
+        _permit(user=user, robot=robot, now=now, guest_of=held.user if held else None)
         _require(rules.check_request(held, user=user_id, now=now))
         requests_lapse(now=now)
         seat = {"tab": tab.token, "sign_in": tab.sign_in, "connection": tab.connection}
@@ -297,17 +315,34 @@ def _open_request(robot_id: UUID, request_id: int, now: datetime) -> OpenRequest
     return _allowed(request, rules.check_still_open(request, now=now))
 
 
-def _permit(*, user: User, robot: Robot, now: datetime) -> tuple[Role, Permit]:
-    """Return the person's role and permit to control. Raises ControlRefused."""
+def _permit(*, user: User, robot: Robot, now: datetime, guest_of: UUID | None = None) -> tuple[Role, Permit]:
+    """Return the person's role and permit to control. Raises ControlRefused.
+
+    `guest_of`: the owner of the present slot, who may hand it to this person.
+    """
     role = role_on(user, robot)
-    answer = permit_for(role, user=user, robot=robot, now=now)
+    schedule = schedule_of(robot, now)
+    if schedule.current is not None and schedule.current.person == guest_of:
+        schedule = Schedule(out=schedule.out)
+    answer = permit_for(Subject(user, robot, role, schedule, now))
     if isinstance(answer, Refusal):
         raise ControlRefused(answer)
     return _allowed(role, None), answer
 
 
 def _term_end(permit: Permit, now: datetime) -> datetime:
+    if permit.whole_slot and permit.until is not None:
+        return permit.until
     return rules.term_end(now, settings.FLEET_CONTROL_TERM_S, permit.until)
+
+
+def _slot_note(held: LeaseState, robot: Robot, now: datetime) -> str:
+    """Return the end of control in words if a slot ended it; else an empty text."""
+    current = schedule_of(robot, now).current
+    if current is not None and current.person != held.user:
+        return f"{current.name}’s slot began."
+    own = Booking.objects.filter(robot=robot, person_id=held.user, held_until=held.term_ends_at)
+    return "Your slot ended." if own.exists() else ""
 
 
 def _assign(
@@ -346,6 +381,7 @@ def _assign(
         },
     )
     ControlSession.objects.create(id=given.session, robot=robot, user=user, fence=given.fence, started_at=now)
+    booking_used(robot_id=robot.id, person_id=user.id, now=now)
     _close_requests(now, ControlRequest.Outcome.GRANTED, robot=robot, user=user)
     return given
 

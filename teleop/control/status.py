@@ -7,6 +7,7 @@ from uuid import UUID
 
 from msgspec import Struct
 
+from fleet.bookings.selectors import Held, Schedule
 from robots import wire
 from robots.bridge.config import Allowed, LinkAddress
 from robots.registry.models import Role
@@ -43,6 +44,13 @@ class ControlStatus(Struct, frozen=True):
     requests: list[OpenRequest]
     endings: dict[UUID, SessionEnd]  # of the queried control sessions that are over
     rights: dict[tuple[UUID, str], Rights]  # of the queried people, by (user, session key)
+    schedule: Schedule = Schedule()  # the robot's bookings
+
+    def permitted_until(self, user: UUID) -> datetime | None:
+        """Return the end of a person's permit; None if the rules set none, or if it was not read."""
+        permits = [rights.permit for (person, _), rights in self.rights.items() if person == user]
+        ends = [permit.until for permit in permits if isinstance(permit, Permit) and permit.until]
+        return min(ends, default=None)
 
 
 class RobotEntry(Struct, frozen=True):
@@ -61,8 +69,16 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
     requests = rules.open_requests(status.requests, now)
     mine = lease is not None and lease.tab.connection == tab.connection
     free = lease is None or phase is Phase.LAPSED
+    booked, next_booked = _slots(status, user)
     if lease is None or free:
-        return wire.Control("free", may_clear=rights.supervises, refusal=_refusal(rights))
+        return wire.Control(
+            "free",
+            may_take_over=_take_over_only(rights) is not None,
+            may_clear=rights.supervises,
+            refusal=_refusal(rights) or _take_over_only(rights),
+            booked=booked,
+            next_booked=next_booked,
+        )
     return wire.Control(
         state=_state(phase, mine=mine, own=lease.user == user),
         holder=lease.name,
@@ -76,7 +92,28 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
         and _refusal(rights) is None,
         may_clear=mine or rights.supervises,
         refusal=_refusal(rights) or (None if mine else rules.check_take(lease, user=user, tab=tab, now=now)),
+        booked=booked,
+        next_booked=next_booked,
     )
+
+
+def _slots(status: ControlStatus, user: UUID) -> tuple[wire.Booked | None, wire.Booked | None]:
+    """Return the present booking with the seconds until its end, and the next with those until its start."""
+    schedule, now = status.schedule, status.read_at
+    current = schedule.current
+    following = next(iter(schedule.next), None)
+    return (
+        _booked(current, user, (current.slot.ends_at - now).total_seconds()) if current else None,
+        _booked(following, user, (following.slot.starts_at - now).total_seconds()) if following else None,
+    )
+
+
+def _booked(held: Held, user: UUID, seconds: float) -> wire.Booked:
+    return wire.Booked(held.name, held.person == user, round(seconds, 1))
+
+
+def _take_over_only(rights: Rights) -> wire.Refusal | None:
+    return rights.permit.over if isinstance(rights.permit, Permit) else None
 
 
 def _state(phase: Phase, *, mine: bool, own: bool) -> wire.ControlState:
@@ -99,6 +136,8 @@ def change_key(control: wire.Control, status: ControlStatus) -> tuple[object, ..
         control.fence,
         control.session,
         status.lease.term_ends_at if status.lease else None,
+        status.schedule.current,
+        next(iter(status.schedule.next), None),
         [request.id for request in control.requests],
         control.asking,
         control.may_take_over,

@@ -205,6 +205,8 @@ class ControlHolder:
             mine = None
         if self._renewer and (mine is None or mine.session != self.session):
             await self._lost(self._renewer, status)
+        if mine and self._renewer:
+            self._renewer.follow(mine)
         if mine and self._renewer is None and not self._left and isinstance(rights.permit, Permit):
             self._requesting = False  # control answers its request
             self._renewer = LeaseRenewer(

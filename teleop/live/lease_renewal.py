@@ -8,6 +8,8 @@ import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
+from django.utils import timezone
+
 from robots.link.client import LinkRefused
 from robots.wire import Grant, Pause, Refusal, Revoke
 from teleop.control.policy import Permit
@@ -50,6 +52,13 @@ class LeaseRenewer:
         # Another connection may have had this lease: its drive input ends here, sequence numbers start again.
         hub.link.send(Pause(self.fence, "The page was opened again."))
         self._task = asyncio.create_task(self._keep_renewing())
+
+    def follow(self, lease: LeaseState) -> None:
+        """Follow a change of the same lease; its term may end earlier or later now."""
+        changed = lease.term_ends_at != self.lease.term_ends_at
+        self.lease = lease
+        if changed:
+            self.renew_soon()
 
     def renew_soon(self) -> None:
         """Send the grant again without waiting: the link came up, or the permit changed."""
@@ -100,10 +109,14 @@ class LeaseRenewer:
         return None
 
     async def _grant(self) -> None:
+        """Send a grant that ends with the term: then the bridge ends control by its own clock."""
+        left_s = (self.lease.term_ends_at - timezone.now()).total_seconds()
+        if left_s <= 0.0:
+            return
         await self._hub.link.grant(
             Grant(
                 fence=self.fence,
-                seconds=GRANT_S,
+                seconds=min(GRANT_S, left_s),
                 session=str(self.lease.session),
                 holder=self.lease.name,
                 holder_id=str(self.lease.user),

@@ -14,6 +14,7 @@ _LEVELS: dict[EndReason, Level] = {
     EndReason.RELEASED: "info",
     EndReason.TAKEN_OVER: "info",
     EndReason.TERM: "warning",
+    EndReason.SLOT: "warning",
     EndReason.AWAY: "warning",
     EndReason.RIGHT: "warning",
     EndReason.BRIDGE: "error",

@@ -26,7 +26,7 @@ from teleop.control import rules
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import Phase
 from teleop.control.selectors import SignIn, control_status, robot_entry
-from teleop.control.services import ControlRefused, lease_expire, lease_seen
+from teleop.control.services import ControlRefused, lease_expire, lease_seen, lease_shorten
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live.picture_feed import PictureFeed
 from teleop.live.topic_feed import TopicFeed
@@ -188,15 +188,23 @@ class RobotHub:
         confirmed_s = time.monotonic()
         sessions = [member.held_session for member in list(self.members.values()) if member.held_session]
         status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
-        if rules.phase(status.lease, status.read_at) is not Phase.LAPSED:
-            return status, confirmed_s
+        lease = status.lease
+        if rules.phase(lease, status.read_at) is not Phase.LAPSED:
+            until = status.permitted_until(lease.user) if lease else None
+            if lease is None or until is None or until >= lease.term_ends_at:
+                return status, confirmed_s
+            with suppress(ControlRefused, DatabaseError):
+                lease_shorten(robot_id=self.robot_id, before=lease, until=until)
+            return self._read_again(people, sessions), confirmed_s
         # The lease is over by the clock, even if its end cannot be stored. Its page may just have come back, or another
         # process may be faster: then `lease_expire` refuses.
         with suppress(ControlRefused, DatabaseError):
             self._store_seen()
             lease_expire(robot_id=self.robot_id, now=status.read_at)
-        status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
-        return status, confirmed_s
+        return self._read_again(people, sessions), confirmed_s
+
+    def _read_again(self, people: Collection[SignIn], sessions: list[UUID]) -> ControlStatus:
+        return control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
 
     def _store_seen(self) -> None:
         """Store when the holder's page last sent a message: with a cut network the connection still looks open."""

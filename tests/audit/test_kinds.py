@@ -35,6 +35,7 @@ INDIRECT = {
     ("robots/recording/bridge_records.py", "kind"): {end for end, _ in ENDS.values()},
     # These pass on a kind that their caller gives, or the kind of an existing record.
     ("fleet/accounts/changes.py", "kind"): set(),
+    ("fleet/bookings/services.py", "kind"): set(),
     ("teleop/control/services.py", "kind"): set(),
     ("robots/stop/presses.py", "record.kind"): set(),
     ("teleop/live/service_calls.py", "begun.kind"): set(),

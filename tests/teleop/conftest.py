@@ -26,14 +26,6 @@ def browsers(staff, supervisor, operator, observer, stranger, second_operator, s
     return {person.username: signed_in(person) for person in people}
 
 
-@pytest.fixture
-def second_operator(robot):
-    """Another operator of `robot`."""
-    person = User.objects.create_user("second", password=PASSWORD, full_name="Olaf Operator")
-    RobotRole.objects.create(robot=robot, user=person, role="operator")
-    return person
-
-
 @pytest_asyncio.fixture
 async def bridge(robot) -> AsyncIterator[FakeBridge]:
     """The bridge of `robot`."""

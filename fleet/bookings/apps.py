@@ -1,0 +1,18 @@
+"""Bookings as a Django app."""
+
+from django.apps import AppConfig
+from django.utils.translation import gettext_lazy as _
+
+
+class BookingsConfig(AppConfig):
+    """Lets the audit log's verification know the triggers of this app."""
+
+    name = "fleet.bookings"
+    verbose_name = _("Bookings")
+
+    def ready(self) -> None:
+        """Register the triggers."""
+        from fleet.audit import triggers
+        from fleet.bookings import overlaps
+
+        triggers.expect("sqlite", overlaps.TRIGGERS)

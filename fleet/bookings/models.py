@@ -1,0 +1,165 @@
+"""Bookings, the policies that they follow, and periods in which a robot is out of service."""
+
+from __future__ import annotations
+
+from uuid import uuid4
+
+from django.conf import settings
+from django.core.validators import MaxValueValidator, MinValueValidator
+from django.db import models
+from django.db.models import F, Q
+from django.utils.translation import gettext_lazy as _
+
+from robots.registry.models import Robot
+
+WEEKDAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
+
+
+class State(models.TextChoices):
+    """The state of a booking as stored. "In use" and "over" follow from the time: `selectors.stage_of`."""
+
+    BOOKED = "booked", _("booked")
+    AWAITING = "awaiting", _("awaiting approval")  # holds the slot
+    FINISHED = "finished", _("finished early")
+    NO_SHOW = "no_show", _("not used")
+    CANCELLED = "cancelled", _("cancelled")
+
+
+class Booking(models.Model):
+    """One person's time on one robot: the half-open interval from `starts_at` to `ends_at`, UTC.
+
+    `held_until` is the end of the time in which others cannot book: earlier than `ends_at` once the rest was given
+    up. It is the only column that overlaps are judged by.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
+    robot = models.ForeignKey(
+        Robot, on_delete=models.PROTECT, related_name="bookings", verbose_name=_("robot")
+    )
+    person = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        on_delete=models.PROTECT,
+        related_name="bookings",
+        verbose_name=_("person"),
+    )
+    starts_at = models.DateTimeField(_("from"))
+    ends_at = models.DateTimeField(_("to"))
+    held_until = models.DateTimeField()
+    state = models.CharField(_("state"), max_length=16, choices=State, default=State.BOOKED)
+    purpose = models.CharField(_("purpose"), max_length=120, blank=True)
+    series = models.UUIDField(null=True, blank=True)  # common to the bookings of a weekly series
+    used_at = models.DateTimeField(
+        null=True, blank=True
+    )  # the person took control in this slot for the first time
+    version = models.PositiveIntegerField(
+        default=1
+    )  # grows with each change: two tabs cannot overwrite each other
+    made_at = models.DateTimeField()
+
+    class Meta:
+        ordering = ["starts_at"]
+        verbose_name = _("booking")
+        verbose_name_plural = _("bookings")
+        indexes = [
+            models.Index(fields=["robot", "held_until", "starts_at"], name="bookings_of_robot"),
+            models.Index(fields=["person", "held_until"], name="bookings_of_person"),
+        ]
+        constraints = [
+            models.CheckConstraint(condition=Q(ends_at__gt=F("starts_at")), name="booking_ends_after_start"),
+            models.CheckConstraint(
+                condition=Q(held_until__gte=F("starts_at"), held_until__lte=F("ends_at")),
+                name="booking_held_within",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.robot} {self.starts_at:%Y-%m-%d %H:%M}-{self.ends_at:%H:%M} UTC"
+
+
+def _minutes(least: int, most: int) -> list[MinValueValidator | MaxValueValidator]:
+    return [MinValueValidator(least), MaxValueValidator(most)]
+
+
+class Policy(models.Model):
+    """The booking policy of one robot, or of all robots without their own (`robot` empty)."""
+
+    robot = models.OneToOneField(
+        Robot,
+        null=True,
+        blank=True,
+        on_delete=models.CASCADE,
+        related_name="booking_policy",
+        verbose_name=_("robot"),
+    )
+    # By weekday in the lab's zone: {"mon": ["08:00", "20:00"]}. A weekday that is missing is closed; empty: always.
+    opening = models.JSONField(_("opening hours"), default=dict, blank=True)
+    shortest_min = models.PositiveIntegerField(
+        _("shortest slot, minutes"), default=15, validators=_minutes(1, 1440)
+    )
+    longest_min = models.PositiveIntegerField(
+        _("longest slot, minutes"), default=240, validators=_minutes(1, 10080)
+    )
+    horizon_days = models.PositiveIntegerField(
+        _("days ahead that may be booked"), default=28, validators=_minutes(0, 730)
+    )
+    notice_min = models.PositiveIntegerField(
+        _("notice to book, minutes"), default=0, validators=_minutes(0, 43200)
+    )
+    cancel_notice_min = models.PositiveIntegerField(
+        _("notice to cancel, minutes"), default=0, validators=_minutes(0, 43200)
+    )
+    gap_min = models.PositiveIntegerField(
+        _("gap between bookings of one person, minutes"), default=0, validators=_minutes(0, 10080)
+    )
+    day_min = models.PositiveIntegerField(
+        _("minutes per person and day"), null=True, blank=True, validators=_minutes(1, 1440)
+    )
+    week_min = models.PositiveIntegerField(
+        _("minutes per person and week"), null=True, blank=True, validators=_minutes(1, 10080)
+    )
+    at_once = models.PositiveIntegerField(
+        _("bookings to come per person"), null=True, blank=True, validators=_minutes(1, 1000)
+    )
+    grace_min = models.PositiveIntegerField(
+        _("free again if not used for, minutes"), default=15, validators=_minutes(1, 1440)
+    )
+    needs_approval = models.BooleanField(_("a supervisor approves each booking"), default=False)
+    free_time = models.BooleanField(_("unbooked time is free to take"), default=True)
+
+    class Meta:
+        verbose_name = _("booking policy")
+        verbose_name_plural = _("booking policies")
+
+    def __str__(self) -> str:
+        return str(self.robot or _("all robots"))
+
+
+class OutOfService(models.Model):
+    """A period in which a robot cannot be driven: repair, an empty battery, reserved for research."""
+
+    class Why(models.TextChoices):
+        """The reason."""
+
+        REPAIR = "repair", _("repair")
+        BATTERY = "battery", _("battery")
+        RESEARCH = "research", _("reserved for research")
+        OTHER = "other", _("other")
+
+    id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
+    robot = models.ForeignKey(
+        Robot, on_delete=models.CASCADE, related_name="out_of_service", verbose_name=_("robot")
+    )
+    starts_at = models.DateTimeField(_("from"))
+    ends_at = models.DateTimeField(
+        _("to"), null=True, blank=True, help_text=_("Empty: until further notice.")
+    )
+    why = models.CharField(_("reason"), max_length=16, choices=Why, default=Why.REPAIR)
+    note = models.CharField(_("note"), max_length=200, blank=True)
+
+    class Meta:
+        ordering = ["starts_at"]
+        verbose_name = _("out-of-service period")
+        verbose_name_plural = _("out-of-service periods")
+
+    def __str__(self) -> str:
+        return f"{self.robot}: {self.get_why_display()}"

@@ -1,0 +1,388 @@
+"""The rules of booking, as pure functions: no clock, no database. `RULES` lists them.
+
+A rule returns None if it allows the wish, else a refusal that names the rule, its limit and the remedy. All rules
+that refuse are reported at once. Days, weeks and opening hours are those of the lab's time zone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from datetime import date, datetime, time, timedelta, timezone
+from zoneinfo import ZoneInfo
+
+from msgspec import Struct
+
+from fleet.bookings.models import WEEKDAYS, Policy
+from robots.registry.models import Role
+from robots.wire import Refusal
+
+FAR = datetime.max.replace(tzinfo=timezone.utc)  # the end of what has no end
+MOST_DAYS = 3650  # a booking farther ahead than this is a typing error
+
+
+class Slot(Struct, frozen=True):
+    """A half-open interval in UTC."""
+
+    starts_at: datetime
+    ends_at: datetime
+
+    @property
+    def minutes(self) -> float:
+        """Return its length."""
+        return (self.ends_at - self.starts_at).total_seconds() / 60.0
+
+    def overlaps(self, other: Slot) -> bool:
+        """Return whether both have a moment in common."""
+        return self.starts_at < other.ends_at and other.starts_at < self.ends_at
+
+    def shared_minutes(self, other: Slot) -> float:
+        """Return the length of the common part."""
+        starts, ends = max(self.starts_at, other.starts_at), min(self.ends_at, other.ends_at)
+        return max(0.0, (ends - starts).total_seconds() / 60.0)
+
+
+class Taken(Struct, frozen=True):
+    """Time in which the robot is not free: a booking with the person's name, or why it is out of service."""
+
+    slot: Slot
+    label: str
+
+
+class Wish(Struct, frozen=True):
+    """A slot that a person wants, and the facts by which the rules judge it."""
+
+    robot: str  # name
+    slot: Slot
+    now: datetime
+    policy: Policy
+    lab: ZoneInfo
+    zone: ZoneInfo  # of the person who reads the refusals
+    role: Role | None = None
+    missing: tuple[str, ...] = ()  # qualifications that the person lacks
+    own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot
+    own_here: tuple[Slot, ...] = ()  # those of this robot
+    taken: tuple[Taken, ...] = ()  # bookings of the robot that overlap
+    out: tuple[Taken, ...] = ()  # out-of-service periods that overlap
+
+    def local(self, moment: datetime) -> str:
+        """Return a moment in the reader's zone, in words."""
+        return shown(moment, self.zone)
+
+
+Rule = Callable[[Wish], Refusal | None]
+
+
+def shown(moment: datetime, zone: ZoneInfo) -> str:
+    """Return a moment for people: weekday, date, time."""
+    return f"{moment.astimezone(zone):%a %d %b %Y, %H:%M}"
+
+
+def duration(minutes: float) -> str:
+    """Return a length of time for people."""
+    whole = round(minutes)
+    if whole % 1440 == 0 and whole:
+        return f"{whole // 1440} days" if whole > 1440 else "1 day"
+    hours, rest = divmod(whole, 60)
+    parts = [f"{hours} h"] * bool(hours) + [f"{rest} min"] * bool(rest or not hours)
+    return " ".join(parts)
+
+
+def _no(code: str, text: str, **figures: float | int | str | None) -> Refusal:
+    return Refusal(code, text, "booking", figures)
+
+
+# --- the slot itself ------------------------------------------------------------------------------
+
+
+def in_order(wish: Wish) -> Refusal | None:
+    """The end comes after the start."""
+    if wish.slot.ends_at > wish.slot.starts_at:
+        return None
+    if wish.slot.ends_at == wish.slot.starts_at:
+        return _no("zero_length", "The slot has no length: choose an end after the start.")
+    return _no("backwards", "The slot ends before it begins: exchange the two times.")
+
+
+def not_in_past(wish: Wish) -> Refusal | None:
+    """A slot begins now or later. The present minute counts as now."""
+    if wish.slot.starts_at > wish.now - timedelta(minutes=1):
+        return None
+    return _no(
+        "in_past", f"The slot begins in the past: it is {wish.local(wish.now)} now. Choose a later start."
+    )
+
+
+def has_role(wish: Wish) -> Refusal | None:
+    """Only a person who may drive the robot books it."""
+    if wish.role is not None and wish.role >= Role.OPERATOR:
+        return None
+    text = f"You may not drive {wish.robot}, so you cannot book it. Ask the staff for the role operator."
+    return Refusal("role_too_low", text, "account")
+
+
+def qualified(wish: Wish) -> Refusal | None:
+    """The person holds the qualifications that the robot demands, on the day of the slot."""
+    if not wish.missing:
+        return None
+    names = ", ".join(wish.missing)
+    text = f"{wish.robot} demands {names}. Ask the staff or your course’s supervisor for it."
+    return Refusal("unqualified", text, "account", {"missing": names})
+
+
+# --- the robot ------------------------------------------------------------------------------------
+
+
+def is_free(wish: Wish) -> Refusal | None:
+    """No other booking of the robot overlaps."""
+    if not wish.taken:
+        return None
+    first = wish.taken[0]
+    until = max(one.slot.ends_at for one in wish.taken)
+    text = f"{first.label} has booked {wish.robot} from {wish.local(first.slot.starts_at)}."
+    return _no(
+        "taken",
+        f"{text} It is free again at {wish.local(until)}: choose another time, or join the waiting list.",
+        until=until.isoformat(),
+    )
+
+
+def in_service(wish: Wish) -> Refusal | None:
+    """The robot is in service during the whole slot."""
+    if not wish.out:
+        return None
+    period = wish.out[0]
+    end = period.slot.ends_at
+    known = end != FAR
+    until = f"until {wish.local(end)}" if known else "until further notice"
+    return _no(
+        "out_of_service",
+        f"{wish.robot} is out of service {until} ({period.label}). Choose another robot or a later time.",
+        until=end.isoformat() if known else None,
+    )
+
+
+# --- the policy -----------------------------------------------------------------------------------
+
+
+def in_opening_hours(wish: Wish) -> Refusal | None:
+    """The slot lies within the opening hours."""
+    hours: dict[str, list[str]] = wish.policy.opening
+    if not hours:
+        return None
+    moment = wish.slot.starts_at
+    while moment < wish.slot.ends_at:
+        day = moment.astimezone(wish.lab).date()
+        opening = opening_of(day, hours, wish.lab)
+        if opening is None or not opening.starts_at <= moment < opening.ends_at:
+            text = f"{wish.robot} can be booked {_in_words(hours)} ({wish.lab.key}). Move the slot into these hours."
+            return _no("closed", text)
+        moment = opening.ends_at
+    return None
+
+
+def opening_of(day: date, hours: dict[str, list[str]], lab: ZoneInfo) -> Slot | None:
+    """Return the opening hours of one day; None: closed. An end of 24:00 or 00:00 is the next midnight."""
+    times = hours.get(WEEKDAYS[day.weekday()])
+    if times is None:
+        return None
+    opens, closes = times
+    whole = day_of(day, lab)
+    starts = _at(day, opens, lab)
+    return Slot(starts, whole.ends_at if closes in ("24:00", "00:00") else _at(day, closes, lab))
+
+
+def _at(day: date, clock: str, lab: ZoneInfo) -> datetime:
+    return datetime.combine(day, time.fromisoformat(clock), tzinfo=lab).astimezone(timezone.utc)
+
+
+def _in_words(hours: dict[str, list[str]]) -> str:
+    """Return the opening hours, equal neighbours together: "Mon-Fri 08:00-20:00"."""
+    spans: list[tuple[str, str, str]] = []
+    for day in WEEKDAYS:
+        if day not in hours:
+            continue
+        times = "-".join(hours[day])
+        follows = spans and WEEKDAYS.index(spans[-1][1]) + 1 == WEEKDAYS.index(day) and spans[-1][2] == times
+        if follows:
+            spans[-1] = (spans[-1][0], day, times)
+        else:
+            spans.append((day, day, times))
+    return ", ".join(
+        f"{first.title()}{'' if first == last else '-' + last.title()} {times}"
+        for first, last, times in spans
+    )
+
+
+def long_enough(wish: Wish) -> Refusal | None:
+    """The slot is at least as long as the shortest allowed."""
+    least = wish.policy.shortest_min
+    if wish.slot.minutes >= least:
+        return None
+    return _no("too_short", f"A slot lasts at least {duration(least)}: make it longer.", shortest_min=least)
+
+
+def short_enough(wish: Wish) -> Refusal | None:
+    """The slot is at most as long as the longest allowed."""
+    most = wish.policy.longest_min
+    if wish.slot.minutes <= most:
+        return None
+    text = f"A slot lasts at most {duration(most)}, yours {duration(wish.slot.minutes)}: make it shorter."
+    return _no("too_long", text, longest_min=most)
+
+
+def within_horizon(wish: Wish) -> Refusal | None:
+    """The slot is not farther ahead than the policy allows."""
+    last = wish.now + timedelta(days=wish.policy.horizon_days)
+    if wish.slot.starts_at <= last:
+        return None
+    text = f"{wish.robot} can be booked {wish.policy.horizon_days} days ahead, until {wish.local(last)}."
+    return _no("too_far", f"{text} Choose an earlier time.", horizon_days=wish.policy.horizon_days)
+
+
+def with_notice(wish: Wish) -> Refusal | None:
+    """The slot begins after the notice that the policy asks for."""
+    notice = wish.policy.notice_min
+    first = wish.now + timedelta(minutes=notice)
+    if not notice or wish.slot.starts_at >= first:
+        return None
+    text = f"{wish.robot} is booked at least {duration(notice)} ahead: start at {wish.local(first)} or later."
+    return _no("short_notice", text, notice_min=notice)
+
+
+def within_day_quota(wish: Wish) -> Refusal | None:
+    """The person's minutes of each day stay within the quota."""
+    return _quota(wish, wish.policy.day_min, _days(wish), "day")
+
+
+def within_week_quota(wish: Wish) -> Refusal | None:
+    """The person's minutes of each week stay within the quota."""
+    return _quota(wish, wish.policy.week_min, _weeks(wish), "week")
+
+
+def _quota(wish: Wish, most: int | None, periods: Sequence[Slot], name: str) -> Refusal | None:
+    if most is None:
+        return None
+    for period in periods:
+        used = sum(period.shared_minutes(slot) for slot in wish.own)
+        if used + period.shared_minutes(wish.slot) > most:
+            left = max(0.0, most - used)
+            text = f"You may book {duration(most)} per {name}; {duration(left)} are left before"
+            return _no(
+                f"quota_{name}",
+                f"{text} {wish.local(period.ends_at)}. Cancel another booking, or choose a later {name}.",
+                most_min=most,
+                left_min=round(left),
+            )
+    return None
+
+
+def within_count(wish: Wish) -> Refusal | None:
+    """The person has not too many bookings to come."""
+    most = wish.policy.at_once
+    to_come = sum(1 for slot in wish.own if slot.ends_at > wish.now)
+    if most is None or to_come < most:
+        return None
+    text = f"You may have {most} bookings to come and have {to_come}. Cancel one, or book after the next."
+    return _no("quota_open", text, most=most, have=to_come)
+
+
+def with_gap(wish: Wish) -> Refusal | None:
+    """Between two bookings of one person on this robot there is a gap."""
+    gap = timedelta(minutes=wish.policy.gap_min)
+    around = Slot(wish.slot.starts_at - gap, wish.slot.ends_at + gap)
+    near = [slot for slot in wish.own_here if slot.overlaps(around)]
+    if not gap or not near:
+        return None
+    text = f"Leave {duration(wish.policy.gap_min)} between your bookings of {wish.robot}: you have one"
+    starts, ends = wish.local(near[0].starts_at), wish.local(near[0].ends_at)
+    return _no("gap", f"{text} from {starts} to {ends}.", gap_min=wish.policy.gap_min)
+
+
+RULES: tuple[Rule, ...] = (
+    in_order,
+    not_in_past,
+    has_role,
+    qualified,
+    is_free,
+    in_service,
+    in_opening_hours,
+    long_enough,
+    short_enough,
+    within_horizon,
+    with_notice,
+    within_day_quota,
+    within_week_quota,
+    within_count,
+    with_gap,
+)
+# Staff may override the others, with a reason that is recorded.
+BINDING: tuple[Rule, ...] = (in_order, not_in_past, is_free)
+
+
+def refusals(wish: Wish, *, override: bool = False) -> list[Refusal]:
+    """Return all refusals of a wish. A slot that is no interval, or lies beyond all reason, gets only that one."""
+    if (first := in_order(wish)) is not None:
+        return [first]
+    if wish.slot.ends_at - wish.now > timedelta(days=MOST_DAYS):
+        return [
+            _no("too_far", f"{wish.local(wish.slot.ends_at)} is more than ten years ahead: look at the year.")
+        ]
+    found = (rule(wish) for rule in (BINDING if override else RULES))
+    return [refusal for refusal in found if refusal is not None]
+
+
+def check_cancel(slot: Slot, policy: Policy, now: datetime) -> Refusal | None:
+    """Check cancelling: a slot that has begun is finished instead, and the policy may ask for notice."""
+    if now >= slot.ends_at:
+        return _no("over", "This booking is over.")
+    notice = policy.cancel_notice_min
+    if notice and slot.starts_at > now > slot.starts_at - timedelta(minutes=notice):
+        text = f"A booking is cancelled at least {duration(notice)} before it begins. Ask the staff."
+        return _no("late_to_cancel", text, cancel_notice_min=notice)
+    return None
+
+
+# --- days and weeks of the lab --------------------------------------------------------------------
+
+
+def day_of(day: date, lab: ZoneInfo) -> Slot:
+    """Return a day of the lab's zone in UTC: 23, 24 or 25 hours."""
+    starts, ends = (datetime.combine(one, time(), tzinfo=lab) for one in (day, day + timedelta(days=1)))
+    return Slot(starts.astimezone(timezone.utc), ends.astimezone(timezone.utc))
+
+
+def _days(wish: Wish) -> list[Slot]:
+    return [day_of(day, wish.lab) for day in _dates(wish.slot, wish.lab)]
+
+
+def _weeks(wish: Wish) -> list[Slot]:
+    mondays = {day - timedelta(days=day.weekday()) for day in _dates(wish.slot, wish.lab)}
+    return [
+        Slot(day_of(monday, wish.lab).starts_at, day_of(monday + timedelta(days=7), wish.lab).starts_at)
+        for monday in sorted(mondays)
+    ]
+
+
+def _dates(slot: Slot, lab: ZoneInfo) -> Iterator[date]:
+    day = slot.starts_at.astimezone(lab).date()
+    while day_of(day, lab).starts_at < slot.ends_at:
+        yield day
+        day += timedelta(days=1)
+
+
+# --- typed local times ----------------------------------------------------------------------------
+
+
+def to_utc(local: datetime, zone: ZoneInfo) -> datetime | Refusal:
+    """Return the moment of a wall-clock time without zone. Refused if the clock skips it (daylight saving begins).
+
+    Of a time that the clock shows twice, the first is taken.
+    """
+    moment = local.replace(tzinfo=zone, fold=0)
+    utc = moment.astimezone(timezone.utc)
+    if utc.astimezone(zone).replace(tzinfo=None) != local.replace(fold=0):
+        text = (
+            f"{local:%H:%M} does not exist on {local:%d %b %Y}: clocks go forward then. Choose a later time."
+        )
+        return _no("time_gap", text)
+    return utc

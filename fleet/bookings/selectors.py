@@ -1,0 +1,229 @@
+"""Reading bookings."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from datetime import datetime, timedelta
+from enum import Enum
+from uuid import UUID
+from zoneinfo import ZoneInfo
+
+from django.conf import settings
+from django.db.models import F, Q, QuerySet
+from django.utils import timezone as django_timezone
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from fleet.bookings.models import Booking, OutOfService, Policy, State
+from fleet.bookings.rules import FAR, Slot, Taken, Wish, refusals
+from robots.registry.models import Robot
+from robots.registry.selectors import role_on
+
+ALTERNATIVES = 3
+STEP = timedelta(minutes=15)  # between the starts of slots that are proposed
+SEARCH = timedelta(days=7)  # for the next free slot
+
+
+class Stage(Enum):
+    """The stage of a booking at a moment, for people."""
+
+    AWAITING = "awaiting approval"
+    BOOKED = "booked"
+    DUE = "not used yet"
+    IN_USE = "in use"
+    OVER = "over"
+    FINISHED = "finished early"
+    NO_SHOW = "not used"
+    CANCELLED = "cancelled"
+
+
+_ENDED = {State.FINISHED: Stage.FINISHED, State.NO_SHOW: Stage.NO_SHOW, State.CANCELLED: Stage.CANCELLED}
+
+
+def stage_of(booking: Booking, grace: timedelta, now: datetime) -> Stage:
+    """Return the stage of a booking: a no-show is decided here, by the clock."""
+    state = State(booking.state)
+    if state in _ENDED:
+        return _ENDED[state]
+    if booking.used_at is None and now >= booking.starts_at + grace and state is State.BOOKED:
+        return Stage.NO_SHOW
+    if now >= booking.held_until:
+        return Stage.OVER
+    if now < booking.starts_at:
+        return Stage.AWAITING if state is State.AWAITING else Stage.BOOKED
+    return Stage.IN_USE if booking.used_at else Stage.DUE
+
+
+def held_slot(booking: Booking, grace: timedelta, now: datetime) -> Slot:
+    """Return the time in which others cannot book: a no-show ends after the grace time."""
+    ends = booking.held_until
+    if booking.used_at is None and now >= booking.starts_at + grace:
+        ends = min(ends, booking.starts_at + grace)
+    return Slot(booking.starts_at, ends)
+
+
+def lab_zone() -> ZoneInfo:
+    """Return the lab's time zone."""
+    return ZoneInfo(settings.TIME_ZONE)
+
+
+def zone_now() -> ZoneInfo:
+    """Return the time zone of the person whose request runs."""
+    return ZoneInfo(django_timezone.get_current_timezone_name())
+
+
+def policy_of(robot: Robot) -> Policy:
+    """Return the robot's policy: its own, or that of all robots, or the one without any wish."""
+    own = Policy.objects.filter(Q(robot=robot) | Q(robot=None)).order_by(F("robot").desc(nulls_last=True))
+    return own.first() or Policy()
+
+
+def policies_of(robots: Collection[Robot]) -> dict[UUID, Policy]:
+    """`policy_of` many robots, in one query."""
+    found = {policy.robot_id: policy for policy in Policy.objects.filter(Q(robot__in=robots) | Q(robot=None))}
+    common = found.get(None) or Policy()
+    return {robot.id: found.get(robot.id, common) for robot in robots}
+
+
+def grace_of(policy: Policy) -> timedelta:
+    """Return after how long an unused slot is free again."""
+    return timedelta(minutes=policy.grace_min)
+
+
+def held_between(
+    robots: Collection[Robot] | QuerySet[Robot], starts: datetime, ends: datetime
+) -> QuerySet[Booking]:
+    """Return the bookings of these robots that hold time between two moments."""
+    held = Booking.objects.filter(robot__in=robots, starts_at__lt=ends, held_until__gt=starts)
+    return held.filter(held_until__gt=F("starts_at")).select_related("person", "robot")
+
+
+def bookings_of(person: User) -> QuerySet[Booking]:
+    """Return a person's bookings, newest first."""
+    return Booking.objects.filter(person=person).select_related("robot").order_by("-starts_at")
+
+
+def out_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
+    """Return the out-of-service periods of a robot between two moments."""
+    open_ended = Q(ends_at=None) | Q(ends_at__gt=starts)
+    periods = OutOfService.objects.filter(open_ended, robot=robot, starts_at__lt=ends)
+    return [Taken(Slot(one.starts_at, one.ends_at or FAR), _why(one)) for one in periods]
+
+
+def _why(period: OutOfService) -> str:
+    return f"{period.get_why_display()}: {period.note}" if period.note else str(period.get_why_display())
+
+
+def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Booking | None = None) -> Wish:
+    """Return the wish with the facts by which it is judged. `moved`: the booking that it replaces."""
+    policy = policy_of(robot)
+    grace = grace_of(policy)
+    starts, ends = slot.starts_at, max(slot.ends_at, slot.starts_at)
+    others = held_between([robot], starts, ends)
+    week = timedelta(days=8)
+    mine = Booking.objects.filter(person=person, held_until__gt=min(now, starts - week))
+    if moved is not None:
+        others, mine = others.exclude(pk=moved.pk), mine.exclude(pk=moved.pk)
+    taken = [Taken(held_slot(one, grace, now), one.person.display_name) for one in others]
+    own = [one for one in mine if one.held_until > one.starts_at]
+    return Wish(
+        robot=robot.name,
+        slot=slot,
+        now=now,
+        policy=policy,
+        lab=lab_zone(),
+        zone=zone_now(),
+        role=role_on(person, robot),
+        own=tuple(Slot(one.starts_at, one.held_until) for one in own),
+        own_here=tuple(Slot(one.starts_at, one.held_until) for one in own if one.robot_id == robot.id),
+        taken=tuple(one for one in taken if one.slot.overlaps(slot)),
+        out=tuple(out_between(robot, starts, ends)),
+    )
+
+
+def free_slots(
+    robots: Iterable[Robot],
+    person: User,
+    minutes: float,
+    *,
+    after: datetime,
+    now: datetime,
+    most: int = ALTERNATIVES,
+) -> list[tuple[Robot, Slot]]:
+    """Return the next slots of this length that no rule refuses, earliest first, at most one per robot and hour."""
+    length = timedelta(minutes=minutes)
+    found: list[tuple[Robot, Slot]] = []
+    for robot in robots:
+        found += [(robot, slot) for slot in _free_on(robot, person, length, after, now, most)]
+    return sorted(found, key=lambda one: one[1].starts_at)[:most]
+
+
+def _free_on(
+    robot: Robot, person: User, length: timedelta, after: datetime, now: datetime, most: int
+) -> list[Slot]:
+    whole = wish_of(robot=robot, person=person, slot=Slot(after, after + SEARCH), now=now)
+    busy = [*whole.taken, *whole.out]
+    found: list[Slot] = []
+    starts = _rounded_up(max(after, now))
+    while starts < after + SEARCH and len(found) < most:
+        slot = Slot(starts, starts + length)
+        wish = Wish(
+            robot=whole.robot,
+            slot=slot,
+            now=now,
+            policy=whole.policy,
+            lab=whole.lab,
+            zone=whole.zone,
+            role=whole.role,
+            missing=whole.missing,
+            own=whole.own,
+            own_here=whole.own_here,
+            taken=tuple(one for one in busy if one.slot.overlaps(slot)),
+        )
+        if refusals(wish):
+            starts += STEP
+        else:
+            found.append(slot)
+            starts += max(length, STEP)
+    return found
+
+
+def _rounded_up(moment: datetime) -> datetime:
+    """Return the next quarter of an hour."""
+    over = timedelta(minutes=moment.minute % 15, seconds=moment.second, microseconds=moment.microsecond)
+    return moment if not over else moment - over + STEP
+
+
+class Schedule(Struct, frozen=True):
+    """The bookings of one robot at a moment, as control needs them."""
+
+    current: Held | None = None
+    next: tuple[Held, ...] = ()  # those that begin later, earliest first
+    free_time: bool = True
+    out: Taken | None = None  # the robot is out of service now
+
+
+class Held(Struct, frozen=True):
+    """A booking that holds the robot."""
+
+    id: UUID
+    person: UUID
+    name: str
+    slot: Slot
+
+
+AHEAD = timedelta(days=1)
+
+
+def schedule_of(robot: Robot, now: datetime) -> Schedule:
+    """Return the robot's schedule now and of the next day. Three queries."""
+    policy = policy_of(robot)
+    grace = grace_of(policy)
+    held = [
+        Held(one.id, one.person_id, one.person.display_name, held_slot(one, grace, now))
+        for one in held_between([robot], now, now + AHEAD).exclude(state=State.AWAITING).order_by("starts_at")
+    ]
+    current = next((one for one in held if one.slot.starts_at <= now < one.slot.ends_at), None)
+    out = next(iter(out_between(robot, now, now + timedelta(seconds=1))), None)
+    later: Sequence[Held] = [one for one in held if one.slot.starts_at > now]
+    return Schedule(current, tuple(later), policy.free_time, out)

@@ -1,0 +1,280 @@
+"""All changes of bookings. Each one is one transaction together with its audit record.
+
+Every change first locks the robot's row, then checks, then writes; the database's constraint has the last word
+(`overlaps`). A change that is not allowed raises `BookingRefused` with all its refusals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+from django.db import IntegrityError, transaction
+from django.dispatch import Signal
+from msgspec import structs
+
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from fleet.audit.services import record
+from fleet.bookings import overlaps
+from fleet.bookings.models import Booking, State
+from fleet.bookings.rules import Slot, check_cancel, refusals
+from fleet.bookings.selectors import (
+    Stage,
+    free_slots,
+    grace_of,
+    held_between,
+    held_slot,
+    policy_of,
+    stage_of,
+    wish_of,
+)
+from robots.registry.models import Robot, Role
+from robots.registry.selectors import role_on
+from robots.wire import NotDone, Refusal
+
+changed = Signal()  # robot_id: the robot's bookings changed; sent after the commit
+
+
+class BookingRefused(NotDone):
+    """A change of a booking is not allowed. `refusals` has every reason, `alternatives` the next free slots."""
+
+    def __init__(self, refusals: list[Refusal], alternatives: list[tuple[Robot, Slot]] | None = None) -> None:
+        super().__init__(refusals[0])
+        self.refusals = refusals
+        self.alternatives = alternatives or []
+
+
+_TAKEN = Refusal("taken", "Another person has just booked this time. Choose another one.", "booking")
+_STALE = Refusal(
+    "changed",
+    "This booking was changed meanwhile, in another tab or by the staff. Look at it again.",
+    "booking",
+)
+_NOT_YOURS = Refusal(
+    "not_yours", "Only its owner, a supervisor of the robot or staff may change it.", "account"
+)
+
+
+@contextmanager
+def _robot_locked(robot_id: UUID) -> Iterator[Robot]:
+    """One transaction in which this process alone changes the robot's bookings."""
+    try:
+        with transaction.atomic():
+            robot = Robot.objects.select_for_update(of=("self",)).select_related("profile").get(pk=robot_id)
+            yield robot
+            transaction.on_commit(lambda: changed.send(sender=Booking, robot_id=robot_id))
+    except IntegrityError as error:
+        if overlaps.NAME not in str(error):
+            raise
+        raise BookingRefused([_TAKEN]) from error
+
+
+def booking_make(
+    *,
+    robot_id: UUID,
+    person: User,
+    slot: Slot,
+    now: datetime,
+    purpose: str = "",
+    actor: User | None = None,
+    override: str = "",
+) -> Booking:
+    """Book a slot for a person. `actor`: who books for them. `override`: the reason for which staff pass the rules."""
+    actor = actor or person
+    with _robot_locked(robot_id) as robot:
+        _free_no_shows(robot, slot, now)
+        _check(robot, person, slot, now, actor=actor, override=override)
+        policy = policy_of(robot)
+        approved = not policy.needs_approval or _supervises(actor, robot)
+        booking = Booking.objects.create(
+            robot=robot,
+            person=person,
+            starts_at=slot.starts_at,
+            ends_at=slot.ends_at,
+            held_until=slot.ends_at,
+            state=State.BOOKED if approved else State.AWAITING,
+            purpose=purpose,
+            made_at=now,
+        )
+        _record("booking.make", booking, actor, outcome=booking.state, text=override)
+    return booking
+
+
+def booking_move(
+    *, booking_id: UUID, version: int, slot: Slot, actor: User, now: datetime, override: str = ""
+) -> Booking:
+    """Move or lengthen a booking. `version`: the one that the person saw."""
+    with _changeable(booking_id, actor, version, now) as booking:
+        if now >= booking.starts_at:  # it runs: its start is history
+            slot = Slot(booking.starts_at, slot.ends_at)
+        _free_no_shows(booking.robot, slot, now, but=booking)
+        _check(booking.robot, booking.person, slot, now, actor=actor, override=override, moved=booking)
+        before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
+        booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
+        _save(booking)
+        _record("booking.move", booking, actor, text=override, parameters={"before": before})
+    return booking
+
+
+def booking_cancel(
+    *, booking_id: UUID, version: int, actor: User, now: datetime, reason: str = ""
+) -> Booking:
+    """Cancel a booking. One that has begun is finished: the rest is free at once."""
+    with _changeable(booking_id, actor, version, now) as booking:
+        slot = Slot(booking.starts_at, booking.held_until)
+        refusal = check_cancel(slot, policy_of(booking.robot), now)
+        if refusal is not None and not (
+            refusal.code == "late_to_cancel" and _supervises(actor, booking.robot)
+        ):
+            raise BookingRefused([refusal])
+        begun = now > booking.starts_at
+        booking.state = State.FINISHED if begun else State.CANCELLED
+        booking.held_until = now if begun else booking.starts_at
+        _save(booking)
+        _record("booking.cancel", booking, actor, outcome=booking.state, text=reason)
+    return booking
+
+
+def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: datetime) -> Booking:
+    """Hand a booking to a colleague, for whom the rules must allow it."""
+    with _changeable(booking_id, actor, version, now) as booking:
+        slot = Slot(booking.starts_at, booking.ends_at)
+        _check(booking.robot, to, slot, now, actor=to, moved=booking)
+        before = booking.person
+        booking.person, booking.used_at = to, None
+        _save(booking)
+        parameters = {"before": {"person": str(before.pk)}}
+        _record(
+            "booking.hand", booking, actor, parameters=parameters, private={"before": before.display_name}
+        )
+    return booking
+
+
+def booking_approve(*, booking_id: UUID, actor: User, now: datetime) -> Booking:
+    """Approve a booking that awaits it."""
+    with _changeable(booking_id, actor, None, now) as booking:
+        if not _supervises(actor, booking.robot):
+            raise BookingRefused([_NOT_YOURS])
+        if booking.state == State.AWAITING:
+            booking.state = State.BOOKED
+            _save(booking)
+            _record("booking.approve", booking, actor)
+    return booking
+
+
+def booking_used(*, robot_id: UUID, person_id: UUID, now: datetime) -> None:
+    """Note that the owner of the present slot took control. Runs in the caller's transaction."""
+    mine = Booking.objects.filter(
+        robot_id=robot_id, person_id=person_id, used_at=None, starts_at__lte=now, held_until__gt=now
+    )
+    mine.update(used_at=now)
+
+
+def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, now: datetime) -> None:
+    """Hand the present slot of `owner` to the person who gets control from them; nothing if they have none.
+
+    Runs in the caller's transaction.
+    """
+    running = Booking.objects.select_for_update(of=("self",)).filter(
+        robot=robot, person_id=owner, starts_at__lte=now, held_until__gt=now
+    )
+    for booking in running.select_related("person", "robot"):
+        before = booking.person
+        booking.person = to
+        _save(booking)
+        parameters = {"before": {"person": str(before.pk)}}
+        _record(
+            "booking.hand", booking, actor, parameters=parameters, private={"before": before.display_name}
+        )
+
+
+@contextmanager
+def _changeable(booking_id: UUID, actor: User, version: int | None, now: datetime) -> Iterator[Booking]:
+    """Lock a booking's robot, and check that this person may change the booking, which is still as they saw it."""
+    robot_id = Booking.objects.values_list("robot_id", flat=True).get(pk=booking_id)
+    with _robot_locked(robot_id) as robot:
+        booking = Booking.objects.select_related("person", "robot").get(pk=booking_id)
+        booking.robot = robot
+        if booking.person_id != actor.pk and not _supervises(actor, robot):
+            raise BookingRefused([_NOT_YOURS])
+        if version is not None and booking.version != version:
+            raise BookingRefused([_STALE])
+        stage = stage_of(booking, grace_of(policy_of(robot)), now)
+        if stage in (Stage.OVER, Stage.FINISHED, Stage.NO_SHOW, Stage.CANCELLED):
+            raise BookingRefused([Refusal("over", f"This booking is {stage.value}.", "booking")])
+        yield booking
+
+
+def _save(booking: Booking) -> None:
+    booking.version += 1
+    booking.save()
+
+
+def _check(
+    robot: Robot,
+    person: User,
+    slot: Slot,
+    now: datetime,
+    *,
+    actor: User,
+    override: str = "",
+    moved: Booking | None = None,
+) -> None:
+    """Raise BookingRefused with all refusals. A supervisor's reason overrides the policy."""
+    wish = wish_of(robot=robot, person=person, slot=slot, now=now, moved=moved)
+    if moved is not None and now >= moved.starts_at:  # its start was judged when it was booked
+        wish = structs.replace(wish, now=wish.slot.starts_at)
+    overridden = bool(override) and _supervises(actor, robot)
+    found = refusals(wish, override=overridden)
+    if not found:
+        return
+    length = slot.minutes
+    alternatives = (
+        free_slots([robot], person, length, after=slot.starts_at, now=now)
+        if any(one.code == "taken" for one in found) and length > 0
+        else []
+    )
+    raise BookingRefused(found, alternatives)
+
+
+def _free_no_shows(robot: Robot, slot: Slot, now: datetime, but: Booking | None = None) -> None:
+    """Store that the unused bookings in the way are free again, so that the constraint lets others in."""
+    grace = grace_of(policy_of(robot))
+    in_the_way = held_between([robot], slot.starts_at, slot.ends_at).filter(state=State.BOOKED, used_at=None)
+    for booking in in_the_way.exclude(pk=but.pk) if but else in_the_way:
+        held = held_slot(booking, grace, now)
+        if held.ends_at < booking.held_until:
+            booking.held_until, booking.state = held.ends_at, State.NO_SHOW
+            _save(booking)
+            _record("booking.no_show", booking, None)
+
+
+def _supervises(person: User, robot: Robot) -> bool:
+    role = role_on(person, robot)
+    return role is not None and role >= Role.SUPERVISOR
+
+
+def _record(kind: str, booking: Booking, actor: User | None, **facts: Any) -> Record:
+    parameters = {
+        "booking": str(booking.pk),
+        "person": str(booking.person_id),
+        "from": booking.starts_at.isoformat(),
+        "to": booking.ends_at.isoformat(),
+        **facts.pop("parameters", {}),
+    }
+    private = {"person_name": booking.person.display_name, **facts.pop("private", {})}
+    if booking.purpose:
+        private["purpose"] = booking.purpose
+    return record(
+        kind,
+        actor=actor,
+        robot_id=booking.robot.id,
+        robot_name=booking.robot.name,
+        parameters=parameters,
+        private=private,
+        **facts,
+    )

@@ -1,0 +1,113 @@
+"""Control follows bookings: a slot's owner drives, all others wait, and no term outlives a slot."""
+
+from datetime import datetime, timedelta, timezone
+
+import pytest
+
+from fleet.audit.models import Record
+from fleet.bookings.models import Booking, OutOfService, Policy
+from fleet.bookings.rules import Slot
+from fleet.bookings.services import booking_make
+from teleop.control import services
+from teleop.control.rules import Tab
+from teleop.control.selectors import end_notes, lease_of
+from teleop.models import ControlSession
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+NOW = datetime(2026, 1, 5, 12, 0, tzinfo=timezone.utc)
+
+
+def at(minutes):
+    return NOW + timedelta(minutes=minutes)
+
+
+def tab(person):
+    return Tab(f"{person.username}-tab", f"{person.username}-sign-in", f"{person.username}-connection")
+
+
+def book(robot, person, begins_min, minutes=60):
+    slot = Slot(at(begins_min), at(begins_min + minutes))
+    return booking_make(robot_id=robot.id, person=person, slot=slot, now=NOW)
+
+
+def take(robot, person, now=NOW, step=services.lease_take, **options):
+    return step(robot_id=robot.id, user_id=person.id, tab=tab(person), highest_fence=0, now=now, **options)
+
+
+def refused(*args, **options):
+    with pytest.raises(services.ControlRefused) as caught:
+        take(*args, **options)
+    return caught.value.refusal
+
+
+def test_only_the_owner_takes_control_in_a_slot(robot, operator, second_operator):
+    book(robot, operator, 0)
+    refusal = refused(robot, second_operator, at(1))
+    assert (refusal.code, refusal.rule) == ("booked", "booking")
+    assert "until 13:00" in refusal.text
+    taken = take(robot, operator, at(1))
+    assert taken.term_ends_at == at(60)  # the whole slot, without renewals
+    assert Booking.objects.get().used_at == at(1)
+
+
+def test_slots_of_one_person_that_touch_are_one_term(robot, operator):
+    book(robot, operator, 0)
+    book(robot, operator, 60)
+    assert take(robot, operator, at(1)).term_ends_at == at(120)
+
+
+def test_free_time_ends_when_another_slot_begins(robot, operator, second_operator):
+    book(robot, operator, 10)
+    taken = take(robot, second_operator)
+    assert taken.term_ends_at == at(10)
+    services.lease_expire(robot_id=robot.id, now=at(10))
+    session = ControlSession.objects.get(pk=taken.session)
+    assert session.end_reason == "slot"
+    assert end_notes([session.pk])[session.pk] == f"{operator.display_name}’s slot began."
+
+
+def test_the_end_of_ones_own_slot_is_named(robot, operator):
+    book(robot, operator, 0)
+    taken = take(robot, operator, at(1))
+    services.lease_expire(robot_id=robot.id, now=at(60))
+    assert end_notes([taken.session])[taken.session] == "Your slot ended."
+
+
+def test_a_robot_for_booked_time_only_is_closed(robot, operator, supervisor):
+    Policy.objects.create(robot=robot, free_time=False)
+    assert refused(robot, operator).code == "book_first"
+    take(robot, supervisor)
+
+
+def test_an_unused_slot_is_free_time_after_the_grace(robot, operator, second_operator):
+    book(robot, operator, 0)
+    assert refused(robot, second_operator, at(14)).code == "booked"
+    take(robot, second_operator, at(15))
+
+
+def test_a_supervisor_takes_a_slot_over_with_a_reason(robot, operator, supervisor):
+    book(robot, operator, 0)
+    assert refused(robot, supervisor, at(1)).code == "booked"
+    take(robot, supervisor, at(1), services.lease_take_over, reason="fire drill")
+    record = Record.objects.get(kind="control.take_over")
+    assert record.parameters["holder"] == str(operator.id)
+    assert record.content.text == "fire drill"
+
+
+def test_handing_over_hands_the_rest_of_the_slot(robot, operator, second_operator):
+    book(robot, operator, 0)
+    take(robot, operator, at(1))
+    ask = {"robot_id": robot.id, "user_id": second_operator.id, "tab": tab(second_operator), "now": at(1.1)}
+    request = services.control_request(**ask)
+    take(robot, operator, at(1.1), services.lease_hand_over, request_id=request)
+    assert lease_of(robot.id).user == second_operator.id
+    assert Booking.objects.get().person == second_operator
+
+
+def test_an_out_of_service_period_stops_all_but_supervisors(robot, operator, supervisor):
+    OutOfService.objects.create(robot=robot, starts_at=at(-5), why="repair", note="new wheel")
+    refusal = refused(robot, operator)
+    assert refusal.code == "out_of_service"
+    assert "until further notice (repair: new wheel)" in refusal.text
+    take(robot, supervisor)
