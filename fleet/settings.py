@@ -187,6 +187,7 @@ SILENCED_SYSTEM_CHECKS = [f"security.W{number}" for number in ("004", "005", "00
 
 # Where npm puts the browser libraries that pages load, by the folder under /static/ that they appear in.
 NPM_DISTRIBUTIONS = [
+    ("vendor/event-calendar", BASE_DIR / "node_modules/@event-calendar/build/dist"),
     ("vendor/nipplejs", BASE_DIR / "node_modules/nipplejs/dist"),
     ("vendor/uplot", BASE_DIR / "node_modules/uplot/dist"),
 ]

@@ -232,7 +232,7 @@ def _check(
     found = refusals(wish, override=overridden)
     if not found:
         return
-    length = slot.minutes
+    length = min(slot.minutes, wish.policy.longest_min)
     alternatives = (
         free_slots([robot], person, length, after=slot.starts_at, now=now)
         if any(one.code == "taken" for one in found) and length > 0

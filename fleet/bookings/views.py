@@ -1,0 +1,319 @@
+"""The pages of bookings: calendar, form, one's own list, one booking."""
+
+from __future__ import annotations
+
+from datetime import date, datetime, timedelta
+from typing import Any
+from uuid import UUID
+
+from django.contrib import messages
+from django.core.exceptions import ValidationError
+from django.db.models import QuerySet
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.http import urlencode
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods, require_safe
+
+from fleet.accounts.models import User
+from fleet.accounts.requests import person_of, wants_json
+from fleet.bookings import services
+from fleet.bookings.calendar import calendar, local
+from fleet.bookings.forms import TIME_FORMAT, SlotForm
+from fleet.bookings.models import Booking
+from fleet.bookings.rules import Slot, shown
+from fleet.bookings.selectors import (
+    Stage,
+    bookings_of,
+    free_slots,
+    grace_of,
+    held_between,
+    policies_of,
+    stage_of,
+    zone_now,
+)
+from fleet.bookings.services import BookingRefused
+from robots.registry.models import Robot, Role
+from robots.registry.selectors import robots_visible_to, roles_of
+from robots.wire import Refusal
+
+LISTED = 50  # of one's own bookings
+OPEN = (Stage.AWAITING, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
+
+
+@never_cache
+@require_safe
+def bookings(request: HttpRequest) -> HttpResponse:
+    """Show the calendar of all robots that this person may see, and the day's bookings as a list."""
+    robots = list(robots_visible_to(person_of(request)))
+    now, zone = timezone.now(), zone_now()
+    day = _day(request.GET.get("day")) or now.astimezone(zone).date()
+    start = datetime.combine(day, datetime.min.time(), tzinfo=zone)
+    held = held_between(robots, start, start + timedelta(days=1)).order_by("robot__name", "starts_at")
+    context = {
+        "robots": robots,
+        "day": day,
+        "previous": day - timedelta(days=1),
+        "next": day + timedelta(days=1),
+        "rows": _rows(held, robots, now),
+        "zone": zone.key,
+        "only": request.GET.get("robot", ""),
+    }
+    return render(request, "bookings/calendar.html", context)
+
+
+@never_cache
+@require_safe
+def feed(request: HttpRequest) -> JsonResponse:
+    """Return robots and events between the days `start` and `end`, for the calendar's script."""
+    first, last = _day(request.GET.get("start")), _day(request.GET.get("end"))
+    if first is None or last is None or last <= first:
+        return JsonResponse({"text": "Name two days: start=2026-03-02&end=2026-03-09."}, status=400)
+    robots = robots_visible_to(person_of(request))
+    if only := request.GET.get("robot"):
+        robots = robots.filter(slug=only)
+    return JsonResponse(calendar(person_of(request), robots, first, last, timezone.now()))
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def booking_new(request: HttpRequest) -> HttpResponse:
+    """Show the booking form, or book. A script gets all refusals and alternatives as JSON."""
+    person = person_of(request)
+    robots = robots_visible_to(person)
+    if request.method != "POST":
+        return _form_page(request, SlotForm(initial=_initial(request), **_form_options(person, robots)))
+    form = SlotForm(request.POST, **_form_options(person, robots))
+    if not form.is_valid():
+        return _refused(request, form, _form_refusals(form))
+    try:
+        booking = services.booking_make(
+            robot_id=form.cleaned_data["robot"].id,
+            person=form.cleaned_data.get("person") or person,
+            actor=person,
+            slot=form.slot,
+            purpose=form.cleaned_data["purpose"],
+            override=form.cleaned_data.get("override", ""),
+            now=timezone.now(),
+        )
+    except BookingRefused as error:
+        return _refused(request, form, error.refusals, error.alternatives)
+    if wants_json(request):
+        return JsonResponse({"id": str(booking.pk), "version": booking.version})
+    messages.success(request, _("Booked: %(booking)s.") % {"booking": _in_words(booking)})
+    return redirect("bookings-mine")
+
+
+@require_safe
+def next_free(request: HttpRequest) -> HttpResponse:
+    """Lead to the form, filled in with the next free slot on any robot."""
+    person = person_of(request)
+    minutes = _whole(request.GET.get("minutes"), 60)
+    robots = [robot for robot in robots_visible_to(person) if robot.enabled]
+    if kind := request.GET.get("kind"):
+        robots = [robot for robot in robots if robot.profile.slug == kind]
+    now = timezone.now()
+    found = free_slots(robots, person, minutes, after=now, now=now, most=1)
+    if not found:
+        messages.warning(request, _("No robot that you may drive is free for so long within seven days."))
+        return redirect("bookings")
+    return redirect(_form_address(*found[0]))
+
+
+@never_cache
+@require_safe
+def bookings_mine(request: HttpRequest) -> HttpResponse:
+    """List one's own bookings: those to come, then the past."""
+    now = timezone.now()
+    found = list(bookings_of(person_of(request))[:LISTED])
+    rows = _rows(found, {one.robot for one in found}, now)
+    to_come = [row for row in rows if row["stage"] in OPEN]
+    past = [row for row in rows if row["stage"] not in OPEN]
+    context = {"to_come": to_come[::-1], "past": past, "zone": zone_now().key}
+    return render(request, "bookings/mine.html", context)
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def booking(request: HttpRequest, booking_id: UUID) -> HttpResponse:
+    """Show one booking, and change it: move, cancel or finish, hand to a colleague, approve."""
+    person = person_of(request)
+    robots = robots_visible_to(person)
+    found = get_object_or_404(Booking.objects.select_related("robot", "person"), pk=booking_id)
+    if not robots.filter(pk=found.robot_id).exists():
+        raise Http404
+    if request.method != "POST":
+        return _booking_page(request, found, [])
+    try:
+        _change(request, found, person)
+    except ValidationError as error:
+        refusals = [Refusal("invalid", text, "booking") for text in error.messages]
+        return _booking_page(request, found, refusals, status=400)
+    except BookingRefused as error:
+        if wants_json(request):
+            return JsonResponse(_refusals_json(error.refusals, error.alternatives), status=409)
+        found.refresh_from_db()
+        return _booking_page(request, found, error.refusals, status=409)
+    if wants_json(request):
+        return JsonResponse({"id": str(found.pk)})
+    messages.success(request, _("The booking was changed."))
+    return redirect("booking", booking_id=booking_id)
+
+
+def _change(request: HttpRequest, found: Booking, person: User) -> None:
+    common: dict[str, Any] = {"booking_id": found.pk, "actor": person, "now": timezone.now()}
+    version = _whole(request.POST.get("version"), 0)
+    action = request.POST.get("action")
+    if action == "approve":
+        services.booking_approve(**common)
+    elif action == "cancel":
+        services.booking_cancel(version=version, reason=request.POST.get("reason", "")[:200], **common)
+    elif action == "hand":
+        to = User.objects.filter(username=request.POST.get("to", "").strip(), is_active=True).first()
+        if to is None:
+            raise ValidationError(_("There is no open account with this user name."))
+        services.booking_hand(version=version, to=to, **common)
+    else:
+        form = SlotForm(
+            {**request.POST.dict(), "robot": found.robot.slug},
+            **_form_options(person, Robot.objects.filter(pk=found.robot_id)),
+        )
+        if not form.is_valid():
+            raise ValidationError([text for texts in form.errors.values() for text in texts])
+        override = form.cleaned_data.get("override", "")
+        services.booking_move(version=version, slot=form.slot, override=override, **common)
+
+
+def _booking_page(
+    request: HttpRequest, found: Booking, refusals: list[Refusal], status: int = 200
+) -> HttpResponse:
+    person = person_of(request)
+    now = timezone.now()
+    [row] = _rows([found], [found.robot], now)
+    role = roles_of(person, [found.robot]).get(found.robot_id)
+    supervises = role is not None and role >= Role.SUPERVISOR
+    initial = {"robot": found.robot.slug, "starts_at": found.starts_at, "ends_at": found.ends_at}
+    form = SlotForm(initial=initial, **_form_options(person, Robot.objects.filter(pk=found.robot_id)))
+    context = {
+        "row": row,
+        "booking": found,
+        "form": form,
+        "refusals": refusals,
+        "supervises": supervises,
+        "may_change": (supervises or found.person_id == person.pk) and row["stage"] in OPEN,
+        "begun": now >= found.starts_at,
+        "awaits": row["stage"] is Stage.AWAITING,
+        "zone": zone_now().key,
+    }
+    return render(request, "bookings/booking.html", context, status=status)
+
+
+# --- helpers --------------------------------------------------------------------------------------
+
+
+def _rows(found: Any, robots: Any, now: datetime) -> list[dict[str, Any]]:
+    policies = policies_of(list(robots))
+    return [
+        {
+            "booking": one,
+            "stage": stage_of(one, grace_of(policies[one.robot_id]), now),
+            "words": _in_words(one),
+        }
+        for one in found
+    ]
+
+
+def _in_words(booking: Booking) -> str:
+    zone = zone_now()
+    ends = booking.ends_at.astimezone(zone)
+    same_day = ends.date() == booking.starts_at.astimezone(zone).date()
+    until = f"{ends:%H:%M}" if same_day else shown(booking.ends_at, zone)
+    return f"{booking.robot.name}, {shown(booking.starts_at, zone)} to {until}"
+
+
+def _form_options(person: User, robots: QuerySet[Robot]) -> dict[str, Any]:
+    roles = roles_of(person, robots).values()
+    return {"robots": robots, "supervises": any(role >= Role.SUPERVISOR for role in roles)}
+
+
+def _initial(request: HttpRequest) -> dict[str, Any]:
+    """Return the first values of the form: from the address, else the next full hour for one hour."""
+    hour = (timezone.now() + timedelta(hours=1)).replace(minute=0, second=0, microsecond=0)
+    return {
+        "robot": request.GET.get("robot", ""),
+        "starts_at": request.GET.get("from") or hour,
+        "ends_at": request.GET.get("to") or hour + timedelta(hours=1),
+    }
+
+
+def _form_page(request: HttpRequest, form: SlotForm, status: int = 200, **context: Any) -> HttpResponse:
+    return render(
+        request, "bookings/new.html", {"form": form, "zone": zone_now().key, **context}, status=status
+    )
+
+
+def _form_refusals(form: SlotForm) -> list[Refusal]:
+    return [
+        Refusal(error.code or "invalid", f"{form.fields[name].label}: {error.messages[0]}", "booking")
+        for name, errors in form.errors.as_data().items()
+        for error in errors
+    ]
+
+
+def _refused(
+    request: HttpRequest,
+    form: SlotForm,
+    refusals: list[Refusal],
+    alternatives: list[tuple[Robot, Slot]] | None = None,
+) -> HttpResponse:
+    if wants_json(request):
+        return JsonResponse(_refusals_json(refusals, alternatives or []), status=409)
+    offers = [{"words": _slot_words(*one), "address": _form_address(*one)} for one in alternatives or []]
+    return _form_page(request, form, 409, refusals=refusals, alternatives=offers)
+
+
+def _refusals_json(refusals: list[Refusal], alternatives: list[tuple[Robot, Slot]]) -> dict[str, Any]:
+    zone = zone_now()
+    return {
+        "refusals": [
+            {"code": one.code, "text": one.text, "rule": one.rule, "figures": dict(one.figures)}
+            for one in refusals
+        ],
+        "alternatives": [
+            {
+                "robot": robot.slug,
+                "words": _slot_words(robot, slot),
+                "start": local(slot.starts_at, zone),
+                "end": local(slot.ends_at, zone),
+            }
+            for robot, slot in alternatives
+        ],
+    }
+
+
+def _slot_words(robot: Robot, slot: Slot) -> str:
+    zone = zone_now()
+    return f"{robot.name}, {shown(slot.starts_at, zone)} to {slot.ends_at.astimezone(zone):%H:%M}"
+
+
+def _form_address(robot: Robot, slot: Slot) -> str:
+    zone = zone_now()
+    times = {
+        "from": slot.starts_at.astimezone(zone).strftime(TIME_FORMAT),
+        "to": slot.ends_at.astimezone(zone).strftime(TIME_FORMAT),
+    }
+    return f"{reverse('booking-new')}?{urlencode({'robot': robot.slug, **times})}"
+
+
+def _day(text: str | None) -> date | None:
+    try:
+        return date.fromisoformat((text or "")[:10])
+    except ValueError:
+        return None
+
+
+def _whole(text: str | None, otherwise: int) -> int:
+    return int(text) if text and text.isascii() and text.isdigit() and len(text) < 6 else otherwise

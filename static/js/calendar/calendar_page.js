@@ -1,0 +1,210 @@
+/** The calendar of bookings: all robots side by side; drag to book, move and lengthen. */
+
+import { closable } from "../lib/dialog.js";
+import { make, makeButton, parts, say, show } from "../lib/dom.js";
+import { pageLanguage } from "../lib/languages.js";
+import { bookingsChannel, readFeed, send } from "./bookings_api.js";
+
+const POLL_MS = 5000; // bookings of others appear after at most this
+const PHONE_PX = 700;
+
+/** Starts the calendar in the page. @param {HTMLElement} main @param {object} library EventCalendar */
+export function startCalendar(main, library) {
+  const part = parts(main);
+  const { feed, new: newUrl, one: oneUrl, robot, day } = main.dataset;
+  const dialog = new BookingDialog(part, newUrl, () => calendar.refetchEvents());
+  let range = null;
+  let newest = "";
+  const names = new Map(); // of robots, by slug
+  const phone = globalThis.innerWidth < PHONE_PX;
+
+  const calendar = library.create(part.calendar, {
+    view: phone ? "listWeek" : "resourceTimeGridDay",
+    locale: pageLanguage(),
+    date: day,
+    headerToolbar: {
+      start: "prev,next today",
+      center: "title",
+      end: phone
+        ? "timeGridDay,listWeek"
+        : "resourceTimeGridDay,resourceTimelineWeek,timeGridWeek,listWeek",
+    },
+    buttonText: {
+      today: gettext("Today"),
+      resourceTimeGridDay: gettext("Day"),
+      timeGridDay: gettext("Day"),
+      resourceTimelineWeek: gettext("Week, all robots"),
+      timeGridWeek: gettext("Week"),
+      listWeek: gettext("List"),
+    },
+    views: { resourceTimelineWeek: { slotDuration: "02:00" } },
+    firstDay: 1,
+    slotDuration: "00:30",
+    scrollTime: scrollTime(new Date()),
+    eventContent: ({ event, timeText, view }) => ({
+      domNodes: eventLines(event, timeText, view.type, names),
+    }),
+    nowIndicator: true,
+    selectable: true,
+    unselectAuto: true,
+    allDaySlot: false,
+    longPressDelay: 400,
+    resources: [],
+    eventSources: [
+      {
+        events: async ({ startStr, endStr }) => {
+          range = [startStr, endStr];
+          const answer = await readFeed(feed, startStr, endStr, robot);
+          newest = JSON.stringify(answer);
+          for (const { id, title } of answer.resources) names.set(id, title);
+          calendar.setOption("resources", answer.resources);
+          return answer.events;
+        },
+      },
+    ],
+    select: ({ startStr, endStr, resource }) => dialog.ask(startStr, endStr, resource ?? null),
+    eventClick: ({ event }) => {
+      if (event.display !== "background") location.assign(`${oneUrl}${event.id}/`);
+    },
+    eventDrop: (change) => move(change),
+    eventResize: (change) => move(change),
+  });
+
+  async function move({ event, revert, newResource }) {
+    if (newResource) {
+      revert();
+      dialog.tell([
+        gettext("A booking stays on its robot. Book the other robot, then cancel this one."),
+      ]);
+      return;
+    }
+    const answer = await send(`${oneUrl}${event.id}/`, {
+      action: "move",
+      version: event.extendedProps.version,
+      starts_at: wallClock(event.start),
+      ends_at: wallClock(event.end),
+    });
+    if (!answer.ok) {
+      revert();
+      dialog.tell(answer.texts, answer.alternatives);
+    }
+    calendar.refetchEvents();
+  }
+
+  async function poll() {
+    if (document.hidden || range === null) return;
+    const answer = await readFeed(feed, ...range, robot).catch(() => null);
+    if (answer && JSON.stringify({ ...answer, now: "" }) !== withoutNow(newest))
+      calendar.refetchEvents();
+  }
+  const timer = setInterval(poll, POLL_MS);
+  bookingsChannel(() => calendar.refetchEvents());
+
+  show(part.calendar, true);
+  show(part.hint, true);
+  return () => clearInterval(timer);
+}
+
+function withoutNow(text) {
+  return text ? JSON.stringify({ ...JSON.parse(text), now: "" }) : "";
+}
+
+/** Where the day view begins: two hours before now. @param {Date} now */
+function scrollTime(now) {
+  return `${String(Math.max(now.getHours() - 2, 0)).padStart(2, "0")}:00:00`;
+}
+
+/** The lines of a booking: time, person, and the robot where its column does not name it. */
+function eventLines(event, timeText, view, names) {
+  if (event.display === "background") return [make("small", { text: event.title })];
+  const robot = view.startsWith("resource") ? [] : [names.get(event.resourceIds[0]) ?? ""];
+  return [timeText, ...robot, event.title].map((text) => make("div", { text }));
+}
+
+/** A wall-clock time as the console reads it: "2026-03-02T14:30". @param {Date} at */
+export function wallClock(at) {
+  const two = (number) => String(number).padStart(2, "0");
+  const day = `${at.getFullYear()}-${two(at.getMonth() + 1)}-${two(at.getDate())}`;
+  return `${day}T${two(at.getHours())}:${two(at.getMinutes())}`;
+}
+
+/** Asks before a dragged slot is booked, and shows every refusal with what is free instead. */
+class BookingDialog {
+  #part;
+  #url;
+  #done;
+  #wish = null;
+
+  constructor(part, url, done) {
+    this.#part = part;
+    this.#url = url;
+    this.#done = done;
+    closable(part.dialog, new AbortController().signal);
+    part["dialog-yes"].addEventListener("click", () => this.#book());
+  }
+
+  ask(start, end, resource) {
+    const robot = resource?.id;
+    if (!robot) {
+      location.assign(`${this.#url}?from=${start.slice(0, 16)}&to=${end.slice(0, 16)}`);
+      return;
+    }
+    this.#wish = { robot, starts_at: start.slice(0, 16), ends_at: end.slice(0, 16) };
+    this.#open(gettext("Book this slot?"), slotWords(resource.title, start, end));
+  }
+
+  tell(texts, alternatives = []) {
+    this.#wish = null;
+    this.#open(gettext("Not changed"), "");
+    this.#list(texts, alternatives);
+  }
+
+  #open(title, words) {
+    say(this.#part["dialog-title"], title);
+    say(this.#part["dialog-words"], words);
+    this.#list([], []);
+    show(this.#part["dialog-yes"], this.#wish !== null);
+    if (!this.#part.dialog.open) this.#part.dialog.show();
+    this.#part["dialog-title"].focus();
+  }
+
+  #list(texts, alternatives) {
+    this.#part.refusals.replaceChildren(...texts.map((text) => make("li", { text })));
+    this.#part.alternatives.replaceChildren(
+      ...alternatives.map((offer) => {
+        const take = () => {
+          this.#wish = {
+            robot: offer.robot,
+            starts_at: offer.start.slice(0, 16),
+            ends_at: offer.end.slice(0, 16),
+          };
+          this.#book();
+        };
+        return make("li", {
+          children: [makeButton({ className: "button", text: offer.words }, take)],
+        });
+      }),
+    );
+  }
+
+  async #book() {
+    const answer = await send(this.#url, this.#wish);
+    if (answer.ok) {
+      this.#part.dialog.close();
+      this.#done();
+      return;
+    }
+    this.#wish = null;
+    say(this.#part["dialog-title"], gettext("Not booked"));
+    show(this.#part["dialog-yes"], false);
+    this.#list(answer.texts, answer.alternatives);
+  }
+}
+
+function slotWords(robot, start, end) {
+  const clock = (text) => text.slice(11, 16);
+  return `${robot}, ${start.slice(0, 10)}, ${clock(start)} – ${clock(end)}`;
+}
+
+const page = document.querySelector('[data-page="bookings"]');
+if (page && globalThis.EventCalendar) startCalendar(page, globalThis.EventCalendar);
