@@ -83,6 +83,9 @@ class World:
         self.sent = STILL
         self._told = self.pose if self.slip else None
         self.heard = set()  # names of sonars with an echo
+        # A parked robot measures the same again: the pose, segments and result of the last measurement are kept.
+        self._gap_at = None
+        self._measured = {}  # by the sensor's mount
         self.put(self.segments)
 
     def put(self, segments):
@@ -139,6 +142,13 @@ class World:
 
     def _rays(self, mount, angles):
         """Distance to the nearest segment along each ray from a sensor on the robot."""
+        pose, ends, before, ranges = self._measured.get(mount, (None, None, None, None))
+        if pose != self.pose or ends is not self.ends or not np.array_equal(before, angles):
+            ranges = self._cast(mount, angles)
+            self._measured[mount] = self.pose, self.ends, angles, ranges
+        return ranges.copy()
+
+    def _cast(self, mount, angles):
         mx, my, myaw = mount
         cos, sin = math.cos(self.pose.yaw), math.sin(self.pose.yaw)
         origin = np.array([self.pose.x + cos * mx - sin * my, self.pose.y + sin * mx + cos * my])
@@ -157,15 +167,17 @@ class World:
         wanted, limits = self.queue.popleft(), self.profile.limits
         linear, angular = limits.linear_mps2 * STEP_S, limits.angular_radps2 * STEP_S
         v = Velocity(
-            self.velocity.vx + float(np.clip(wanted.vx - self.velocity.vx, -linear, linear)),
-            self.velocity.vy + float(np.clip(wanted.vy - self.velocity.vy, -linear, linear)),
-            self.velocity.w + float(np.clip(wanted.w - self.velocity.w, -angular, angular)),
+            self.velocity.vx + min(max(wanted.vx - self.velocity.vx, -linear), linear),
+            self.velocity.vy + min(max(wanted.vy - self.velocity.vy, -linear), linear),
+            self.velocity.w + min(max(wanted.w - self.velocity.w, -angular), angular),
         )
         self.pose = moved(self.pose, v.scaled(1.0 - self.slip))
         self._told = self._told and moved(self._told, v)
         self.velocity = v
         self.steps += 1
-        self.least_gap_m = min(self.least_gap_m, self.true_gap())
+        if self._gap_at is None or self._gap_at[0] != self.pose or self._gap_at[1] is not self.ends:
+            self._gap_at = self.pose, self.ends
+            self.least_gap_m = min(self.least_gap_m, self.true_gap())
 
     def true_gap(self):
         """Distance of the hull to the nearest segment; zero or less is contact."""
