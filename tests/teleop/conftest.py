@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import partial
 
 import pytest
 import pytest_asyncio
+from django.test import Client
 from msgspec import structs
 
 from fleet.accounts.models import User
 from robots.bridge.config import Allowed
 from robots.link.client import links
 from robots.registry.models import RobotRole
+from teleop.background.database import in_database_background
 from teleop.control import selectors
 from tests.conftest import PASSWORD
 from tests.teleop.support import FakeBridge, Page
@@ -21,9 +25,33 @@ OpenPage = Callable[..., Awaitable[Page]]
 
 @pytest.fixture
 def browsers(staff, supervisor, operator, observer, stranger, second_operator, signed_in):
-    """Return the signed-in browser of each person, by user name."""
+    """Return the signed-in browser of each person, by user name. Each signs in when the test first asks for it."""
     people = [staff, supervisor, operator, observer, stranger, second_operator]
-    return {person.username: signed_in(person) for person in people}
+    return Browsers({person.username: person for person in people}, signed_in)
+
+
+class Browsers(dict[str, Client]):
+    """The browsers of these people; a sign-in costs more than the rest of most tests."""
+
+    def __init__(self, people: dict[str, User], signed_in: Callable[[User], Client]) -> None:
+        super().__init__()
+        self._people = people
+        self._signed_in = signed_in
+
+    def __missing__(self, username: str) -> Client:
+        sign_in = partial(self._signed_in, self._people[username])
+        # Django refuses database calls in the event loop's thread.
+        browser = in_database_background(sign_in).result(10) if _in_event_loop() else sign_in()
+        self[username] = browser
+        return browser
+
+
+def _in_event_loop() -> bool:
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True
 
 
 @pytest_asyncio.fixture
