@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import secrets
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
+COLLECTED = REPOSITORY / "var" / "collected"  # static files, for all stacks
 
 
 def private_file(path: Path, content: str) -> None:
@@ -23,6 +26,15 @@ def kept_secret(path: Path) -> str:
     if not path.exists():
         private_file(path, secrets.token_urlsafe(50))
     return path.read_text()
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Only one process at a time is in this `with` block; others wait."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 class Stamp:
@@ -40,6 +52,10 @@ class Stamp:
     def fits(self) -> bool:
         return self._path.exists() and self._path.read_text() == self._digest
 
+    def unset(self) -> None:
+        """The build begins: if it is interrupted, it runs again."""
+        self._path.unlink(missing_ok=True)
+
     def set(self) -> None:
         self._path.write_text(self._digest)
 
@@ -55,4 +71,5 @@ def migration_sources() -> list[Path]:
 def static_sources() -> list[Path]:
     """Sources of collectstatic."""
     files = [file for file in (REPOSITORY / "static").rglob("*") if file.is_file()]
-    return [*files, REPOSITORY / "package-lock.json", REPOSITORY / "fleet/settings.py"]
+    others = ("package-lock.json", "requirements/web.txt", "fleet/settings.py", "fleet/static.py")
+    return [*files, *(REPOSITORY / name for name in others)]
