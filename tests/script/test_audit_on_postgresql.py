@@ -14,7 +14,6 @@ from tests.script.servers import postgresql
 ROOT = Path(__file__).parents[2]
 TESTS = [
     "tests/accounts/test_erase_person.py",
-    "tests/fleet/server/test_sign_in.py",
     "tests/fleet/test_migration.py",
     "tests/robots/supervisor/test_faults.py",
     "tests/teleop/control/test_lease.py",

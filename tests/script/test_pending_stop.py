@@ -21,9 +21,8 @@ PATIENCE_S = 30.0
 STANDS_MPS = 0.01
 
 
-@pytest.fixture
-def stack(monkeypatch: pytest.MonkeyPatch) -> Iterator[Stack]:
-    monkeypatch.delenv("DJANGO_SETTINGS_MODULE", raising=False)
+@pytest.fixture(scope="module")
+def stack() -> Iterator[Stack]:
     with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
         yield stack
 
@@ -61,6 +60,9 @@ async def test_a_stop_of_a_frozen_robot_is_pending_then_holds(stack: Stack) -> N
     driving, watching = sign_in(stack, "operator"), sign_in(stack, "observer")
     async with Driver(stack, ROBOT, driving) as driver:
         await driver.take()
+        await driver.until(lambda: driver.state)
+        if driver.state and driver.state.stop.state != "clear":  # by the other test
+            await driver.clear()
         await driver.hold_stick(0.0, 0.5, until=lambda: driver.odometry and abs(driver.odometry.w) > 0.1)
         frozen = motion_processes(stack)
         assert len(frozen) >= 2
