@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from datetime import datetime, timedelta
 from enum import Enum
 from uuid import UUID
@@ -217,13 +217,29 @@ AHEAD = timedelta(days=1)
 
 def schedule_of(robot: Robot, now: datetime) -> Schedule:
     """Return the robot's schedule now and of the next day. Three queries."""
-    policy = policy_of(robot)
-    grace = grace_of(policy)
-    held = [
-        Held(one.id, one.person_id, one.person.display_name, held_slot(one, grace, now))
-        for one in held_between([robot], now, now + AHEAD).exclude(state=State.AWAITING).order_by("starts_at")
-    ]
-    current = next((one for one in held if one.slot.starts_at <= now < one.slot.ends_at), None)
-    out = next(iter(out_between(robot, now, now + timedelta(seconds=1))), None)
-    later: Sequence[Held] = [one for one in held if one.slot.starts_at > now]
-    return Schedule(current, tuple(later), policy.free_time, out)
+    return schedules_of([robot], now)[robot.id]
+
+
+def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedule]:
+    """`schedule_of` many robots, in three queries."""
+    policies = policies_of(robots)
+    held: dict[UUID, list[Held]] = {robot.id: [] for robot in robots}
+    for one in held_between(robots, now, now + AHEAD).exclude(state=State.AWAITING).order_by("starts_at"):
+        slot = held_slot(one, grace_of(policies[one.robot_id]), now)
+        held[one.robot_id].append(Held(one.id, one.person_id, one.person.display_name, slot))
+    out = _out_now(robots, now)
+    return {
+        robot.id: Schedule(
+            next((one for one in held[robot.id] if one.slot.starts_at <= now < one.slot.ends_at), None),
+            tuple(one for one in held[robot.id] if one.slot.starts_at > now),
+            policies[robot.id].free_time,
+            out.get(robot.id),
+        )
+        for robot in robots
+    }
+
+
+def _out_now(robots: Collection[Robot], now: datetime) -> dict[UUID, Taken]:
+    open_ended = Q(ends_at=None) | Q(ends_at__gt=now)
+    periods = OutOfService.objects.filter(open_ended, robot__in=robots, starts_at__lte=now)
+    return {one.robot_id: Taken(Slot(one.starts_at, one.ends_at or FAR), _why(one)) for one in periods}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
 
@@ -35,6 +35,8 @@ from fleet.bookings.selectors import (
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import role_on
 from robots.wire import NotDone, Refusal
+
+LENGTHENED_BY = timedelta(minutes=15)
 
 changed = Signal()  # robot_id: the robot's bookings changed; sent after the commit
 
@@ -172,6 +174,14 @@ def booking_used(*, robot_id: UUID, person_id: UUID, now: datetime) -> None:
         robot_id=robot_id, person_id=person_id, used_at=None, starts_at__lte=now, held_until__gt=now
     )
     mine.update(used_at=now)
+
+
+def booking_lengthen_running(*, robot: Robot, person: User, now: datetime) -> None:
+    """Lengthen a person's present slot by `LENGTHENED_BY`, if the rules allow it. In the caller's transaction."""
+    mine = Booking.objects.filter(robot=robot, person=person, starts_at__lte=now, held_until__gt=now)
+    for booking in mine:
+        slot = Slot(booking.starts_at, booking.ends_at + LENGTHENED_BY)
+        booking_move(booking_id=booking.pk, version=booking.version, slot=slot, actor=person, now=now)
 
 
 def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, now: datetime) -> None:

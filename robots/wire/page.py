@@ -208,6 +208,8 @@ class FleetCard(Struct, frozen=True):
     seen_at: float | None = None  # as in `BridgeGone`
     may_clear: bool = False  # this person may clear its stop from here
     pending: PendingStop | None = None  # as `stop` in `BridgeGone`, also while the state is known
+    booked: Booked | None = None  # the present booking
+    next_booked: Booked | None = None  # the next one within a day
 
 
 class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):

@@ -24,7 +24,12 @@ from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
 from fleet.bookings.models import Booking
 from fleet.bookings.selectors import Schedule, schedule_of
-from fleet.bookings.services import booking_hand_running, booking_used
+from fleet.bookings.services import (
+    BookingRefused,
+    booking_hand_running,
+    booking_lengthen_running,
+    booking_used,
+)
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import role_on, supervises
 from robots.registry.services import fence_next
@@ -58,6 +63,8 @@ def recorded_change() -> Iterator[None]:
     try:
         with transaction.atomic():
             yield
+    except BookingRefused as error:
+        raise ControlRefused(error.refusal) from error
     except AuditUnavailable as error:
         raise NotStored(Refusal(error.code, error.text, error.rule)) from error
     except DatabaseError as error:
@@ -144,7 +151,7 @@ def lease_hand_over(
 
 
 def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> None:
-    """Start a new term."""
+    """Start a new term. In one's own slot, lengthen the slot, while no other person has booked."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         _, permit = _permit(user=user, robot=robot, now=now)
@@ -152,6 +159,9 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> No
         before = _allowed(
             held, rules.check_renew(held, tab=tab, requests=open_requests_of(robot_id), now=now)
         )
+        if permit.whole_slot:
+            booking_lengthen_running(robot=robot, person=user, now=now)
+            _, permit = _permit(user=user, robot=robot, now=now)
         ends = _term_end(permit, now)
         _change_lease(robot_id, before, {"term_ends_at": ends})
         _record("control.renew", before, robot, user, parameters={"term_s": (ends - now).total_seconds()})

@@ -69,7 +69,7 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
     requests = rules.open_requests(status.requests, now)
     mine = lease is not None and lease.tab.connection == tab.connection
     free = lease is None or phase is Phase.LAPSED
-    booked, next_booked = _slots(status, user)
+    booked, next_booked = booked_slots(status.schedule, user, now)
     if lease is None or free:
         return wire.Control(
             "free",
@@ -97,9 +97,10 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
     )
 
 
-def _slots(status: ControlStatus, user: UUID) -> tuple[wire.Booked | None, wire.Booked | None]:
+def booked_slots(
+    schedule: Schedule, user: UUID, now: datetime
+) -> tuple[wire.Booked | None, wire.Booked | None]:
     """Return the present booking with the seconds until its end, and the next with those until its start."""
-    schedule, now = status.schedule, status.read_at
     current = schedule.current
     following = next(iter(schedule.next), None)
     return (

@@ -10,10 +10,12 @@ from functools import partial
 from uuid import UUID
 
 from django.db import DatabaseError
+from django.utils import timezone
 from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
+from fleet.bookings.selectors import Schedule, schedules_of
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.link.client import BridgeLink, links
@@ -25,6 +27,7 @@ from teleop.background.jobs import run_in_background
 from teleop.control.policy import out_of_service
 from teleop.control.selectors import SIGNED_OUT, SignIn
 from teleop.control.services import database_refusal
+from teleop.control.status import booked_slots
 from teleop.live.message_socket import BUSY, CloseCode, MessageSocket
 from teleop.recording.refusals import RefusedRequest
 from teleop.stop.emergency_stop import StopButton, clear
@@ -51,6 +54,8 @@ class VisibleRobot(Struct, frozen=True):
     refusal: Refusal | None  # why it cannot be driven now
     link: LinkAddress
     may_clear: bool
+    schedule: Schedule  # its bookings
+    user: UUID  # of the page
 
 
 class FleetConsumer(MessageSocket):
@@ -173,7 +178,8 @@ class FleetConsumer(MessageSocket):
         known = link.up and not link.silent
         refusal = None if known else robot.refusal or link.refusal or _SILENT
         state = link.state if known else None
-        return FleetCard(state, refusal, link.seen_at, robot.may_clear, link.pending)
+        booked, next_booked = booked_slots(robot.schedule, robot.user, timezone.now())
+        return FleetCard(state, refusal, link.seen_at, robot.may_clear, link.pending, booked, next_booked)
 
     def _wake(self) -> None:
         if self._acknowledged and self._change_key() != self._shown_key:
@@ -261,6 +267,7 @@ def _visible_to(person: SignIn) -> Iterable[VisibleRobot] | None:
         return None
     robots = list(robots_visible_to(user))
     roles = roles_of(user, robots)
+    schedules = schedules_of(robots, timezone.now())
     return [
         VisibleRobot(
             robot.id,
@@ -269,6 +276,8 @@ def _visible_to(person: SignIn) -> Iterable[VisibleRobot] | None:
             out_of_service(robot),
             link_address(robot),
             may_clear=roles.get(robot.id, Role.OBSERVER) >= Role.SUPERVISOR,
+            schedule=schedules[robot.id],
+            user=user.id,
         )
         for robot in robots
     ]

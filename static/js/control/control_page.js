@@ -177,6 +177,7 @@ class ControlPage {
     on(this.#socket, "down", ({ code }) => this.#lost(code));
     on(this.#socket, "message", (message) => this.#heard(message));
     on(this.#panel, "choose", (message) => this.#chose(message));
+    on(this.#panel, "warn", (text) => this.#tell("warning", "slot", text));
     on(this.#options, "share", (share) => {
       this.#sender.share = share;
     });

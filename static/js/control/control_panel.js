@@ -2,18 +2,19 @@
 
 import { make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { question } from "../lib/question.js";
-import { controlWords } from "./control_words.js";
+import { controlWords, slotWarning, slotWords } from "./control_words.js";
 import { clockText, isLastCall, remaining } from "./lease.js";
 
 const UNKNOWN = { state: "unknown", requests: [] };
 // A press so soon after somebody asked was meant for what stood there before: hands are slower than that.
 const MEANT_BEFORE_MS = 500;
 
-/** Events: "choose" (detail: a message for the server). */
+/** Events: "choose" (detail: a message for the server), "warn" (detail: words about a slot that ends control soon). */
 export class ControlPanel extends EventTarget {
   #parts;
   #control = UNKNOWN;
   #heardMs = 0;
+  #warnedAtS = Infinity;
   #timer;
   #takeOver;
   #offeredMs = new Map(); // by request: since when control can be handed over to whoever asks
@@ -61,7 +62,16 @@ export class ControlPanel extends EventTarget {
     show(lease, left !== null);
     if (left !== null) say(lease, interpolate(gettext("%s left"), [clockText(left)]));
     mark(lease, "last", yours && isLastCall(left));
+    this.#showSlot((now - this.#heardMs) / 1000);
     this.#offer(actions);
+  }
+
+  #showSlot(sinceS) {
+    sayOrHide(this.#parts.slot, slotWords(this.#control, sinceS));
+    const warning = slotWarning(this.#control, sinceS);
+    if (warning && warning.atS < this.#warnedAtS)
+      this.dispatchEvent(new CustomEvent("warn", { detail: warning.text }));
+    this.#warnedAtS = warning?.atS ?? Infinity;
   }
 
   /** The focus goes from a button that has done its work to the one that came in its place. */

@@ -1,5 +1,10 @@
 /** Who has control, and what this person can do about it. Pure: from the server's `control` to words and actions. */
 
+import { clockText } from "./lease.js";
+
+const SOON_S = 4 * 3600; // a later booking is not shown
+const WARNINGS_S = [60, 300]; // before a slot ends control
+
 /** How the holder is called on this page. */
 function holder(control) {
   return control.holder ?? gettext("Somebody");
@@ -19,7 +24,11 @@ export function controlWords(control, resumableS = null) {
     case "unknown":
       return { headline: gettext("Control is not known"), reason: "", actions: [] };
     case "free":
-      return { headline: gettext("Nobody has control"), reason, actions: reason ? [] : ["take"] };
+      return {
+        headline: gettext("Nobody has control"),
+        reason,
+        actions: reason ? force : ["take"],
+      };
     case "yours":
       return { headline: gettext("You have control"), reason: "", actions: ["renew", "release"] };
     case "elsewhere":
@@ -44,4 +53,40 @@ export function controlWords(control, resumableS = null) {
         actions: [question, ...force],
       };
   }
+}
+
+/**
+ * The present booking, or the next one, in words; empty if there is none soon.
+ * @param {object} control the server's newest `control`
+ * @param {number} sinceS seconds since it came
+ */
+export function slotWords({ booked, next_booked: next }, sinceS) {
+  if (booked) {
+    const left = clockText(Math.max(booked.seconds - sinceS, 0));
+    if (booked.mine) return interpolate(gettext("Your slot: %s left"), [left]);
+    return interpolate(gettext("%s has a slot, %s left"), [booked.name, left]);
+  }
+  if (!next || next.seconds - sinceS > SOON_S) return "";
+  const begins = clockText(Math.max(next.seconds - sinceS, 0));
+  if (next.mine) return interpolate(gettext("Your slot begins in %s"), [begins]);
+  return interpolate(gettext("The slot of %s begins in %s"), [next.name, begins]);
+}
+
+/**
+ * The newest warning that is due: a slot ends this person's control in 5 minutes, in 1 minute.
+ * @returns {{atS: number, text: string} | null}
+ */
+export function slotWarning({ state, booked, next_booked: next }, sinceS) {
+  if (state !== "yours") return null;
+  const ends = booked?.mine ? booked : booked ? null : next;
+  if (!ends || (ends === next && next.mine)) return null;
+  const left = ends.seconds - sinceS;
+  const atS = WARNINGS_S.find((limit) => left <= limit);
+  if (atS === undefined || left <= 0) return null;
+  const minutes = Math.ceil(left / 60);
+  const text =
+    ends === booked
+      ? gettext("Your slot ends in %s min: control ends with it.")
+      : gettext("The slot of another person begins in %s min: control ends then.");
+  return { atS, text: interpolate(text, [minutes]) };
 }

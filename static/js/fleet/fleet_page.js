@@ -11,6 +11,7 @@ import {
   unknownText,
   verdictText,
 } from "../control/control_banner.js";
+import { clockText } from "../control/lease.js";
 import { StopButton } from "../control/stop_button.js";
 import { StopWords } from "../control/stop_words.js";
 import { mark, parts, say, sayOrHide, show } from "../lib/dom.js";
@@ -62,6 +63,14 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
       ? [stop.by && interpolate(gettext("by %s"), [stop.by]), standstill].filter(Boolean).join(". ")
       : "",
   };
+}
+
+/** The present booking and the next one in words. Pure. */
+export function bookingWords({ booked = null, next_booked: next = null }) {
+  const name = (one) => (one.mine ? gettext("You") : one.name);
+  if (booked) return interpolate(gettext("%s, %s left"), [name(booked), clockText(booked.seconds)]);
+  if (next) return interpolate(gettext("Free, %s in %s"), [name(next), clockText(next.seconds)]);
+  return gettext("Free");
 }
 
 function watchdogMissing() {
@@ -243,6 +252,7 @@ export class FleetPage {
     sayOrHide(own.why, shown.why);
     say(own.battery, shown.battery);
     say(own.driver, shown.driver);
+    say(own.booking, bookingWords(robot));
     say(own.gate, shown.gate);
     // It has not reported since the press.
     if (!robot.state && !robot.pending && own["stop-state"].dataset.fresh) return;

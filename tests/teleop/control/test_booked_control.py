@@ -74,6 +74,19 @@ def test_the_end_of_ones_own_slot_is_named(robot, operator):
     assert end_notes([taken.session])[taken.session] == "Your slot ended."
 
 
+def test_keeping_control_lengthens_ones_slot(robot, operator, second_operator):
+    book(robot, operator, 0)
+    taken = take(robot, operator, at(1))
+    renew = {"robot_id": robot.id, "user_id": operator.id, "tab": tab(operator), "now": at(1.1)}
+    services.lease_renew(**renew)
+    assert lease_of(robot.id).term_ends_at == at(75)
+    book(robot, second_operator, 80)
+    with pytest.raises(services.ControlRefused) as caught:
+        services.lease_renew(**renew)
+    assert caught.value.refusal.code == "taken"
+    assert lease_of(robot.id).session == taken.session
+
+
 def test_a_robot_for_booked_time_only_is_closed(robot, operator, supervisor):
     Policy.objects.create(robot=robot, free_time=False)
     assert refused(robot, operator).code == "book_first"
