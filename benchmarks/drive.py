@@ -1,7 +1,7 @@
 """From the stick to the robot: delay of a command from the WebSocket to another rospy process, at 50 Hz.
 
 Bare rospy and the console take turns, slot by slot, so that both meet the same moments of the machine. The limits are
-ratios of the two: see docs/decisions/delays-are-judged-beside-bare-rospy.md. They hold for a console that runs as
+ratios of the two: see docs/decisions/delays-are-compared-with-bare-rospy.md. They hold for a console that runs as
 docs/deployment.md says, with real-time priority; the figures without it are printed, too.
 """
 

@@ -16,7 +16,7 @@ What holds, and what does not. Over the recorded hands One-Euro lags by less tha
 every row of the table its difference is below none's and, by a hair, below the mean's. But a resting hand is calmer
 under the mean, the more so at 20 commands a second. And in slow rows One-Euro, too, lags by more than 30 ms, as a low
 pass does: by 63 ms where the stick turns 9 degrees a second, which is half a degree. No setting does both:
-``python -m benchmarks.stick`` plays many and says what each gives (docs/decisions/a-slow-hand-may-lag.md).
+``python -m benchmarks.stick`` plays many and says what each gives (docs/decisions/the-stick-filter-lags-at-slow-movements.md).
 """
 
 from __future__ import annotations
