@@ -1,4 +1,4 @@
-"""Benchmarks of script/bench: each module here with a `measure` function is one.
+"""Benchmarks of script/bench: each module with a `measure` function is one.
 
-The figures and their limits are the promises of docs/figures.md.
+docs/figures.md promises the figures and their limits.
 """

@@ -47,7 +47,7 @@ def main() -> int:
 
 
 def known() -> dict[str, str]:
-    """Benchmarks by name, each with the first line of what it says about itself."""
+    """Return the benchmarks by name, each with the first line of its docstring."""
     modules = [
         import_module(f"benchmarks.{name}") for _, name, _ in pkgutil.iter_modules(benchmarks.__path__)
     ]

@@ -1,6 +1,6 @@
-"""The audit log: what it costs a driver, records per second, pages of lists and verification with a million records.
+"""The audit log: its cost for a driver, records per second, lists and verification with a million records.
 
-FLEET_BENCH_PARTS names the parts to run: latency, sqlite, postgresql. FLEET_BENCH_COUNTS: with how many records.
+FLEET_BENCH_PARTS names the parts to run: latency, sqlite, postgresql. FLEET_BENCH_COUNTS: numbers of records.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from script.stack.places import REPOSITORY
 from tests.script.servers import postgresql, postgresql_installed
 
 COUNTS = [int(count) for count in os.environ.get("FLEET_BENCH_COUNTS", "100000 1000000").split()]
-PAGE_MS = 300.0  # the slowest page of a list, whatever is filtered
+PAGE_MS = 300.0  # the slowest page of a list, with any filter
 VERIFIED_S = 10.0
-VERIFIED_COUNT = 100_000  # records, at most, in that time
+VERIFIED_COUNT = 100_000  # largest log to which this limit applies
 WRITTEN_S = 5.0
 WRITERS = 4  # processes: two web processes and two bridges
 GROWN_MB = 50.0  # of memory, for an export of everything
@@ -42,7 +42,7 @@ TITLES = {
 
 
 def measure() -> list[Figure]:
-    """All parts, or those that are asked for; each figure is told as it comes."""
+    """Run all parts, or those of FLEET_BENCH_PARTS; print each figure as it comes."""
     figures = []
     for part in os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split():
         for figure in PARTS[part]():
@@ -52,19 +52,19 @@ def measure() -> list[Figure]:
 
 
 def latency() -> Iterator[Figure]:
-    """A driver with and without the log."""
+    """Measure a driver's commands with and without the log."""
     with tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory:
         yield from recording_cost.latency(Path(directory))
 
 
 def on_sqlite() -> Iterator[Figure]:
-    """A log in a file."""
+    """Measure a log in a file."""
     with sqlite() as environment:
         yield from _of_a_log("SQLite", environment)
 
 
 def on_postgresql() -> Iterator[Figure]:
-    """A log on a server, where one is installed."""
+    """Measure a log on a server, if one is installed."""
     if not postgresql_installed():
         progress("PostgreSQL is not installed")
         return
@@ -82,7 +82,7 @@ def _of_a_log(database: str, environment: dict[str, str]) -> Iterator[Figure]:
 
 @contextmanager
 def sqlite() -> Iterator[dict[str, str]]:
-    """The environment of a process with an empty log in a file."""
+    """Context: the environment of a process with an empty log in a file."""
     with tempfile.TemporaryDirectory(prefix="fleet-bench-") as directory:
         environment = _environment(directory)
         _migrate(environment)
@@ -91,7 +91,7 @@ def sqlite() -> Iterator[dict[str, str]]:
 
 @contextmanager
 def own_postgresql() -> Iterator[dict[str, str]]:
-    """The same on a server, which forces every commit to the disk, as it does in production."""
+    """Context: the same on a server, which forces every commit to the disk, as in production."""
     with ExitStack() as stack:
         url = stack.enter_context(postgresql())
         with psycopg.connect(url, autocommit=True) as server:
@@ -104,27 +104,28 @@ def own_postgresql() -> Iterator[dict[str, str]]:
 
 
 def writing(environment: dict[str, str], count: int) -> Iterator[Figure]:
-    """Records per second, committed, into a log that has so many already."""
+    """Measure committed records per second into a log that already has this many."""
     progress("writing ...")
     yield Figure(f"{count:,} records: written by one process", _written(environment, 1), "/s")
     yield Figure(f"{count:,} records: written by {WRITERS} processes", _written(environment, WRITERS), "/s")
 
 
 def reading(environment: dict[str, str]) -> Iterator[Figure]:
-    """Pages, verification and export, as the log grows."""
+    """Measure pages, verification and export, as the log grows."""
     progress("filling and reading ...")
     slowest: dict[str, tuple[float, str]] = {}
-    for told in _told(_start(environment, "reading", *map(str, COUNTS))):
-        if "page" in told:
-            slowest[told["page"]] = max(slowest.get(told["page"], (0.0, "")), (told["ms"], told["query"]))
-        elif "verified_s" in told:
-            yield from _of_pages(told["count"], slowest)
-            yield from _of_verification(told)
+    for result in _results(_start(environment, "reading", *map(str, COUNTS))):
+        if "page" in result:
+            page, duration = result["page"], (result["ms"], result["query"])
+            slowest[page] = max(slowest.get(page, (0.0, "")), duration)
+        elif "verified_s" in result:
+            yield from _of_pages(result["count"], slowest)
+            yield from _of_verification(result)
             slowest = {}
-        elif "filled_s" in told:
-            progress(f"{told['count']:,} records: filled in {told['filled_s']:.0f} s")
+        elif "filled_s" in result:
+            progress(f"{result['count']:,} records: filled in {result['filled_s']:.0f} s")
         else:
-            yield from _of_export(told)
+            yield from _of_export(result)
 
 
 def _of_pages(count: int, slowest: dict[str, tuple[float, str]]) -> Iterator[Figure]:
@@ -133,30 +134,30 @@ def _of_pages(count: int, slowest: dict[str, tuple[float, str]]) -> Iterator[Fig
         yield Figure(f"{count:,} records: {TITLES[page]}, slowest page", ms, "ms", PAGE_MS)
 
 
-def _of_verification(told: dict[str, Any]) -> list[Figure]:
-    count = told["count"]
+def _of_verification(result: dict[str, Any]) -> list[Figure]:
+    count = result["count"]
     limit = VERIFIED_S if count <= VERIFIED_COUNT else None
     return [
-        Figure(f"{count:,} records: verified", told["verified_s"], "s", limit),
-        Figure(f"{count:,} records: findings", told["findings"], "", 0.0),
+        Figure(f"{count:,} records: verified", result["verified_s"], "s", limit),
+        Figure(f"{count:,} records: findings", result["findings"], "", 0.0),
     ]
 
 
-def _of_export(told: dict[str, Any]) -> list[Figure]:
+def _of_export(result: dict[str, Any]) -> list[Figure]:
     return [
-        Figure(f"{told['count']:,} records: exported", told["exported_s"], "s"),
-        Figure(f"{told['count']:,} records: export is", told["mb"], "MB"),
-        Figure(f"{told['count']:,} records: export takes memory", told["grown_mb"], "MB", GROWN_MB),
+        Figure(f"{result['count']:,} records: exported", result["exported_s"], "s"),
+        Figure(f"{result['count']:,} records: export is", result["mb"], "MB"),
+        Figure(f"{result['count']:,} records: export takes memory", result["grown_mb"], "MB", GROWN_MB),
     ]
 
 
 def _written(environment: dict[str, str], processes: int) -> float:
-    """All together, in one second."""
+    """Return how many records all processes together commit in one second."""
     writers = [_start(environment, "writing", str(WRITTEN_S)) for _ in range(processes)]
     for writer in writers:
         if writer.stdin:
             writer.stdin.close()
-    return float(sum(told["per_s"] for writer in writers for told in _told(writer)))
+    return float(sum(result["per_s"] for writer in writers for result in _results(writer)))
 
 
 def _start(environment: dict[str, str], *words: str) -> subprocess.Popen[str]:
@@ -170,7 +171,7 @@ def _start(environment: dict[str, str], *words: str) -> subprocess.Popen[str]:
     )
 
 
-def _told(process: subprocess.Popen[str]) -> Iterator[dict[str, Any]]:
+def _results(process: subprocess.Popen[str]) -> Iterator[dict[str, Any]]:
     with process:
         try:
             for line in process.stdout or ():

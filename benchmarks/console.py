@@ -1,4 +1,4 @@
-"""The console beside driving: Play to the robot's arm, live topics for ten browsers, a robot with 500 topics."""
+"""The console's other tasks: Play to the robot's arm, live topics for ten browsers, a robot with 500 topics."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack, temporary_stack
 
 ROBOT = "tiago-1"
-MOTION = "head_tour"  # moves no joint of the arm, so it is never refused for want of room
+MOTION = "head_tour"  # moves no joint of the arm, so it is never refused because of obstacles
 REPEATS = 40
 PLAY_P50_MS = 10.0
 BROWSERS = 10
@@ -38,7 +38,7 @@ def measure() -> list[Figure]:
 
 
 async def measure_on(stack: Stack) -> list[Figure]:
-    """Every figure, one phase after the other."""
+    """Return all figures, one phase after the other."""
     operator = await asyncio.to_thread(sign_in, stack, "operator")
     figures: list[Figure] = []
     async with Observer(stack.robots[ROBOT], "goals") as observer, Driver(stack, ROBOT, operator) as driver:
@@ -66,7 +66,7 @@ async def measure_on(stack: Stack) -> list[Figure]:
 
 
 async def play(driver: Driver, observer: Observer) -> list[Figure]:
-    """From the message on the public WebSocket to the goal at another node; the audit record is committed between."""
+    """Measure from the message on the public WebSocket to the goal at another node, audit commit included."""
     await driver.take()
     await driver.until(lambda: driver.state and all(sensor.ok for sensor in driver.state.sensors))
     delays_s: list[float] = []
@@ -125,13 +125,13 @@ async def look(stack: Stack, cookie: str) -> list[Figure]:
 
 
 def inspector_cpu_s(bridge: int) -> float:
-    """Processor time of the bridge's child that decodes messages; 0 while there is none."""
+    """Return the processor time of the inspector, which decodes messages; 0 while there is none."""
     return sum(process_stats.cpu_s(child) for child in process_stats.children(bridge))
 
 
 @asynccontextmanager
 async def looker(stack: Stack, cookie: str) -> AsyncIterator[count[int]]:
-    """A page that looks at the live topic. The next number of the counter says how many messages it was shown."""
+    """A page that reads the live topic and counts the messages that it gets."""
     address = f"{stack.url.replace('http', 'ws', 1)}/ws/robots/{ROBOT}/topics/"
     shown = count()
     async with connect(
@@ -149,7 +149,7 @@ async def looker(stack: Stack, cookie: str) -> AsyncIterator[count[int]]:
 
 
 async def count_shown(socket: ClientConnection, shown: count[int]) -> None:
-    """Draw nothing, acknowledge everything."""
+    """Acknowledge every view and draw nothing."""
     async for raw in socket:
         if msgspec.json.decode(raw).get("t") == "shown":
             next(shown)

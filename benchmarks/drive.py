@@ -1,8 +1,8 @@
 """From the stick to the robot: delay of a command from the WebSocket to another rospy process, at 50 Hz.
 
-Bare rospy and the console take turns, slot by slot, so that both meet the same moments of the machine. The limits are
-ratios of the two: see docs/decisions/delays-are-compared-with-bare-rospy.md. They hold for a console that runs as
-docs/deployment.md says, with real-time priority; the figures without it are printed, too.
+Bare rospy and the console take turns, slot by slot, so that a slow machine affects both. The limits are ratios of the
+two: see docs/decisions/delays-are-compared-with-bare-rospy.md. They apply to a console with real-time priority, as in
+docs/deployment.md; the figures without it are printed, too.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PERIOD_S = 0.02
 PARTS = ("alone", "viewers", "map", "flood", "chromium")
 SLOTS = 10  # of bare rospy and of the console each, in turn
 SLOT = 150  # commands: three seconds
-WARM_UP = 50  # commands: the base turns at its speed by then
+WARM_UP = 50  # commands, until the base turns at its speed
 CHROMIUM_SAMPLES = 1000
 VIEWERS = 50
 FLOOD_S = 0.5
@@ -42,21 +42,21 @@ SHARE = 0.4
 P50_TIMES = 3.9
 P99_TIMES = 1.8
 BESIDE_P99_TIMES = 2.9  # with viewers, or a map
-# Every command asks for a turn of its own, a hair from the next one's: that is how the observer's Twists are told
-# apart. Turning on the spot a disc never meets anything, so the gate leaves it as it is; nothing steadies the stick.
+# Each command has a slightly different turning speed, to recognise it in the observer's Twists. The gate never reduces
+# it, because a disc that turns on the spot meets no obstacle; the stick filter is off.
 TURN = 0.30
 STEP = 1e-6
 BARE_STICKS = tuple(replace(robot, stick=()) for robot in PRACTICE_ROBOTS)
 
 
 def measure() -> list[Figure]:
-    """Start a console with three robots and drive one. `FLEET_BENCH_PARTS`, `FLEET_BENCH_SLOTS`: less, for own work."""
+    """Start a console with three robots and drive one. `FLEET_BENCH_PARTS`, `FLEET_BENCH_SLOTS`: fewer."""
     with temporary_stack(BARE_STICKS) as stack:
         return asyncio.run(measure_on(stack))
 
 
 async def measure_on(stack: Stack) -> list[Figure]:
-    """Every figure, one part after the other."""
+    """Return all figures, one part after the other."""
     gc.freeze()
     parts = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()
     robot = stack.robots[ROBOT]
@@ -91,14 +91,14 @@ async def measure_on(stack: Stack) -> list[Figure]:
 
 
 class Slots:
-    """Bare rospy and the console, in turn."""
+    """Runs bare rospy and the console in turn."""
 
     def __init__(self, bare: BareRospy, driver: Driver, observer: Observer) -> None:
         self._bare, self._driver, self._observer = bare, driver, observer
         self._count = int(os.environ.get("FLEET_BENCH_SLOTS", SLOTS))
 
     async def compare(self, name: str, p50_times: float | None, p99_times: float | None) -> list[Figure]:
-        """Delays of both, and their ratios with these limits."""
+        """Return the delays of both, and their ratios with these limits."""
         progress(f"{name}, beside bare rospy ...")
         bare_s: list[float] = []
         ours_s: list[float] = []
@@ -114,7 +114,7 @@ class Slots:
 
 
 def delays(name: str, delays_s: Sequence[float]) -> list[Figure]:
-    """Three figures in milliseconds."""
+    """Return p50, p99 and worst in milliseconds."""
     return [
         Figure(f"{name} p{share:.0f}", 1000.0 * quantile(delays_s, share / 100), "ms")
         for share in (50, 90, 99)
@@ -124,28 +124,28 @@ def delays(name: str, delays_s: Sequence[float]) -> list[Figure]:
 def times(
     name: str, delays_s: Sequence[float], bare_s: Sequence[float], share: float, limit: float | None
 ) -> Figure:
-    """Return how many times as long as bare rospy."""
+    """Return the ratio to bare rospy."""
     return Figure(f"{name} / bare rospy", quantile(delays_s, share) / quantile(bare_s, share), "times", limit)
 
 
 class Numbers:
-    """Tells which command a Twist carries out, by its turning speed."""
+    """Recognises the command behind a Twist by its turning speed."""
 
     def __init__(self, full_turn_radps: float) -> None:
         self._scale = SHARE * full_turn_radps
 
     def turn(self, number: int) -> float:
-        """The stick of command `number`."""
+        """Return the stick position of command `number`."""
         return TURN + number * STEP
 
     def number(self, command: Seen) -> int | None:
-        """The command behind a Twist, None if it is another one."""
+        """Return the number of the command behind a Twist, None for a foreign Twist."""
         steps = (command.w / self._scale - TURN) / STEP
         number = round(steps)
         return number if math.isclose(steps, number, abs_tol=0.1) else None
 
     def arrivals(self, commands: Sequence[Seen]) -> dict[int, float]:
-        """First arrival of each command; later ones are the bridge's own repetition."""
+        """Return the first arrival of each command; later ones are repetitions by the bridge."""
         first: dict[int, float] = {}
         for command in commands:
             number = self.number(command)
@@ -155,15 +155,15 @@ class Numbers:
 
 
 def numbers_for(driver: Driver) -> Numbers:
-    """By the robot's own limits."""
+    """Return `Numbers` for the robot's speed limits."""
     assert driver.robot is not None  # noqa: S101 - a driver has been welcomed
     return Numbers(driver.robot.limits.turn_radps)
 
 
 async def drive(driver: Driver, observer: Observer, samples: int = SLOT) -> list[float]:
-    """Delays of commands at 50 Hz. A command that never arrives counts as endless."""
+    """Return the delays of commands at 50 Hz. A command that never arrives counts as infinite."""
     numbers = numbers_for(driver)
-    await driver.drive(0.0, 0.0)  # through the middle: nobody drove since the last phase
+    await driver.drive(0.0, 0.0)  # neutral first: nobody drove since the last phase
     observer.forget()
     sent: dict[int, float] = {}
     due_s = time.monotonic()
@@ -178,13 +178,13 @@ async def drive(driver: Driver, observer: Observer, samples: int = SLOT) -> list
 
 
 async def flood(driver: Driver, observer: Observer) -> list[Figure]:
-    """As many commands as the socket takes for half a second: how old is the oldest that is carried out?"""
+    """Flood the socket with commands for 0.5 s; return the age of the oldest one that is carried out."""
     numbers = numbers_for(driver)
     await hold_turn(driver, numbers)
     observer.forget()
     sent: dict[int, float] = {}
     began_s = time.monotonic()
-    with suppress(ConnectionClosed):  # the console does not listen to a flood for long
+    with suppress(ConnectionClosed):  # the console soon closes a flooding connection
         while (now_s := time.monotonic()) < began_s + FLOOD_S:
             sent[len(sent)] = now_s
             await driver.drive(0.0, numbers.turn(len(sent) - 1), SHARE)
@@ -201,7 +201,7 @@ async def flood(driver: Driver, observer: Observer) -> list[Figure]:
 
 
 async def hold_turn(driver: Driver, numbers: Numbers) -> None:
-    """Turn until the base has its speed, so that rate limits change nothing."""
+    """Turn until the base has its speed, so that rate limits have no effect."""
     await driver.drive(0.0, 0.0)
     for _ in range(WARM_UP):
         await driver.drive(0.0, numbers.turn(0), SHARE)
@@ -209,7 +209,7 @@ async def hold_turn(driver: Driver, numbers: Numbers) -> None:
 
 
 async def drive_in_chromium(page: ChromiumPage, observer: Observer) -> list[float]:
-    """The same from a real browser."""
+    """Return the delays of commands from a real browser."""
     observer.forget()
     numbers = Numbers(page.full_turn_radps)
     turns = [0.0, *(numbers.turn(number) for number in range(WARM_UP + CHROMIUM_SAMPLES))]

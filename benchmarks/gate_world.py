@@ -1,9 +1,9 @@
-"""Whether the gate keeps a simulated robot from everything: physics decides, beside the cone method and nav2's monitor.
+"""Crashes of a simulated robot with the gate, compared with the cone method and nav2's collision monitor.
 
-Everything runs in one process per core, faster than real time; see `benchmarks.world`. The default takes five to ten
-minutes on two cores. FLEET_BENCH_REPEATS seeds of each case (1; figures.md has 30), FLEET_BENCH_DRAWS runs with drawn
-sensors (160; two of each object, way and start), FLEET_BENCH_METRES of random stick (100), FLEET_BENCH_PARTS names the
-parts to run. `decision` is `script/bench gate`: what a decision costs.
+MuJoCo decides what is a crash. One process per core, faster than real time; see `benchmarks.world`. The default takes
+five to ten minutes on two cores. FLEET_BENCH_REPEATS: seeds of each case (1; figures.md has 30).
+FLEET_BENCH_DRAWS: runs with drawn sensors (160; two of each object, way and start). FLEET_BENCH_METRES of random stick
+(100). FLEET_BENCH_PARTS names the parts to run. `decision` is `script/bench gate`: the cost of a decision.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ ASKED = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()
 
 
 def measure() -> list[Figure]:
-    """All parts, or those that are asked for."""
+    """Run all parts, or those of FLEET_BENCH_PARTS."""
     figures = []
     for name in ASKED:
         progress(f"{name}: {REPEATS} repeats")

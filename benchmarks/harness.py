@@ -1,4 +1,4 @@
-"""Figures, their limits, and how they are shown."""
+"""Figures, their limits, and how they are printed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured number; it holds if it is at most its limit, or has none."""
+    """One measured number; it holds if it is at most its limit, or has no limit."""
 
     name: str
     value: float
@@ -25,7 +25,7 @@ class Figure:
 
     @property
     def holds(self) -> bool:
-        """A value that is not a number was not measured, and holds nothing."""
+        """Return whether the limit holds; a value that is not a number was not measured and breaks it."""
         return self.limit is None or self.value <= self.limit
 
     def beside_limit(self) -> str:
@@ -37,17 +37,17 @@ class Figure:
 
 
 def quantile(values: Sequence[float], share: float) -> float:
-    """The value that `share` of the values do not exceed; not a number if there is none."""
+    """Return the value that `share` of the values do not exceed; not a number if there are no values."""
     return float(np.quantile(values, share, method="higher")) if values else float("nan")
 
 
 def progress(text: str) -> None:
-    """For whoever waits; stdout is for figures."""
+    """Report progress on stderr; stdout is for figures."""
     print(text, file=sys.stderr, flush=True)
 
 
 def machine() -> dict[str, str | int]:
-    """Where this was measured."""
+    """Return facts about this machine."""
     models = [
         line.split(":", 1)[1].strip()
         for line in Path("/proc/cpuinfo").read_text().splitlines()
@@ -63,7 +63,7 @@ def machine() -> dict[str, str | int]:
 
 
 def show(name: str, figures: Sequence[Figure], facts: dict[str, str | int], *, as_json: bool) -> bool:
-    """Print the figures; True if all hold."""
+    """Print the figures; return True if all hold."""
     holds = all(figure.holds for figure in figures)
     if as_json:
         rows = [

@@ -1,4 +1,4 @@
-"""Driving over slow networks: delay of commands, how often the dead-man cuts in, and that no stall is replayed."""
+"""Driving over slow networks: delay of commands, stops by the dead-man rule, no replay of stalled commands."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack, temporary_stack
 
-# Bandwidths and round trips as browsers' developer tools name them; the losses are ours.
+# Bandwidths and round trips are those of browsers' developer tools; the losses are ours.
 PROFILES = (
     Profile("GPRS", 50, 500, 0.01),
     Profile("2G", 250, 300, 0.01),
@@ -27,21 +27,21 @@ PROFILES = (
     Profile("Wi-Fi", 30000, 2, 0.002),
 )
 ROBOT = "tiago-1"
-PERIOD_S = 0.05  # as a page sends
+PERIOD_S = 0.05  # of a page's commands
 DRIVE_S = 12.0
 STALL_S = 1.5
 NEUTRAL_S = 0.3
-SLACK_S = 0.03  # what two cores may add: the bridge's tick and its scheduling
+SLACK_S = 0.03  # allowed for the bridge's tick and its scheduling on two cores
 
 
 def measure() -> list[Figure]:
-    """One robot, one profile after the other."""
+    """Drive one robot over one network profile after the other."""
     with temporary_stack(BARE_STICKS[:1]) as stack:
         return asyncio.run(measure_on(stack))
 
 
 async def measure_on(stack: Stack) -> list[Figure]:
-    """Every figure."""
+    """Return all figures."""
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
     figures: list[Figure] = []
     async with Observer(stack.robots[ROBOT]) as observer:
@@ -91,7 +91,7 @@ class Trip:
         self._views += raw.startswith(b'{"t":"view"')
 
     async def _drive(self, seconds: float) -> None:
-        """Hold the stick; go through neutral, as a person does, when the page asks for it."""
+        """Hold the stick; return to neutral, as a person does, when the page asks for it."""
         end_s = time.monotonic() + seconds
         neutral_until_s = 0.0
         for number in itertools.count(len(self._sent)):
@@ -110,7 +110,7 @@ class Trip:
             await asyncio.sleep(PERIOD_S)
 
     async def _late_after_stall(self) -> int:
-        """Commands from the stall that were carried out older than a command lives (beyond the way itself)."""
+        """Return commands from the stall that were carried out although they were too old, network delay deducted."""
         fastest_s = min(
             (at_s - self._sent[number] for number, at_s in self._arrivals().items() if number in self._sent),
             default=self._profile.round_trip_ms / 2000.0,
@@ -135,7 +135,7 @@ class Trip:
 
 
 def stopped_share(commands: list[Seen]) -> float:
-    """The share of time, from the first motion on, in which zero was commanded."""
+    """Return the share of the time from the first motion on in which zero was commanded."""
     moving = list(itertools.dropwhile(lambda command: command.still, commands))
     if len(moving) < 2:
         return math.nan

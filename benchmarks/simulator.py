@@ -1,4 +1,4 @@
-"""Three simulated robots at once, each with its own rosmaster, nobody looking: what each costs."""
+"""Cost of each of three simulated robots with their own masters and without viewers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CORE_PERCENT = 15.0
 
 
 def measure() -> list[Figure]:
-    """Percent of a core and memory of each simulator process."""
+    """Return percent of a core and memory of each simulator process."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-simulator-")))
         pids = [_started(stack, folder, number) for number in range(1, ROBOTS + 1)]
@@ -38,7 +38,7 @@ def measure() -> list[Figure]:
 
 
 def _started(stack: ExitStack, folder: Path, number: int) -> int:
-    """A master and its robot, both ended with `stack`; the robot's process id."""
+    """Start a master and its robot, which end with `stack`; return the robot's process id."""
     home = folder / str(number)
     home.mkdir()
     master = Master(home).start()

@@ -1,17 +1,17 @@
 """script/soak: parts of a running console are killed at random while somebody drives.
 
-motion: nothing may move unheld. Every round: drive, kill one or two parts with kill -9, watch the base come to a
-standstill, start again what does not start itself, let TCP deliver what it still holds, and see that the base still
-stands.
+motion: no robot may move while nobody holds the stick. Every round: drive, kill one or two parts with kill -9, check
+that the base comes to a standstill, start the parts that do not start themselves, let TCP deliver its buffers, and
+check that the base still stands.
 
-audit: nothing may reach the robot that is not on record. Every round: drive, speak, move, publish, choose, stop; kill
-one or two of web process, bridge and database with kill -9; start again; hold what the robot received against the log.
-Half of the rounds are over SQLite and half over PostgreSQL, if that is installed.
+audit: every message that reaches the robot must have a record. Every round: drive, speak, move, publish, choose, stop;
+kill one or two of web process, bridge and database with kill -9; start again; compare the robot's messages with the
+log. Half of the rounds use SQLite and half PostgreSQL, if it is installed.
 
-attacks: floods from a robot's network and at the web door while somebody drives; see `benchmarks.attacks`.
+attacks: floods from a robot's network and at the web port while somebody drives; see `benchmarks.attacks`.
 They run only by name.
 
-motion and audit end at the first round that breaks a rule; the seed that was printed makes the same rounds again.
+motion and audit end at the first round that breaks a rule; the printed seed repeats the same rounds.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from script.stack.processes import Ended, ended_by_signals
 from script.stack.stack import PRACTICE_ROBOTS, Stack, StartError, temporary_stack
 from tests.script.servers import Postgresql, postgresql_installed, running_postgresql
 
-STANDSTILL_S = 1.0  # from the kill; the controller's own time-out and braking are in it
+STANDSTILL_S = 1.0  # from the kill; includes the controller's own time-out and braking
 SETTLED_S = 2.0
 READY_S = 90.0  # a supervisor whose restart budget is spent rests for a minute
 ROUNDS = {"motion": 100, "audit": 50}
@@ -44,7 +44,7 @@ PARTS = ("web", "bridge", "supervisor", "master")
 
 
 class RuleBrokenError(AssertionError):
-    """The robot did what it must not."""
+    """The robot broke a rule."""
 
 
 def main() -> int:
@@ -86,7 +86,7 @@ def main() -> int:
 
 
 def soak(rounds: int, seed: int) -> None:
-    """Run them all on one console."""
+    """Run all rounds of *motion* on one console."""
     chance = random.Random(seed)  # noqa: S311 - which part dies
     with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
         for number in range(1, rounds + 1):
@@ -97,7 +97,7 @@ def soak(rounds: int, seed: int) -> None:
 
 
 async def round_of(stack: Stack, victims: list[str], pause_s: float) -> None:
-    """One round."""
+    """Run one round."""
     async with scene_on(stack) as scene:
         await scene.moving()
         await asyncio.sleep(pause_s)
@@ -131,7 +131,7 @@ def kill(stack: Stack, scene: Scene, victim: str) -> None:
 
 
 def revive(stack: Stack, victims: list[str]) -> None:
-    """Start again what does not start itself. The robot starts with its master, as a real one does."""
+    """Start the parts that do not start themselves. The robot starts with its master, as a real one does."""
     robot = stack.robots[ROBOT]
     if "master" in victims:
         stack.release(robot.master, robot.simulator)
@@ -146,7 +146,7 @@ def revive(stack: Stack, victims: list[str]) -> None:
 
 
 def soak_audit(rounds: int, seed: int) -> None:
-    """One console over each database."""
+    """Run the rounds of *audit* on one console for each database."""
     on_postgresql = rounds // 2 if postgresql_installed() else 0
     with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
         reached = asyncio.run(audit_rounds(stack, Embedded(), rounds - on_postgresql, seed, "SQLite"))
@@ -160,12 +160,12 @@ def soak_audit(rounds: int, seed: int) -> None:
     else:
         progress("PostgreSQL is not installed; all rounds were over SQLite")
     print(
-        f"soak: {rounds} rounds with seed {seed}; all that reached the robot was on record: {told(reached)}"
+        f"soak: {rounds} rounds with seed {seed}; all messages to the robot were recorded: {in_words(reached)}"
     )
 
 
 async def audit_rounds(stack: Stack, database: Database, number: int, seed: int, where: str) -> Counter[str]:
-    """Sum of all that reached the robot."""
+    """Run these rounds; return the number of messages to the robot by kind."""
     reached = Counter[str]()
     person = Person(stack, await asyncio.to_thread(sign_in, stack, "operator"), seed)
     async with Witness(stack) as witness:
@@ -174,18 +174,18 @@ async def audit_rounds(stack: Stack, database: Database, number: int, seed: int,
             victims = person.chance.sample(WRITERS, person.chance.choice((1, 1, 2)))
             progress(f"round {place} of {number} ({where}, seed {seed}): {' and '.join(victims)}")
             new = await rounds.one(*victims)
-            progress(f"    on record as received: {told(new)}")
+            progress(f"    received and recorded: {in_words(new)}")
             reached += new
     return reached
 
 
-def told(reached: Counter[str]) -> str:
-    """Such as ``12 drive.start, 1 speech.start``; of drives, velocities are counted."""
+def in_words(reached: Counter[str]) -> str:
+    """Return text such as ``12 drive.start, 1 speech.start``; a drive counts once for each velocity."""
     return ", ".join(f"{number} {kind}" for kind, number in sorted(reached.items())) or "nothing"
 
 
 class Server:
-    """PostgreSQL, whose clients live on."""
+    """PostgreSQL: its clients survive a kill of the server."""
 
     writers_too = False
 
@@ -197,7 +197,7 @@ class Server:
         self._postgresql.kill()
 
     def start(self, _stack: Stack) -> None:
-        """It recovers by itself."""
+        """Start the server; it recovers by itself."""
         self._postgresql.start()
 
 

@@ -1,22 +1,22 @@
 """Effect of smoothing on a hand at the stick: none, the mean of similar inputs (the former scheme), One-Euro.
 
-Two things are measured. First the recorded hands (`benchmarks.parts.hand_model`), thinned to the page's 30 commands a
-second and to the 20 of the first design:
+Recorded hands (`benchmarks.parts.hand_model`), reduced to the page's 30 commands a second and to the 20 of the first
+design:
 
-* jitter: how far a resting hand's output strays from its own middle, rms, percent of the stick's way;
-* lag: by how much the output must be shifted in time to lie on what the hand meant;
-* stop lag: from the first zero of a stick that was let go of to zero, the worst.
+* jitter: rms distance of a resting hand's output from its mean, percent of the stick's range;
+* lag: time shift at which the output fits the hand's intention best;
+* stop lag: from the first zero of a released stick to zero output, worst.
 
-Then the former system's table, at the page's rate. The stick's direction goes from 0 to 45, 90, 135 and 180 degrees
-in 2 and in 5 s; the mean difference is that between the directions of two commands in a row. The improvement says by
-how much the difference without steadying is larger than with it; the former system reached 0 to 232 %. Where the hand
-itself turns far from one command to the next little can be gained, for no filter may take that away.
+The former system's table, at the page's rate: the stick's direction goes from 0 to 45, 90, 135 and 180 degrees in 2 and
+in 5 s. *Difference* is the mean angle between the directions of two successive commands. *Improvement* is by how much
+it is larger without a filter; the former system reached 0 to 232 %. If the hand itself turns far between two commands,
+no filter may remove this, so little can be gained.
 
-What holds, and what does not. Over the recorded hands One-Euro lags by less than half of what the mean does, and in
-every row of the table its difference is below none's and, by a hair, below the mean's. But a resting hand is calmer
-under the mean, the more so at 20 commands a second. And in slow rows One-Euro, too, lags by more than 30 ms, as a low
-pass does: by 63 ms where the stick turns 9 degrees a second, which is half a degree. No setting does both:
-``python -m benchmarks.stick`` plays many and says what each gives (docs/decisions/the-stick-filter-lags-at-slow-movements.md).
+Results: over the recorded hands One-Euro lags less than half as much as the mean. In every row of the table its
+difference is below that of no filter and slightly below the mean's. But a resting hand has less jitter with the mean,
+especially at 20 commands a second. In slow rows One-Euro, like any low pass, lags by more than 30 ms: 63 ms at 9
+degrees a second, which is half a degree. No setting has both little jitter and little lag: ``python -m
+benchmarks.stick`` compares many (docs/decisions/the-stick-filter-lags-at-slow-movements.md).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SETTLED_S = 0.3  # of a rest, before its jitter counts
 NOTHING = 0.02
 LAGS_S = np.arange(-0.02, 0.15, 0.001)
 LAG_MS = 30.0
-JITTER_SHARE = 0.3  # of the jitter without steadying
+JITTER_SHARE = 0.3  # of the jitter without a filter
 
 RANGES_DEG = (45, 90, 135, 180)
 TRANSITIONS_S = (2.0, 5.0)
@@ -52,7 +52,7 @@ SURVEY_SWEEPS = 16
 
 
 def measure() -> list[Figure]:
-    """Every figure."""
+    """Return all figures."""
     figures: list[Figure] = []
     for rate_hz in (PAGE_HZ, 20):
         progress(f"recorded hands at {rate_hz} commands a second ...")
@@ -65,7 +65,7 @@ def measure() -> list[Figure]:
 
 
 def through(steps: Sequence[StickStep], positions: Array, rate_hz: float) -> Array:
-    """Result of a chain of steps for a hand."""
+    """Return the output of a chain of filter steps for a hand."""
     memory: Memory | None = None
     given = np.empty_like(positions)
     for index, (x, w) in enumerate(positions.tolist()):
@@ -75,7 +75,7 @@ def through(steps: Sequence[StickStep], positions: Array, rate_hz: float) -> Arr
 
 
 def lag_ms(given: Array, times_s: Array, meant: Callable[[Array], Array]) -> float:
-    """The shift at which the output lies best on what was meant."""
+    """Return the time shift at which the output fits the intention best."""
     misses = [float(np.mean((given - meant(times_s - lag_s)) ** 2)) for lag_s in LAGS_S]
     return 1000.0 * float(LAGS_S[int(np.argmin(misses))])
 
@@ -129,7 +129,7 @@ def _lag_of(trace: Trace, given: Array) -> float:
 
 
 def _stop_lag_ms(traces: Sequence[Trace], given: Sequence[Array]) -> float:
-    """The worst."""
+    """Return the worst stop lag."""
     return max(
         _stop_ms(trace, one, movement)
         for trace, one in zip(traces, given, strict=True)
@@ -146,7 +146,7 @@ def _stop_ms(trace: Trace, given: Array, release: Movement) -> float:
 
 
 def _past_no_zero(step: Mean, positions: Array, rate_hz: float) -> Array:
-    """The step alone, as the former system ran it: zero and reversal are inputs like any other."""
+    """One filter step, as the former system ran it: zero and reversal are ordinary inputs."""
     columns = []
     for axis in positions.T.tolist():
         memory = step.begin(axis[0])
@@ -169,7 +169,7 @@ class Row(NamedTuple):
 
 
 def _row(degrees: int, transition_s: float) -> list[Figure]:
-    """One range and transition time, at the page's rate."""
+    """Return one row of the table (a range and a transition time), at the page's rate."""
     played = {name: _played(steps, degrees, transition_s, SWEEPS) for name, steps in SCHEMES.items()}
     row = f"0-{degrees} deg, {transition_s:g} s"
     figures = [Figure(f"{row}, none: difference", played["none"].difference, "deg")]
@@ -195,7 +195,7 @@ def _played(steps: Sequence[StickStep], degrees: int, transition_s: float, sweep
 
 
 def _sweep(degrees: int, transition_s: float, seed: int) -> tuple[Array, Callable[[Array], Array], Array]:
-    """Times, what the hand means at a time, what is measured: the stick's direction goes from 0 to `degrees`."""
+    """Return times, intended and measured positions of a stick whose direction goes from 0 to `degrees`."""
 
     def meant(times_s: Array) -> Array:
         angle = math.radians(degrees) * hand_model.minimum_jerk((times_s - AROUND_S) / transition_s)
@@ -209,7 +209,7 @@ def _sweep(degrees: int, transition_s: float, seed: int) -> tuple[Array, Callabl
 
 
 def _mean_difference_deg(given: Array, times_s: Array, transition_s: float) -> float:
-    """Between the directions of two commands in a row, while the hand turns."""
+    """Return the mean angle between the directions of two successive commands, while the hand turns."""
     directions = np.unwrap(np.arctan2(given[:, 1], given[:, 0]))
     turning = _between(times_s[1:], AROUND_S, AROUND_S + transition_s)
     return math.degrees(float(np.mean(abs(np.diff(directions))[turning])))
@@ -219,7 +219,7 @@ def _mean_difference_deg(given: Array, times_s: Array, transition_s: float) -> f
 
 
 def survey() -> None:
-    """Print what each of `SETTINGS` gives: over the recorded hands, and in the table's worst row for each figure."""
+    """Print results for each of `SETTINGS`: over the recorded hands, and in the table's worst row of each figure."""
     kinds = [(degrees, transition_s) for transition_s in TRANSITIONS_S for degrees in RANGES_DEG]
     none, mean = (
         [_played(SCHEMES[name], *kind, SURVEY_SWEEPS) for kind in kinds] for name in ("none", "mean")

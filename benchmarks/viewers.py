@@ -1,4 +1,4 @@
-"""Watching a robot: delay of its pictures for 1, 10 and 50 viewers, what they cost, and one that stalls."""
+"""Watching a robot: delay and cost of its pictures for 1, 10 and 50 viewers, and effect of one that stalls."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ DELAY_P99_MS = 5.0  # with the largest crowd
 CORE_PERCENT = 5.0
 BRIDGE_MB = 90.0
 WEB_MB = 150.0
-OBSERVER_LATE_S = 0.005  # who watches may hear of a scan after the bridge did
+OBSERVER_LATE_S = 0.005  # the observer may get a scan later than the bridge
 GROWTH_MB = 2.0  # of the web process while one viewer stalls
 
 
@@ -46,13 +46,13 @@ class Cost:
 
 
 def measure() -> list[Figure]:
-    """Three robots run; one of them is watched."""
+    """Run three robots; viewers watch one of them."""
     with temporary_stack() as stack:
         return asyncio.run(measure_on(stack))
 
 
 async def measure_on(stack: Stack) -> list[Figure]:
-    """Every figure."""
+    """Return all figures."""
     cookie = await asyncio.to_thread(sign_in, stack, "observer")
     bench = Bench(stack, cookie)
     prefer_loops_or_say(stack)
@@ -83,7 +83,7 @@ async def measure_on(stack: Stack) -> list[Figure]:
 
 
 def beside(bare_s: list[float], figures: list[Figure]) -> list[Figure]:
-    """Bare rospy's delays, and the largest crowd's times those."""
+    """Return bare rospy's delays, and the largest crowd's as a ratio to them."""
     measured = {figure.name: figure.value for figure in figures}
     found = []
     for share in (50, 99):
@@ -102,7 +102,7 @@ class Bench:
     def __init__(self, stack: Stack, cookie: str) -> None:
         self._stack = stack
         self._cookie = cookie
-        self.pictures_hz = 0.0  # that each of the last crowd got
+        self.pictures_hz = 0.0  # for each viewer of the last crowd
         slug = stack.robots[ROBOT].plan.slug
         [self._bridge] = [
             child
@@ -111,7 +111,7 @@ class Bench:
         ]
 
     def cost(self) -> Cost:
-        """Now."""
+        """Return processor time and memory of each process now."""
         web = self._stack.web.pid
         return Cost(
             process_stats.cpu_s(web),
@@ -121,7 +121,7 @@ class Bench:
         )
 
     async def idle(self) -> tuple[float, float]:
-        """Percent of a core that web process and bridge use when nobody looks."""
+        """Return the percent of a core that web process and bridge use without viewers."""
         return await self._used()
 
     async def _used(self) -> tuple[float, float]:
@@ -134,7 +134,7 @@ class Bench:
         )
 
     async def crowd(self, count: int, observer: Observer) -> list[Figure]:
-        """Delays and cost with so many viewers."""
+        """Measure delays and cost with `count` viewers."""
         largest = count == CROWDS[-1]
         async with Crowd(self._stack, ROBOT, self._cookie, count) as crowd, self._link() as drawn:
             await asyncio.sleep(SETTLED_S)
@@ -172,7 +172,7 @@ class Bench:
         ]
 
     async def stalled(self, count: int) -> list[Figure]:
-        """One of them reads nothing: do the others get as much as without it, does memory stay?"""
+        """Let one viewer stop reading; check that the others still get all pictures and that memory does not grow."""
         crowd = Crowd(self._stack, ROBOT, self._cookie, count, one_stalls=True)
         async with crowd:
             await asyncio.sleep(SETTLED_S)
@@ -194,12 +194,12 @@ class Bench:
 
     @asynccontextmanager
     async def _link(self) -> AsyncIterator[dict[int, float]]:
-        """A second link to the bridge, beside the web process's: when each picture was drawn."""
+        """Record when each picture was drawn, on a second link to the bridge in parallel to the web process's."""
         drawn: dict[int, float] = {}
         path = self._stack.robots[ROBOT].link_path
         async with unix_connect(path, compression=None, ping_interval=None) as link:
             await link.send(wire.encode(wire.LinkHello(wire.PROTOCOL, "benchmark")), text=True)
-            # The name that the viewers have: the list of watchers, and so the picture, stays the same.
+            # The same name as the viewers: the list of watchers, and so the picture, stays the same.
             await link.send(
                 wire.encode(wire.Viewers([self._stack.accounts["observer"].username.capitalize()])),
                 text=True,

@@ -6,28 +6,28 @@ from typing import Literal, NamedTuple
 
 from benchmarks.attacks.figures import ENDED_ZERO_S, TIMES, Limits
 
-QUICK = 50  # a p99 of 20 presses is their worst
+QUICK = 50  # more than 20 presses: their p99 would be the worst one
 Side = Literal["ros", "web", "incident"]
 
 
 class Attack(NamedTuple):
-    """`side` has the role of this name."""
+    """An attack; the module of its `side` has a role of the same name."""
 
     name: str
     side: Side
     words: str
     limits: Limits = Limits()
-    as_who: str = ""  # whose session the attackers have, if any
-    plays: bool = False  # a motion is asked for in each slot
+    as_who: str = ""  # demo account whose session the attackers use, if any
+    plays: bool = False  # the driver requests a motion in each slot
 
     @property
     def quick(self) -> int:
-        """Return how many quick presses each of its slots has."""
+        """Return the number of quick presses in each slot."""
         return QUICK if self.limits.times else 0
 
     @property
     def section(self) -> int:
-        """1: from a robot's network, and blows at a bridge; 2: at the web door."""
+        """1: from a robot's network, and incidents at a bridge; 2: at the web port."""
         return 2 if self.side == "web" else 1
 
 
@@ -39,7 +39,7 @@ ATTACKS = (
     Attack("long-type", "ros", "a type of 9 MB for the drive topic"),
     Attack("long-result", "ros", "a motion's result of 9 MB", plays=True),
     Attack("huge-scans", "ros", "a laser of 3 million beams at 10 Hz"),
-    Attack("fast-scans", "ros", "a laser of 20,000 beams as fast as it is read"),
+    Attack("fast-scans", "ros", "a laser of 20,000 beams as fast as the bridge reads"),
     Attack("large-pictures", "ros", "a depth camera of 12 million pixels at 3 Hz"),
     Attack("declared-scan", "ros", "a laser whose message declares 4 GB"),
     Attack("declared-header", "ros", "connections to the bridge that declare a header of 4 GB"),
@@ -54,7 +54,7 @@ ATTACKS = (
     Attack("guesses", "web", "60 guesses of a password at once, again and again", _BESIDE),
     Attack("bodies", "web", "POSTs of 500 MB to any address", _BESIDE),
     Attack("slow-heads", "web", "200 connections with endless headers", _BESIDE),
-    Attack("idle", "web", "300 connections that say nothing", _BESIDE),
+    Attack("idle", "web", "300 silent connections", _BESIDE),
     Attack("huge-frames", "web", "WebSocket frames of 500 MB", _BESIDE),
     Attack("handshakes", "web", "WebSocket handshakes of 4 MB", _BESIDE),
     Attack("pages", "web", "100 pages and REST answers a second", _BESIDE, as_who="observer"),

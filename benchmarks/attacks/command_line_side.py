@@ -14,7 +14,7 @@ from benchmarks.stop import ROBOT
 
 
 def main() -> None:
-    """Say "ready", then for each line what came of it."""
+    """Print "ready", then the result for each line."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
     django.setup()
     import robots.registry.management.commands.stop  # noqa: F401  (loaded before the first press)

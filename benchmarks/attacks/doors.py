@@ -1,4 +1,4 @@
-"""Every door of the emergency stop, pressed one after the other."""
+"""Every way to press the emergency stop, one after the other."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from robots import wire
 from script.stack.client import Driver, open_socket
 from script.stack.stack import Stack
 
-PAGES = ("page", "fleet page")  # these answer nothing: a page shows the robot's state
+PAGES = ("page", "fleet page")  # these get no answer: a page shows the robot's state
 NAMES = (*PAGES, "REST", "form")  # in turn
-COMMAND_LINE = "command line"  # less often
-EVERY = 10  # presses
+COMMAND_LINE = "command line"  # each tenth press
+EVERY = 10
 ANSWER_S = 20.0
 FAULTS = (OSError, ConnectionClosed, WebSocketException, asyncio.TimeoutError, http.client.HTTPException)
 
@@ -36,15 +36,15 @@ def door(number: int) -> str:
 
 
 class Doors:
-    """Async context: all doors but the driver's own page are open before the first press.
+    """Async context: opens all doors except the driver's page before the first press.
 
-    The command line is manage.py stop in a process that has loaded Django already: the start of Python is not measured.
+    The command line is manage.py stop in a process that has already loaded Django: Python's start is not measured.
     """
 
     def __init__(self, stack: Stack, cookie: str) -> None:
         self.driver: Driver | None = None
         self.answers: Counter[str] = Counter()
-        self.answered_s: list[float] = []  # how long the doors that answer took
+        self.answered_s: list[float] = []  # of the doors that answer
         self._stack, self._cookie = stack, cookie
         self._fleet: ClientConnection | None = None
         self._tasks: set[asyncio.Task[None]] = set()
@@ -77,7 +77,7 @@ class Doors:
         await self._command_line.wait()
 
     def press(self, name: str) -> float:
-        """Press there; return the time. Answers are counted when they come."""
+        """Press at this door and return the time; a task counts the answer later."""
         csrf = next((value for key, _, value in self._cookies() if key.startswith("fleet_csrf")), "")
         pressed_s = time.monotonic()
         match name:
@@ -127,16 +127,16 @@ class Doors:
         return "sent"
 
     def _post(self, path: str, headers: dict[str, str], body: str) -> str:
-        """On a thread."""
+        """Send a POST request; blocks, so it runs on a thread. Returns the status."""
         connection = http.client.HTTPConnection(self._stack.hosts[0], self._stack.port, timeout=ANSWER_S)
-        told = {
+        sent_headers = {
             "Cookie": self._cookie,
             "Origin": self._stack.url,
             "Referer": f"{self._stack.url}/",
             **headers,
         }
         try:
-            connection.request("POST", path, body, told)
+            connection.request("POST", path, body, sent_headers)
             answer = connection.getresponse()
             answer.read()
             return str(answer.status)
@@ -153,7 +153,7 @@ class Doors:
         return (await self._command_line.stdout.readline()).decode().strip()
 
     async def _keep_fleet_page(self) -> None:
-        """Open it again whenever it closed, as its script does."""
+        """Open it again whenever it closes, as its script does."""
         while True:
             with suppress(*FAULTS):
                 async with open_socket(self._stack, "/ws/fleet/", self._cookie) as socket:

@@ -1,4 +1,4 @@
-"""Figures under an attack next to the same run as usual, and broken limits. Pure."""
+"""Figures under an attack compared with slots without one, and broken limits. Pure."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from dataclasses import dataclass, field
 
 from benchmarks.harness import Figure, quantile
 
-ZERO_S = 0.35  # worst press -> zero
-ENDED_ZERO_S = 1.0  # the same where the bridge itself was ended
-ANSWER_S = 2.5  # worst press -> answer of REST, form or command line: after 2 s it is "pending"
+ZERO_S = 0.35  # from a press to the first zero, worst
+ENDED_ZERO_S = 1.0  # the same if the attack ends the bridge
+ANSWER_S = 2.5  # from a press to the answer of REST, form or command line, worst: after 2 s it is "pending"
 GAP_S = 0.1  # between two zeros while latched
-TIMES = 1.5  # of p99 as usual, under attacks of strangers at the web door
+TIMES = 1.5  # of the usual p99, under attacks of strangers at the web port
 GOOD_ANSWERS = (": sent", ": no page", ": 200", ": 202", ": stopped", ": pending")
 STILL_RADPS = 0.01
 
 
 @dataclass(frozen=True)
 class Press:
-    """One press of the stop. Infinite: not within our patience."""
+    """One press of the stop. Infinite: not within the time limit."""
 
     door: str
     zero_s: float  # until the first zero
     confirmed_s: float  # until the driver's page shows it
-    gap_s: float  # the largest between two zeros, until it is cleared
-    moved_radps: float  # the fastest that the base turned, latched, once it had time to brake
+    gap_s: float  # the largest between two zeros, until the stop is cleared
+    moved_radps: float  # fastest turn of the base while stopped, after it had time to brake
 
 
 @dataclass
 class Taken:
-    """All that was measured in the slots of one attack, or of all slots without one."""
+    """Measurements of the slots of one attack, or of all slots without one."""
 
     presses: list[Press] = field(default_factory=list)
     quick: list[tuple[str, float]] = field(default_factory=list)  # door and seconds until the first zero
@@ -38,18 +38,18 @@ class Taken:
     sent: int = 0  # drive commands
     lost: int = 0  # of these, never seen on the drive topic
     control_lost: int = 0  # times
-    halts: dict[str, int] = field(default_factory=dict)  # that the driver did not make, by code
-    bridge_mb: tuple[float, float] = (math.nan, math.nan)  # before, most
+    halts: dict[str, int] = field(default_factory=dict)  # not made by the driver, by code
+    bridge_mb: tuple[float, float] = (math.nan, math.nan)  # before, maximum
     web_mb: tuple[float, float] = (math.nan, math.nan)
     records: int = 0  # added to the audit log
     lasted_s: float = 0.0
     answers: dict[str, int] = field(default_factory=dict)  # of the stop's doors
     answered_s: list[float] = field(default_factory=list)  # until REST, form or command line answered
-    attacker: str = ""  # its last words
-    fault: str = ""  # what ended the attack's slots early
+    attacker: str = ""  # its last line of output
+    fault: str = ""  # the reason why the attack's slots ended early
 
     def add(self, other: Taken) -> None:
-        """One more slot of the same kind."""
+        """Add the measurements of one more slot of the same kind."""
         self.presses += other.presses
         self.quick += other.quick
         self.delays_s += other.delays_s
@@ -74,7 +74,7 @@ class Limits:
 
     zero_s: float = ZERO_S
     gap_s: float | None = GAP_S
-    times: float | None = None  # of p99 as usual: stop and drive
+    times: float | None = None  # of the usual p99, for stop and drive
 
 
 def _least_and_most(ours: tuple[float, float], theirs: tuple[float, float]) -> tuple[float, float]:
@@ -85,10 +85,10 @@ def _least_and_most(ours: tuple[float, float], theirs: tuple[float, float]) -> t
 
 
 def figures(taken: Taken, usual: Taken, limits: Limits) -> list[Figure]:
-    """Each in ms, with its limit where it has one."""
+    """Return the figures, times in ms, with their limits if any."""
     zeros, usual_zeros = _zeros(taken), _zeros(usual)
     every, usual_every = taken.delays_s, usual.delays_s
-    told = [
+    return [
         *_three("stop", zeros, limits.zero_s),
         _ms("answered worst", _worst(taken.answered_s), ANSWER_S),
         _ms("confirmed worst", _worst(press.confirmed_s for press in taken.presses), None),
@@ -107,14 +107,13 @@ def figures(taken: Taken, usual: Taken, limits: Limits) -> list[Figure]:
         Figure("web most", taken.web_mb[1], "MB"),
         Figure("records", taken.records / taken.lasted_s if taken.lasted_s else math.nan, "/s"),
     ]
-    return told
 
 
-def broken(told: Sequence[Figure], taken: Taken) -> list[str]:
-    """In words. A door that answers says that the stop is confirmed, or pending."""
+def broken(measured: Sequence[Figure], taken: Taken) -> list[str]:
+    """Return the broken limits in words. A good answer of a door says that the stop is confirmed, or pending."""
     faults = [taken.fault] if taken.fault else []
     faults += [f"answer of a door: {answer}" for answer in taken.answers if not answer.endswith(GOOD_ANSWERS)]
-    return faults + [one.beside_limit() for one in told if not one.holds]
+    return faults + [one.beside_limit() for one in measured if not one.holds]
 
 
 def _zeros(taken: Taken) -> list[float]:
@@ -134,7 +133,7 @@ def _ms(name: str, seconds: float, limit_s: float | None) -> Figure:
 
 
 def _worst(values: Iterable[float]) -> float:
-    """Not a number if there is none: nothing was measured."""
+    """Return the maximum; not a number if there are no values."""
     return max(values, default=math.nan)
 
 
@@ -163,15 +162,15 @@ COLUMNS = (
 
 
 def table(rows: Sequence[tuple[str, Sequence[Figure], Sequence[str]]]) -> str:
-    """A line for each attack: figures (ms, MB), then what is broken."""
+    """Return a line for each attack: figures (ms, MB), and whether its limits hold."""
     width = max(len(name) for name, _, _ in rows)
     heads = [head for _, head in COLUMNS]
     lines = [
         f"{'':<{width}} {'stop, ms':>46} {'drive, ms':>29}",
         f"{'':<{width}} " + " ".join(f"{head:>7}" for head in heads),
     ]
-    for name, told, faults in rows:
-        values = {figure.name: figure.value for figure in told}
+    for name, measured, faults in rows:
+        values = {figure.name: figure.value for figure in measured}
         cells = " ".join(f"{_cell(values[key]):>7}" for key, _ in COLUMNS)
         lines.append(f"{name:<{width}} {cells}  {'ok' if not faults else 'BROKEN'}")
     return "\n".join(lines)

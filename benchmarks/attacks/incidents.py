@@ -1,4 +1,4 @@
-"""One blow that ends, freezes or replaces a bridge; the stop is pressed while it is away."""
+"""Incidents that end, freeze or replace a bridge; the stop is pressed while the bridge is away."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ FROZEN_S = 3.0
 
 
 class Incident(NamedTuple):
-    """`strike` returns what undoes it, to be awaited; presses come so many seconds after it."""
+    """`strike` returns an async function that undoes it; `presses_s` are the seconds from strike to each press."""
 
     strike: Callable[[Stack], Awaitable[Callable[[], Awaitable[None]]]]
     presses_s: tuple[float, ...]
-    fresh_supervisor: bool = False  # afterwards: its budget of restarts would be spent
+    fresh_supervisor: bool = False  # a new supervisor afterwards: the old one's restart budget is used up
 
 
 async def freeze(stack: Stack) -> Callable[[], Awaitable[None]]:
@@ -53,7 +53,7 @@ async def kill(stack: Stack) -> Callable[[], Awaitable[None]]:
 
 
 async def shut_down(stack: Stack) -> Callable[[], Awaitable[None]]:
-    """A stranger's call of the node's own method."""
+    """A stranger calls the node's shutdown method."""
     await asyncio.to_thread(_shut_down, stack.robots[ROBOT].master_uri)
     return _nothing
 
@@ -64,7 +64,7 @@ def _shut_down(master_uri: str) -> None:
 
 
 async def take_name(stack: Stack) -> Callable[[], Awaitable[None]]:
-    """A node of the bridge's name registers, and leaves again at once: the master tells the bridge to shut down."""
+    """A node with the bridge's name registers and leaves at once: the master asks the bridge to shut down."""
     await asyncio.to_thread(_take_name, stack.robots[ROBOT].master_uri)
     return _nothing
 

@@ -1,7 +1,7 @@
 """Attackers on a robot's network: ``python -m benchmarks.attacks.ros_side ROLE SECONDS``, master in ROS_MASTER_URI.
 
-Each ends by itself after SECONDS, or at SIGTERM, and takes what it registered off the master's books. Most of them have
-their home in `tests.ros.strangers`, which tests use too.
+Each ends after SECONDS, or at SIGTERM, and unregisters its nodes at the master. Most of them are defined in
+`tests.ros.strangers`, which tests use too.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ TOPICS = 1500
 MOVING_HZ, MOVING_RADPS = 20.0, -0.4
 AGAIN_S = 1.0
 
-Attack = Callable[[str], AbstractContextManager[Any]]  # takes the master's address
+Attack = Callable[[str], AbstractContextManager[Any]]  # called with the master's address
 
 
 @contextmanager
 def long_type(master_uri: str) -> Iterator[None]:
-    """As there; then the master is told the true type again, for it keeps the last one."""
+    """Run `strangers.long_type`; then register the true type again, because the master keeps the last one."""
     with strangers.long_type(master_uri):
         yield
     with Node(master_uri, "/mender") as node:
@@ -49,7 +49,7 @@ def long_type(master_uri: str) -> Iterator[None]:
 
 @contextmanager
 def long_result(_master_uri: str) -> Iterator[None]:
-    """Whatever motion is asked for ends at once, with 9 MB of words."""
+    """End each requested motion at once, with 9 MB of text."""
     join("long_result")
     kind = message_class("play_motion_msgs/PlayMotionActionResult")
     publisher = rospy.Publisher(f"{MOTIONS}/result", kind, queue_size=4)
@@ -81,7 +81,7 @@ def large_pictures(master_uri: str) -> Iterator[None]:
 
 @contextmanager
 def small_messages(master_uri: str) -> Iterator[None]:
-    """The robot's own odometry and sonar readings, each said again 2000 times a second."""
+    """Repeat the robot's own odometry and sonar readings, each 2000 times a second."""
     join("small_messages")
     latest: dict[str, bytes] = {}
 
@@ -105,9 +105,9 @@ def small_messages(master_uri: str) -> Iterator[None]:
 
 @contextmanager
 def many_topics(master_uri: str) -> Iterator[None]:
-    """1500 nodes, each with a topic of its own, whose names have hundreds of characters."""
+    """Register 1500 nodes with one topic each; their names have hundreds of characters."""
     master = ServerProxy(master_uri)
-    uri = f"http://{HOST}:1/"  # nobody is there
+    uri = f"http://{HOST}:1/"  # no server listens there
     names = [(f"/many_{'n' * 200}_{number}", f"/many_{'t' * 200}_{number}") for number in range(TOPICS)]
     for node, topic in names:
         master.registerPublisher(node, topic, "std_msgs/String", uri)
@@ -117,7 +117,7 @@ def many_topics(master_uri: str) -> Iterator[None]:
 
 
 def again(attack: Attack) -> Attack:
-    """For those that end when the bridge ends: begun anew every second."""
+    """Start the attack again every second, because it ends when the bridge ends."""
 
     @contextmanager
     def repeated(master_uri: str) -> Iterator[None]:
@@ -143,7 +143,7 @@ def again(attack: Attack) -> Attack:
 
 @contextmanager
 def navigate(_master_uri: str) -> Iterator[None]:
-    """Not an attacker: navigation that wants to turn the robot all the time, below the console in the mux."""
+    """Turn the robot all the time, as navigation with a lower mux priority than the console. Not an attack."""
     join("navigate")
     twist = message_class("geometry_msgs/Twist")
     publisher = rospy.Publisher("/nav_vel", twist, queue_size=1, tcp_nodelay=True)
@@ -160,7 +160,7 @@ def navigate(_master_uri: str) -> Iterator[None]:
 
 
 def join(role: str) -> None:
-    """As a node of rospy."""
+    """Start a rospy node."""
     rospy.init_node(f"attack_{role}", anonymous=True, disable_signals=True)
 
 
@@ -182,18 +182,18 @@ ROLES: dict[str, Attack] = {
 
 
 def main() -> None:
-    """By the first word."""
+    """Run the role of the first argument."""
     role, seconds = sys.argv[1], float(sys.argv[2])
     over = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
-    os.nice(10)  # as a rule an attacker has a computer of its own
+    os.nice(10)  # an attacker usually has its own computer
     with ROLES[role](os.environ["ROS_MASTER_URI"]) as node:
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s and not over.wait(0.5):
-            pass  # awake now and then: a signal that another thread got is handled by this one
+            pass  # wake up regularly: Python handles signals on this thread only
         if isinstance(node, Node):
             print(f"{node.sent} sent, {node.dropped} connections were closed", flush=True)
-    os._exit(0)  # threads may hang while they send
+    os._exit(0)  # do not wait for threads that hang in a send
 
 
 if __name__ == "__main__":

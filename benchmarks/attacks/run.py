@@ -1,4 +1,4 @@
-"""The whole run: slots as usual and slots under attack by turns, then the table."""
+"""The whole run: slots with and without an attack in turn, then the table."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from script.stack.client import sign_in
 from script.stack.processes import Child, end_all
 from script.stack.stack import Stack, StartError, temporary_stack
 
-# For each attack: slots, presses in each, and presses in the slot as usual before it.
+# For each attack: slots, presses in each, and presses in the usual slot before it.
 LONG = 2, 10, 2
 SHORT = 1, 5, 2
-IN_FORCE_S = 1.5  # from an attacker's start
-LONGEST_S = 90.0  # of an attacker
+IN_FORCE_S = 1.5  # from an attacker's start until its attack has effect
+LONGEST_S = 90.0  # life of an attacker
 SAMPLE_S = 0.25
 BACK_S = 60.0
-CALM_S, LOOK_S, BUSY = 15.0, 0.5, 0.6  # how long to wait for less than so much of a core
+CALM_S, LOOK_S, BUSY = 15.0, 0.5, 0.6  # at most so long, checked so often, until less of a core is busy
 
 Row = tuple[str, Sequence[Figure], Sequence[str]]
 
 
 def soak_attacks(only: Sequence[str], seed: int, *, short: bool, as_json: bool) -> bool:
-    """Run them on one console and print the table; True if every limit holds."""
+    """Run the attacks on one console and print the table; return True if every limit holds."""
     attacks = [attack for attack in ATTACKS if not only or attack.name in only]
     facts = machine()
     with temporary_stack(BARE_STICKS[:1], settings=LIMIT_OF_UNIT) as stack:
@@ -59,8 +59,8 @@ def soak_attacks(only: Sequence[str], seed: int, *, short: bool, as_json: bool) 
 
 
 def _row(attack: Attack, taken: Taken, usual: Taken) -> Row:
-    told = figures(taken, usual, attack.limits)
-    return attack.name, told, broken(told, taken)
+    measured = figures(taken, usual, attack.limits)
+    return attack.name, measured, broken(measured, taken)
 
 
 def _as_json(facts: dict[str, str | int], seed: int, rows: Sequence[Row]) -> dict[str, object]:
@@ -79,11 +79,11 @@ def _as_json(facts: dict[str, str | int], seed: int, rows: Sequence[Row]) -> dic
                         "limit": figure.limit,
                         "holds": figure.holds,
                     }
-                    for figure in told
+                    for figure in measured
                 ],
                 "broken": list(faults),
             }
-            for name, told, faults in rows
+            for name, measured, faults in rows
         ],
         "holds": not any(faults for _, _, faults in rows),
     }
@@ -92,7 +92,7 @@ def _as_json(facts: dict[str, str | int], seed: int, rows: Sequence[Row]) -> dic
 async def run_on(
     stack: Stack, attacks: Sequence[Attack], seed: int, *, short: bool
 ) -> tuple[dict[str, Taken], Taken]:
-    """By attack, and as usual."""
+    """Return the measurements by attack, and those of the usual slots."""
     gc.freeze()
     slots, presses, usual_presses = SHORT if short else LONG
     cookies = {
@@ -103,7 +103,7 @@ async def run_on(
     taken: dict[str, Taken] = {}
     usual = Taken()
     async with scene_on(stack, cookies["supervisor"], cookies["operator"], seed) as scene:
-        await _slot(scene, Taken(), ["page", "REST"], calm=True)  # whatever is slow the first time
+        await _slot(scene, Taken(), ["page", "REST"], calm=True)  # not counted: the first presses are slower
         bench = Bench(scene, cookies)
         for attack in attacks:
             whole = taken[attack.name] = Taken()
@@ -120,7 +120,7 @@ async def run_on(
 
 
 class Bench:
-    """One slot after the other."""
+    """Runs one slot after the other."""
 
     def __init__(self, scene: Scene, cookies: dict[str, str]) -> None:
         self._scene = scene
@@ -139,7 +139,7 @@ class Bench:
         return taken
 
     async def attacked(self, attack: Attack, doors: Sequence[str]) -> Taken:
-        """While it lasts: the stop is pressed at these doors."""
+        """Press the stop at these doors, for one slot."""
         taken = Taken()
         if attack.side == "incident":
             return await self._struck(attack, taken, len(doors))
@@ -157,7 +157,7 @@ class Bench:
             taken.attacker = (child.last_lines().splitlines() or [""])[-1]
 
     async def _calm(self) -> None:
-        """Wait until the rest of an attack is done: it must not count as usual."""
+        """Wait until the after-effects of an attack end: they must not count in a usual slot."""
         end_s = time.monotonic() + CALM_S
         while time.monotonic() < end_s:
             web = self._stack.web.pid
@@ -213,14 +213,14 @@ async def _slot(scene: Scene, taken: Taken, doors: Sequence[str], quick: int = 0
         for number in range(quick):
             await scene.press_quickly(NAMES[number % len(NAMES)])
         if calm:
-            await scene.ready()  # with control, and not stopped: so the next slot finds it
+            await scene.ready()  # the next slot begins with control and without a stop
     finally:
         taken.add(scene.end())
 
 
 @asynccontextmanager
 async def _watched(stack: Stack, taken: Taken) -> AsyncIterator[None]:
-    """Memory, and the log, from the beginning of the slot to its end."""
+    """Memory use and growth of the audit log during a slot."""
     before, began_s = _records(stack), time.monotonic()
     sampling = asyncio.create_task(_sample(stack, taken))
     try:
@@ -269,7 +269,7 @@ def _start(stack: Stack, side: str, role: str, seconds: float, cookie: str = "")
         command += [stack.hosts[0], str(stack.port), stack.url]
         environment = {**stack.environment, "ATTACK_COOKIE": cookie}
     child = stack.start_child(f"attack-{role}-{time.monotonic_ns()}", command, environment)
-    stack.children.remove(child)  # it may end: the stack does without
+    stack.children.remove(child)  # the stack must not fail when an attacker ends
     return child
 
 
@@ -281,7 +281,7 @@ def _in_words(taken: Taken) -> str:
         for name, found in by_door.items()
         if found
     }
-    told = [
+    parts = [
         f"press -> zero worst {1000.0 * max(zeros, default=math.nan):.0f} ms of {len(zeros)}",
         f"gap {1000.0 * max((press.gap_s for press in taken.presses), default=math.nan):.0f} ms",
         f"{taken.lost} of {taken.sent} commands lost",
@@ -289,9 +289,9 @@ def _in_words(taken: Taken) -> str:
         f"quick presses, p50, p90 and worst in ms {quick}",
     ]
     if taken.halts:
-        told.append(f"halts {taken.halts}")
+        parts.append(f"halts {taken.halts}")
     if taken.attacker:
-        told.append(f"attacker: {taken.attacker}")
+        parts.append(f"attacker: {taken.attacker}")
     if taken.fault:
-        told.append(f"FAULT {taken.fault}")
-    return "; ".join(told)
+        parts.append(f"FAULT {taken.fault}")
+    return "; ".join(parts)

@@ -1,4 +1,4 @@
-"""A driver while other software wants to drive, too; repeated stops; the messages at the robot."""
+"""A person who drives, repeated stops, and the messages that the robot gets, while other software also drives."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from robots import wire
 from script.stack.client import Driver
 from script.stack.stack import Stack
 
-RUN_UP_S = 0.25  # the base turns at its speed by then
-DRIVEN_S = 0.75  # with the run-up
+RUN_UP_S = 0.25  # until the base turns at its speed
+DRIVEN_S = 0.75  # including the run-up
 QUICK_S = 0.1  # of driving before a quick press
-LATCHED_S = 0.35  # that a stop is held
-LONG_S, LONG_EVERY = 2.0, 5  # each fifth is held so long that one sees whether the base stays
+LATCHED_S = 0.35  # duration of a stop
+LONG_S, LONG_EVERY = 2.0, 5  # each fifth stop lasts longer, to check that the base stays at rest
 BRAKED_S = 1.2  # after the first zero
 ZERO_PATIENCE_S, CONFIRMED_PATIENCE_S = 5.0, 6.0
-READY_S = 30.0  # until there is control again, when nothing attacks
-ATTACKED_S = 4.0  # the same under attack: then the stop is pressed all the same
-HOPELESS = 4  # presses in a row that did not reach the robot: the slot ends
-LIFE_S = 0.3  # of a command: one that was under way at the press need not arrive
+READY_S = 30.0  # until control is back, without an attack
+ATTACKED_S = 4.0  # the same under attack; then the stop is pressed without control
+HOPELESS = 4  # after so many presses in a row that did not reach the robot the slot ends
+LIFE_S = 0.3  # of a command: a command that is under way at the press need not arrive
 OWN_HALTS = {"stopped", "stop_cleared", "control_taken"}
 FAULTS = (OSError, ConnectionClosed, WebSocketException, TimeoutError, asyncio.TimeoutError)
 
@@ -43,11 +43,11 @@ class LostError(RuntimeError):
 
 
 class Scene:
-    """Made by `scene_on`."""
+    """One robot with its driver, the stop's doors and an observer; `scene_on` makes it."""
 
     def __init__(self, stack: Stack, cookie: str, observer: Observer, doors: Doors, seed: int) -> None:
         self.stack = stack
-        self.taken = Taken()  # of the present slot
+        self.taken = Taken()  # of the current slot
         self._cookie = cookie
         self._observer = observer
         self._doors = doors
@@ -57,14 +57,14 @@ class Scene:
         self._numbering = itertools.count()
         self._sent: dict[int, float] = {}
         self._drives = False
-        self.calm = True  # nobody attacks
+        self.calm = True  # no attack is running
         self._had_control = False
         self._halt = ""
 
     # --- driving -------------------------------------------------------------------------------------
 
     async def hold(self) -> None:
-        """The stick, 50 times a second, for as long as the scene lasts."""
+        """Send the stick position 50 times a second until cancelled."""
         due_s = time.monotonic()
         while True:
             with suppress(*FAULTS):
@@ -88,7 +88,7 @@ class Scene:
         await driver.drive(0.0, self._numbers.turn(number), SHARE)
 
     async def ready(self, patience_s: float = READY_S) -> Driver:
-        """A page with control of a robot that nothing stops. LostError after `patience_s`."""
+        """Return a page with control of a robot that is not stopped. LostError after `patience_s`."""
         end_s = time.monotonic() + patience_s
         while True:
             try:
@@ -138,7 +138,7 @@ class Scene:
     # --- a press -------------------------------------------------------------------------------------
 
     async def press(self, door: str, number: int) -> None:
-        """Drive, press there, hold, clear. Results go to `taken`."""
+        """Drive, press at this door, hold the stop, clear. Results go to `taken`."""
         before = await self._drive(READY_S if self.calm else ATTACKED_S)
         pressed_s = self._doors.press(door)
         zero_s, confirmed_s = await asyncio.gather(
@@ -152,7 +152,7 @@ class Scene:
         self._note_drive(pressed_s)
 
     async def press_quickly(self, door: str) -> None:
-        """Drive for a moment, press there, clear: many of these tell how often a stop takes how long."""
+        """Drive for a moment, press at this door, clear: many quick presses give the distribution of the delay."""
         before = await self._drive(READY_S if self.calm else ATTACKED_S, QUICK_S)
         pressed_s = self._doors.press(door)
         zero_s, _ = await asyncio.gather(self._first_zero(pressed_s), self._confirmed(before, pressed_s))
@@ -180,9 +180,9 @@ class Scene:
             self._note(door, pressed_s, confirmed_s - pressed_s)
 
     async def _drive(self, patience_s: float, driven_s: float = DRIVEN_S) -> int:
-        """For a moment, if there is control within `patience_s`. Returns the number of the last stop.
+        """Drive for a moment, if control comes within `patience_s`. Returns the number of the last stop.
 
-        LostError, but not under attack.
+        Without control: LostError, except under attack.
         """
         try:
             driver = await self.ready(patience_s)
@@ -254,7 +254,7 @@ class Scene:
         )
 
     def _note_drive(self, pressed_s: float) -> None:
-        """The commands of this drive: those that had time to arrive, and those that did."""
+        """Count this drive's commands that had time to arrive, and those that arrived."""
         self._drives = False
         if self._numbers is None:
             return
@@ -276,7 +276,7 @@ class Scene:
     # --- a slot --------------------------------------------------------------------------------------
 
     def begin(self, *, calm: bool) -> None:
-        """A new slot."""
+        """Begin a new slot."""
         self.calm = calm
         self._drives = False
         self.taken = Taken()
@@ -285,7 +285,7 @@ class Scene:
 
     @property
     def hopeless(self) -> bool:
-        """The last presses did not reach the robot."""
+        """Return whether none of the last presses reached the robot."""
         last = self.taken.presses[-HOPELESS:]
         return len(last) == HOPELESS and all(math.isinf(press.zero_s) for press in last)
 
@@ -298,7 +298,7 @@ class Scene:
 
 @asynccontextmanager
 async def scene_on(stack: Stack, driver: str, presser: str, seed: int) -> AsyncIterator[Scene]:
-    """Cookies of who drives, and of who presses the stop at the other doors."""
+    """Context: a scene; `driver` and `presser` are cookies of the person who drives and of the one who stops."""
     async with (
         Observer(stack.robots[ROBOT], "truth") as observer,
         Doors(stack, presser) as doors,

@@ -1,7 +1,7 @@
-"""Strangers at the web door: ``python -m benchmarks.attacks.web_side ROLE SECONDS HOST PORT ORIGIN``.
+"""Strangers at the web port: ``python -m benchmarks.attacks.web_side ROLE SECONDS HOST PORT ORIGIN``.
 
-The environment's ATTACK_COOKIE is the Cookie header of those roles that are signed in. Attackers come from loopback
-addresses other than that of the person who drives. Each role ends by itself after SECONDS, or at SIGTERM.
+ATTACK_COOKIE in the environment is the Cookie header of roles that are signed in. Attackers use other loopback
+addresses than the person who drives. Each role ends after SECONDS, or at SIGTERM.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from robots import wire
 
 ADDRESSES = [f"127.0.0.{last}" for last in range(2, 6)]
 GUESSES = 60  # at once
-GUESSES_FROM = "127.0.{}.{}"  # a wave's own address: those before it have to wait
+GUESSES_FROM = "127.0.{}.{}"  # a new address for each wave: the server delays an address that has guessed
 BODY = 500_000_000
 CHUNK = bytes(1 << 20)
-BODY_GAP_S = 0.002  # between two chunks: at most 500 MB/s, as far as the console takes it
+BODY_GAP_S = 0.002  # between two chunks: at most 500 MB/s
 SLOW, IDLE = 200, 300  # connections
 SLOW_GAP_S = 1.0
 REQUESTS_HZ, REQUESTS_MOST = 100.0, 16
@@ -40,7 +40,7 @@ _COOKIE = re.compile(rb"(?i)set-cookie: ([^;\r\n]+)")
 
 @dataclass
 class Target:
-    """The console, and what was done to it."""
+    """The console, and counts of the attacker's actions."""
 
     host: str
     port: int
@@ -49,26 +49,26 @@ class Target:
     done: dict[str, int] = field(default_factory=dict)
 
     def count(self, what: str, number: int = 1) -> None:
-        """For the last line."""
+        """Count for the last line of output."""
         self.done[what] = self.done.get(what, 0) + number
 
     async def connect(self, source: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        """From one of the attackers' addresses."""
+        """Connect from one of the attackers' addresses."""
         return await asyncio.wait_for(
             asyncio.open_connection(self.host, self.port, local_addr=(source, 0)), ANSWER_S
         )
 
     def head(self, method: str, path: str, *lines: str, cookie: str | None = None) -> bytes:
-        """A request's head without the empty line."""
-        told = [f"{method} {path} HTTP/1.1", f"Host: {self.host}:{self.port}", f"Origin: {self.origin}"]
+        """Return a request's head without the empty line."""
+        first = [f"{method} {path} HTTP/1.1", f"Host: {self.host}:{self.port}", f"Origin: {self.origin}"]
         if cookie is None:
             cookie = self.cookie
         if cookie:
-            told.append(f"Cookie: {cookie}")
-        return "\r\n".join((*told, *lines, "")).encode()
+            first.append(f"Cookie: {cookie}")
+        return "\r\n".join((*first, *lines, "")).encode()
 
     async def ask(self, source: str, request: bytes) -> bytes:
-        """One request that asks for the connection to be closed; returns the whole answer."""
+        """Send one request with "Connection: close"; return the whole answer."""
         reader, writer = await self.connect(source)
         try:
             writer.write(request)
@@ -80,7 +80,7 @@ class Target:
 
 
 async def guesses(target: Target) -> None:
-    """Sixty passwords at once, again and again, each wave from an address of its own."""
+    """Guess sixty passwords at once, again and again, each wave from a new address."""
     for wave in count():
         source = GUESSES_FROM.format(1 + wave // 250 % 250, 1 + wave % 250)
         with suppress(*FAULTS):
@@ -112,7 +112,7 @@ async def _guess(target: Target, source: str, cookie: str, token: str, number: i
 
 
 async def bodies(target: Target) -> None:
-    """500 MB to one address after the other, as far as the console takes them; two at once."""
+    """Send 500 MB to one URL after the other, as far as the console accepts them; two at once."""
     paths = ("/accounts/sign-in/", "/api/stop/", "/", "/robots/tiago-1/stop/", "/nowhere/", "/static/x.js")
     turns = cycle(paths)
 
@@ -135,7 +135,7 @@ async def bodies(target: Target) -> None:
 
 
 async def slow_heads(target: Target) -> None:
-    """Two hundred connections that send a header a line a second and never end it."""
+    """Open 200 connections that send one header line a second and never end the header."""
 
     async def drip(source: str) -> None:
         _, writer = await target.connect(source)
@@ -153,7 +153,7 @@ async def slow_heads(target: Target) -> None:
 
 
 async def idle(target: Target) -> None:
-    """Three hundred connections on which nothing is said."""
+    """Open 300 silent connections."""
 
     async def wait(source: str) -> None:
         reader, writer = await target.connect(source)
@@ -167,7 +167,7 @@ async def idle(target: Target) -> None:
 
 
 async def huge_frames(target: Target) -> None:
-    """WebSockets of strangers that say frames of hundreds of megabytes."""
+    """Send WebSocket frames of hundreds of megabytes without a session."""
 
     async def talk(source: str) -> None:
         reader, writer = await target.connect(source)
@@ -188,7 +188,7 @@ async def huge_frames(target: Target) -> None:
 
 
 async def handshakes(target: Target) -> None:
-    """WebSocket handshakes with megabytes of address and headers."""
+    """Send WebSocket handshakes with megabytes of URL and headers."""
     for source, number in zip(cycle(ADDRESSES), count()):
         path = "/ws/robots/tiago-1/" + ("?" + "x" * 4_000_000 if number % 2 else "")
         lines = [] if number % 2 else [f"X-{line}: {'x' * 1000}" for line in range(4000)]
@@ -206,7 +206,7 @@ async def handshakes(target: Target) -> None:
 
 
 async def pages(target: Target) -> None:
-    """A hundred pages and REST answers a second, at most sixteen under way; half of them signed in."""
+    """Request 100 pages and REST answers a second, at most 16 at once; half of them signed in."""
     paths = (
         "/",
         "/accounts/sign-in/",
@@ -235,7 +235,7 @@ async def pages(target: Target) -> None:
 
 
 async def refused(target: Target) -> None:
-    """An observer who asks for all that an observer may not: by WebSocket, and by REST."""
+    """Request everything that an observer may not do, by WebSocket and by REST."""
     await asyncio.gather(_refused_messages(target), _refused_requests(target))
 
 
@@ -282,7 +282,7 @@ def _text_frame(text: bytes) -> bytes:
 
 
 async def _kept(target: Target, number: int, talk: Callable[[str], Awaitable[None]]) -> None:
-    """So many at once; one that the console ends is begun again, after a moment."""
+    """Keep this number of connections; open one again 0.25 s after the console ends it."""
 
     async def again(source: str) -> None:
         while True:
@@ -315,7 +315,7 @@ ROLES: dict[str, Callable[[Target], Awaitable[None]]] = {
 
 
 async def attack(role: str, target: Target, seconds: float) -> None:
-    """Until the time is over, or SIGTERM."""
+    """Run a role until the time is over, or SIGTERM."""
     task = asyncio.ensure_future(ROLES[role](target))
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
     with suppress(asyncio.CancelledError, asyncio.TimeoutError):
@@ -323,10 +323,10 @@ async def attack(role: str, target: Target, seconds: float) -> None:
 
 
 def main() -> None:
-    """By the first word."""
+    """Run the role of the first argument."""
     role, seconds, host, port, origin = sys.argv[1:]
     target = Target(host, int(port), origin, os.environ.get("ATTACK_COOKIE", ""))
-    os.nice(10)  # as a rule an attacker has a computer of its own
+    os.nice(10)  # an attacker usually has its own computer
     asyncio.run(attack(role, target, float(seconds)))
     print(" ".join(f"{what}:{number}" for what, number in sorted(target.done.items())), flush=True)
 

@@ -1,4 +1,4 @@
-"""Delay of bare rospy: one process publishes, another receives, no console between."""
+"""Delay of bare rospy: one process publishes, another receives, without the console."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PATIENCE_S = 60.0
 
 
 class BareRospy:
-    """Context: a publisher at 50 Hz that is stopped between its turns; `observer` hears it."""
+    """Context: a publisher at 50 Hz that is paused between its turns; `observer` receives its messages."""
 
     def __init__(self, stack: Stack, robot: SimulatedRobot, observer: Observer) -> None:
         self._stack, self._observer = stack, observer
@@ -21,7 +21,7 @@ class BareRospy:
         self._connected = False
 
     async def delays_s(self, count: int) -> list[float]:
-        """Delays of so many messages, in seconds; the publisher rests before and after."""
+        """Return the delays of `count` messages, in seconds; the publisher is paused before and after."""
         if self._connected:
             self._publisher.signal(signal.SIGCONT)
         self._connected = True
@@ -36,5 +36,5 @@ class BareRospy:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._publisher.signal(signal.SIGCONT)  # stopped, it would not hear that it ends
+        self._publisher.signal(signal.SIGCONT)  # a stopped process would not get SIGTERM
         self._stack.release(self._publisher)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import TracebackType
 
 SEGMENT_BYTES = 1400
-QUEUED_SEGMENTS = 32  # in each direction: a radio network's buffer, then the sender has to wait
+QUEUED_SEGMENTS = 32  # in each direction: a radio network's buffer; when it is full the sender waits
 RETRANSMISSION_S = 0.2  # TCP's shortest time-out
 SOCKET_BUFFER_BYTES = 16 * 1024
 
@@ -36,7 +36,7 @@ class Connection:
         self.writers: list[asyncio.StreamWriter] = []
 
     async def carry(self, ends: list[tuple[asyncio.StreamReader, asyncio.StreamWriter]]) -> None:
-        """Until one side closes."""
+        """Carry bytes until one side closes."""
         (here_reads, here_writes), (there_reads, there_writes) = ends
         self.writers = [here_writes, there_writes]
         pumps = [
@@ -51,7 +51,7 @@ class Connection:
             self.close()
 
     def close(self) -> None:
-        """Cut, so that both sides notice."""
+        """Close both ends, so that both sides notice."""
         for writer in self.writers:
             writer.transport.abort()
 
@@ -63,7 +63,7 @@ class Connection:
             with suppress(ConnectionError):
                 while segment := await reader.read(SEGMENT_BYTES):
                     free_s = max(free_s, time.monotonic()) + self._cable.transmission_s(len(segment))
-                    arrives_s = max(arrives_s, free_s + self._cable.way_s())  # in order, as TCP delivers
+                    arrives_s = max(arrives_s, free_s + self._cable.way_s())  # TCP delivers in order
                     await on_its_way.put((arrives_s, segment))
         finally:
             delivering.cancel()
@@ -111,29 +111,29 @@ class Cable:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """Return the address on which it listens."""
         number: int = self._server.sockets[0].getsockname()[1]
         return number
 
     def cut(self) -> None:
-        """Close every connection; new ones may come."""
+        """Close every connection; new ones are accepted."""
         for connection in list(self.connections):
             connection.close()
 
     def freeze(self) -> None:
-        """Deliver nothing any more, without a sign."""
+        """Deliver no more bytes; neither side notices."""
         self.thawed.clear()
 
     def thaw(self) -> None:
-        """Deliver everything that is on its way, at once."""
+        """Deliver all waiting bytes at once."""
         self.thawed.set()
 
     def transmission_s(self, count: int) -> float:
-        """Return how long so many bytes occupy the line."""
+        """Return how long `count` bytes occupy the line, in seconds."""
         return count * 8 / (self.profile.kbit_s * 1000.0) if self.profile else 0.0
 
     def way_s(self) -> float:
-        """Return how long a segment travels; a lost one waits for its repetition."""
+        """Return a segment's travel time in seconds; a lost one waits for its repetition."""
         if self.profile is None:
             return 0.0
         way_s = self.profile.round_trip_ms / 2000.0
@@ -159,7 +159,7 @@ class Cable:
 
 
 def _tune(end: socket.socket) -> None:
-    """Small buffers, so that the cable is what holds bytes up."""
+    """Set small buffers, so that only the cable delays bytes."""
     if end.family == socket.AF_UNIX:
         return
     end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -1,4 +1,4 @@
-"""A WebSocket in a real browser that drives and notes when it sent."""
+"""A WebSocket in a real browser that drives and records its times of sending."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from script.stack.stack import Stack
 
 CHROMIUM = "/usr/bin/chromium"
 
-# Talks to the console as the control page does, without drawing: the network and the chain are measured, not the page.
+# Sends and receives as the control page does, without drawing: the benchmark measures the network, not the page.
 _OPEN = """
 (address) => new Promise((done, failed) => {
   const socket = new WebSocket(address);
@@ -73,7 +73,7 @@ _DRIVE = """
 
 @asynccontextmanager
 async def signed_in(stack: Stack, cookie: str) -> AsyncIterator[Page]:
-    """An empty page of somebody who is signed in."""
+    """Context: an empty page of a signed-in person."""
     async with AsyncExitStack() as closing:
         playwright = await closing.enter_async_context(async_playwright())
         browser = await playwright.chromium.launch(
@@ -90,7 +90,7 @@ async def signed_in(stack: Stack, cookie: str) -> AsyncIterator[Page]:
 
 
 async def topics_shown_s(stack: Stack, slug: str, cookie: str, topics: int) -> float:
-    """From pressing the Topics tab until a list of at least so many topics is painted, in seconds."""
+    """Return the seconds from pressing the Topics tab until at least `topics` topics are painted."""
     async with signed_in(stack, cookie) as page:
         await page.goto(f"{stack.url}/robots/{slug}/")
         tab = page.get_by_role("tab", name="Topics")
@@ -110,7 +110,7 @@ class ChromiumPage:
 
     async def __aenter__(self) -> ChromiumPage:
         self._page: Page = await self._closing.enter_async_context(signed_in(self._stack, self._cookie))
-        # A page of the console's own origin, without scripts of its own.
+        # A page of the console's origin without scripts.
         await self._page.goto(f"{self._stack.url}/healthz")
         self._offset_s = await self._clock_offset_s()
         address = f"{self._stack.url.replace('http', 'ws', 1)}/ws/robots/{self._slug}/"
@@ -128,7 +128,7 @@ class ChromiumPage:
         return [self._offset_s + ms / 1000.0 for ms in sent_ms]
 
     async def _clock_offset_s(self) -> float:
-        """performance.now() counts from the navigation's start, which DevTools tells on CLOCK_MONOTONIC."""
+        """Return the start of performance.now(): the navigation's start, which DevTools reports on CLOCK_MONOTONIC."""
         tools = await self._page.context.new_cdp_session(self._page)
         await tools.send("Performance.enable")
         answer = await tools.send("Performance.getMetrics")

@@ -1,4 +1,4 @@
-"""Many viewers of one robot, in a process of their own:
+"""Many viewers of one robot, in a separate process:
 
     python -m benchmarks.parts.crowd HOST PORT SLUG ORIGIN COUNT [--stall]
 
@@ -6,8 +6,8 @@ reads a Cookie header from stdin, opens COUNT control pages and acknowledges eve
 for every view and viewer a line: viewer's number, arrival (monotonic ns), checksum of the view. With --stall
 the last viewer says hello and then reads nothing at all.
 
-Fifty WebSockets of a library would keep this process busier than the console that is measured; so a page here is
-the least that a page can be. It trusts the console not to send fragments.
+Fifty WebSockets of a library would keep this process busier than the measured console, so a page here does the minimum.
+It assumes that the console sends no fragments.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from robots import wire
 VIEW = b'{"t":"view"'
 _TEXT = 0x81
 _MASKED = 0x80
-_NO_MASK = bytes(4)  # masked with zeros: the bytes stay what they are
+_NO_MASK = bytes(4)  # masking with zeros leaves the bytes unchanged
 
 
 def frame(text: bytes) -> bytes:
-    """A client's text frame of fewer than 126 bytes."""
+    """Return a client's text frame of fewer than 126 bytes."""
     return bytes((_TEXT, _MASKED | len(text))) + _NO_MASK + text
 
 
@@ -45,13 +45,13 @@ class Page(asyncio.Protocol):
         self.opened: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Ask for a WebSocket."""
+        """Request a WebSocket."""
         assert isinstance(transport, asyncio.Transport)  # noqa: S101 - it is TCP
         self._transport = transport
         transport.write(self._request)
 
     def data_received(self, data: bytes) -> None:
-        """Take what is complete."""
+        """Handle complete messages."""
         now_ns = time.monotonic_ns()
         self._received += data
         if not self.opened.done():
@@ -74,7 +74,7 @@ class Page(asyncio.Protocol):
         self.opened.set_result(None)
 
     def _next(self) -> bytes | None:
-        """The next complete message, None if there is none yet."""
+        """Return the next complete message, None if there is none yet."""
         received = self._received
         if len(received) < 2:
             return None
@@ -88,7 +88,7 @@ class Page(asyncio.Protocol):
 
 
 def upgrade(host: str, port: str, slug: str, origin: str, cookie: str) -> bytes:
-    """The request that opens a WebSocket."""
+    """Return the request that opens a WebSocket."""
     lines = (
         f"GET /ws/robots/{slug}/ HTTP/1.1",
         f"Host: {host}:{port}",
@@ -103,7 +103,7 @@ def upgrade(host: str, port: str, slug: str, origin: str, cookie: str) -> bytes:
 
 
 async def main() -> None:
-    """Until we are ended."""
+    """Run until killed."""
     host, port, slug, origin, count, *rest = sys.argv[1:]
     request = upgrade(host, port, slug, origin, sys.stdin.readline().strip())
     loop = asyncio.get_running_loop()
@@ -113,7 +113,7 @@ async def main() -> None:
         await loop.create_connection(lambda page=page: page, host, int(port))  # type: ignore[misc]
         await page.opened
     print("ready", flush=True)
-    while True:  # hand on what was noted in one go: writing must not be what is measured
+    while True:  # write records in blocks: writing must not affect the measurement
         await asyncio.sleep(0.2)
         sys.stdout.flush()
 

@@ -1,9 +1,9 @@
 """A model of a hand on a stick. ``python -m benchmarks.parts.hand_model`` writes its recorded traces.
 
-The intention of the hand is a chain of minimum-jerk movements (Flash and Hogan, 1985) with rests between them: to
-another direction and deflection, to the opposite one, or letting go. The stick measures the intention with the
-physiological tremor of a held hand (8 to 12 Hz, on both axes, none once it is let go) and the sensor's resolution, 60
-times a second. Tremor and resolution are shares of the stick's way: 0.01 to 0.025 rms, and one pixel of 60.
+The hand's intention is a chain of minimum-jerk movements (Flash and Hogan, 1985) with rests between them: to another
+direction and deflection, to the opposite one, or letting go. The stick measures the intention 60 times a second, with
+the physiological tremor of a hand (8 to 12 Hz, on both axes, none after letting go) and the sensor's resolution. Tremor
+and resolution are shares of the stick's range: 0.01 to 0.025 rms, and one pixel of 60.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RATE_HZ = 60
 RESOLUTION = 60
 TREMORS = (0.01, 0.015, 0.02, 0.025)
 TREMOR_HZ = (8.0, 12.0)
-SINES = 6  # that one axis' tremor is made of
+SINES = 6  # in the tremor of one axis
 TRACE_S = 40.0
 RECORDED = Path(__file__).parents[1] / "data" / "hands.json"
 
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]  # times (N,), or positions (N, 2): forward, turn le
 
 
 class Movement(NamedTuple):
-    """From wherever the hand is to (x, w), both -1..1, by minimum jerk. None begins before the last has ended."""
+    """From the hand's position to (x, w), both -1..1, by minimum jerk; begins after the last one has ended."""
 
     start_s: float
     duration_s: float
@@ -39,7 +39,7 @@ class Movement(NamedTuple):
 
     @property
     def ends_s(self) -> float:
-        """When the hand is there."""
+        """Return the time at which the hand arrives."""
         return self.start_s + self.duration_s
 
     @property
@@ -49,7 +49,7 @@ class Movement(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """One hand, and what the stick measured of it."""
+    """One hand, and the stick's measurements of it."""
 
     movements: list[Movement]
     times_s: Array
@@ -57,7 +57,7 @@ class Trace(NamedTuple):
 
 
 def meant(movements: Sequence[Movement], times_s: Array) -> Array:
-    """Where the hand meant to be, at each time."""
+    """Return the intended position at each time."""
     there, from_here = np.zeros((len(times_s), 2)), np.zeros(2)
     for movement in movements:
         after = times_s >= movement.start_s
@@ -69,7 +69,7 @@ def meant(movements: Sequence[Movement], times_s: Array) -> Array:
 
 
 def minimum_jerk(share: Array) -> Array:
-    """Return how much of a movement is done after a share of its time."""
+    """Return the share of a movement that is done after a share of its time."""
     share = np.clip(share, 0.0, 1.0)
     done: Array = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     return done
@@ -131,7 +131,7 @@ def record(path: Path = RECORDED) -> None:
 
 
 def recorded() -> list[Trace]:
-    """The traces that are shipped."""
+    """Return the shipped traces."""
     facts = json.loads(RECORDED.read_text(encoding="utf-8"))
     return [
         Trace(

@@ -1,4 +1,4 @@
-"""Watching a robot from outside: what `ros_side.py observe` reports, on our event loop."""
+"""Observing a robot from outside: receives the lines of `ros_side.py observe` on the event loop."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 
 
 class Seen(NamedTuple):
-    """A velocity, and when it was seen (seconds, CLOCK_MONOTONIC)."""
+    """A velocity, and its time (seconds, CLOCK_MONOTONIC)."""
 
     at_s: float
     vx: float
@@ -27,19 +27,19 @@ class Seen(NamedTuple):
 
     @property
     def still(self) -> bool:
-        """Exactly zero."""
+        """Return whether the velocity is exactly zero."""
         return self.vx == self.vy == self.w == 0.0
 
 
 class Observer:
-    """Async context: collects commands, and odometry or scans where asked, as they come."""
+    """Async context: collects commands, and on request odometry or scans."""
 
     def __init__(self, robot: SimulatedRobot, *also: str) -> None:
         self._robot = robot
         self._also = also
         self.commands: list[Seen] = []
         self.odometry: list[Seen] = []
-        self.truth: list[Seen] = []  # how the base truly moves, whatever its odometry tells
+        self.truth: list[Seen] = []  # the true motion of the base, independent of its odometry
         self.scans: list[float] = []
         self.goals: list[float] = []  # of motions
         self.bare_s: list[float] = []  # delays
@@ -70,22 +70,22 @@ class Observer:
 
     @property
     def pid(self) -> int:
-        """Its process."""
+        """Return its process id."""
         return self._process.pid
 
     async def cause(self, fault: str) -> None:
-        """Make something go wrong with the simulated robot, "none" to mend it."""
+        """Give the simulated robot a fault; "none" ends it."""
         assert self._process.stdin is not None  # noqa: S101 - we asked for a pipe
         self._process.stdin.write(f"{fault}\n".encode())
         await self._process.stdin.drain()
 
     def forget(self) -> None:
-        """Drop what was collected so far."""
+        """Drop all collected messages."""
         for seen in (self.commands, self.odometry, self.truth, self.scans, self.goals, self.bare_s):
             seen.clear()
 
     async def until(self, condition: Callable[[], object], timeout_s: float = 10.0) -> None:
-        """Wait until `condition()` is true; it is asked again after every message."""
+        """Wait until `condition()` is true; checks it after every message."""
         try:
             await asyncio.wait_for(self._become(condition), timeout_s)
         except asyncio.TimeoutError:  # Python 3.10 has two kinds

@@ -1,4 +1,4 @@
-"""Real-time priority for the loops that carry commands, as the service unit of docs/deployment.md lets them take it."""
+"""Real-time priority for the loops that carry commands, as the service unit of docs/deployment.md allows."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LIMIT_OF_UNIT = {"PYTHONPATH": str(Path(__file__).parent / "allowed")}
 
 
 def prefer_loops(stack: Stack) -> bool:
-    """Set it from outside: here nobody raises the limit by which they would ask. False where that is not allowed."""
+    """Set the priority from outside, because processes here cannot raise their limit. False if it is not allowed."""
     bridges = [
         child
         for child in process_stats.children(stack.supervisor.pid)
@@ -24,22 +24,22 @@ def prefer_loops(stack: Stack) -> bool:
     policy, param = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(REAL_TIME)
     try:
         for pid in (stack.web.pid, *bridges):
-            os.sched_setscheduler(pid, policy, param)  # the main thread alone
+            os.sched_setscheduler(pid, policy, param)  # the main thread only
     except PermissionError:
         return False
     return True
 
 
 def prefer_loops_or_say(stack: Stack) -> None:
-    """The same; where that is not allowed, figures are of ordinary priority, and whoever reads them must know."""
+    """Set the priority; if it is not allowed, report that the figures are of ordinary priority."""
     if not prefer_loops(stack):
-        progress("Nobody may give real-time priority here: the limits are held against ordinary priority.")
+        progress("Real-time priority is not allowed here: the limits apply to ordinary priority.")
 
 
 def prefer_witness(pid: int) -> None:
-    """Let those who measure wait for no attacker either: driver and robot are other computers.
+    """Run this thread and the observer before attackers, because driver and robot would be other computers.
 
-    This thread, and the observer with this process id, get less than the console's loops.
+    Both get a lower real-time priority than the console's loops.
     """
     param = os.sched_param(REAL_TIME - 1)
     try:

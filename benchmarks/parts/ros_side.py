@@ -1,15 +1,15 @@
-"""The robot's side of a benchmark: a rospy process that has nothing to do with the console.
+"""The robot's side of a benchmark: a rospy process independent of the console.
 
 Run by the distribution's Python, on the master in ROS_MASTER_URI:
 
     ros_side.py observe [odometry] [scan] [goals] [truth]
-                                     a line for each message: kind, arrival (monotonic ns), values; lines of its stdin
-                                     are faults that it tells the simulated robot to have
-    ros_side.py publish              Twists at 50 Hz to /bench_bare, each carrying its own time of sending
+                                     a line for each message: kind, arrival (monotonic ns), values; each line of stdin
+                                     is a fault for the simulated robot
+    ros_side.py publish              Twists at 50 Hz to /bench_bare, each with its time of sending
     ros_side.py map                  a map of 1000 x 1000 cells to /map, once a second
-    ros_side.py watch_map            reads that map's bytes, as any display does
+    ros_side.py watch_map            reads the bytes of this map, as a display does
     ros_side.py live                 strings at 100 Hz to /bench_live
-    ros_side.py many                 500 topics on which nothing is said
+    ros_side.py many                 500 topics without messages
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ MANY = 500
 
 
 def say(line: str) -> None:
-    """One line, at once."""
+    """Write one line at once."""
     sys.stdout.write(line + "\n")
     sys.stdout.flush()
 
 
 def observe(*also: str) -> None:
-    """Report commands, and odometry and scans if asked."""
+    """Report commands, and odometry and scans on request."""
 
     def on_command(message: Twist) -> None:
         now_ns = time.monotonic_ns()
@@ -77,14 +77,14 @@ def observe(*also: str) -> None:
 
 
 def pass_on_faults() -> None:
-    """From stdin to the robot."""
+    """Pass faults from stdin to the robot."""
     publisher = rospy.Publisher("/ground_truth/fault", String, queue_size=5, tcp_nodelay=True)
     for line in sys.stdin:
         publisher.publish(String(line.strip()))
 
 
 def publish() -> None:
-    """Publish with rospy alone: the same message, the same rate, no console between."""
+    """Publish with rospy only: the same message at the same rate, without the console."""
     publisher = rospy.Publisher(BARE_TOPIC, Twist, queue_size=1, tcp_nodelay=True)
     message = Twist()
     due_s = time.monotonic()
@@ -96,7 +96,7 @@ def publish() -> None:
 
 
 def publish_map() -> None:
-    """A large message beside the small ones."""
+    """Publish a large map once a second."""
     publisher = rospy.Publisher("/map", OccupancyGrid, queue_size=1)
     grid = OccupancyGrid()
     grid.info.width = grid.info.height = 1000
@@ -110,13 +110,13 @@ def publish_map() -> None:
 
 
 def watch_map() -> None:
-    """Somebody who wants the map, so that its bytes flow."""
+    """Subscribe to the map, so that its bytes flow."""
     rospy.Subscriber("/map", rospy.AnyMsg, lambda _message: None)
     rospy.spin()
 
 
 def publish_live() -> None:
-    """A topic that somebody looks at."""
+    """Publish strings on a topic that pages read."""
     publisher = rospy.Publisher(LIVE_TOPIC, String, queue_size=1)
     rate = rospy.Rate(LIVE_HZ)
     while not rospy.is_shutdown():
@@ -125,7 +125,7 @@ def publish_live() -> None:
 
 
 def publish_many() -> None:
-    """A robot with many topics."""
+    """Advertise many topics."""
     names = [f"/bench_many/topic_{number:03}" for number in range(MANY)]
     publishers = [rospy.Publisher(name, String, queue_size=1) for name in names]
     say(f"ready {len(publishers)}")
@@ -133,7 +133,7 @@ def publish_many() -> None:
 
 
 def main() -> None:
-    """By the first word."""
+    """Run the role of the first argument."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     role, *words = sys.argv[1:]
     rospy.init_node(f"bench_{role}", anonymous=True, disable_signals=True)

@@ -1,6 +1,6 @@
-"""A robot in a network of its own, joined to the console's by a cable that can be pulled out.
+"""A robot in a separate network, connected to the console's by a cable that can be pulled out.
 
-Linux network namespaces, made without privileges: the caller has to run inside
+Uses Linux network namespaces without privileges: the caller has to run inside
 
     unshare --user --map-root-user --net
 """
@@ -24,7 +24,7 @@ class RobotApart:
     """Context: the robot's network and the cable to it."""
 
     def __enter__(self) -> RobotApart:
-        # Somebody has to be in a network for it to exist.
+        # A network namespace exists only while a process is in it.
         self._resident = subprocess.Popen(["unshare", "--net", "--", "sleep", "infinity"])  # noqa: S607
         self._wait_until_apart()
         pid = str(self._resident.pid)
@@ -46,17 +46,17 @@ class RobotApart:
 
     @property
     def plan(self) -> PracticeRobot:
-        """The first practice robot, moved over there."""
+        """Return the first practice robot, moved into this network."""
         return replace(
             PRACTICE_ROBOTS[0], address=ROBOT_ADDRESS, console_address=CONSOLE_ADDRESS, inside=self._inside
         )
 
     def cut(self) -> None:
-        """Pull the cable out: what is sent is lost, and nobody is told."""
+        """Pull the cable out: bytes are lost, and neither side notices."""
         _ip("link", "set", "robot", "down", inside=self._inside)
 
     def join(self) -> None:
-        """Plug it in."""
+        """Plug the cable in."""
         _ip("link", "set", "robot", "up", inside=self._inside)
 
     def _wait_until_apart(self) -> None:

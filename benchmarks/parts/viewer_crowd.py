@@ -1,4 +1,4 @@
-"""Starting a crowd of viewers and collecting what they saw."""
+"""Starting a crowd of viewers and collecting the views that they got."""
 
 from __future__ import annotations
 

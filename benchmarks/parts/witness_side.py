@@ -1,6 +1,6 @@
 """``python -m benchmarks.parts.witness_side``: prints each message that reaches the robot in ROS_MASTER_URI.
 
-Each line is a `Received`. Goals come twice: as they were sent, and as the robot itself says that it has them.
+Each line is a `Received`. A goal comes twice: when it is sent, and when the robot reports that it has it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _speaking = threading.Lock()
 
 
 def tell(kind: str, key: str, goal: str = "") -> None:
-    """One line, at once."""
+    """Write one line at once."""
     line = msgspec.json.encode(Received(kind, time.time(), key, goal)) + b"\n"
     with _speaking:
         sys.stdout.buffer.write(line)
@@ -39,7 +39,7 @@ def tell(kind: str, key: str, goal: str = "") -> None:
 
 
 def drives(topic: str) -> Callable[[Twist], None]:
-    """Tells of velocities that are not zero."""
+    """Reports velocities that are not zero."""
 
     def heard(twist: Twist) -> None:
         parts = (*_vector(twist.linear), *_vector(twist.angular))
@@ -50,12 +50,12 @@ def drives(topic: str) -> Callable[[Twist], None]:
 
 
 def goals(kind: str, key: Callable[[Any], str]) -> Callable[[Any], None]:
-    """Tells of goals that are sent to the robot."""
+    """Reports goals that are sent to the robot."""
     return lambda message: tell(kind, key(message.goal), message.goal_id.id)
 
 
 def statuses(kind: str) -> Callable[[GoalStatusArray], None]:
-    """Tells of goals that the robot has."""
+    """Reports goals that the robot has."""
     known: set[str] = set()
 
     def heard(message: GoalStatusArray) -> None:
@@ -68,7 +68,7 @@ def statuses(kind: str) -> Callable[[GoalStatusArray], None]:
 
 
 def main() -> None:
-    """Until SIGTERM."""
+    """Run until SIGTERM."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     rospy.init_node("witness", anonymous=True, disable_signals=True)
     for topic in DRIVE_TOPICS:

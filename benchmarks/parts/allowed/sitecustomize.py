@@ -7,7 +7,7 @@ _allowed = (10, 10)
 
 
 def getrlimit(which: int) -> tuple[int, int]:
-    """Return the limit of the service unit, which nobody may raise on this machine, else the real one."""
+    """Return the limit of the service unit for real-time priority, otherwise the real one."""
     return _allowed if which == resource.RLIMIT_RTPRIO else _getrlimit(which)
 
 

@@ -1,7 +1,7 @@
-"""The audit log's side of a benchmark: a process on a database of its own, which says what it measured in JSON.
+"""The audit log's side of a benchmark: a process with its own database; prints measurements as JSON.
 
-reading COUNT...   pages and a verification with so many records each, an export with the last
-writing SECONDS    begins when stdin ends: requests with their outcomes, for so long
+reading COUNT...   pages and a verification with each number of records, an export with the last
+writing SECONDS    writes requests with their outcomes for SECONDS, from the end of stdin
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ from teleop.models import ControlSession
 from teleop.reports import views
 from teleop.reports.robot_report import PERIODS_DAYS
 
-FAST_MS = 100.0  # a page that took no longer is not looked at again
-TIMES = 5  # each of the others, after once that is not counted
+FAST_MS = 100.0  # a page that is at most this slow is not measured again
+TIMES = 5  # for each other page, after one time that does not count
 MARKS = (b"audit-bar", b'data-page="robot-report"')  # of a list, of a report
 # Some kinds and outcomes of each list, frequent ones before rare ones.
 FILTERS = {
@@ -78,7 +78,7 @@ def reading(counts: list[int]) -> None:
 
 
 def writing(seconds: float) -> None:
-    """Commit records in one process; on SQLite one of many may wait in vain, and then continues."""
+    """Commit records in one process; on SQLite a writer may fail to get the lock, and continues."""
     robot_id = uuid.uuid4()
     connection.ensure_connection()
     sys.stdin.read()
@@ -92,9 +92,9 @@ def writing(seconds: float) -> None:
 
 
 def pages(newest: datetime, each: int) -> Iterator[tuple[str, str, float]]:
-    """The pages that staff open, whole, as the browser gets them: which, with what filters, how long in ms.
+    """Open complete pages of staff as a browser does; yield the page, its filters and its time in ms.
 
-    One of `each` filters is tried. Fast pages are opened once, after a first page of their kind; slow ones several
+    Tries one of `each` filters. Fast pages are opened once, after a first page of their kind; slow ones several
     times, and the median counts.
     """
     client = Client()
@@ -109,7 +109,7 @@ def pages(newest: datetime, each: int) -> Iterator[tuple[str, str, float]]:
 
 
 def _opened(client: Client, address: str) -> float:
-    """Return how long a page took, in ms."""
+    """Return the time of a page, in ms."""
     began_s = time.perf_counter()
     response = client.get(address)
     took_ms = 1000.0 * (time.perf_counter() - began_s)
@@ -119,7 +119,7 @@ def _opened(client: Client, address: str) -> float:
 
 
 def _addresses(newest: datetime) -> Iterator[tuple[str, str, list[str]]]:
-    """Each page with what it is asked for, on the day of the newest record."""
+    """Return each page with its queries, on the day of the newest record."""
     for name in FILTERS:
         app = "teleop" if name == "controlsession" else "audit"
         yield name, reverse(f"admin:{app}_{name}_changelist"), [*_queries(name)]
@@ -130,7 +130,7 @@ def _addresses(newest: datetime) -> Iterator[tuple[str, str, list[str]]]:
 
 
 def _queries(name: str) -> Iterator[str]:
-    """Each filter and several together, common and rare, at each place; then words."""
+    """Return queries with one or more filters, common and rare, at each position; then with words."""
     places, filters = [*_places(name)], [*_filters(name)]
     yield from (urlencode(place | filter_) for filter_ in filters for place in places)
     if name in ("speechrecord", "record"):
@@ -144,7 +144,7 @@ def _queries(name: str) -> Iterator[str]:
 
 
 def _places(name: str) -> Iterator[Asked]:
-    """The first page, one in the middle, the last one from either end; a day, a month, and all before a day."""
+    """Return positions: first page, middle, last page from either end; a day, a month, all before a day."""
     last = Record.objects.order_by("-pk").values_list("pk", flat=True)[0]
     middle = Record.objects.filter(pk__gte=last // 2).order_by("pk")[0]
     if name == "controlsession":  # its pages are cut by time
@@ -161,7 +161,7 @@ def _places(name: str) -> Iterator[Asked]:
 
 
 def _filters(name: str) -> Iterator[Asked]:
-    """Robot, person, kind and outcome: none, each, and together."""
+    """Return filters by robot, person, kind and outcome: none, each, and together."""
     kinds, outcomes = FILTERS[name]
     people: list[Any] = [*_people(), *([] if name == "controlsession" else [CONSOLE])]
     asked: dict[str, list[Any]] = {
@@ -175,7 +175,7 @@ def _filters(name: str) -> Iterator[Asked]:
 
 
 def _robots() -> tuple[UUID, UUID]:
-    """The one that was controlled most often, and the one that was least often."""
+    """Return the robot that was controlled most often, and the one least often."""
     return _most_and_least("robot")
 
 
@@ -190,7 +190,7 @@ def _most_and_least(of: str) -> tuple[UUID, UUID]:
 
 
 async def _export(count: int) -> None:
-    """Everything, read to its end: how fast, and how much memory it takes."""
+    """Export all records: time, size and memory."""
     response = await sync_to_async(exports.response)(
         Selection(Wanted()),
         Wanted(),
@@ -215,18 +215,18 @@ def _staff() -> User:
 
 
 def _memory_kb() -> int:
-    """The most that this process has had so far."""
+    """Return this process's maximum resident memory so far, in KiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
-def _say(**told: object) -> None:
-    sys.stdout.write(json.dumps(told) + "\n")
+def _say(**measured: object) -> None:
+    sys.stdout.write(json.dumps(measured) + "\n")
     sys.stdout.flush()
 
 
 def main() -> None:
-    """In a process whose Django is set up."""
-    settings.DEBUG = False  # it keeps every query; it was on because nobody has collected the static files
+    """Run the role of the first argument; Django must be set up."""
+    settings.DEBUG = False  # DEBUG keeps every query; it was on because the static files are not collected
     if sys.argv[1] == "reading":
         reading([int(count) for count in sys.argv[2:]])
     else:

@@ -1,6 +1,6 @@
-"""Years of an invented lab: valid records, chained as `fleet.audit` chains them, written many at a time.
+"""Years of an invented lab: valid records, chained as `fleet.audit` chains them, written in large batches.
 
-Some robots are busy and some are not, and so are people; what is rare in a lab is rare here.
+Some robots and people are busy and some are not; events that are rare in a lab are rare here.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from robots.registry.models import Robot, RobotProfile
 from teleop.models import ControlSession
 
 AT_ONCE = 10_000  # records in one transaction
-CACHE_KB = 400_000  # of SQLite, so that it finds every index's place in memory
+CACHE_KB = 400_000  # of SQLite, so that all indexes are in memory
 BEGAN = datetime(2023, 11, 1, 8, tzinfo=timezone.utc)
 BETWEEN_S = 1300.0  # two control sessions, on average
 EVENT_S = 12.0  # two records of one
 SCENES = 6.0  # of a control session
-BESIDE = 0.6  # scenes without control for each session
+WITHOUT_SESSION = 0.6  # scenes without control for each session
 SIGN_INS = 0.5
 ROBOTS = [f"TIAGo {number}" for number in range(1, 7)]
 ROBOT_WEIGHTS = [50, 20, 15, 10, 4.9, 0.1]
@@ -39,7 +39,7 @@ PEOPLE = 300
 PEOPLE_WEIGHTS = [1 / number for number in range(1, PEOPLE + 1)]
 
 
-class Told(Struct):
+class RecordRow(Struct):
     """A record: the columns of its table."""
 
     id: int
@@ -61,7 +61,7 @@ class Told(Struct):
     digest: str
 
 
-class Kept(Struct):
+class ContentRow(Struct):
     """Expiring part of a record: the columns of its table."""
 
     record_id: int
@@ -86,18 +86,18 @@ class Past:
 
     @property
     def newest(self) -> datetime:
-        """When the last of its records was made."""
+        """Return the time of the newest record."""
         return self._lab.at
 
     def grow(self, count: int) -> None:
-        """Until there are so many records of this lab, beside what others have recorded meanwhile."""
+        """Write records until this lab has `count`; records of other writers do not count."""
         self._lab.chains.look()
         insert = {"sqlite": _insert_into_sqlite, "postgresql": _copy_to_postgresql}[connection.vendor]
         with _much_memory():
             while self._count < count:
                 batch = list(islice(self._records, min(AT_ONCE, count - self._count)))
                 with transaction.atomic():
-                    _open_chains({told.robot_id or NO_ROBOT: told.robot_name for told, _kept in batch})
+                    _open_chains({row.robot_id or NO_ROBOT: row.robot_name for row, _kept in batch})
                     insert(Record, [record for record, _kept in batch])
                     insert(Content, [kept for _record, kept in batch if kept])
                     ControlSession.objects.bulk_create(self._lab.sessions_so_far())
@@ -106,32 +106,32 @@ class Past:
             _count_on()
 
 
-# --- what happens ---------------------------------------------------------------------------------
+# --- events ---------------------------------------------------------------------------------
 
 
 class _Chains:
-    """The head of each chain, and the next number over all."""
+    """The head of each chain, and the next record number."""
 
     def look(self) -> None:
-        """Go on from what is there."""
+        """Continue after the existing records."""
         self._number = Record.objects.order_by("-pk").values_list("pk", flat=True).first() or 0
         self._heads: dict[UUID, tuple[int, str]] = {}
 
-    def append(self, told: Told) -> None:
-        """Give the record its place."""
-        chain = told.robot_id or NO_ROBOT
+    def append(self, row: RecordRow) -> None:
+        """Give the record its number, its place in the chain and its digest."""
+        chain = row.robot_id or NO_ROBOT
         if chain not in self._heads:
-            placed = Record.objects.filter(robot_id=told.robot_id).order_by("-seq")
+            placed = Record.objects.filter(robot_id=row.robot_id).order_by("-seq")
             self._heads[chain] = placed.values_list("seq", "digest").first() or (0, first_digest(chain))
         seq, digest = self._heads[chain]
         self._number += 1
-        told.id, told.seq = self._number, seq + 1
-        told.digest = next_digest(digest, told)
-        self._heads[chain] = told.seq, told.digest
+        row.id, row.seq = self._number, seq + 1
+        row.digest = next_digest(digest, row)
+        self._heads[chain] = row.seq, row.digest
 
 
 class _Lab:
-    """One control session after the other, and what is done beside."""
+    """Control sessions one after the other, and events outside of sessions."""
 
     def __init__(self, chance: random.Random, robots: dict[UUID, str], people: dict[str, str]) -> None:
         self.at = BEGAN
@@ -143,22 +143,22 @@ class _Lab:
         self._fences = dict.fromkeys(robots, 0)
         self._sessions: list[ControlSession] = []
 
-    def records(self) -> Iterator[tuple[Told, Kept | None]]:
-        """Without end."""
+    def records(self) -> Iterator[tuple[RecordRow, ContentRow | None]]:
+        """Yield records without end."""
         while True:
             self.at += timedelta(seconds=self._chance.expovariate(1 / BETWEEN_S))
             if self._chance.random() < SIGN_INS:
                 yield from self._played(self._scenes.sign_in(), self._person())
-            if self._chance.random() < BESIDE:
-                yield from self._played(self._scenes.beside(), self._person(), self._robot())
+            if self._chance.random() < WITHOUT_SESSION:
+                yield from self._played(self._scenes.without_session(), self._person(), self._robot())
             yield from self._session(self._person(), self._robot())
 
     def sessions_so_far(self) -> list[ControlSession]:
-        """Those that have ended since this was asked."""
+        """Return the sessions that have ended since the last call."""
         ended, self._sessions = self._sessions, []
         return ended
 
-    def _session(self, person: str, robot: UUID) -> Iterator[tuple[Told, Kept | None]]:
+    def _session(self, person: str, robot: UUID) -> Iterator[tuple[RecordRow, ContentRow | None]]:
         self._fences[robot] += 1
         session = ControlSession(
             id=self._identifier(),
@@ -181,12 +181,12 @@ class _Lab:
         person: str,
         robot: UUID | None = None,
         session: ControlSession | None = None,
-    ) -> Iterator[tuple[Told, Kept | None]]:
-        scene: list[Told] = []
+    ) -> Iterator[tuple[RecordRow, ContentRow | None]]:
+        scene: list[RecordRow] = []
         for event in events:
             self.at += timedelta(seconds=self._chance.expovariate(1 / EVENT_S))
             of = scene[-event.of] if event.of else None
-            told = Told(
+            row = RecordRow(
                 id=0,
                 at=self.at,
                 day=self.at.date(),
@@ -207,13 +207,15 @@ class _Lab:
             )
             kept = None
             if event.text or event.private:
-                kept = Kept(0, event.text, plain(event.private), f"{self._chance.getrandbits(128):032x}")
-                told.content_digest = content_digest(kept.salt, kept.text, kept.data)
-            self.chains.append(told)
+                kept = ContentRow(
+                    0, event.text, plain(event.private), f"{self._chance.getrandbits(128):032x}"
+                )
+                row.content_digest = content_digest(kept.salt, kept.text, kept.data)
+            self.chains.append(row)
             if kept:
-                kept.record_id = told.id
-            scene.append(told)
-            yield told, kept
+                kept.record_id = row.id
+            scene.append(row)
+            yield row, kept
 
     def _person(self) -> str:
         return self._chance.choices(list(self._people), PEOPLE_WEIGHTS)[0]
@@ -229,7 +231,7 @@ class _Lab:
 
 
 def _register(robots: dict[UUID, str], people: dict[str, str]) -> None:
-    """Robots and people, and their rows in the log."""
+    """Create robots and people, and their rows in the log."""
     profile = RobotProfile.objects.order_by("pk")[0]
     Robot.objects.bulk_create(
         [
@@ -247,14 +249,14 @@ def _register(robots: dict[UUID, str], people: dict[str, str]) -> None:
 
 
 def _open_chains(names: dict[UUID, str]) -> None:
-    """Rows for the chains that these are, if they are new."""
+    """Create rows for new chains."""
     Chain.objects.bulk_create(
         [Chain(id=key, name=name) for key, name in names.items()], ignore_conflicts=True
     )
 
 
 def _insert_into_sqlite(model: type[Model], rows: Sequence[Struct]) -> None:
-    """Faster than `bulk_create`, which makes a statement of every few dozen rows."""
+    """Insert rows, faster than `bulk_create`, which makes a statement for every few dozen rows."""
     columns, cells = _table(model, rows)
     places = ", ".join(["%s"] * columns.count(",")) + ", %s"
     with connection.cursor() as cursor:
@@ -273,7 +275,7 @@ def _copy_to_postgresql(model: type[Model], rows: Sequence[Struct]) -> None:
 
 
 def _table(model: type[Model], rows: Sequence[Struct]) -> tuple[str, Iterator[list[Any]]]:
-    """The names of the columns, and the cells of each row as the database takes them."""
+    """Return the column names, and the cells of each row as the database accepts them."""
     names = [str(field.column) for field in model._meta.concrete_fields]
     adapt: dict[type, Callable[[Any], Any]] = {dict: json.dumps}
     if connection.vendor == "sqlite":
@@ -294,7 +296,7 @@ def _table(model: type[Model], rows: Sequence[Struct]) -> tuple[str, Iterator[li
 
 @contextmanager
 def _much_memory() -> Iterator[None]:
-    """While it grows, for SQLite reads all of its indexes again and again."""
+    """Context: a large cache while the log grows, because SQLite reads all of its indexes again and again."""
     if connection.vendor != "sqlite":
         yield
         return
@@ -306,7 +308,7 @@ def _much_memory() -> Iterator[None]:
 
 
 def _count_on() -> None:
-    """The next number is above those that were written."""
+    """Move the sequence behind the written numbers."""
     number = "pg_get_serial_sequence('audit_record', 'id')"
     with connection.cursor() as cursor:
         cursor.execute(f"SELECT setval({number}, MAX(id)) FROM audit_record")  # noqa: S608

@@ -1,8 +1,7 @@
 """Events of an invented lab: each kind as the console and its bridges record it.
 
-What a record says for ever, what may expire and who it is by stand where they do in `robots.recording.bridge_records`,
-`teleop.control.services`
-and the like; `tests/audit/test_invented_lab.py` looks at some of it.
+Permanent parameters, contents that may expire, and the actor are the same as in `robots.recording.bridge_records`,
+`teleop.control.services` and other writers; `tests/audit/test_invented_lab.py` checks some of them.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ FAST_MPS = 0.8
 
 
 class Event(NamedTuple):
-    """A record to be, before it has its place."""
+    """A record before it gets its number and time."""
 
     kind: str
-    of: int | None = None  # how many records earlier of the same scene
+    of: int | None = None  # distance to its request, in records of the same scene
     outcome: str = ""
     parameters: dict[str, Any] = {}
     text: str = ""
@@ -57,7 +56,7 @@ class Scenes:
             self._renewal: 5,
             self._stop: 3,
         }
-        self._beside: dict[Callable[[], list[Event]], float] = {
+        self._without_session: dict[Callable[[], list[Event]], float] = {
             self._camera: 60,
             self._change: 20,
             self._fault: 5,
@@ -65,19 +64,19 @@ class Scenes:
         }
 
     def in_session(self) -> list[Event]:
-        """Something that the holder of a robot does."""
+        """Draw an action of a robot's holder."""
         return self._one_of(self._in_session)
 
-    def beside(self) -> list[Event]:
-        """Something that needs no control session."""
-        return self._one_of(self._beside)
+    def without_session(self) -> list[Event]:
+        """Draw an event that needs no control session."""
+        return self._one_of(self._without_session)
 
     def begin(self) -> list[Event]:
-        """A control session begins."""
+        """Begin a control session."""
         return [Event("control.take")]
 
     def end(self, holder: str, name: str) -> list[Event]:
-        """It ends."""
+        """End a control session."""
         reason = self._weighted(
             {EndReason.RELEASED: 70, EndReason.AWAY: 20, EndReason.TERM: 9, EndReason.RIGHT: 1}
         )
@@ -86,7 +85,7 @@ class Scenes:
         return [Event("control.end", None, reason.value, facts, private=names, by_console=by_console)]
 
     def sign_in(self) -> list[Event]:
-        """A person comes and goes."""
+        """Draw a person's sign-in and sign-out."""
         address = {"address": f"10.0.0.{self._chance.randrange(1, 255)}"}
         return [
             Event("account.sign_in", private=address | {"browser": "Mozilla/5.0 (X11) Firefox/140.0"}),
@@ -112,7 +111,7 @@ class Scenes:
         for _ in range(times := self._chance.choice([0, 0, 1, 1, 2, 4])):
             events += self._intervention(len(events), self._chance.choice(path))
         outcome = self._weighted({"standstill": 96, "halted": 2.5, "control_changed": 1.4, RARE_OUTCOME: 0.1})
-        if outcome == RARE_OUTCOME:  # nobody was left to tell more
+        if outcome == RARE_OUTCOME:  # a killed bridge records no figures
             return [*events, Event("drive.end", len(events), outcome, by_console=True)]
         figures = {
             "distance_m": round(sum(math.dist(a[1:3], b[1:3]) for a, b in pairwise(path)), 3),
@@ -230,7 +229,7 @@ def _place(sample: list[float]) -> dict[str, Any]:
 
 
 def _why(outcome: str, good: str) -> dict[str, str]:
-    """In words, where it did not go well."""
+    """Return the reason in words of an outcome other than `good`."""
     return {} if outcome == good else {"words": f"The robot says: {outcome}."}
 
 

@@ -1,4 +1,4 @@
-"""A scripted session, and kill -9 of the processes between person and robot meanwhile."""
+"""A scripted control session during which processes between person and robot are killed (kill -9)."""
 
 from __future__ import annotations
 
@@ -30,53 +30,53 @@ from script.stack.client import Driver
 from script.stack.stack import Stack
 
 PARTS = ("web", "bridge", "database")
-EARLIEST_S, LATEST_S = 0.5, 2.5  # of a round's session, when the kill comes
-STILL_RUNS_S = 0.3  # how long the session goes on after the kill, for those who live
-READY_S = 90.0  # a supervisor whose restart budget is spent rests for a minute
+EARLIEST_S, LATEST_S = 0.5, 2.5  # of the kill, after the start of a round's session
+STILL_RUNS_S = 0.3  # the session continues after the kill, for the remaining processes
+READY_S = 90.0  # a supervisor with a used-up restart budget pauses for a minute
 SETTLED_S = 10.0
 ANSWER_S = 20.0
 OTHER_DRIVE_TOPIC = "/phone_vel"
 
 
 class LostError(AssertionError):
-    """Something reached the robot that is not on record, or the log is not as it must be."""
+    """A message reached the robot without a record, or the log is not correct."""
 
 
 class Database(Protocol):
-    """Holder of a stack's log."""
+    """The database of a stack."""
 
-    writers_too: bool  # whether web process and bridge die with it
+    writers_too: bool  # `kill` also kills web process and bridge
 
     def kill(self, stack: Stack) -> None:
-        """kill -9, in the middle of whatever it writes."""
+        """Kill it with kill -9, in the middle of its writes."""
 
     def start(self, stack: Stack) -> None:
-        """Start again what does not start itself, but for the web process."""
+        """Start the processes that do not start themselves, except the web process."""
 
 
 class Embedded:
-    """SQLite in the processes that write: all of them are killed at once, and the file must be whole."""
+    """SQLite, part of the processes that write: all of them are killed at once, and the file must be intact."""
 
     writers_too = True
 
     def kill(self, stack: Stack) -> None:
-        """kill -9 of web process, supervisor, bridge and housekeeping; then SQLite looks at the file."""
+        """Kill web process, supervisor, bridge and housekeeping; then let SQLite check the file."""
         for pid in (stack.web.pid, stack.supervisor.pid, *process_stats.children(stack.supervisor.pid)):
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         with closing(sqlite3.connect(stack.directory / "fleet.sqlite3", timeout=10.0)) as database:
-            told = database.execute("PRAGMA integrity_check").fetchall()
-        if told != [("ok",)]:
-            raise LostError(f"the database is damaged: {told}")
+            findings = database.execute("PRAGMA integrity_check").fetchall()
+        if findings != [("ok",)]:
+            raise LostError(f"the database is damaged: {findings}")
 
     def start(self, stack: Stack) -> None:
-        """The supervisor, which starts the others."""
+        """Start the supervisor, which starts the others."""
         stack.release(stack.supervisor)
         stack.start_supervisor()
 
 
 class Witness:
-    """Async context: collects what reaches the robot."""
+    """Async context: collects all messages that reach the robot."""
 
     def __init__(self, stack: Stack) -> None:
         self._stack = stack
@@ -106,12 +106,12 @@ class Witness:
 
     @property
     def received(self) -> list[Received]:
-        """Everything so far; of each goal one."""
+        """Return all messages so far, each goal once."""
         return [*self._received, *self._goals.values()]
 
     @property
     def last_velocity_s(self) -> float:
-        """When the robot was told to move last, Unix time."""
+        """Return the time of the last velocity, Unix time."""
         return max((one.at_s for one in self._received if one.kind == "drive.start"), default=0.0)
 
     async def _read(self) -> None:
@@ -127,12 +127,12 @@ class Witness:
 
 
 class Person:
-    """Somebody at a control page who does a little of everything, again and again, and goes on where they were."""
+    """A person at a control page who repeats all kinds of tasks and continues after a break."""
 
     def __init__(self, stack: Stack, cookie: str, seed: int = 0) -> None:
         self._stack = stack
         self._cookie = cookie
-        self.chance = random.Random(seed)  # noqa: S311 - of whatever is random in its rounds
+        self.chance = random.Random(seed)  # noqa: S311 - for all random choices
         self._tab = secrets.token_urlsafe(24)
         self._numbers = count(1)
         steps: list[Callable[[Driver], Awaitable[Any]]] = [
@@ -142,7 +142,7 @@ class Person:
         self._steps = cycle(steps)
 
     async def sit_down(self) -> Driver:
-        """The page, with control, the stop cleared and the stick in the middle."""
+        """Open the page, with control, without a stop, and with the stick in the middle."""
         driver = await Driver(self._stack, ROBOT, self._cookie, tab=self._tab).__aenter__()
         await driver.until(lambda: driver.state and driver.state.phase == "online", ANSWER_S)
         end_s = time.monotonic() + ANSWER_S
@@ -157,7 +157,7 @@ class Person:
         return driver
 
     async def go_on(self, driver: Driver) -> None:
-        """Step after step, until cancelled or the connection is gone."""
+        """Do step after step, until cancelled or the connection is lost."""
         with suppress(ConnectionClosed):
             for step in self._steps:
                 await step(driver)
@@ -199,7 +199,7 @@ class Person:
 
 @dataclass
 class Rounds:
-    """Round after round over one stack."""
+    """Runs rounds on one stack."""
 
     stack: Stack
     database: Database
@@ -207,7 +207,7 @@ class Rounds:
     witness: Witness
 
     async def one(self, *victims: str) -> Counter[str]:
-        """The session, the kill, the start; returns what reached the robot. Raises `LostError`."""
+        """Run a session, kill, start again; return the messages to the robot by kind. Raises `LostError`."""
         before = counts(self.witness.received)
         killed_s = await self._until_killed(victims)
         everybody = "database" in victims and self.database.writers_too
@@ -221,7 +221,7 @@ class Rounds:
         return counts(self.witness.received) - before
 
     async def _until_killed(self, victims: tuple[str, ...]) -> float:
-        """Returns when, Unix time."""
+        """Kill at a random time; return it, Unix time."""
         driver = await self.person.sit_down()
         session = asyncio.create_task(self.person.go_on(driver))
         try:
@@ -240,7 +240,7 @@ class Rounds:
                 await driver.__aexit__(None, None, None)
 
     def _kill(self, victims: tuple[str, ...]) -> None:
-        """kill -9 of these, one right after the other."""
+        """Kill these with kill -9, one after the other."""
         for victim in victims:
             match victim:
                 case "web":
@@ -252,7 +252,7 @@ class Rounds:
                     self.database.kill(self.stack)
 
     async def _settled(self, before_s: float) -> None:
-        """Everything that reached the robot is on record, the chains are whole, and what lacked its outcome has one."""
+        """Check that each message to the robot has a record, chains are intact, and each request has an outcome."""
         end_s = time.monotonic() + SETTLED_S
         while True:
             log = await asyncio.to_thread(read_log, self.stack)
@@ -265,7 +265,7 @@ class Rounds:
 
 
 def read_log(stack: Stack) -> Log:
-    """The stack's audit log."""
+    """Return the stack's audit log."""
     command = [sys.executable, "-m", "benchmarks.parts.audit.log_side"]
-    told = subprocess.run(command, env=stack.environment, stdout=subprocess.PIPE, check=True)  # noqa: S603
-    return msgspec.json.decode(told.stdout, type=Log)
+    printed = subprocess.run(command, env=stack.environment, stdout=subprocess.PIPE, check=True)  # noqa: S603
+    return msgspec.json.decode(printed.stdout, type=Log)

@@ -16,23 +16,23 @@ ENDS = {
     **{kind: kind.replace("start", "end") for kind in ORDERS},
 }
 DEFAULT_DRIVE_TOPIC = "/key_vel"
-ON_THEIR_WAY_S = 0.3  # velocities that were sent before a drive's end, and came after
+ON_THEIR_WAY_S = 0.3  # velocities that were sent before a drive's end and arrived after it
 
 
 class Received(Struct, frozen=True):
-    """Something that reached the robot."""
+    """A message that reached the robot."""
 
-    kind: str  # of the record that there must be
+    kind: str  # of the required record
     at_s: float  # Unix time
-    key: str  # the text, the motion's name, the message's content; of a velocity its topic; "": not known
-    goal: str = ""  # its identifier, if it has one
+    key: str  # text, motion name, message content, or topic of a velocity; "": not known
+    goal: str = ""  # identifier, if any
 
 
 class Entry(Struct, frozen=True):
     """A record of the log."""
 
     id: int
-    at_s: float  # Unix time, taken before it was committed
+    at_s: float  # Unix time before the commit
     kind: str
     of: int | None
     outcome: str
@@ -52,14 +52,14 @@ class Entry(Struct, frozen=True):
 
 
 class Log(Struct, frozen=True):
-    """The whole log, and whether its chains are as they were written."""
+    """The whole log, and the findings of its verification."""
 
     entries: list[Entry]
     findings: list[str]
 
 
 def unrecorded(received: Sequence[Received], log: Sequence[Entry]) -> list[str]:
-    """Return, in words, messages that reached the robot without an earlier record."""
+    """Return in words the messages that reached the robot without an earlier record."""
     missing = [
         text
         for kind in ORDERS
@@ -69,7 +69,7 @@ def unrecorded(received: Sequence[Received], log: Sequence[Entry]) -> list[str]:
 
 
 def unfinished(log: Iterable[Entry], before_s: float) -> list[str]:
-    """Return, in words, requests before that time without an outcome."""
+    """Return in words the requests before this time without an outcome."""
     log = list(log)
     ended = {(entry.of, entry.kind) for entry in log}
     return [
@@ -80,15 +80,15 @@ def unfinished(log: Iterable[Entry], before_s: float) -> list[str]:
 
 
 def counts(received: Iterable[Received]) -> Counter[str]:
-    """Return how much of each kind reached the robot."""
+    """Return the number of messages of each kind that reached the robot."""
     return Counter(one.kind for one in received)
 
 
 def _orders_without_record(received: Sequence[Received], log: Sequence[Entry]) -> list[str]:
-    """Each needs a record of its own that is older. Where only a goal's number is known, they are at least counted."""
+    """Match each message with an older record of its own; goals with an unknown key are only counted."""
     missing = []
     if len(received) > len(log):
-        missing.append(f"{len(received)} {received[0].kind} reached the robot, {len(log)} are on record")
+        missing.append(f"{len(received)} {received[0].kind} reached the robot, {len(log)} are recorded")
     recorded_s = defaultdict(list)
     for entry in log:
         recorded_s[entry.key].append(entry.at_s)
@@ -100,14 +100,12 @@ def _orders_without_record(received: Sequence[Received], log: Sequence[Entry]) -
         times_s = sorted(recorded_s[key])
         for place, one in enumerate(sorted(ones, key=lambda one: one.at_s)):
             if place >= len(times_s) or times_s[place] > one.at_s:
-                missing.append(
-                    f"{one.kind} {key!r} reached the robot at {one.at_s:.3f} and was not on record"
-                )
+                missing.append(f"{one.kind} {key!r} reached the robot at {one.at_s:.3f} without a record")
     return missing
 
 
 def _velocities_without_drive(received: Sequence[Received], log: Sequence[Entry]) -> list[str]:
-    """Each lies within a drive; on another topic than the default, after that was chosen."""
+    """Check that each velocity lies within a drive, and on a non-default topic after it was chosen."""
     ends_s = {entry.of: entry.at_s for entry in log if entry.kind == "drive.end"}
     drives = [
         (entry.at_s, ends_s.get(entry.id, float("inf")) + ON_THEIR_WAY_S)
@@ -115,7 +113,7 @@ def _velocities_without_drive(received: Sequence[Received], log: Sequence[Entry]
     ]
     chosen_s: dict[str, float] = {DEFAULT_DRIVE_TOPIC: 0.0}
     for entry in _of_kind("topic.choose", log):
-        if entry.of is None:  # else it is how a choice ended
+        if entry.of is None:  # otherwise it is the outcome of a choice
             chosen_s.setdefault(entry.details["to"], entry.at_s)
     missing = [
         f"a velocity on {one.key} reached the robot at {one.at_s:.3f}, in no drive that is on record"

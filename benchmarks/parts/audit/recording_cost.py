@@ -1,4 +1,4 @@
-"""Cost of the audit log for a driver: the same commands through the same bridge, recorded and not, in turn."""
+"""Cost of the audit log for a driver: the same commands through the same bridge, with and without records in turn."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from benchmarks.parts.observer import Observer
 from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack
 
-TURNS = (True, False, False, True) * 10  # whether it is recorded: what drifts evens out
-SAMPLES = 100  # of each turn: many short ones, for the machine is another one every few seconds
+TURNS = (True, False, False, True) * 10  # whether records are written; in this order a drift cancels out
+SAMPLES = 100  # of each turn: many short turns, because the machine's speed changes every few seconds
 MOST_TIMES = 1.05
-STANDSTILL_S = 1.5  # by then a drive has ended, on record or not
+STANDSTILL_S = 1.5  # until a drive has ended
 
 
 def latency(directory: Path) -> list[Figure]:
-    """Start a console with one robot, in that directory, and drive it."""
+    """Start a console with one robot in this directory, and drive it."""
     off = directory / "unrecorded"
     settings = {
         "DJANGO_SETTINGS_MODULE": "benchmarks.parts.audit.switchable_recording",
@@ -36,7 +36,7 @@ async def _measured(stack: Stack, off: Path) -> list[Figure]:
     delays_s: dict[bool, list[float]] = {True: [], False: []}
     async with Observer(stack.robots[ROBOT]) as observer, Driver(stack, ROBOT, cookie) as driver:
         await driver.take()
-        progress("warming up ...")  # whoever takes control has the robot's map and motions read
+        progress("warming up ...")  # after taking control the bridge first reads the robot's map and motions
         await drive(driver, observer, SAMPLES)
         for recorded in TURNS:
             progress("driving, recorded ..." if recorded else "driving, not recorded ...")

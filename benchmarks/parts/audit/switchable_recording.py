@@ -1,6 +1,6 @@
-"""Settings of a console whose bridges record nothing while a file exists: what recording costs is measured with both.
+"""Settings of a console whose bridges write no records while a file exists, to measure the cost of records.
 
-Only a bridge's own records are left out, so that nothing else differs.
+Only a bridge's own records are left out; the rest is unchanged.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ INSTALLED_APPS = [*INSTALLED_APPS, "benchmarks.parts.audit.switchable_recording.
 
 
 class Switched(AppConfig):
-    """Puts the switch in."""
+    """Installs the switch."""
 
     name = "benchmarks.parts"
 
     def ready(self) -> None:
-        """Before a bridge makes its sink."""
+        """Wrap the sink's methods before a bridge makes one."""
         from robots.recording.bridge_records import AuditSink
 
         off = Path(os.environ["FLEET_BENCH_UNRECORDED"])
