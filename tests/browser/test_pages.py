@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, expect
 
 from tests.browser.people import Person
 
@@ -306,16 +306,18 @@ def test_no_page_is_too_wide_or_uses_the_internet(person: Arrive) -> None:
     context.on("request", lambda request: asked.append(request.url))
     context.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
     context.on("weberror", lambda error: complaints.append(str(error.error)))
-    tabs = [f"/robots/tiago-1/#{tab}" for tab in ("drive", "motions", "speech", "topics")]
-    opened: dict[str, Page] = {}
-    for path in (*PAGES, *tabs):  # their half seconds without requests pass at the same time
-        opened[path] = page = context.new_page()
-        page.on("websocket", lambda socket: asked.append(socket.url.replace("ws://", "http://")))
-        page.set_viewport_size({"width": 360, "height": 640})
-        page.goto(staff.stack.url + path)
-    for path, page in opened.items():
-        page.wait_for_load_state("networkidle")
-        assert page.evaluate("document.scrollingElement.scrollWidth") == 360, path
+    tabs = [context.new_page() for _ in range(5)]
+    for tab in tabs:
+        tab.on("websocket", lambda socket: asked.append(socket.url.replace("ws://", "http://")))
+        tab.set_viewport_size({"width": 360, "height": 640})
+    paths = [*PAGES, *(f"/robots/tiago-1/#{name}" for name in ("drive", "motions", "speech", "topics"))]
+    for begin in range(0, len(paths), len(tabs)):  # the half seconds without requests pass at the same time
+        opened = dict(zip(paths[begin:], tabs, strict=False))
+        for path, tab in opened.items():
+            tab.goto(staff.stack.url + path)
+        for path, tab in opened.items():
+            tab.wait_for_load_state("networkidle")
+            assert tab.evaluate("document.scrollingElement.scrollWidth") == 360, path
     assert any("/ws/" in url for url in asked)
     assert [url for url in asked if not url.startswith(staff.stack.url)] == []
     assert [line for line in complaints if "404" not in line] == []  # 404 is for /nowhere/
