@@ -2,6 +2,7 @@
 
 keys     drive the course by keys without the gate; print its duration in seconds
 unknown  publish a message type that is not installed on /weather
+twists   print the forward speed of each twist that the console sends, in m/s
 hear     print the messages on /fleet_demo/place
 person   place people in the simulated world by lines of stdin ("person 1.0 2.0"), print the robot's contacts
 """
@@ -80,9 +81,22 @@ def hear_places() -> None:
     rospy.spin()
 
 
+def hear_twists() -> None:
+    """Print the forward speed of each twist that the console sends."""
+    rospy.Subscriber("/key_vel", Twist, lambda twist: print(f"{twist.linear.x:g}", flush=True))
+    print("listening", flush=True)
+    rospy.spin()
+
+
 if __name__ == "__main__":
     rospy.init_node(f"usability_{sys.argv[1]}", anonymous=True, disable_signals=True)
     threading.Thread(target=rospy.spin, daemon=True).start()
-    roles = {"keys": drive_by_keys, "person": be_the_world, "unknown": publish_unknown, "hear": hear_places}
+    roles = {
+        "keys": drive_by_keys,
+        "person": be_the_world,
+        "unknown": publish_unknown,
+        "hear": hear_places,
+        "twists": hear_twists,
+    }
     roles[sys.argv[1]]()
     rospy.signal_shutdown("done")

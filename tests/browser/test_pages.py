@@ -15,6 +15,9 @@ Arrive = Callable[..., Person]
 
 AXE = Path(__file__).resolve().parents[2] / "node_modules/axe-core/axe.min.js"
 PAGES = [
+    "/bookings/",
+    "/bookings/new/",
+    "/bookings/mine/",
     "/",
     "/robots/tiago-1/",
     "/robots/tiago-1/check/",

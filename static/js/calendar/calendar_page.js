@@ -3,6 +3,7 @@
 import { closable } from "../lib/dialog.js";
 import { make, makeButton, parts, say, show } from "../lib/dom.js";
 import { pageLanguage } from "../lib/languages.js";
+import { correctRoles } from "./accessible.js";
 import { bookingsChannel, readFeed, send } from "./bookings_api.js";
 
 const POLL_MS = 5000; // bookings of others appear after at most this
@@ -15,6 +16,7 @@ export function startCalendar(main, library) {
   const dialog = new BookingDialog(part, newUrl, () => calendar.refetchEvents());
   let range = null;
   let newest = "";
+  let dragged = false; // the click that ends a drag follows no link
   const names = new Map(); // of robots, by slug
   const phone = globalThis.innerWidth < PHONE_PX;
 
@@ -22,27 +24,13 @@ export function startCalendar(main, library) {
     view: phone ? "listWeek" : "resourceTimeGridDay",
     locale: pageLanguage(),
     date: day,
-    headerToolbar: {
-      start: "prev,next today",
-      center: "title",
-      end: phone
-        ? "timeGridDay,listWeek"
-        : "resourceTimeGridDay,resourceTimelineWeek,timeGridWeek,listWeek",
-    },
-    buttonText: {
-      today: gettext("Today"),
-      resourceTimeGridDay: gettext("Day"),
-      timeGridDay: gettext("Day"),
-      resourceTimelineWeek: gettext("Week, all robots"),
-      timeGridWeek: gettext("Week"),
-      listWeek: gettext("List"),
-    },
+    headerToolbar: { start: "", center: "", end: "" },
     views: { resourceTimelineWeek: { slotDuration: "02:00" } },
     firstDay: 1,
     slotDuration: "00:30",
     scrollTime: scrollTime(new Date()),
     eventContent: ({ event, timeText, view }) => ({
-      domNodes: eventLines(event, timeText, view.type, names),
+      domNodes: eventLines(event, timeText, view.type, names, oneUrl),
     }),
     nowIndicator: true,
     selectable: true,
@@ -63,8 +51,12 @@ export function startCalendar(main, library) {
       },
     ],
     select: ({ startStr, endStr, resource }) => dialog.ask(startStr, endStr, resource ?? null),
-    eventClick: ({ event }) => {
-      if (event.display !== "background") location.assign(`${oneUrl}${event.id}/`);
+    datesSet: ({ view }) => say(part.title, view.title),
+    eventDragStart: () => {
+      dragged = true;
+    },
+    eventResizeStart: () => {
+      dragged = true;
     },
     eventDrop: (change) => move(change),
     eventResize: (change) => move(change),
@@ -100,8 +92,28 @@ export function startCalendar(main, library) {
   const timer = setInterval(poll, POLL_MS);
   bookingsChannel(() => calendar.refetchEvents());
 
+  part.calendar.addEventListener("click", (click) => {
+    if (dragged) click.preventDefault();
+    dragged = false;
+  });
+  part.toolbar.addEventListener("click", ({ target }) => {
+    const { go, view } = target.closest("button")?.dataset ?? {};
+    if (go === "today") calendar.setOption("date", day);
+    else if (go) calendar[go]();
+    else if (view) turnTo(view);
+  });
+  function turnTo(view) {
+    calendar.setOption("view", view);
+    for (const button of part.toolbar.querySelectorAll("[data-view]"))
+      button.setAttribute("aria-pressed", String(button.dataset.view === view));
+  }
+
   show(part.calendar, true);
+  show(part.toolbar, true);
   show(part.hint, true);
+  correctRoles(part.calendar);
+  turnTo(phone ? "listWeek" : "resourceTimeGridDay");
+  say(part.title, calendar.getView().title);
   return () => clearInterval(timer);
 }
 
@@ -115,10 +127,14 @@ function scrollTime(now) {
 }
 
 /** The lines of a booking: time, person, and the robot where its column does not name it. */
-function eventLines(event, timeText, view, names) {
+function eventLines(event, timeText, view, names, oneUrl) {
   if (event.display === "background") return [make("small", { text: event.title })];
   const robot = view.startsWith("resource") ? [] : [names.get(event.resourceIds[0]) ?? ""];
-  return [timeText, ...robot, event.title].map((text) => make("div", { text }));
+  const lines = [timeText, ...robot, event.title].map((text) => make("span", { text }));
+  const link = make("a", { className: "event-link", children: lines });
+  link.href = `${oneUrl}${event.id}/`;
+  link.draggable = false;
+  return [link];
 }
 
 /** A wall-clock time as the console reads it: "2026-03-02T14:30". @param {Date} at */

@@ -1,0 +1,101 @@
+"""Bookings in a real browser with all real processes: drag, form, refusals, and a slot that ends while driving."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+from playwright.sync_api import expect
+
+from script.stack.stack import Stack
+from tests.browser.people import Person, robot_side
+
+Arrive = Callable[..., Person]
+ROBOT = "tiago-2"
+
+
+@pytest.fixture
+def book(stack: Stack):
+    """`book("operator", -60, 8)`: store a slot by seconds from now, however short. All slots go after the test."""
+    with sqlite3.connect(stack.directory / "fleet.sqlite3", timeout=20) as database:
+
+        def one(column: str, table: str, name: str) -> str:
+            [found] = database.execute(f"SELECT id FROM {table} WHERE {column} = ?", [name]).fetchone()
+            return str(found)
+
+        def store(username: str, starts_s: float, ends_s: float) -> None:
+            now = datetime.now(timezone.utc).replace(tzinfo=None)
+            starts, ends = (str(now + timedelta(seconds=seconds)) for seconds in (starts_s, ends_s))
+            values = (
+                uuid4().hex,
+                one("slug", "robots_robot", ROBOT),
+                one("username", "accounts_user", username),
+            )
+            database.execute(
+                "INSERT INTO bookings_booking (id, robot_id, person_id, starts_at, ends_at, held_until, made_at,"
+                " state, purpose, version) VALUES (?, ?, ?, ?, ?, ?, ?, 'booked', '', 1)",
+                [*values, starts, ends, ends, starts],
+            )
+            database.commit()
+
+        yield store
+        database.execute("DELETE FROM bookings_booking")
+        database.commit()
+
+
+def test_the_slot_ends_while_the_stick_is_held(person: Arrive, stack: Stack, book, tmp_path: Path) -> None:
+    operator, supervisor = person("operator"), person("supervisor")
+    said = tmp_path / "twists"
+    with robot_side(stack.robots[ROBOT], "twists", said):
+        operator.until(lambda: "listening" in said.read_text(), "the observer to listen")
+        book("operator", -60, 9)
+        book("supervisor", 9, 900)
+        operator.take(ROBOT)
+        start = operator.place
+        operator.push("s", until=lambda: operator.control["state"] != "yours", what="the slot to end")
+        assert operator.place != start
+        operator.until_still()
+    twists = [float(line) for line in said.read_text().split() if line != "listening"]
+    driven = [number for number, vx in enumerate(twists) if vx]
+    assert driven and not any(twists[driven[-1] + 1 :])
+    assert twists[-1] == 0.0
+    expect(operator.part("why")).to_contain_text("has booked this robot")
+    expect(operator.part("slot")).to_contain_text("has a slot")
+    supervisor.take(ROBOT)  # the next slot is theirs
+    supervisor.release()
+
+
+def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book) -> None:
+    operator, staff = person("operator"), person("staff")
+    operator.open("/bookings/")
+    operator.page.get_by_role("button", name="Later", exact=True).click()  # tomorrow is free
+    expect(operator.page.locator(".ec-event")).to_have_count(0)
+    x, y = drag_place(operator)
+    operator.page.mouse.move(x, y)
+    operator.page.mouse.down()
+    operator.page.mouse.move(x, y + 44, steps=8)
+    operator.page.mouse.up()
+    expect(operator.part("dialog-title")).to_have_text("Book this slot?")
+    operator.part("dialog-yes").click()
+    expect(operator.page.locator(".ec-event.mine")).to_have_count(1)
+
+    staff.open("/bookings/new/")
+    tomorrow = datetime.now(timezone.utc) + timedelta(days=1)
+    staff.page.get_by_label("Robot").select_option("tiago-1")
+    staff.page.get_by_label("From").fill(tomorrow.strftime("%Y-%m-%dT00:00"))
+    staff.page.get_by_label("To", exact=True).fill(tomorrow.strftime("%Y-%m-%dT23:00"))
+    staff.page.get_by_role("button", name="Book", exact=True).click()
+    refusals = staff.page.locator(".refusals li")
+    expect(refusals).to_have_count(2)  # taken, and too long
+    expect(staff.page.locator(".alternatives a").first).to_contain_text("TIAGo One")
+
+
+def drag_place(somebody: Person) -> tuple[float, float]:
+    """A place in the first robot's column, on a full line of the grid."""
+    body = somebody.page.locator(".ec-body, .ec-main").first.bounding_box()
+    assert body
+    return body["x"] + 140, body["y"] + body["height"] / 2
