@@ -48,7 +48,7 @@ def erase(
     numbers = _by_or_about(person_id, names, Content.objects.filter(pk__lte=newest))
     with transaction.atomic():
         numbers |= _by_or_about(person_id, names, Content.objects.filter(pk__gt=newest))  # put in meanwhile
-        told = record(
+        erased = record(
             "audit.erase", actor=actor, parameters={"person": person_id, "records": sorted(numbers)}
         )
         Actor.objects.filter(pk=person_id, erased_at=None).update(
@@ -57,14 +57,14 @@ def erase(
         forget()
     for _ in chain(take_out(_on_record(person_id)), empty_wal()):
         time.sleep(PAUSE_S)
-    return told
+    return erased
 
 
 def _on_record(person_id: str) -> list[int]:
     """The numbers of all records whose contents go with this person, also of a time that was interrupted."""
-    told = Record.objects.filter(kind="audit.erase", parameters__person=person_id)
+    erasures = Record.objects.filter(kind="audit.erase", parameters__person=person_id)
     return sorted(
-        {number for erased in told.values_list("parameters", flat=True) for number in erased["records"]}
+        {number for erased in erasures.values_list("parameters", flat=True) for number in erased["records"]}
     )
 
 

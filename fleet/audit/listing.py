@@ -151,14 +151,14 @@ class Selection:
         """
         few = Selection(replace(self._wanted, words=()), self._kinds).numbers(FEW + 1)
         if len(few) <= FEW:
-            told = Record.objects.filter(pk__in=few).values_list("pk", "of", "kind")
-            return [texts_among([_row_of(*record) for record in told], self._wanted.words)]
+            found = _kinds_of(few)
+            return [texts_among([_row_of(*record) for record in found], self._wanted.words)]
         requests = Selection(replace(self._wanted, words=(), outcome=""), self._kinds)._streams()
         return [
-            texts.filter(_there_is(stream.filter(pk=OuterRef("pk"))), told, self._within)
+            texts.filter(_there_is(stream.filter(pk=OuterRef("pk"))), outcome, self._within)
             for stream in requests
             if stream.exists()
-            for told in self._outcome_wanted()
+            for outcome in self._outcome_wanted()
             for texts in texts_with(self._wanted.words)
         ]
 
@@ -169,12 +169,12 @@ class Selection:
             return [Q()]
         kinds = {kind for kind, seen_one in self._telling() if seen_one == outcome}
         by = Record.objects.filter(outcome=outcome)
-        told = []
+        conditions = []
         if others := kinds.difference(_OWN_ROW):
-            told.append(_there_is(by.filter(of=OuterRef("pk"), kind__in=others)))
+            conditions.append(_there_is(by.filter(of=OuterRef("pk"), kind__in=others)))
         if own := kinds.difference(_END_OF.values()):
-            told.append(_there_is(by.filter(pk=OuterRef("pk"), kind__in=own)))
-        return told
+            conditions.append(_there_is(by.filter(pk=OuterRef("pk"), kind__in=own)))
+        return conditions
 
     @cached_property
     def _where(self) -> Q:
@@ -238,12 +238,12 @@ def seen(kinds: Iterable[str]) -> list[tuple[str, str]]:
     kinds = list(kinds)
     if not kinds:
         return []
-    told = ", ".join(["(%s)"] * len(kinds))
+    placeholders = ", ".join(["(%s)"] * len(kinds))
     next_one = "(SELECT MIN(outcome) FROM audit_record AS r WHERE r.kind = {0}.kind AND r.outcome > {1})"
     with connection.cursor() as cursor:
         cursor.execute(
             f"""
-            WITH RECURSIVE asked (kind) AS (VALUES {told}), seen (kind, outcome) AS (
+            WITH RECURSIVE asked (kind) AS (VALUES {placeholders}), seen (kind, outcome) AS (
                 SELECT kind, {next_one.format("asked", "''")} FROM asked
                 UNION ALL
                 SELECT kind, {next_one.format("seen", "seen.outcome")} FROM seen WHERE outcome IS NOT NULL
@@ -333,8 +333,8 @@ def _numbers_of(since: datetime.date, until: datetime.date) -> tuple[int, int]:
 
 def rows_of(numbers: list[int]) -> list[Row]:
     """Rows for the records with these numbers: requests (also of outcomes) and their ends."""
-    told = {number: (of, kind) for number, of, kind in _told(numbers)}
-    row_numbers = {number: _row_of(number, *told[number]) for number in numbers if number in told}
+    found = {number: (of, kind) for number, of, kind in _kinds_of(numbers)}
+    row_numbers = {number: _row_of(number, *found[number]) for number in numbers if number in found}
     records = _whole(Q(pk__in={*row_numbers, *row_numbers.values()}))
     ends = {end.of_id: end for end in _whole(Q(of__in=set(row_numbers.values())) & _IS_OUTCOME).values()}
     return [
@@ -350,7 +350,7 @@ def _row(number: int, found: Record, request: Record | None, end: Record | None)
     return Row(number, request, end if found.pk == request.pk else found)
 
 
-def _told(numbers: Iterable[int]) -> QuerySet[Record, tuple[int, int | None, str]]:
+def _kinds_of(numbers: Iterable[int]) -> QuerySet[Record, tuple[int, int | None, str]]:
     return Record.objects.filter(pk__in=numbers).values_list("pk", "of", "kind")
 
 

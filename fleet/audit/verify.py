@@ -137,10 +137,10 @@ T = TypeVar("T")
 
 def verify(chains: Iterable[Chain]) -> Verified:
     """Look through these chains. Others may write meanwhile; robots are not held up."""
-    told, taken = Verified(), _taken()
+    result, taken = Verified(), _taken()
     for chain in chains:
-        _Walk(chain, taken, told).go()
-    return told
+        _Walk(chain, taken, result).go()
+    return result
 
 
 def verify_one(chain: Chain) -> Verified:
@@ -151,9 +151,9 @@ def verify_one(chain: Chain) -> Verified:
 def verify_all() -> Verified:
     """Verify every chain, and the parts outside chains."""
     chains, findings = _chains()
-    told = verify(chains)
-    told.findings += [*findings, *_strays(chains), *_triggers(), *_index()]
-    return told
+    result = verify(chains)
+    result.findings += [*findings, *_strays(chains), *_triggers(), *_index()]
+    return result
 
 
 def compare(heads: Iterable[Head]) -> Iterator[Finding]:
@@ -192,12 +192,12 @@ def _how_removed(head: Head, removal: Removal | None) -> str:
 class _Walk:
     """One way through a chain, from its first record that is kept to its last."""
 
-    def __init__(self, chain: Chain, taken: Taken, told: Verified) -> None:
+    def __init__(self, chain: Chain, taken: Taken, result: Verified) -> None:
         self._chain = chain
         self._records = _records(chain.pk)
         self._name = _name(chain)
         self._taken = taken
-        self._told = told
+        self._result = result
         self._seq = 0  # of the record before
         self._number = 0
         self._digest: Any = first_digest(chain.pk)  # None: not known, for it is missing
@@ -207,7 +207,7 @@ class _Walk:
     def go(self) -> None:
         head = None
         for row in _rows(self._records.order_by("seq")):
-            self._told.records += 1
+            self._result.records += 1
             if _place(row.seq) is None:
                 self._find(row, NOT_AS_WRITTEN)
                 continue
@@ -220,9 +220,9 @@ class _Walk:
                 head = Head(self._chain.pk, self._chain.name, row.seq, row.digest, row.at)
             self._seq, self._number, self._digest, self._doubted = row.seq, row.id, row.digest, bool(what)
         if head is not None:
-            self._told.heads.append(head)
+            self._result.heads.append(head)
         elif self._seq == 0:
-            self._told.findings.append(Finding(self._name, None, None, "all of its records are missing."))
+            self._result.findings.append(Finding(self._name, None, None, "all of its records are missing."))
 
     def _account_for_gap(self, row: Any) -> None:
         """Records before this one are not there: a checkpoint says so, or they were removed."""
@@ -274,7 +274,7 @@ class _Walk:
         return NOT_AS_WRITTEN
 
     def _find(self, row: Any, what: str) -> None:
-        self._told.findings.append(Finding(self._name, row.id, _place(row.seq), what))
+        self._result.findings.append(Finding(self._name, row.id, _place(row.seq), what))
 
 
 # --- what the log says of itself ---------------------------------------------------------------------
@@ -282,8 +282,8 @@ class _Walk:
 
 def _removal_before(seq: int, records: QuerySet[Record]) -> Removal | None:
     """Evidence that the records before this place were removed; None: no valid evidence."""
-    told = [removal for removal in _removals(records).values() if removal.through == seq - 1]
-    return told[-1] if told else None
+    before = [removal for removal in _removals(records).values() if removal.through == seq - 1]
+    return before[-1] if before else None
 
 
 def _removals(records: QuerySet[Record]) -> dict[int, Removal]:
@@ -294,7 +294,7 @@ def _removals(records: QuerySet[Record]) -> dict[int, Removal]:
     counting: dict[int, Removal] = {}
     through = None  # removals of the previous checkpoint; None if that is gone itself
     for row in _rows(records.filter(kind="audit.checkpoint").order_by("seq")):
-        removal = _told(row, Removal)
+        removal = _statement(row, Removal)
         if (
             removal is not None
             and row.day - removal.before >= RECORDS_KEPT_AT_LEAST
@@ -308,7 +308,7 @@ def _removals(records: QuerySet[Record]) -> dict[int, Removal]:
 
 def _expiry(row: Any) -> Expiry | None:
     """A record's plausible statement about expired contents: none expires on its first day."""
-    expiry = _told(row, Expiry)
+    expiry = _statement(row, Expiry)
     lawful = expiry is not None and all(expired.before < row.day for expired in expiry.kinds.values())
     return expiry if lawful else None
 
@@ -322,12 +322,12 @@ def _taken() -> Taken:
             taken.before[kind] = max(taken.before.get(kind, date.min), expired.before)
         taken.misdated.update((number, row.day) for number in expiry.misdated if number < row.id)
     for row in _rows(Record.objects.filter(kind="audit.erase").order_by("id")):
-        erasure = _told(row, Erasure)
+        erasure = _statement(row, Erasure)
         taken.erased.update(number for number in (erasure.records if erasure else ()) if number < row.id)
     return taken
 
 
-def _told(row: Any, kind: type[T]) -> T | None:
+def _statement(row: Any, kind: type[T]) -> T | None:
     """A record's statement, if present and not about future days, in which much could expire."""
     if isinstance(row, Unreadable) or not isinstance(row.day, date):
         return None

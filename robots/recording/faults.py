@@ -55,8 +55,8 @@ def part_is(robot_id: UUID, part: str, now: Condition) -> None:
     if name is None:
         return
     lock_chain(robot_id, name)
-    told = Record.objects.filter(robot_id=robot_id, kind="fault", parameters__part=part)
-    last = told.order_by("-id").first()
+    faults = Record.objects.filter(robot_id=robot_id, kind="fault", parameters__part=part)
+    last = faults.order_by("-id").first()
     is_open = last is not None and last.of_id is None
     if now.fault and not is_open:
         parameters = {"part": part}
@@ -79,7 +79,7 @@ class RobotWatch:
     def __init__(self) -> None:
         self._asked: dict[UUID, Future[Condition]] = {}
         self._unwell: dict[UUID, int] = {}  # looks one after the other
-        self._told: dict[UUID, bool] = {}  # whether it was at fault, as last put on record
+        self._recorded: dict[UUID, bool] = {}  # last recorded: whether the robot was at fault
         self._next_s = 0.0
 
     def step(self, now_s: float) -> None:
@@ -99,9 +99,9 @@ class RobotWatch:
         if now.fault and self._unwell[robot_id] < SURE_AFTER:
             return
         at_fault = bool(now.fault)
-        if self._told.get(robot_id) != at_fault:
+        if self._recorded.get(robot_id) != at_fault:
             part_is(robot_id, ROBOT, now)
-            self._told[robot_id] = at_fault
+            self._recorded[robot_id] = at_fault
 
 
 def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:

@@ -29,7 +29,7 @@ def check_advertised_address(address: str) -> None:
 
 
 def check_aliases(aliases: object) -> None:
-    """Host names, as the robot uses them, with IP addresses; or `Problems`."""
+    """Check host names, as the robot uses them, with IP addresses; raise `Problems` otherwise."""
     if not isinstance(aliases, dict):
         raise Problems(['Write an object of names and addresses, such as {"tiago-42c": "10.68.0.1"}.'])
     names = [f"{name!r} is not a host name (such as tiago-42c)." for name in aliases if not _is_name(name)]
@@ -43,7 +43,7 @@ def check_aliases(aliases: object) -> None:
 
 
 def is_address(host: str) -> bool:
-    """Whether `host` is an IP address; one with an IPv6 zone is not, for a zone may hold anything."""
+    """Return whether `host` is an IP address; one with an IPv6 zone is not, because a zone may contain any text."""
     try:
         ipaddress.ip_address(host)
     except ValueError:
@@ -52,7 +52,7 @@ def is_address(host: str) -> bool:
 
 
 def _is_host(host: str) -> bool:
-    """Whether `host` is an IP address or could be a host name."""
+    """Return whether `host` is an IP address or could be a host name."""
     return is_address(host) or _is_name(host)
 
 

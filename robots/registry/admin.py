@@ -1,4 +1,4 @@
-"""The registry in the admin. Everything is saved by `robots.registry.services`, which checks and records it."""
+"""The registry in the admin. `robots.registry.services` checks, saves and records all changes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from robots.supervisor.keeper import LOCK, supervised
 
 
 class ReadableJSON(json.JSONEncoder):
-    """JSON as people like to edit it."""
+    """JSON with indentation, for editing."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{**options, "indent": 2})
@@ -58,7 +58,7 @@ class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscrip
 
 
 class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
-    """A form that was left open does not undo changes of others, such as taking a robot out of service."""
+    """A form that refuses to overwrite changes made since it was opened, such as taking a robot out of service."""
 
     as_of = forms.CharField(widget=forms.HiddenInput, required=False)
 
@@ -71,14 +71,14 @@ class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at ru
         """`ValidationError` if the entry was saved since the form was opened."""
         as_of: str = self.cleaned_data["as_of"]
         if as_of and as_of != self.initial.get("as_of", as_of):  # a copy of an entry is new
-            told = gettext("It was changed meanwhile by %s. Open this page again; nothing was saved.")
-            raise forms.ValidationError(told % last_editor(self.instance))
+            text = gettext("%s has changed it meanwhile. Open this page again; nothing was saved.")
+            raise forms.ValidationError(text % last_editor(self.instance))
         return as_of
 
 
 @admin.register(Robot)
 class RobotAdmin(RecordedAdmin):
-    """Robots. None is deleted, for control sessions and records speak of them: clear "enabled" instead."""
+    """Robots. They cannot be deleted, because sessions and records refer to them: clear "enabled" instead."""
 
     list_display = [
         "name",
@@ -119,8 +119,8 @@ class RobotAdmin(RecordedAdmin):
             {
                 "fields": ["master_uri", "advertised_address", "host_aliases", "bridge_address"],
                 "description": _(
-                    "ROS nodes call each other back by name, so names must resolve both ways: most of what goes "
-                    "wrong in a lab goes wrong here. Save, then open the check."
+                    "ROS nodes call each other back by name, so names must resolve both ways. Most faults in a lab "
+                    "are here. Save, then open the check."
                 ),
             },
         ),
@@ -129,7 +129,7 @@ class RobotAdmin(RecordedAdmin):
             {
                 "fields": ["drive_topic", "default_share", "max_share", "stick", "overrides"],
                 "description": _(
-                    "What differs from the profile. A change takes effect within 3 s; the robot stops for it, "
+                    "Differences from the profile. A change takes effect within 3 s; this robot stops for it, "
                     "other robots do not."
                 ),
             },
@@ -138,7 +138,7 @@ class RobotAdmin(RecordedAdmin):
 
     @admin.display(description=_("bridge"))
     def bridge_state(self, robot: Robot) -> str:
-        """How the bridge process fares, as far as anybody knows."""
+        """Return the last reported state of the bridge process."""
         status = getattr(robot, "bridge", None)
         if status is None:
             return gettext("not seen by a supervisor yet")
@@ -153,7 +153,7 @@ class RobotAdmin(RecordedAdmin):
 
     @admin.display(description=_("check"))
     def check_link(self, robot: Robot) -> str:
-        """A link to the check page."""
+        """Return a link to the check page."""
         if robot._state.adding:
             return gettext("after saving")
         url = reverse("robot-check", args=[robot.slug])
@@ -164,7 +164,7 @@ class RobotAdmin(RecordedAdmin):
         services.robot_save(robot=obj, actor=person_of(request))
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
-        """Roles and allow-list by the service."""
+        """Save roles and allow-list by the service."""
         if formset.model is not RobotRole:
             save_entries(formset, person_of(request))
             return
@@ -174,7 +174,7 @@ class RobotAdmin(RecordedAdmin):
             services.role_set(robot=entry.robot, user=entry.user, role=None, actor=person_of(request))
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """Robots are disabled, not deleted."""
+        """Forbid deletion: robots are disabled instead."""
         return False
 
 
@@ -188,7 +188,7 @@ def _give(entry: RobotRole, actor: User) -> None:
 
 @admin.register(RobotRole)
 class RobotRoleAdmin(RecordedAdmin):
-    """Every role of every person."""
+    """All roles of all people."""
 
     list_display = ["user", "robot", "role"]
     list_filter = ["role", "robot"]
@@ -207,7 +207,7 @@ class RobotRoleAdmin(RecordedAdmin):
         services.role_set(robot=obj.robot, user=obj.user, role=None, actor=person_of(request))
 
     def delete_queryset(self, request: HttpRequest, queryset: QuerySet[RobotRole]) -> None:
-        """Each of them by the service."""
+        """Take each role away by the service."""
         for entry in queryset.select_related("robot", "user"):
             self.delete_model(request, entry)
 
@@ -233,8 +233,8 @@ class RobotProfileAdmin(RecordedAdmin):
                     *("linear_mps2", "angular_radps2", "blind_mps"),
                 ],
                 "description": _(
-                    "What the safety gate believes of the base. A number above what the base can do makes the "
-                    "gate brake too late."
+                    "The safety gate's assumptions about the base. If a number is higher than the base can do, the "
+                    "gate brakes too late."
                 ),
             },
         ),
@@ -247,7 +247,7 @@ class RobotProfileAdmin(RecordedAdmin):
 
     @admin.display(description=_("source"))
     def source(self, profile: RobotProfile) -> str:
-        """Whether the profile is as shipped."""
+        """Return whether the profile equals its data file."""
         file = shipped.file_of(profile)
         if file is None:
             return gettext("made here")
@@ -255,32 +255,32 @@ class RobotProfileAdmin(RecordedAdmin):
             return gettext("edited here; the shipped one differs")
         return gettext("as shipped")
 
-    @admin.action(description=_("Give up local edits, take the shipped version"))
+    @admin.action(description=_("Replace local edits by the shipped version"))
     def take_shipped(self, request: HttpRequest, queryset: QuerySet[RobotProfile]) -> None:
-        """Back to the data file."""
+        """Restore the profiles from their data files."""
         for profile in queryset:
             taken = services.profile_take_shipped(profile=profile, actor=person_of(request))
             if taken:
-                self.message_user(request, gettext("%s is as shipped now.") % profile.name, messages.SUCCESS)
+                self.message_user(request, gettext("%s is now as shipped.") % profile.name, messages.SUCCESS)
             else:
-                told = gettext("%s was made here; nothing is shipped for it.") % profile.name
-                self.message_user(request, told, messages.WARNING)
+                text = gettext("%s was made here; it has no shipped version.") % profile.name
+                self.message_user(request, text, messages.WARNING)
 
     def save_model(
         self, request: HttpRequest, obj: RobotProfile, form: ModelForm[RobotProfile], change: bool
     ) -> None:
-        """Save by the service, and say it where a limit of the gate was loosened."""
+        """Save by the service, and warn if the blind speed was raised."""
         services.profile_save(profile=obj, actor=person_of(request))
         if change and "blind_mps" in form.changed_data and obj.blind_mps > form.initial["blind_mps"]:
-            told = gettext(
-                "The blind speed of every %(name)s is %(now)s m/s now, it was %(before)s: where no sensor watches, "
-                "only the operator’s eyes do."
+            text = gettext(
+                "The blind speed of every %(name)s is now %(now)s m/s (before: %(before)s). Where no sensor watches, "
+                "only the operator does."
             )
             figures = {"now": f"{obj.blind_mps:g}", "before": f"{form.initial['blind_mps']:g}"}
-            self.message_user(request, told % {"name": obj.name, **figures}, messages.WARNING)
+            self.message_user(request, text % {"name": obj.name, **figures}, messages.WARNING)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
-        """The allow-list by the service."""
+        """Save the allow-list by the service."""
         save_entries(formset, person_of(request))
 
     def delete_model(self, request: HttpRequest, obj: RobotProfile) -> None:
@@ -288,5 +288,5 @@ class RobotProfileAdmin(RecordedAdmin):
         services.profile_delete(profile=obj, actor=person_of(request))
 
     def has_delete_permission(self, request: HttpRequest, obj: RobotProfile | None = None) -> bool:
-        """A profile that is in use, or would come back with the next migration, stays."""
+        """Return whether the profile can be deleted: not if it is shipped (it would come back) or in use."""
         return obj is not None and shipped.file_of(obj) is None and not obj.robots.exists()

@@ -35,10 +35,10 @@ def save_entries(formset: Any, actor: User) -> None:
 
 
 class SpokenFormSet(BaseInlineFormSet):  # type: ignore[type-arg]  # not subscriptable at run time
-    """Rows whose inputs say the name of their column to people who do not see it."""
+    """Rows whose inputs have their column's name as a label, for screen readers."""
 
     def add_fields(self, form: Any, index: int | None) -> None:
-        """And their names."""
+        """Add the labels."""
         super().add_fields(form, index)
         for field in form.fields.values():
             if field.label:
@@ -56,13 +56,13 @@ class AllowanceInline(admin.TabularInline):  # type: ignore[type-arg]  # not sub
 
 
 class EntryAdmin(RecordedAdmin):
-    """Entries of all profiles and robots. An entry stays with whom it was made for."""
+    """Entries of all profiles and robots. An entry cannot move to another owner."""
 
     list_select_related = ["profile", "robot"]
 
     @admin.display(description=_("of"), ordering="profile")
     def whose(self, entry: Phrase | Allowance) -> str:
-        """A kind of robot, or one robot."""
+        """Return the owner's name: a profile or a robot."""
         return gettext("every %s") % entry.profile if entry.profile else str(entry.robot)
 
     def get_readonly_fields(self, request: HttpRequest, obj: Any = None) -> list[str]:
@@ -78,33 +78,33 @@ class EntryAdmin(RecordedAdmin):
         services.entry_delete(entry=obj, actor=person_of(request))
 
     def delete_queryset(self, request: HttpRequest, queryset: QuerySet[Any]) -> None:
-        """Each of them by the service."""
+        """Delete each entry by the service."""
         for entry in queryset.select_related("profile", "robot"):
             self.delete_model(request, entry)
 
 
 @admin.register(Allowance)
 class AllowanceAdmin(EntryAdmin):
-    """Every allow-list."""
+    """All allow-lists."""
 
     list_display = ["name", "what", "use", "type", "role", "whose", "why_nothing"]
     list_select_related = ["profile", "robot__profile"]
     list_filter = ["what", "profile", "robot"]
     search_fields = ["name", "type"]
 
-    @admin.display(description=_("counts for nothing, for"), empty_value="")
+    @admin.display(description=_("has no effect because"), empty_value="")
     def why_nothing(self, entry: Allowance) -> str:
-        """The reason why a later edit or a newer console denies this entry."""
+        """Return the reason why a later edit or a newer console denies this entry."""
         return entry.why_nothing
 
 
-# As a robot's page has them: those of its kind, then its own, each in their order.
+# The order of a robot's page: the profile's phrases, then the robot's own, each by `order`.
 WHOSE_FIRST = (F("profile__name").asc(nulls_last=True), "robot__name", "order", "id")
 
 
 @admin.register(Phrase)
 class PhraseAdmin(EntryAdmin):
-    """Every phrase, and the way in and out for files of them."""
+    """All phrases, with import from and export to text files."""
 
     list_display = ["text", "language", "tags", "whose", "order"]
     list_editable = ["order"]
@@ -114,17 +114,17 @@ class PhraseAdmin(EntryAdmin):
     actions = ["export"]
     formfield_overrides = {
         models.TextField: {"widget": forms.Textarea(attrs={"rows": 3, "cols": 80, "dir": "auto"})},
-        # In the list its column's head is not its label.
+        # In the list, the column's head is not a label of the input.
         models.PositiveIntegerField: {"widget": AdminIntegerFieldWidget(attrs={"aria-label": _("Order")})},
     }
 
     def get_urls(self) -> list[URLPattern]:
-        """With the page that takes a file."""
+        """Add the import page."""
         page = self.admin_site.admin_view(self.import_page)
         return [path("import/", page, name="robots_phrase_import"), *super().get_urls()]
 
     def import_page(self, request: HttpRequest) -> HttpResponse:
-        """A form that shows faults of a file next to its field."""
+        """Show the import form; faults of a file appear next to its field."""
         form = ImportForm(request.POST or None, request.FILES or None)
         if not form.is_valid():
             fieldsets = [(None, {"fields": list(form.fields)})]
@@ -142,23 +142,23 @@ class PhraseAdmin(EntryAdmin):
 
     @admin.action(description=_("Export to a text file"))
     def export(self, request: HttpRequest, queryset: QuerySet[Phrase]) -> HttpResponse:
-        """The chosen ones, in their order."""
+        """Export the chosen phrases in their order."""
         content = phrases.written(phrase.line for phrase in queryset.order_by(*WHOSE_FIRST))
         headers = {"Content-Disposition": 'attachment; filename="phrases.txt"'}
         return HttpResponse(content, content_type="text/plain; charset=utf-8", headers=headers)
 
 
 class ImportForm(forms.Form):
-    """A file of phrases, and for whom."""
+    """A file of phrases and its owner."""
 
     profile = forms.ModelChoiceField(
         RobotProfile.objects.all(),
         required=False,
         label=_("Profile"),
-        help_text=_("Every robot of a kind,"),
+        help_text=_("For every robot with this profile,"),
     )
     robot = forms.ModelChoiceField(
-        Robot.objects.all(), required=False, label=_("Robot"), help_text=_("or one robot.")
+        Robot.objects.all(), required=False, label=_("Robot"), help_text=_("or for one robot.")
     )
     file = forms.FileField(label=_("File"), widget=forms.FileInput(attrs={"accept": ".txt,.tsv,text/plain"}))
     language = forms.CharField(
@@ -168,11 +168,13 @@ class ImportForm(forms.Form):
         help_text=_("Language of lines without one, such as en-GB. Empty: the robot’s first."),
     )
     replace = forms.BooleanField(
-        required=False, label=_("Replace"), help_text=_("Instead of what is there; otherwise after it.")
+        required=False,
+        label=_("Replace"),
+        help_text=_("Replace the existing phrases; otherwise add to them."),
     )
 
     def clean(self) -> dict[str, Any]:
-        """Adds `owner` and `lines`."""
+        """Check the file; add `owner` and `lines`."""
         asked = super().clean() or {}
         profile, robot, language = asked.get("profile"), asked.get("robot"), asked.get("language")
         if (profile is None) == (robot is None):

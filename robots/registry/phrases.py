@@ -1,6 +1,6 @@
-"""Ready-made messages as a plain text file: one a line, `language<TAB>text`, or the text alone in the default language.
+"""Phrases as a plain text file: one per line, `language<TAB>text`, or only the text, in the default language.
 
-A third field names tags, separated by commas. The file is UTF-8; empty lines mean nothing. A language is a BCP 47
+A third field contains tags, separated by commas. The file is UTF-8; empty lines are ignored. A language is a BCP 47
 code such as en-GB.
 """
 
@@ -16,9 +16,9 @@ from robots.bridge.tasks.speech import why_not_speakable
 from robots.registry.profile_schema import LANGUAGE, Problems
 
 LARGEST_FILE_BYTES = 1_000_000
-MOST_PHRASES = 1000  # of one file
-LONGEST_TAGS = 200  # characters, of one phrase
-MOST_NAMED = 10  # bad lines, in one complaint
+MOST_PHRASES = 1000  # in one file
+LONGEST_TAGS = 200  # characters, for one phrase
+MOST_NAMED = 10  # bad lines, in one message
 FALLBACK_LANGUAGE = "en-GB"
 
 
@@ -31,14 +31,14 @@ class Line(Struct, frozen=True):
 
 
 def why_no_language(code: str) -> str | None:
-    """Why this names no language; None if it is written like one."""
+    """Return why this is no language code; None if it has the form of one."""
     if LANGUAGE.fullmatch(code):
         return None
     return f"“{code}” is not a language code such as en-GB."
 
 
 def why_no_phrase(text: str) -> str | None:
-    """Why this is no phrase; None if it is one."""
+    """Return why this is no phrase; None if it is one."""
     if "\n" in text or "\t" in text:
         return "A phrase is one line, without tabs."
     refusal = why_not_speakable(text)
@@ -46,7 +46,7 @@ def why_no_phrase(text: str) -> str | None:
 
 
 def why_no_tags(tags: Iterable[str]) -> str | None:
-    """Why these cannot be tags of a phrase; None if they can."""
+    """Return why these cannot be tags of a phrase; None if they can."""
     text = tags_text(tags)
     if any(unicodedata.category(character) == "Cc" for character in text):
         return "A tag has a control character."
@@ -56,20 +56,20 @@ def why_no_tags(tags: Iterable[str]) -> str | None:
 
 
 def in_usual_case(code: str) -> str:
-    """EN-gb -> en-GB, zh-hant -> zh-Hant: as robots and browsers write languages."""
+    """Write a language as robots and browsers do: EN-gb -> en-GB, zh-hant -> zh-Hant."""
     first, *others = code.split("-")
     cased = [{2: str.upper, 4: str.title}.get(len(part), str.lower)(part) for part in others]
     return "-".join([first.lower(), *cased])
 
 
 def tags_in(text: str) -> tuple[str, ...]:
-    """Tags that are separated by commas, each once."""
+    """Return tags separated by commas, each once."""
     spaced = (" ".join(tag.split()) for tag in text.split(","))
     return tuple(dict.fromkeys(tag for tag in spaced if tag))
 
 
 def tags_text(tags: Iterable[str]) -> str:
-    """As they are stored, and written to a file."""
+    """Return tags as they are stored and written to a file."""
     return ", ".join(tags)
 
 
@@ -77,7 +77,7 @@ def tags_text(tags: Iterable[str]) -> str:
 
 
 def read(content: bytes, default_language: str = FALLBACK_LANGUAGE) -> list[Line]:
-    """The phrases of a file, each once; `Problems` with the numbers of the lines that are wrong."""
+    """Return the phrases of a file, each once; `Problems` with the numbers of wrong lines."""
     phrases: dict[tuple[str, str], Line] = {}
     problems: list[str] = []
     for number, line in enumerate(_text(content).split("\n"), start=1):
@@ -98,13 +98,13 @@ def read(content: bytes, default_language: str = FALLBACK_LANGUAGE) -> list[Line
 
 
 def read_file(path: Path, default_language: str = FALLBACK_LANGUAGE) -> list[Line]:
-    """`read`, of a file by its path."""
+    """Return the phrases of the file with this path, see `read`."""
     with path.open("rb") as file:
         return read(file.read(LARGEST_FILE_BYTES + 1), default_language)
 
 
 def written(phrases: Iterable[Line]) -> str:
-    """The content of a file from which `read` makes these phrases."""
+    """Return the content of a file from which `read` makes these phrases."""
     lines = ([phrase.language, phrase.text, tags_text(phrase.tags)] for phrase in phrases)
     return "".join("\t".join(filter(None, fields)) + "\n" for fields in lines)
 

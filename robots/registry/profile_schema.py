@@ -1,7 +1,7 @@
 """The structured parts of a profile or robot: from JSON to values, with checks.
 
-People edit these parts as JSON in the admin, so every complaint names the place: "scans[0].pose[1]: Expected
-a number, got text". Nothing here touches the database.
+People edit these parts as JSON in the admin, so every error names its place: "scans[0].pose[1]: Expected
+a number, got text". This module does not use the database.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ _WORDS = {
 
 
 class Footprint(Struct, frozen=True):
-    """A disc around the base frame's origin, or a convex outline around it (metres); one of the two."""
+    """Either a disc around the base frame's origin, or a convex outline around it (metres)."""
 
     radius_m: float | None = None
     outline: list[tuple[float, float]] | None = None
 
 
 class Tightening(Struct, frozen=True):
-    """Limits of one robot below those of its profile; None keeps the profile's."""
+    """Lower limits of one robot; None keeps the profile's limit."""
 
     forward_mps: float | None = None
     reverse_mps: float | None = None
@@ -66,9 +66,9 @@ class Tightening(Struct, frozen=True):
 
 
 class Overrides(Struct, frozen=True):
-    """Where one robot differs from its profile.
+    """Differences of one robot from its profile.
 
-    `topics` replaces the profile's entries key by key (null: this robot has no such thing), `limits` and
+    `topics` replaces the profile's entries key by key (null: this robot does not have it), `limits` and
     `gate` may only tighten.
     """
 
@@ -83,8 +83,8 @@ class StickChain(Struct, frozen=True):
     stick: tuple[StickStep, ...]
 
 
-# msgspec learns a type as it first meets one of it, and another thread that meets one meanwhile crashes the process.
-# So each is learned here, before there are threads.
+# msgspec analyses a type at its first use; a second thread that uses it at this moment crashes the process. So each
+# type is used here, before there are threads.
 for _kind in (Footprint, Overrides, StickChain, Topics, Parameters):
     msgspec.json.Decoder(_kind)
 
@@ -125,7 +125,7 @@ def _in_words(message: str) -> str:
 
 
 def _not_finite(given: object, path: str) -> Iterator[str]:
-    """Python's JSON takes NaN and Infinity; a robot must not."""
+    """Refuse NaN and Infinity, which Python's JSON accepts."""
     if isinstance(given, float) and not math.isfinite(given):
         yield f"{path}: must be a finite number, not {given}"
     for key, item in _items(given):
@@ -133,7 +133,7 @@ def _not_finite(given: object, path: str) -> Iterator[str]:
 
 
 def _unknown(given: object, known: object, path: str) -> Iterator[str]:
-    """Keys that were given and not understood: a misspelt field must not pass for an absent one."""
+    """Yield unknown keys: a misspelt field must not count as an absent one."""
     known_items = dict(_items(known))
     for key, item in _items(given):
         if key not in known_items:
@@ -156,11 +156,11 @@ def _join(path: str, key: str | int) -> str:
     return f"{path}.{key}" if path else key
 
 
-# --- what makes values wrong ---------------------------------------------------------------------
+# --- checks -------------------------------------------------------------------------------------
 
 
 def topic_problems(topics: Topics) -> Iterator[str]:
-    """Names, types, poses, doublets."""
+    """Check names, types, poses and duplicates."""
     for field, understood in UNDERSTOOD_TYPES.items():
         source = getattr(topics, field)
         if source is None:
@@ -191,10 +191,10 @@ def topic_problems(topics: Topics) -> Iterator[str]:
     yield from _doublets([sonar.frame_id for sonar in topics.sonars], "sonars", "frame_id")
 
 
-# Lowest and highest of what is told of a depth camera.
+# Lowest and highest value of each entry of a depth camera.
 _DEPTH_BOUNDS = {
     "fov": (0.2, 2.8, "rad"),
-    "every_s": (0.02, 0.4, "s"),  # below half a second, by which a picture is stale
+    "every_s": (0.02, 0.4, "s"),  # a picture is stale after 0.5 s
     "height_m": (0.1, 3.0, "m"),
     "own_m": (0.0, 0.3, "m"),
     "blind_m": (0.0, 1.0, "m"),
@@ -269,7 +269,7 @@ def _doublets(names: list[str], path: str, field: str) -> Iterator[str]:
 
 
 def footprint_problems(footprint: Footprint) -> Iterator[str]:
-    """One of disc and outline; an outline is convex and has the base frame's origin inside."""
+    """Check for either disc or outline; an outline is convex and has the base frame's origin inside."""
     if (footprint.radius_m is None) == (footprint.outline is None):
         yield 'Give either "radius_m" (a disc) or "outline" (a convex polygon).'
     if footprint.radius_m is not None and not 0.05 <= footprint.radius_m <= 2.0:
@@ -287,7 +287,7 @@ def _outline_problems(outline: list[tuple[float, float]]) -> Iterator[str]:
     sides = list(zip(outline, outline[1:] + outline[:1], strict=True))
     turns = [_turn(a, b, c) for (a, b), (_, c) in zip(sides, sides[1:] + sides[:1], strict=True)]
     one_way = all(turn > 0.0 for turn in turns) or all(turn < 0.0 for turn in turns)
-    if not one_way or abs(sum(turns)) > 2.5 * math.pi:  # a star turns one way too, but twice around
+    if not one_way or abs(sum(turns)) > 2.5 * math.pi:  # a star also turns one way, but twice around
         yield "outline: the corners must go once around, in order, and form a convex polygon"
         return
     if not all(_turn(a, b, (0.0, 0.0)) * turns[0] > 0.0 for a, b in sides):
@@ -295,7 +295,7 @@ def _outline_problems(outline: list[tuple[float, float]]) -> Iterator[str]:
 
 
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """The angle by which the path a, b, c turns left at b; 0 where two corners are the same."""
+    """Return the angle by which the path a, b, c turns left at b; 0 if two corners are the same."""
     ahead, onward = (b[0] - a[0], b[1] - a[1]), (c[0] - b[0], c[1] - b[1])
     cross = ahead[0] * onward[1] - ahead[1] * onward[0]
     along = ahead[0] * onward[0] + ahead[1] * onward[1]
@@ -315,12 +315,12 @@ PARAMETER_BOUNDS = {
     "between_sonars_mps": (0.02, 1.0),
     "near_miss_s": (0.02, 1.0),
 }
-# A smaller value of these is more careful; for all others a larger one is.
+# A smaller value of these is more careful; for all others a larger one.
 CAREFUL_WHEN_SMALL = {"deceleration_share", "operator_delay_s", "creep_mps", "between_sonars_mps"}
 
 
 def parameter_problems(parameters: Parameters) -> Iterator[str]:
-    """Each parameter within its bounds."""
+    """Check each parameter's bounds."""
     for name, (lowest, highest) in PARAMETER_BOUNDS.items():
         value = getattr(parameters, name)
         if not lowest <= value <= highest:
@@ -328,7 +328,7 @@ def parameter_problems(parameters: Parameters) -> Iterator[str]:
 
 
 def loosened_parameters(given: Parameters, profile: Parameters) -> Iterator[str]:
-    """Where `given` asks less of the gate than `profile`."""
+    """Yield the parameters that are less careful in `given` than in `profile`."""
     for name in PARAMETER_BOUNDS:
         mine, theirs = getattr(given, name), getattr(profile, name)
         if mine < theirs and name not in CAREFUL_WHEN_SMALL:
@@ -338,7 +338,7 @@ def loosened_parameters(given: Parameters, profile: Parameters) -> Iterator[str]
 
 
 def unknown_steps(given: object) -> Iterator[str]:
-    """Steps whose name is none, in decoded JSON."""
+    """Yield steps with an unknown name, in decoded JSON."""
     known = ", ".join(sorted(STEPS))
     for index, step in enumerate(given if isinstance(given, list | tuple) else ()):
         if isinstance(step, dict) and step.get("step") not in STEPS:
@@ -346,7 +346,7 @@ def unknown_steps(given: object) -> Iterator[str]:
 
 
 def stick_problems(chain: StickChain) -> Iterator[str]:
-    """Each step once; the stick is steadied in one way."""
+    """Check that each step occurs once, and only one filter reduces tremor."""
     names = [step.__struct_config__.tag for step in chain.stick]
     yield from _doublets([str(name) for name in names], "stick", "step")
     if sum(isinstance(step, SMOOTHING) for step in chain.stick) > 1:
@@ -354,7 +354,7 @@ def stick_problems(chain: StickChain) -> Iterator[str]:
 
 
 def first_of(problems: Callable[[V], Iterator[str]], value: V) -> V:
-    """`value`, or `Problems` with all that `problems` finds in it."""
+    """Return `value`; raise `Problems` with all faults that `problems` finds."""
     lines = list(problems(value))
     if lines:
         raise Problems(lines)

@@ -1,7 +1,7 @@
 """Checks whether a robot can be driven from here: each check with its result and remedy.
 
-`robots.bridge.ros.network.probe` finds facts in a process of its own, in the environment of the robot's bridge; `judge`
-turns them into answers. The web process never imports ROS.
+`robots.bridge.ros.network.probe` finds facts in a separate process, in the environment of the robot's bridge; `judge`
+turns them into results. The web process never imports ROS.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ OK: Level = "ok"
 WARN: Level = "warn"
 FAIL: Level = "fail"
 PROBE_TIMEOUT_S = 20.0
-NEEDED = ("odometry", "scan")  # kinds without which the robot does not move
-QUIET = ("battery", "charging", "speech", "motions")  # may say nothing for long
+NEEDED = ("odometry", "scan")  # required for motion
+QUIET = ("battery", "charging", "speech", "motions")  # may be silent for a long time
 _findings = msgspec.json.Decoder(Findings)
 
 
@@ -55,7 +55,7 @@ class Check(Struct, frozen=True):
 
 
 def run_checks(robot: Robot) -> list[Check]:
-    """Ask everything; takes a few seconds."""
+    """Run all checks; takes a few seconds."""
     try:
         config = bridge_config(robot)
         environment = ros_environment(config, settings.FLEET_RUN_DIR)
@@ -64,7 +64,7 @@ def run_checks(robot: Robot) -> list[Check]:
     except WrapperMissing as error:
         return [Check(_("host aliases"), FAIL, str(error), _("Install it on the console’s computer."))]
     except OSError as error:
-        text = _("The console cannot write them down (%s).") % error.strerror
+        text = _("The console cannot save them (%s).") % error.strerror
         return [Check(_("host aliases"), FAIL, text, _("Is the disk of the console’s computer full?"))]
     try:
         return [*_elsewhere(robot), *judge(config, _probe(config, environment))]
@@ -78,10 +78,10 @@ def run_checks(robot: Robot) -> list[Check]:
 def _elsewhere(robot: Robot) -> Iterator[Check]:
     if robot.bridge_address:
         yield Check(
-            _("asked from here"),
+            _("other computer"),
             WARN,
-            _("This computer asked, but the robot’s bridge runs at %s.") % robot.bridge_address,
-            _("Run manage.py check_robot %s on that computer: its answer counts.") % robot.slug,
+            _("This computer ran the check, but the robot’s bridge runs at %s.") % robot.bridge_address,
+            _("Run manage.py check_robot %s on that computer.") % robot.slug,
         )
 
 
@@ -99,7 +99,7 @@ def _probe(config: BridgeConfig, environment: dict[str, str]) -> Findings:
 
 
 def plan_for(config: BridgeConfig) -> Plan:
-    """Everything that the robot's description says is there."""
+    """Return the topics that the robot's profile and entry name."""
     topics = config.topics
     return Plan(config.master_uri, topics.drive, list(_listened(config)), arm=topics.arm)
 
@@ -124,15 +124,15 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
         yield Listened("map", topics.map.name, topics.map.type, stamped=False)
     for what in ("speech", "motions"):
         action = getattr(topics, what)
-        if action and action.type.endswith("Action"):  # a plain topic for texts tells nothing
+        if action and action.type.endswith("Action"):  # a plain topic for texts has no results
             yield Listened(what, f"{action.name}/result", f"{action.type}Result", stamped=True)
 
 
-# --- judgement -----------------------------------------------------------------------------------
+# --- results -------------------------------------------------------------------------------------
 
 
 def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
-    """Answers, the most basic first."""
+    """Yield the results, the most basic first."""
     if findings.master_error is not None:
         yield Check(
             _("master"),
@@ -212,7 +212,7 @@ def _topic(listened: Listened, found: TopicFound) -> Check:
     bad = FAIL if listened.what.split()[0] in NEEDED else WARN
     words = {"topic": listened.topic, "type": listened.type}
     if not found.publishers:
-        return Check(name, bad, _("Nobody publishes %(topic)s (%(type)s).") % words, _(_MISSING))
+        return Check(name, bad, _("No node publishes %(topic)s (%(type)s).") % words, _(_MISSING))
     if found.error is not None:
         text = _("%(topic)s cannot be read: %(error)s.") % {**words, "error": found.error}
         return Check(name, bad, text, _(_UNREADABLE))
@@ -222,28 +222,28 @@ def _topic(listened: Listened, found: TopicFound) -> Check:
     if found.our_md5 is None:
         return Check(name, bad, _("The console does not know the type %s.") % listened.type, _(_UNKNOWN))
     if found.md5 != found.our_md5:
-        text = _("%(topic)s (%(type)s) has md5 %(theirs)s on the robot and %(ours)s here: they cannot talk.")
+        text = _("%(topic)s (%(type)s) has md5 %(theirs)s on the robot and %(ours)s here: they do not match.")
         sums = {"theirs": found.md5, "ours": found.our_md5}
         return Check(name, bad, text % {**words, **sums}, _(_OTHER_VERSION))
     if not found.messages and listened.what not in QUIET:
-        text = _("%(topic)s (%(type)s) is there, but no message came.") % words
+        text = _("%(topic)s (%(type)s) exists, but no message came.") % words
         return Check(name, bad, text, _(_SILENT))
     unseen = sorted(set(listened.frames) - set(found.frames))
     if unseen:
         frames = {"unseen": _and(unseen), "frames": _and(found.frames)}
-        text = _("%(topic)s says nothing from %(unseen)s, only from %(frames)s.") % {**words, **frames}
+        text = _("%(topic)s has no messages from %(unseen)s, only from %(frames)s.") % {**words, **frames}
         return Check(name, bad, text, _("Correct the sensors’ frame ids in the profile."))
-    alive, quiet = _("%(topic)s (%(type)s): right type, alive."), _("%(topic)s (%(type)s): right type.")
+    alive, quiet = _("%(topic)s (%(type)s): messages arrive."), _("%(topic)s (%(type)s): right type.")
     return Check(name, OK, (alive if found.messages else quiet) % words)
 
 
 def _named(what: str) -> str:
-    """`Listened.what` in the reader's language; topics in it stay."""
+    """Return `Listened.what` in the reader's language; a topic in it stays."""
     kind, slash, topic = what.partition(" /")
     return _(kind) + slash + topic
 
 
-# Of `_listened`, for translators' catalogues.
+# Kinds in `_listened`, for translators' catalogues.
 _KINDS = (
     *(gettext_noop("odometry"), gettext_noop("scan"), gettext_noop("sonars"), gettext_noop("depth")),
     *(gettext_noop("joint states"), gettext_noop("camera"), gettext_noop("battery")),
@@ -252,10 +252,10 @@ _KINDS = (
 _MISSING = gettext_noop(
     "Is the node running, and is the topic’s name in the robot’s profile right (rostopic list)?"
 )
-_UNREADABLE = gettext_noop("See the answers on names above.")
-_UNKNOWN = gettext_noop("Choose one of the types that the profile’s help text names.")
+_UNREADABLE = gettext_noop("See the results for names above.")
+_UNKNOWN = gettext_noop("Choose one of the types in the profile’s help text.")
 _OTHER_VERSION = gettext_noop("The robot has another version of the message’s package.")
-_SILENT = gettext_noop("Is the sensor switched on and its driver well (rostopic hz)?")
+_SILENT = gettext_noop("Is the sensor switched on, and does its driver work (rostopic hz)?")
 
 
 def _description(found: DescriptionFound) -> Check:
@@ -267,7 +267,7 @@ def _description(found: DescriptionFound) -> Check:
     if lacking:
         text = _("/robot_description lacks %s.") % _and(lacking)
         advice = _(
-            "A hand of 0.25 m is reckoned with there. Load the whole description, or correct the profile’s arm."
+            "The console assumes a hand of 0.25 m there. Load the whole description, or correct the profile’s arm."
         )
         return Check(name, WARN, text, advice)
     return Check(name, OK, _("/robot_description has all links and joints of the arm."))
@@ -283,7 +283,7 @@ def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
         yield Check(
             name,
             FAIL,
-            _("Nobody listens to %(topic)s: the robot would not move.") % words,
+            _("No node listens to %(topic)s: the robot would not move.") % words,
             _("Is the base controller (on TIAGo: twist_mux) running, and the drive topic right?"),
         )
     else:
@@ -298,8 +298,8 @@ def _drive(config: BridgeConfig, found: DriveFound) -> Iterator[Check]:
 def _others(topic: str, nodes: list[str]) -> Check:
     name = _("other drivers")
     if not nodes:
-        return Check(name, OK, _("Nobody else publishes to %s.") % topic)
-    text = _("%(nodes)s publishes to %(topic)s too, past the console’s gate.")
+        return Check(name, OK, _("No other node publishes to %s.") % topic)
+    text = _("%(nodes)s also publishes to %(topic)s, without the console’s gate.")
     words = {"nodes": _and(nodes), "topic": topic}
     return Check(name, WARN, text % words, _("Stop it, or choose a drive topic that only the console uses."))
 

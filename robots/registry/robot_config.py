@@ -1,7 +1,7 @@
 """Effective configuration of one robot: its profile with the robot's own entries on top; see `of`.
 
-Everything here raises `profile_schema.Problems` where the JSON of profile or robot is wrong; what was saved
-through the admin or `robots.registry.services` never is.
+All functions raise `profile_schema.Problems` if the JSON of profile or robot is wrong. JSON that was saved through the
+admin or `robots.registry.services` is always right.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from robots.registry.profile_schema import (
     unknown_steps,
 )
 
-BEGINNER_MPS = 0.4  # the fastest that a full stick may mean before a person raises the speed share
-MAY_BE_ZERO = {"reverse_mps", "lateral_mps"}  # a robot may be held from reversing, not from moving at all
+BEGINNER_MPS = 0.4  # highest speed of a full stick before a person raises the speed share
+MAY_BE_ZERO = {"reverse_mps", "lateral_mps"}  # a robot may be forbidden to reverse, but not to move at all
 
 
 class ProfileFields(Protocol):
-    """Fields of `models.RobotProfile` that are read here, and those of `Limits`."""
+    """Fields of `models.RobotProfile` that this module reads, and those of `Limits`."""
 
     forward_mps: float
     reverse_mps: float
@@ -53,7 +53,7 @@ class ProfileFields(Protocol):
 
 
 class RobotFields(Protocol):
-    """Fields of `models.Robot` that are read here."""
+    """Fields of `models.Robot` that this module reads."""
 
     @property
     def profile(self) -> ProfileFields: ...
@@ -70,7 +70,7 @@ class RobotFields(Protocol):
 
 
 def footprint(profile: ProfileFields) -> Footprint:
-    """The footprint; an outline goes counter-clockwise, whichever way it was written."""
+    """Return the footprint; an outline is turned counter-clockwise."""
     given = first_of(footprint_problems, parsed(Footprint, profile.footprint))
     if given.outline is not None and _clockwise(given.outline):
         return Footprint(outline=given.outline[::-1])
@@ -83,17 +83,17 @@ def _clockwise(outline: list[tuple[float, float]]) -> bool:
 
 
 def profile_topics(profile: ProfileFields) -> Topics:
-    """The ROS interface of this kind of robot."""
+    """Return the ROS interface of this profile."""
     return _topics(profile, profile.drive_topic, profile.topics)
 
 
 def profile_parameters(profile: ProfileFields) -> Parameters:
-    """The gate's parameters for this kind of robot."""
+    """Return the gate's parameters for this profile."""
     return first_of(parameter_problems, parsed(Parameters, profile.gate))
 
 
 def profile_stick(profile: ProfileFields) -> tuple[StickStep, ...]:
-    """Input filters of this kind of robot."""
+    """Return the input filters of this profile."""
     return _stick(profile.stick)
 
 
@@ -120,11 +120,11 @@ class Effective(Struct, frozen=True):
     topics: Topics
     gate: GateProfile
     stick: tuple[StickStep, ...]
-    default_share: float  # the speed share that a page begins with
+    default_share: float  # speed share at the opening of a page
 
 
 def of(robot: RobotFields) -> Effective:
-    """Effective configuration; of limits and parameters the more careful of profile and robot."""
+    """Return the effective configuration, with the more careful limits and parameters of profile and robot."""
     profile, own = robot.profile, overrides(robot)
     expected = profile_topics(profile)
     interface = _own_topics(robot, own, expected)
@@ -147,12 +147,12 @@ def of(robot: RobotFields) -> Effective:
 
 
 def overrides(robot: RobotFields) -> Overrides:
-    """The robot's own entries."""
+    """Return the robot's own entries."""
     return parsed(Overrides, robot.overrides)
 
 
 def topics(robot: RobotFields) -> Topics:
-    """Return the robot's ROS interface alone, also if the rest of its entry is wrong."""
+    """Return only the robot's ROS interface, also if the rest of its entry is wrong."""
     return _own_topics(robot, overrides(robot), profile_topics(robot.profile))
 
 
@@ -163,7 +163,7 @@ def _own_topics(robot: RobotFields, own: Overrides, expected: Topics) -> Topics:
 
 
 def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
-    """Sensors that watch the way: a robot may name others, not have fewer."""
+    """Check the sensors: a robot may have other ones than its profile, but not fewer."""
     for kind in ("scans", "sonars"):
         mine, theirs = len(getattr(given, kind)), len(getattr(profile, kind))
         if mine < theirs:
@@ -175,7 +175,7 @@ def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
 
 
 def _reaches_less(given: ArmSource, profile: ArmSource) -> Iterator[str]:
-    """An arm that would pass for smaller, or for folded sooner."""
+    """Yield entries with which the arm would count as smaller, or as folded earlier, than in the profile."""
     if given.radius_m < profile.radius_m:
         yield f"arm.radius_m: {given.radius_m:g} is below the profile’s {profile.radius_m:g}; only tighten"
     if given.tolerance > profile.tolerance:
@@ -193,7 +193,7 @@ def _seen_less(given: DepthSource, profile: DepthSource) -> Iterator[str]:
 
 
 def _careful(own: Parameters, theirs: Parameters) -> Parameters:
-    """The more careful of the two, one by one."""
+    """Return the more careful parameters of the two, one by one."""
     careful = {
         name: (min if name in CAREFUL_WHEN_SMALL else max)(getattr(own, name), getattr(theirs, name))
         for name in Parameters.__struct_fields__
@@ -210,14 +210,14 @@ def _limits(profile: ProfileFields, own: Overrides) -> Limits:
 
 
 def _lower(profile: ProfileFields, own: Overrides, name: str) -> float:
-    """The lower of the two, so that lowering a profile later reaches robots with entries of their own."""
+    """Return the lower limits, so that lowering a profile later affects robots with their own entries."""
     theirs: float = getattr(profile, name)
     mine: float | None = getattr(own.limits, name)
     return theirs if mine is None else min(mine, theirs)
 
 
 def _default_share(robot: RobotFields, limits: Limits) -> float:
-    """Above neither the largest share of this robot nor `BEGINNER_MPS`."""
+    """Return the first share: at most the robot's largest share, and at most `BEGINNER_MPS`."""
     fastest_mps = _fastest_mps(limits)
     beginner = BEGINNER_MPS / fastest_mps if fastest_mps > BEGINNER_MPS else 1.0
     return min(_asked_share(robot), robot.max_share, beginner)
@@ -236,16 +236,17 @@ def _depth_view(source: DepthSource | None) -> DepthView | None:
 
 
 def stick(robot: RobotFields) -> tuple[StickStep, ...]:
-    """Input filters: the robot's own, or its profile's."""
+    """Return the input filters: the robot's own, or its profile's."""
     return profile_stick(robot.profile) if robot.stick is None else _stick(robot.stick)
 
 
-# --- checks at the door --------------------------------------------------------------------------
+# --- checks before saving ------------------------------------------------------------------------
 
 
 def check_overrides(robot: RobotFields) -> None:
-    """A robot's own entries are well formed and tighten; `Problems` if not. One out of service may stay as it is:
-    an edit of its profile must not keep anybody from disabling it.
+    """Check that a robot's own entries are well formed and only tighten; `Problems` if not.
+
+    A disabled robot is not checked: after an edit of its profile it must still be possible to disable it.
     """
     own = overrides(robot)
     if not robot.enabled:
@@ -262,7 +263,7 @@ def check_overrides(robot: RobotFields) -> None:
 
 @contextmanager
 def _under(field: str) -> Iterator[None]:
-    """Problems inside are problems of `field`."""
+    """Context: report problems at `field`."""
     try:
         yield
     except Problems as problems:
@@ -282,7 +283,7 @@ def _loosened_limits(own: Tightening, profile: ProfileFields) -> Iterator[str]:
 
 
 def check_profile_share(profile: ProfileFields) -> None:
-    """Check that nobody begins faster than `BEGINNER_MPS` on this kind of robot."""
+    """Check that the first speed with this profile is at most `BEGINNER_MPS`."""
     _check_share(profile.default_share, _fastest_mps(profile))
 
 

@@ -96,7 +96,7 @@ def allowed_on(robot: Robot) -> tuple[Allowed, ...]:
 
 
 def _admitted(robot: Robot, topics: Topics) -> tuple[Allowed, ...]:
-    """Entries that the denylist forbids are left out: an edit of the profile may have caused it."""
+    """Return the entries without those that the denylist forbids after an edit of the profile."""
     kinds = Q(profile=robot.profile_id)
     entries = Allowance.objects.filter(kinds | Q(robot=robot))
     by_name = {
@@ -119,7 +119,7 @@ def last_editor(entry: Robot | RobotProfile) -> str:
 
 
 def link_address(robot: Robot) -> LinkAddress:
-    """Where the robot's bridge listens; both ends of the link ask here."""
+    """Return the address on which the robot's bridge listens, for both ends of the link."""
     if not robot.bridge_address:
         return LinkAddress(unix_path=str(settings.FLEET_RUN_DIR / f"{robot.id.hex[:12]}.sock"))
     parts = urlsplit(robot.bridge_address)
@@ -166,8 +166,8 @@ def bridge_config(robot: Robot) -> BridgeConfig:
 
 
 def robot_facts(robot: Robot) -> RobotFacts:
-    """Return the facts of a robot for a page. If its entry is wrong, its columns: the page must work, to
-    say so and to stop.
+    """Return the facts of a robot for a page. If its entry is wrong, use its columns: the page must still show the
+    error and stop the robot.
     """
     try:
         known = robot_config.of(robot)
@@ -194,7 +194,7 @@ def robot_facts(robot: Robot) -> RobotFacts:
 
 
 def _drawn(body: GateProfile) -> list[tuple[float, float]]:
-    """The footprint's outline; a disc is drawn as a polygon."""
+    """Return the footprint's outline; a disc becomes a polygon."""
     if body.outline is not None:
         return list(body.outline)
     radius_m = body.radius_m or 0.0

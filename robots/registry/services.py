@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     Actor = User | SystemAccount | None  # None: the console itself
 
 log = logging.getLogger(__name__)
-# Columns that people do not fill in, or that a record has already.
+# Columns that people do not fill in, or that the record already contains.
 NOT_ENTERED = {"id", "fence", "updated_at", "shipped", "shipped_phrases", "robot"}
 WORDS = "text"  # of a phrase
-ORDER_STEP = 10  # between phrases of a file, so that others find room
+ORDER_STEP = 10  # between phrases of a file, to leave room for others
 
 
 @transaction.atomic
@@ -97,7 +97,7 @@ def profiles_load_shipped(*, directory: Path = shipped.DIRECTORY) -> None:
 
 
 def _load_phrases(profile: RobotProfile, lines: list[Line]) -> None:
-    """Bring a profile's phrases up to the file, unless they were edited here."""
+    """Update a profile's phrases from the file, unless they were edited here."""
     last = convert(profile.shipped_phrases, list[Line])
     if last == lines:
         return
@@ -108,7 +108,7 @@ def _load_phrases(profile: RobotProfile, lines: list[Line]) -> None:
 
 
 def _take_phrases(profile: RobotProfile, lines: list[Line], actor: Actor) -> None:
-    """Make a stored profile's phrases those of the file."""
+    """Replace a stored profile's phrases by those of the file."""
     phrases_import(owner=profile, lines=lines, actor=actor, replace=True)
     profile.shipped_phrases = to_builtins(lines)
     profile.save(update_fields=["shipped_phrases"])
@@ -141,7 +141,7 @@ def _save_changes(entry: models.Model, stored: models.Model) -> list[dict[str, A
 
 
 def _entered(entry: models.Model) -> dict[str, Any]:
-    """The columns that people fill in, as JSON values."""
+    """Return the columns that people fill in, as JSON values."""
     return {
         field.name: field.value_from_object(entry)
         for field in entry._meta.concrete_fields
@@ -167,11 +167,14 @@ def entry_delete(*, entry: Phrase | Allowance, actor: Actor) -> None:
     entry.delete()
 
 
-def _record_entry(verb: str, entry: Phrase | Allowance, told: dict[str, Any], actor: Actor) -> None:
-    """Record an entry that comes or goes; a phrase's words may expire, like those that a robot said."""
-    facts = {name: value for name, value in told.items() if name != WORDS}
+def _record_entry(verb: str, entry: Phrase | Allowance, columns: dict[str, Any], actor: Actor) -> None:
+    """Record a new or deleted entry; a phrase's words may expire, like spoken texts."""
+    facts = {name: value for name, value in columns.items() if name != WORDS}
     record(
-        f"{entry._meta.model_name}.{verb}", actor=actor, text=told.get(WORDS, ""), **_of(entry.owner, facts)
+        f"{entry._meta.model_name}.{verb}",
+        actor=actor,
+        text=columns.get(WORDS, ""),
+        **_of(entry.owner, facts),
     )
 
 
@@ -199,7 +202,7 @@ def phrases_import(
     actor: Actor,
     replace: bool = False,
 ) -> int:
-    """Add the phrases of a file that `owner` has not, after its own, or `replace` its own by them. How many are new."""
+    """Add new phrases of a file after those of `owner`, or `replace` its own by them. Returns how many are new."""
     type(owner)._default_manager.select_for_update().get(slug=owner.slug)  # one import at a time
     held = [phrase.line for phrase in owner.phrases.all()]
     if replace and held == lines:
@@ -238,7 +241,7 @@ class _Of(TypedDict, total=False):
 
 
 def _of(owner: RobotProfile | Robot, parameters: dict[str, Any]) -> _Of:
-    """The record's data about an entry and its owner."""
+    """Return the record's data about an entry and its owner."""
     if isinstance(owner, Robot):
         return {**_named(owner), "parameters": parameters}
     return {"parameters": {**parameters, "profile": owner.slug}}
@@ -267,7 +270,7 @@ def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> No
 
 @transaction.atomic
 def fence_next(robot: Robot, at_least: int = 0) -> int:
-    """A number above every one given so far, and above `at_least`: the highest that the bridge has seen."""
+    """Return a new fence, higher than all fences so far and than `at_least`, the highest that the bridge has seen."""
     given = Robot.objects.select_for_update().values_list("fence", flat=True).get(pk=robot.pk)
     fence = max(given, at_least) + 1
     Robot.objects.filter(pk=robot.pk).update(fence=fence)
@@ -275,7 +278,7 @@ def fence_next(robot: Robot, at_least: int = 0) -> int:
 
 
 def bridge_status_set(*, robot_id: UUID, state: BridgeStatus.State, detail: str, pid: int | None) -> None:
-    """Keep how a bridge process fares, since now. A robot that is gone by now is no matter."""
+    """Save the state of a bridge process, from now on. Does nothing for a deleted robot."""
     if Robot.objects.filter(pk=robot_id).exists():
         BridgeStatus.objects.update_or_create(
             robot_id=robot_id,

@@ -1,9 +1,8 @@
 """The profiles that come with the console, as data files under robots/registry/profiles/.
 
-After each migration `robots.registry.services.profiles_load_shipped` brings into the database what is new, or what
-nobody has edited. A profile that was edited here is left alone; the admin says that the shipped one differs and
-offers to take it.
-A profile's phrases, a text file beside it, go the same way for themselves.
+After each migration `robots.registry.services.profiles_load_shipped` loads new profiles and updates those that
+nobody has edited. It keeps an edited profile; the admin shows that the shipped one differs and offers to load it.
+A profile's phrases, a text file next to it, are treated in the same way, separately.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ DIRECTORY = Path(__file__).parent / "profiles"
 
 
 class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
-    """One data file."""
+    """One data file of a profile."""
 
     slug: str
     name: str
@@ -44,11 +43,11 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
     phrases: str | None = None  # name of a file next to this one
 
     def phrase_lines(self, directory: Path = DIRECTORY) -> list[Line]:
-        """Its shipped phrases."""
+        """Return its shipped phrases."""
         return read_file(directory / self.phrases) if self.phrases else []
 
     def columns(self) -> dict[str, Any]:
-        """The values of the profile's columns, the slug apart."""
+        """Return the values of the profile's columns, except the slug."""
         return {
             "name": self.name,
             "holonomic": self.holonomic,
@@ -66,7 +65,7 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def profile_files(directory: Path = DIRECTORY) -> list[ProfileFile]:
-    """Every shipped profile, by file name."""
+    """Return every shipped profile, sorted by file name."""
     return [
         msgspec.convert(yaml.safe_load(path.read_text(encoding="utf-8")), ProfileFile)
         for path in sorted(directory.glob("*.yaml"))
@@ -74,24 +73,24 @@ def profile_files(directory: Path = DIRECTORY) -> list[ProfileFile]:
 
 
 def fill(profile: RobotProfile, file: ProfileFile) -> None:
-    """Fill `profile`, not saved yet, from `file`."""
+    """Fill `profile` from `file`, without saving."""
     for name, value in file.columns().items():
         setattr(profile, name, value)
     profile.shipped = file.columns()
 
 
 def file_of(profile: RobotProfile) -> ProfileFile | None:
-    """The data file of a shipped profile."""
+    """Return the data file of a shipped profile."""
     return next((file for file in profile_files() if file.slug == profile.slug), None)
 
 
 def is_edited(profile: RobotProfile) -> bool:
-    """Whether the profile was changed since it was last read from a file."""
+    """Return whether the profile was changed since it was last loaded from a file."""
     return not profile.shipped or profile.shipped != _now(profile, profile.shipped)
 
 
 def differs(profile: RobotProfile, file: ProfileFile) -> bool:
-    """Whether profile and file say different things."""
+    """Return whether profile and file differ."""
     columns = file.columns()
     return _now(profile, columns) != columns
 

@@ -21,7 +21,7 @@ _probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # one probe o
 @never_cache
 @require_safe
 def robot_check(request: HttpRequest, slug: str) -> HttpResponse:
-    """The result of `manage.py check_robot`, for everybody who may see the robot."""
+    """Show the result of `manage.py check_robot` to everybody who may see the robot."""
     robot = robot_seen_by(person_of(request), slug)
     lock = _probed[robot.id]
     if not lock.acquire(blocking=False):

@@ -37,15 +37,15 @@ class Utterance:
             self._starts.append(moment)
             moment += _WORD_S + _LETTER_S * len(word)
         self.ends_at = moment
-        self._told = 0
+        self._announced = 0
         self._finished = False
 
     def marks(self, now: float) -> list[Mark]:
         """Events since the last call."""
         new = []
-        while self._told < len(self._words) and self._starts[self._told] <= now:
-            self._told += 1
-            new.append(Mark(Event.STARTED_WORD, " ".join(self._words[: self._told]), self._next_word()))
+        while self._announced < len(self._words) and self._starts[self._announced] <= now:
+            self._announced += 1
+            new.append(Mark(Event.STARTED_WORD, " ".join(self._words[: self._announced]), self._next_word()))
         if not self._finished and self.is_over(now):
             self._finished = True
             new.append(Mark(Event.FINISHED_UTTERANCE, " ".join(self._words), ""))
@@ -56,7 +56,7 @@ class Utterance:
         return now >= self.ends_at
 
     def _next_word(self) -> str:
-        return self._words[self._told] if self._told < len(self._words) else ""
+        return self._words[self._announced] if self._announced < len(self._words) else ""
 
 
 def objection(text: str, lang_id: str) -> str | None:

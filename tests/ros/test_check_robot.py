@@ -175,8 +175,8 @@ def test_a_short_message_of_another_type_spoils_no_other_answer(robot: Robot, ro
 def test_a_silent_topic_differs_from_a_missing_one(robot: Robot, ros: RosClient) -> None:
     with ros.speak(ODOMETRY, Odometry, listeners=0):
         answers = check(robot, ros.master)
-    assert "is there, but no message came" in answers["odometry"]["text"]
-    assert "Nobody publishes" in answers["scan /scan_raw"]["text"]
+    assert "exists, but no message came" in answers["odometry"]["text"]
+    assert "No node publishes" in answers["scan /scan_raw"]["text"]
 
 
 def test_another_publisher_on_the_drive_topic_is_named(robot: Robot, ros: RosClient) -> None:
@@ -186,4 +186,4 @@ def test_another_publisher_on_the_drive_topic_is_named(robot: Robot, ros: RosCli
         answers = check(robot, ros.master)
     assert answers["other drivers"]["level"] == "warn"
     assert rospy.get_name() in answers["other drivers"]["text"]
-    assert "Nobody listens to /key_vel" in answers["drive"]["text"]
+    assert "No node listens to /key_vel" in answers["drive"]["text"]

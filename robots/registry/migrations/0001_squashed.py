@@ -39,7 +39,7 @@ class Migration(migrations.Migration):
                 ("enabled", models.BooleanField(default=True, help_text="Untick to take the robot out of service: it is stopped, its bridge ends within 3 s.", verbose_name="enabled")),
                 ("practice", models.BooleanField(default=False, help_text="The pages mark it as a practice robot, so that nobody mistakes it for a real one.", verbose_name="simulated")),
                 ("master_uri", models.CharField(help_text="ROS_MASTER_URI of the robot, such as http://tiago-42c:11311.", max_length=200, verbose_name="ROS master")),
-                ("advertised_address", models.CharField(blank=True, help_text="What the console calls itself to this robot, so that the robot can call back: this computer’s address in the robot’s network, such as 10.68.0.2. Empty: this computer’s host name.", max_length=200, verbose_name="advertised address")),
+                ("advertised_address", models.CharField(blank=True, help_text="The address under which the robot calls the console back: this computer’s address in the robot’s network, such as 10.68.0.2. Empty: this computer’s host name.", max_length=200, verbose_name="advertised address")),
                 ("host_aliases", models.JSONField(blank=True, default=dict, help_text='Host names that the robot’s nodes use and this network does not know, with addresses: {"tiago-42c": "10.68.0.1"}.', verbose_name="host aliases")),
                 ("bridge_address", models.CharField(blank=True, help_text="Empty: the bridge runs on this computer. Otherwise where it listens: wss://host:port.", max_length=200, verbose_name="bridge address")),
                 (
@@ -59,11 +59,11 @@ class Migration(migrations.Migration):
                     models.JSONField(
                         blank=True,
                         default=dict,
-                        help_text='Where this robot differs from its profile: {"topics": {}, "limits": {}, "gate": {}}. Entries of topics replace the profile’s (null: this robot has no such thing); limits and gate may only tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.',
+                        help_text='Where this robot differs from its profile: {"topics": {}, "limits": {}, "gate": {}}. Entries of topics replace the profile’s (null: this robot does not have it); limits and gate may only tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.',
                         verbose_name="overrides",
                     ),
                 ),
-                ("stick", models.JSONField(blank=True, help_text="Empty or null: the profile’s steps; else all that this robot’s stick passes, as described there.", null=True, verbose_name="stick")),
+                ("stick", models.JSONField(blank=True, help_text="Empty or null: the profile’s steps. Otherwise all filter steps of this robot, as described there.", null=True, verbose_name="stick")),
                 ("fence", models.BigIntegerField(default=0, editable=False, verbose_name="highest fencing number")),
                 ("updated_at", models.DateTimeField(auto_now=True, verbose_name="last saved")),
             ],
@@ -94,7 +94,7 @@ class Migration(migrations.Migration):
                     "default_share",
                     models.FloatField(
                         default=0.4,
-                        help_text="What part of the limits a full stick means when a page is opened, above 0 up to 1. At most 0.4 m/s may come of it: everybody begins as a beginner.",
+                        help_text="The share of the limits that a full stick means when a page opens, above 0 up to 1. It may give at most 0.4 m/s: everybody begins as a beginner.",
                         validators=[django.core.validators.MinValueValidator(0.01), django.core.validators.MaxValueValidator(1.0)],
                         verbose_name="default speed share",
                     ),
@@ -103,7 +103,7 @@ class Migration(migrations.Migration):
                 (
                     "drive_topic",
                     models.CharField(
-                        help_text="Where velocities are published. On TIAGo this chooses what wins over the console. /key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab’s own joystick and every lock, emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by the locks of priority 100: a console there ignores emergency_brake. /mobile_base_controller/cmd_vel bypasses the mux, the joystick’s priority and every lock.",
+                        help_text="Topic for velocities. On TIAGo this decides what wins over the console. /key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab’s own joystick and every lock, emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by the locks of priority 100: a console there ignores emergency_brake. /mobile_base_controller/cmd_vel bypasses the mux, the joystick’s priority and every lock.",
                         max_length=200,
                         validators=[django.core.validators.RegexValidator("^/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*$", "Write a full ROS name such as /key_vel: a leading slash, then letters, digits and _.")],
                         verbose_name="drive topic",
@@ -123,7 +123,7 @@ class Migration(migrations.Migration):
                     models.JSONField(
                         blank=True,
                         default=dict,
-                        help_text="Parameters of the safety gate that differ from the values found good: lateral_margin_m, front_margin_m, hard_margin_m, deceleration_share, latency_s, latency_spare_s, operator_delay_s, creep_mps, near_miss_s, between_sonars_mps. Leave {} unless you have measured.",
+                        help_text="Parameters of the safety gate that differ from the defaults: lateral_margin_m, front_margin_m, hard_margin_m, deceleration_share, latency_s, latency_spare_s, operator_delay_s, creep_mps, near_miss_s, between_sonars_mps. Leave {} unless you have measured.",
                         verbose_name="gate",
                     ),
                 ),
@@ -132,7 +132,7 @@ class Migration(migrations.Migration):
                     models.JSONField(
                         blank=True,
                         default=robots.registry.models.default_stick,
-                        help_text="What a stick position passes on its way to the gate, in order; [] is nothing. Steps: scale (x, y, w), dead_zone (width), curve (exponent), one_euro (min_hz, beta, speed_hz) or mean (count, similar) to steady the hand, snap (within_deg, share) to turn on the spot while the stick is held sideways.",
+                        help_text="Filter steps between stick and gate, in order; [] means none. Steps: scale (x, y, w), dead_zone (width), curve (exponent), one_euro (min_hz, beta, speed_hz) or mean (count, similar) to reduce tremor, snap (within_deg, share) to turn on the spot while the stick is held sideways.",
                         verbose_name="stick",
                     ),
                 ),
@@ -200,7 +200,7 @@ class Migration(migrations.Migration):
                     models.CharField(
                         blank=True,
                         choices=[("drive", "driving"), ("speech", "speech"), ("motions", "motions")],
-                        help_text="Of what is chosen: which input goes there. For driving it decides what wins over the console. On TIAGo /phone_vel (priority 98) and /key_vel (90) pass through twist_mux: the lab’s joystick and every lock win. /nav_vel and /servoing_cmd_vel (10, 20): every other input wins, too. /joy_vel and /tab_vel (100, not masked by emergency_brake) and a controller’s own topic are refused here.",
+                        help_text="For *choose*: the input that goes there. For driving it decides what wins over the console. On TIAGo /phone_vel (priority 98) and /key_vel (90) pass through twist_mux: the lab’s joystick and every lock win. /nav_vel and /servoing_cmd_vel (10, 20): every other input wins, too. /joy_vel and /tab_vel (100, not masked by emergency_brake) and a controller’s own topic are refused here.",
                         max_length=8,
                         verbose_name="input",
                     ),
@@ -215,7 +215,7 @@ class Migration(migrations.Migration):
                     "type",
                     models.CharField(
                         blank=True,
-                        help_text="What is published or called needs it, such as std_msgs/String or std_srvs/Trigger; else leave it empty.",
+                        help_text="Needed for publish and call, such as std_msgs/String or std_srvs/Trigger; otherwise leave it empty.",
                         max_length=120,
                         validators=[django.core.validators.RegexValidator("^[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*$", "Write package and type, such as std_msgs/String.")],
                         verbose_name="type",

@@ -1,4 +1,4 @@
-"""Notes of the console's processes about a robot: status of its bridge, and its maps."""
+"""Data that the console's processes write about a robot: status of its bridge, and its maps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robots.registry.models.registry import Robot
 
 
 class BridgeStatus(models.Model):
-    """How a robot's bridge process fares, written by the supervisor on every change."""
+    """State of a robot's bridge process, written by the supervisor on every change."""
 
     class State(models.TextChoices):
         """Life of a bridge process as its supervisor sees it."""
@@ -38,7 +38,7 @@ class RobotMap(models.Model):
     """A robot's map in a period, as a picture. An unchanged map is one row."""
 
     robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="maps")
-    digest = models.CharField(max_length=64)  # of content and place
+    digest = models.CharField(max_length=64)  # of content and position
     first_seen_at = models.DateTimeField()
     last_seen_at = models.DateTimeField()
     resolution_m = models.FloatField()  # of a cell, a pixel
@@ -57,7 +57,7 @@ class RobotMap(models.Model):
 
 
 class BridgePulse(models.Model):
-    """A bridge writes this row to test whether it can write a record."""
+    """A row that a bridge writes to test whether it can write a record."""
 
     robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="pulse")
     at = models.DateTimeField(null=True)  # of the newest one

@@ -15,7 +15,7 @@ from robots.registry.models.registry import Robot, RobotProfile, Role, topic_nam
 
 
 class OfProfileOrRobot(models.Model):
-    """An entry of a profile, or of one robot in addition."""
+    """An entry of a profile, or an additional entry of one robot."""
 
     profile = models.ForeignKey(
         RobotProfile,
@@ -91,10 +91,12 @@ class Phrase(OfProfileOrRobot):
         verbose_name_plural = _("phrases")
 
     def __str__(self) -> str:
-        return f"{self.language}: \u2068{self.text}\u2069"  # it runs its own way, its full stop too
+        return (
+            f"{self.language}: \u2068{self.text}\u2069"  # isolate its text direction, including the full stop
+        )
 
     def clean(self) -> None:
-        """Languages and tags in their usual form."""
+        """Normalise language and tags."""
         self.language = phrases.in_usual_case(self.language)
         tags = phrases.tags_in(self.tags)
         if why := phrases.why_no_tags(tags):
@@ -103,12 +105,12 @@ class Phrase(OfProfileOrRobot):
 
     @property
     def line(self) -> phrases.Line:
-        """As in a file."""
+        """Return the phrase as a line of a file."""
         return phrases.Line(self.text, self.language, phrases.tags_in(self.tags))
 
 
 class Allowance(OfProfileOrRobot):
-    """An entry of the allow-list: without one, nobody may. `robots.bridge.tasks.denylist` forbids some entries."""
+    """An entry of the allow-list, without which use is refused. `robots.bridge.tasks.denylist` forbids some entries."""
 
     class What(models.TextChoices):
         """Use of the name."""
@@ -119,7 +121,7 @@ class Allowance(OfProfileOrRobot):
         SET = "set", _("set this parameter (staff only)")
 
     class Use(models.TextChoices):
-        """Whose input."""
+        """Kind of input."""
 
         DRIVE = "drive", _("driving")
         SPEECH = "speech", _("speech")
@@ -134,7 +136,7 @@ class Allowance(OfProfileOrRobot):
         choices=Use.choices,
         blank=True,
         help_text=_(
-            "Of what is chosen: which input goes there. For driving it decides what wins over the console. "
+            "For *choose*: the input that goes there. For driving it decides what wins over the console. "
             "On TIAGo /phone_vel (priority 98) and /key_vel (90) pass through twist_mux: the lab’s joystick and "
             "every lock win. /nav_vel and /servoing_cmd_vel (10, 20): every other input wins, too. /joy_vel and "
             "/tab_vel (100, not masked by emergency_brake) and a controller’s own topic are refused here."
@@ -157,7 +159,7 @@ class Allowance(OfProfileOrRobot):
             )
         ],
         help_text=_(
-            "What is published or called needs it, such as std_msgs/String or std_srvs/Trigger; else leave it empty."
+            "Needed for publish and call, such as std_msgs/String or std_srvs/Trigger; otherwise leave it empty."
         ),
     )
     role = models.CharField(
@@ -192,9 +194,9 @@ class Allowance(OfProfileOrRobot):
         errors: dict[str, str] = {}
         if (self.what == self.What.CHOOSE) != bool(self.use):
             errors["use"] = (
-                gettext("Say which input goes there.")
+                gettext("Choose the input that goes there.")
                 if not self.use
-                else gettext("Only for what is chosen: leave it empty.")
+                else gettext("Only for “choose”: leave it empty.")
             )
         if self.what in self.TYPED and not self.type:
             errors["type"] = gettext("Publishing and calling need a type.")
@@ -210,12 +212,12 @@ class Allowance(OfProfileOrRobot):
             default = getattr(topics, self.use)
             self.type = default.type if default else ""
         if why := self.why_nothing:
-            told = gettext("No allow-list admits %(name)s: %(why)s.") % {"name": self.name, "why": why}
-            raise ValidationError({"name": told})
+            text = gettext("No allow-list admits %(name)s: %(why)s.") % {"name": self.name, "why": why}
+            raise ValidationError({"name": text})
 
     @property
     def why_nothing(self) -> str:
-        """Why it counts for nothing: its owner was edited since, or no list of today's console admits it."""
+        """Return the reason if it has no effect: its owner was edited since, or this version forbids it."""
         if self.what in self.TYPED and not self.type:
             return gettext("it names no type")
         topics = self._topics()

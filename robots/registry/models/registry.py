@@ -33,9 +33,9 @@ def _between(lowest: float, highest: float) -> list[MinValueValidator | MaxValue
 
 
 class Role(models.TextChoices):
-    """A person's rights on a robot; ordered, each role includes those below it.
+    """A person's rights on a robot; in order: each role includes the lower ones.
 
-    Staff is no row: `User.is_staff` means staff on every robot.
+    Staff has no row: `User.is_staff` means staff on every robot.
     """
 
     OBSERVER = "observer", _("Observer: may look, and stop")
@@ -48,7 +48,7 @@ class Role(models.TextChoices):
         """Place in the order, from 0."""
         return list(Role).index(self)
 
-    # str would compare the letters.
+    # Without these methods, str would compare the letters.
     def __lt__(self, other: str) -> bool:
         return self.rank < Role(other).rank
 
@@ -63,14 +63,14 @@ class Role(models.TextChoices):
 
 
 class ReverseSteering(models.TextChoices):
-    """Effect of stick left in reverse."""
+    """Effect of moving the stick left in reverse."""
 
     TURN = "turn", _("Stick left always turns the robot left")
     CAR = "car", _("Like a car: mirrored in reverse")
 
 
 def default_stick() -> list[dict[str, float | str]]:
-    """The steps of a profile that does not say otherwise."""
+    """Return the default filter steps of a profile."""
     steps: list[dict[str, float | str]] = msgspec.to_builtins(list(stick.DEFAULT))
     return steps
 
@@ -121,8 +121,8 @@ class RobotProfile(models.Model):
         validators=_between(0.01, 1.0),
         help_text=format_lazy(
             _(
-                "What part of the limits a full stick means when a page is opened, above 0 up to 1. "
-                "At most {speed} m/s may come of it: everybody begins as a beginner."
+                "The share of the limits that a full stick means when a page opens, above 0 up to 1. "
+                "It may give at most {speed} m/s: everybody begins as a beginner."
             ),
             speed=f"{robot_config.BEGINNER_MPS:g}",
         ),
@@ -135,7 +135,7 @@ class RobotProfile(models.Model):
         max_length=200,
         validators=[topic_name],
         help_text=_(
-            "Where velocities are published. On TIAGo this chooses what wins over the console. "
+            "Topic for velocities. On TIAGo this decides what wins over the console. "
             "/key_vel (priority 90) and /phone_vel (98) pass through twist_mux: the lab’s own joystick and every "
             "lock, emergency_brake too, win over the browser. /joy_vel and /tab_vel (100) are not masked by "
             "the locks of priority 100: a console there ignores emergency_brake. "
@@ -168,7 +168,7 @@ class RobotProfile(models.Model):
         default=dict,
         blank=True,
         help_text=_(
-            "Parameters of the safety gate that differ from the values found good: lateral_margin_m, "
+            "Parameters of the safety gate that differ from the defaults: lateral_margin_m, "
             "front_margin_m, hard_margin_m, deceleration_share, latency_s, latency_spare_s, operator_delay_s, "
             "creep_mps, near_miss_s, between_sonars_mps. Leave {} unless you have measured."
         ),
@@ -178,12 +178,12 @@ class RobotProfile(models.Model):
         default=default_stick,
         blank=True,
         help_text=_(
-            "What a stick position passes on its way to the gate, in order; [] is nothing. Steps: scale (x, y, "
+            "Filter steps between stick and gate, in order; [] means none. Steps: scale (x, y, "
             "w), dead_zone (width), curve (exponent), one_euro (min_hz, beta, speed_hz) or mean (count, similar) to "
-            "steady the hand, snap (within_deg, share) to turn on the spot while the stick is held sideways."
+            "reduce tremor, snap (within_deg, share) to turn on the spot while the stick is held sideways."
         ),
     )
-    shipped = models.JSONField(default=dict, editable=False)  # as last taken from a data file
+    shipped = models.JSONField(default=dict, editable=False)  # the data file's content at the last load
     shipped_phrases = models.JSONField(default=list, editable=False)  # likewise: `phrases.Line`s
     updated_at = models.DateTimeField(_("last saved"), auto_now=True)
 
@@ -196,7 +196,7 @@ class RobotProfile(models.Model):
         return self.name
 
     def clean(self) -> None:
-        """Check the structured parts, and fields against each other."""
+        """Check the structured parts and the consistency of fields."""
         errors: dict[str, list[str]] = {}
         for field, check in (
             ("footprint", robot_config.footprint),
@@ -214,7 +214,7 @@ class RobotProfile(models.Model):
 
 
 class Robot(models.Model):
-    """One robot: where it is, how it differs from its profile, who may use it."""
+    """One robot: its address, and its differences from its profile."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     slug = models.SlugField(
@@ -245,7 +245,7 @@ class Robot(models.Model):
         max_length=200,
         blank=True,
         help_text=_(
-            "What the console calls itself to this robot, so that the robot can call back: this "
+            "The address under which the robot calls the console back: this "
             "computer’s address in the robot’s network, such as 10.68.0.2. Empty: this computer’s host name."
         ),
     )
@@ -291,7 +291,7 @@ class Robot(models.Model):
         blank=True,
         help_text=_(
             'Where this robot differs from its profile: {"topics": {}, "limits": {}, "gate": {}}. '
-            "Entries of topics replace the profile’s (null: this robot has no such thing); limits and gate may "
+            "Entries of topics replace the profile’s (null: this robot does not have it); limits and gate may "
             'only tighten, such as {"limits": {"forward_mps": 0.5, "blind_mps": 0.2}}.'
         ),
     )
@@ -301,7 +301,7 @@ class Robot(models.Model):
         null=True,
         blank=True,
         help_text=_(
-            "Empty or null: the profile’s steps; else all that this robot’s stick passes, as described there."
+            "Empty or null: the profile’s steps. Otherwise all filter steps of this robot, as described there."
         ),
     )
 
@@ -315,7 +315,7 @@ class Robot(models.Model):
                 fields=["bridge_address"],
                 condition=~models.Q(bridge_address=""),
                 name="one_robot_per_bridge_address",
-                violation_error_code="unique",  # said at the field
+                violation_error_code="unique",  # shown at the field
                 violation_error_message=_(
                     "Another robot’s bridge listens there already: each needs a host or a port of its own."
                 ),
@@ -328,7 +328,7 @@ class Robot(models.Model):
         return self.name
 
     def clean(self) -> None:
-        """Check addresses, aliases, and that nothing is looser than the profile."""
+        """Check addresses and aliases, and that no entry is looser than the profile."""
         errors: dict[str, list[str]] = {}
         _collect(errors, "master_uri", addresses.check_master_uri, self.master_uri)
         _collect(errors, "advertised_address", addresses.check_advertised_address, self.advertised_address)
@@ -344,9 +344,9 @@ class Robot(models.Model):
 
     @cached_property
     def problems(self) -> str:
-        """The reason why this entry, as loaded, cannot be driven; "" if there is none.
+        """Return the reason why this entry, as loaded, cannot be driven; "" if there is none.
 
-        A saved entry is right, but an edit of its profile may make it wrong later.
+        A saved entry is valid, but an edit of its profile may make it wrong later.
         """
         try:
             robot_config.of(self)

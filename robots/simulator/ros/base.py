@@ -40,38 +40,38 @@ class BaseTopics:
         if self._robot.faults.odom_dead:
             return
         if self._odometry.get_num_connections():
-            self._odometry.publish(self._told(stamp))
+            self._odometry.publish(self._odometry_message(stamp))
         if self._tf.get_num_connections():
             self._tf.publish(TFMessage([self._transform(stamp)]))
 
-    def _told(self, stamp: rospy.Time) -> Odometry:
+    def _odometry_message(self, stamp: rospy.Time) -> Odometry:
         if self._frozen is None or not self._robot.faults.odom_frozen:
             self._frozen = self._message(stamp)
         return self._frozen
 
     def _message(self, stamp: rospy.Time) -> Odometry:
-        told = self._robot.odometry
+        odometry = self._robot.odometry
         message = Odometry()
         message.header.stamp = stamp
         message.header.frame_id = "odom"
         message.child_frame_id = self._robot.body.names.base_frame
-        message.pose.pose.position.x = told.x
-        message.pose.pose.position.y = told.y
-        message.pose.pose.orientation = yaw_quaternion(told.yaw)
-        message.twist.twist.linear.x = told.velocity.vx
-        message.twist.twist.linear.y = told.velocity.vy
-        message.twist.twist.angular.z = told.velocity.w
+        message.pose.pose.position.x = odometry.x
+        message.pose.pose.position.y = odometry.y
+        message.pose.pose.orientation = yaw_quaternion(odometry.yaw)
+        message.twist.twist.linear.x = odometry.velocity.vx
+        message.twist.twist.linear.y = odometry.velocity.vy
+        message.twist.twist.angular.z = odometry.velocity.w
         return message
 
     def _transform(self, stamp: rospy.Time) -> TransformStamped:
-        told = self._robot.odometry
+        odometry = self._robot.odometry
         transform = TransformStamped()
         transform.header.stamp = stamp
         transform.header.frame_id = "odom"
         transform.child_frame_id = self._robot.body.names.base_frame
-        transform.transform.translation.x = told.x
-        transform.transform.translation.y = told.y
-        transform.transform.rotation = yaw_quaternion(told.yaw)
+        transform.transform.translation.x = odometry.x
+        transform.transform.translation.y = odometry.y
+        transform.transform.rotation = yaw_quaternion(odometry.yaw)
         return transform
 
     def _commanded(self, message: Twist) -> None:

@@ -171,8 +171,8 @@ def test_it_is_empty_by_default(robot: Robot) -> None:
         ({"what": "call", "type": ""}, "type", "Publishing and calling need a type."),
         ({"what": "set"}, "type", "A parameter has no type"),
         ({"name": "/demo/notes\n"}, "name", "it is not a full ROS name"),
-        ({"use": "drive"}, "use", "Only for what is chosen"),
-        ({"what": "choose", "name": "/phone_vel", "type": ""}, "use", "Say which input goes there."),
+        ({"use": "drive"}, "use", "Only for “choose”"),
+        ({"what": "choose", "name": "/phone_vel", "type": ""}, "use", "Choose the input that goes there."),
         (
             {"what": "choose", "use": "drive", "name": "/phone_vel"},
             "name",

@@ -131,7 +131,7 @@ def test_clocks_that_disagree_are_a_warning(
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"publishers": []}, "Nobody publishes"),
+        ({"publishers": []}, "No node publishes"),
         ({"error": "/base: timed out"}, "cannot be read: /base: timed out"),
         ({"type": "std_msgs/String"}, "is a std_msgs/String, not a"),
         ({"our_md5": None}, "does not know the type"),
@@ -161,22 +161,22 @@ def test_a_sonar_that_is_missing_among_others_is_named(config: BridgeConfig, wel
     some = with_topic(well, "sonars /sonar_base", frames=["base_sonar_01_link", "base_sonar_03_link"])
     check = answer(config, some, "sonars /sonar_base")
     assert check.text == (
-        "/sonar_base says nothing from base_sonar_02_link, only from base_sonar_01_link and base_sonar_03_link."
+        "/sonar_base has no messages from base_sonar_02_link, only from base_sonar_01_link and base_sonar_03_link."
     )
 
 
 @pytest.mark.parametrize(
     ("found", "name", "level", "said"),
     [
-        (DriveFound([], [], "geometry_msgs/Twist"), "drive", "fail", "Nobody listens to /key_vel"),
+        (DriveFound([], [], "geometry_msgs/Twist"), "drive", "fail", "No node listens to /key_vel"),
         (DriveFound([], ["/mux"], "std_msgs/Bool"), "drive", "fail", "is a std_msgs/Bool"),
         (
             DriveFound(["/fleet_bridge", "/rogue"], ["/mux"], None),
             "other drivers",
             "warn",
-            "/rogue publishes",
+            "/rogue also publishes",
         ),
-        (DriveFound(["/fleet_bridge"], ["/mux"], None), "other drivers", "ok", "Nobody else"),
+        (DriveFound(["/fleet_bridge"], ["/mux"], None), "other drivers", "ok", "No other node"),
     ],
 )
 def test_the_drive_topic_has_a_listener_and_one_writer(

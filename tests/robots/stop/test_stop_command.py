@@ -192,7 +192,7 @@ def test_without_database_a_restarting_bridge_is_stopped_too(robot: Robot, no_da
 
 
 def test_without_database_no_robot_is_known_by_name(no_database: None) -> None:
-    with pytest.raises(CommandError, match="Say --all"):
+    with pytest.raises(CommandError, match="Use --all"):
         call_command("stop", "tiago-1", stdout=StringIO())
 
 
@@ -211,7 +211,7 @@ def test_local_robots_are_stopped_before_the_database_answers(
     assert out.getvalue() == "tiago-1: stopping\n"
 
 
-@pytest.mark.parametrize(("asked", "said"), [("--all", "1 robots are stopping"), ("tiago-1", "Say --all")])
+@pytest.mark.parametrize(("asked", "said"), [("--all", "1 robots are stopping"), ("tiago-1", "Use --all")])
 def test_a_database_that_says_nothing_is_as_good_as_none(
     robot: Robot, bridge: Callable[[Robot], Bridge], monkeypatch: pytest.MonkeyPatch, asked: str, said: str
 ) -> None:
@@ -259,7 +259,7 @@ def test_a_stop_is_never_pressed_at_another_robots_bridge(
 
 @pytest.mark.parametrize("arguments", [[], ["tiago-1", "--all"]])
 def test_robots_are_named_or_all_are_meant(arguments: list[str]) -> None:
-    with pytest.raises(CommandError, match="Name robots, or say --all"):
+    with pytest.raises(CommandError, match="Name robots, or use --all"):
         call_command("stop", *arguments)
 
 

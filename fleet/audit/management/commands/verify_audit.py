@@ -46,29 +46,35 @@ class Command(BaseCommand):
     def handle(self, *args: Any, robot: str | None, heads: str | None, against: str | None, **_: Any) -> None:
         """Verify, print the findings, and record the verification."""
         kept = _read(against) if against else []
-        told = verify_one(_chain(robot)) if robot else verify_all()
-        told.findings += compare(kept)
+        result = verify_one(_chain(robot)) if robot else verify_all()
+        result.findings += compare(kept)
         if heads:
-            _write(heads, told.heads)
-        self._tell(told, self.stderr if heads == "-" or told.findings else self.stdout)
-        self._record(told, robot)
-        if told.findings:
+            _write(heads, result.heads)
+        self._print(result, self.stderr if heads == "-" or result.findings else self.stdout)
+        self._record(result, robot)
+        if result.findings:
             sys.exit(1)
 
-    def _tell(self, told: Verified, out: Any) -> None:
-        for finding in told.findings[:SHOWN]:
+    def _print(self, result: Verified, out: Any) -> None:
+        for finding in result.findings[:SHOWN]:
             out.write(str(finding))
-        if len(told.findings) > SHOWN:
-            out.write(f"… and {len(told.findings) - SHOWN} more.")
-        seen = f"Chains: {len(told.heads)}, records: {told.records}"
+        if len(result.findings) > SHOWN:
+            out.write(f"… and {len(result.findings) - SHOWN} more.")
+        seen = f"Chains: {len(result.heads)}, records: {result.records}"
         out.write(
-            f"{seen}, findings: {len(told.findings)}." if told.findings else f"{seen}. All are as written."
+            f"{seen}, findings: {len(result.findings)}."
+            if result.findings
+            else f"{seen}. All are as written."
         )
 
-    def _record(self, told: Verified, robot: str | None) -> None:
-        outcome = "findings" if told.findings else "intact"
-        parameters = {"records": told.records, "chains": len(told.heads), "findings": len(told.findings)}
-        private = {"first": [str(finding) for finding in told.findings[:SHOWN]], "robot": robot}
+    def _record(self, result: Verified, robot: str | None) -> None:
+        outcome = "findings" if result.findings else "intact"
+        parameters = {
+            "records": result.records,
+            "chains": len(result.heads),
+            "findings": len(result.findings),
+        }
+        private = {"first": [str(finding) for finding in result.findings[:SHOWN]], "robot": robot}
         try:
             audit.record(
                 "audit.verify", actor=here(), outcome=outcome, parameters=parameters, private=private

@@ -160,7 +160,7 @@ def _silence(topic: str, number: int, publishers: int) -> wire.Refusal | None:
     if why := BOARD.text(topic):
         return wire.Refusal("too_much", why, "robot")
     if publishers == 0:
-        text = f"Nobody publishes on {topic}{' any more' if number else ''}, or nobody who can be reached from here."
+        text = f"No node publishes on {topic}{' any more' if number else ''}, or none that can be reached from here."
         return wire.Refusal("no_publisher", text, "robot")
     if number == 0:
         return wire.Refusal("no_message", f"Nothing has come on {topic} yet.", "robot")

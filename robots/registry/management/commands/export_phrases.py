@@ -11,15 +11,15 @@ from robots.registry.management.owner import add_owner_arguments, owner_in
 
 
 class Command(BaseCommand):
-    """From the registry into a file."""
+    """Export phrases."""
 
-    help = "Export phrases as import_phrases takes them, to standard output."
+    help = "Export phrases to standard output, in the format of import_phrases."
 
     def add_arguments(self, parser: CommandParser) -> None:
         """Add the options that name the owner."""
         add_owner_arguments(parser)
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """In their order."""
+        """Print the phrases in their order."""
         held = owner_in(options).phrases.all()
         self.stdout.write(phrases.written(phrase.line for phrase in held), ending="")

@@ -16,7 +16,7 @@ from robots.registry.services import phrases_import
 
 
 class Command(BaseCommand):
-    """From a file into the registry."""
+    """Import phrases."""
 
     help = (
         "Import phrases from a text file, one a line: language, tab, text; or the text alone. Tags may follow after "
@@ -27,11 +27,11 @@ class Command(BaseCommand):
         """Add the options: file, owner and mode."""
         parser.add_argument("file", type=Path)
         add_owner_arguments(parser)
-        parser.add_argument("--language", help="of lines without one (otherwise the robot's first)")
-        parser.add_argument("--replace", action="store_true", help="instead of what is there")
+        parser.add_argument("--language", help="for lines without a language (default: the robot's first)")
+        parser.add_argument("--replace", action="store_true", help="replace the existing phrases")
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """All of it or nothing."""
+        """Import the whole file or nothing."""
         owner = owner_in(options)
         language = options["language"] or first_language(owner)
         if why := phrases.why_no_language(language):

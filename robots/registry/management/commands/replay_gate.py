@@ -26,12 +26,12 @@ class Command(BaseCommand):
     help = "Run a recorded drive through the gate; exit 1 if a verdict differs from the recorded one."
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """The file, and whose it is."""
+        """Add the options: file and robot."""
         parser.add_argument("file", type=Path, metavar="FILE")
         parser.add_argument("--robot", metavar="SLUG", help="FILE is a rosbag of this robot")
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Print where the verdict changes, and how many decisions are as recorded."""
+        """Print changes of the verdict, and how many decisions equal the recorded ones."""
         try:
             if options["robot"]:
                 self._bag(options["file"], options["robot"])
@@ -55,7 +55,7 @@ class Command(BaseCommand):
             sys.exit(1)
 
     def _bag(self, file: Path, slug: str) -> None:
-        from robots.bridge.ros.sensors import bag  # ROS is looked for only when it is needed
+        from robots.bridge.ros.sensors import bag  # import ROS only when it is needed
 
         config = _config(slug)
         decisions = 0
@@ -69,7 +69,7 @@ class Command(BaseCommand):
     def _tell(
         self, at_s: float, verdict: Verdict, last: tuple[str, str | None] | None
     ) -> tuple[str, str | None]:
-        """Print a verdict if it is of another kind than the last."""
+        """Print a verdict if its kind differs from the last one."""
         kind = verdict.code, verdict.sensor
         if kind != last:
             self.stdout.write(f"{at_s:8.2f} {_words(verdict)}")

@@ -1,6 +1,6 @@
 """``manage.py run_bridge SLUG``: the bridge process of one robot. The supervisor runs it.
 
-stdin is its life line: when it ends, the robot is stopped and the process exits.
+When stdin ends, because the supervisor has ended, it stops the robot and exits.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ class Command(BaseCommand):
     """One bridge."""
 
     help = "Run the bridge of one robot, until stdin ends."
-    requires_system_checks = []  # the supervisor's start has checked; a bridge must be back soon
+    requires_system_checks = []  # the supervisor has checked; a bridge must restart quickly
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Which robot."""
+        """Add the option: robot."""
         parser.add_argument("slug")
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Hand the bridge plain values and a sink for its records."""
+        """Run the bridge with plain values and a sink for its records."""
         robot = Robot.objects.select_related("profile").filter(slug=options["slug"]).first()
         if robot is None:
             raise CommandError(f"There is no robot {options['slug']!r}.")
@@ -39,6 +39,6 @@ class Command(BaseCommand):
         except Problems as problems:
             raise CommandError(f"The entry of {robot.slug} is wrong: {problems}") from problems
         connections.close_all()
-        # A separate thread writes records and keeps its connection: to open one takes longer than a record.
+        # A separate thread writes records and keeps its connection open: opening one is slower than writing a record.
         connections.settings["default"].update(CONN_MAX_AGE=None, CONN_HEALTH_CHECKS=True)
         sys.exit(run(config, AuditSink(robot.id, robot.name)))

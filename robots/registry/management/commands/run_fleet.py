@@ -1,7 +1,7 @@
 """``manage.py run_fleet [SLUG ...]``: a bridge and a watchdog for each enabled robot, and one housekeeping process.
 
-Notices within a second what was added, edited or disabled in the registry, and touches only the robot concerned.
-Ends on SIGTERM, SIGINT or SIGHUP: every robot is let go of and stops.
+Applies a new, edited or disabled robot within a second, without effect on other robots. Ends on SIGTERM, SIGINT or
+SIGHUP: all bridges end, and their robots stop.
 """
 
 from __future__ import annotations
@@ -49,15 +49,15 @@ STEP_S = 0.1
 POLL_S = 0.5
 DATABASE_PATIENCE_S = 0.2
 END_S = KILL_S + 1.0
-LAST_S = END_S + 1.0  # the database may hang as well
+LAST_S = END_S + 1.0  # also if the database hangs
 HOUSEKEEPING = "run_housekeeping"
 WATCHDOG = ("-m", "robots.bridge.watchdog")
 
 
 def eager() -> RestartBudget:
-    """A watchdog is back soon: without it a stop depends on the bridge alone.
+    """Restart a watchdog quickly: without it a stop depends on the bridge only.
 
-    One that cannot start rests: a start takes half a second of a processor, which the robots' bridges need.
+    Wait longer if it cannot start: each start takes half a second of a processor that the bridges need.
     """
     return RestartBudget(first_s=0.1, longest_s=1.0, rest_s=10.0)
 
@@ -68,13 +68,13 @@ class Command(BaseCommand):
     help = "Run a bridge for every enabled robot, and the housekeeping."
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Which robots."""
+        """Add the option: robots."""
         parser.add_argument(
             "slugs", nargs="*", metavar="SLUG", help="only these robots, for one of several hosts"
         )
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Until a signal comes."""
+        """Run until a signal comes."""
         wait_shortly()
         only = frozenset(options["slugs"])
         unknown = only - set(Robot.objects.values_list("slug", flat=True))
@@ -90,7 +90,7 @@ class Command(BaseCommand):
 
 
 def supervise(fleet: Fleet, stopping: Stopping) -> None:
-    """Until it is to end."""
+    """Run rounds until `stopping`, then end all programs."""
     try:
         while not stopping:
             fleet.step(time.monotonic())
@@ -101,14 +101,14 @@ def supervise(fleet: Fleet, stopping: Stopping) -> None:
 
 
 def wait_shortly() -> None:
-    """Let a locked SQLite file hold up nothing here: statuses are tried again, bridges come first."""
+    """Wait only briefly for a locked SQLite file: bridges come first, and statuses are written again later."""
     if connection.vendor == "sqlite":
         connection.close()
         connection.settings_dict["OPTIONS"]["timeout"] = DATABASE_PATIENCE_S
 
 
 class Stopping:
-    """Whether this process shall end."""
+    """True after a signal to end this process."""
 
     def __init__(self) -> None:
         self._asked = False
@@ -133,16 +133,16 @@ class Fleet:
         self._watchdog = watchdog
         self._keepers: dict[UUID, Keeper] = {}
         self._watchdogs: dict[UUID, Keeper] = {}
-        self._told: dict[UUID, Report] = {}
+        self._reported: dict[UUID, Report] = {}
         self._unsaved: dict[UUID, Report] = {}
         self._database_well = True
         self._poll_at_s = 0.0
         self._housekeeping = Keeper("Housekeeping", lambda *_: None)
-        if not only:  # with names: another supervisor runs the other robots and keeps house
+        if not only:  # with names, another supervisor runs the other robots and the housekeeping
             self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
 
     def step(self, now_s: float) -> None:
-        """Run one round; the next one repeats work that the database refused."""
+        """Run one round; the next round repeats writes that the database refused."""
         if now_s >= self._poll_at_s:
             self._poll_at_s = now_s + POLL_S
             self._poll()
@@ -151,7 +151,7 @@ class Fleet:
         self._save()
 
     def end(self) -> None:
-        """Let go of every program and see them out."""
+        """End all programs and wait for them."""
         for keeper in self._all:
             keeper.want(None)
         last_s = time.monotonic() + END_S
@@ -161,9 +161,9 @@ class Fleet:
             if all(keeper.idle for keeper in self._all):
                 break
             time.sleep(STEP_S)
-        for robot_id, (state, _, _) in list(self._told.items()):
+        for robot_id, (state, _, _) in list(self._reported.items()):
             if state != State.DISABLED:
-                self._tell(robot_id, State.STOPPED, "", None)
+                self._report(robot_id, State.STOPPED, "", None)
         self._save()
 
     # --- the registry ------------------------------------------------------------------------------
@@ -172,23 +172,23 @@ class Fleet:
         try:
             mine = [robot for robot in Robot.objects.select_related("profile") if self._is_mine(robot)]
             for robot in mine:
-                self._look_at(robot)  # asks again, for the allow-list
+                self._update(robot)  # reads the allow-list from the database
         except DatabaseError as error:
             self._database_failed(error)
             return
         self._database_well = True
         for robot_id in self._keepers.keys() - {robot.id for robot in mine}:
-            self._let_go(robot_id)
+            self._end_robot(robot_id)
 
     def _is_mine(self, robot: Robot) -> bool:
-        """Named on the command line; without names, every robot whose bridge is not said to run elsewhere."""
+        """Return whether the robot is named on the command line; without names, whether its bridge runs here."""
         return robot.slug in self._only if self._only else not robot.bridge_address
 
-    def _look_at(self, robot: Robot) -> None:
+    def _update(self, robot: Robot) -> None:
         keeper = self._keepers.get(robot.id) or self._keeper(robot)
         if not robot.enabled:
-            self._let_go(robot.id)
-            self._tell(robot.id, State.DISABLED, "", None)
+            self._end_robot(robot.id)
+            self._report(robot.id, State.DISABLED, "", None)
             return
         try:
             require_link_settings(robot)
@@ -197,24 +197,24 @@ class Fleet:
                 return
             environment = ros_environment(config, settings.FLEET_RUN_DIR)
         except (Problems, WrapperMissing) as error:
-            self._let_go(robot.id)
-            self._tell(robot.id, State.REFUSED, str(error), None)
+            self._end_robot(robot.id)
+            self._report(robot.id, State.REFUSED, str(error), None)
             return
-        except OSError as error:  # a full disk; the bridge that runs keeps running as it was described before
-            state, _, pid = self._told.get(robot.id, (State.BACKING_OFF, "", None))
-            text = f"The robot's entry cannot be put into force ({error.strerror}); tried again."
-            self._tell(robot.id, state, text, pid)
+        except OSError as error:  # a full disk; a running bridge continues with its old configuration
+            state, _, pid = self._reported.get(robot.id, (State.BACKING_OFF, "", None))
+            text = f"The robot's new entry cannot be applied ({error.strerror}); the supervisor tries again."
+            self._report(robot.id, state, text, pid)
             return
         keeper.want(self._program(["run_bridge", robot.slug], environment, config.digest()))
         watched = watchdog_config(config)
         watchdog = self._watchdogs[robot.id]
         if watched.digest() != watchdog.digest:
-            told = msgspec.json.encode(watched).decode()
+            argument = msgspec.json.encode(watched).decode()
             path = os.pathsep.join(filter(None, [str(settings.BASE_DIR), environment.get("PYTHONPATH")]))
-            arguments = [sys.executable, *self._watchdog, told]
+            arguments = [sys.executable, *self._watchdog, argument]
             watchdog.want(Program(arguments, {**environment, "PYTHONPATH": path}, watched.digest()))
 
-    def _let_go(self, robot_id: UUID) -> None:
+    def _end_robot(self, robot_id: UUID) -> None:
         """Run neither bridge nor watchdog from now on."""
         self._keepers[robot_id].want(None)
         self._watchdogs[robot_id].want(None)
@@ -226,7 +226,7 @@ class Fleet:
     def _keeper(self, robot: Robot) -> Keeper:
         robot_id = robot.id
         keeper = Keeper(
-            f"Bridge of {robot.slug}", lambda state, detail, pid: self._tell(robot_id, state, detail, pid)
+            f"Bridge of {robot.slug}", lambda state, detail, pid: self._report(robot_id, state, detail, pid)
         )
         self._keepers[robot_id] = keeper
         self._watchdogs[robot_id] = Keeper(f"Watchdog of {robot.slug}", lambda *_: None, eager)
@@ -236,18 +236,18 @@ class Fleet:
         return Program([sys.executable, str(self._manage), *command], environment, digest)
 
     def _database_failed(self, error: DatabaseError | AuditUnavailable) -> None:
-        """The fleet stays as it is; said once until it is well again."""
+        """Log once until the database answers again; the fleet stays as it is."""
         if self._database_well:
             log.warning("The database does not answer, the fleet stays as it is: %s", error)
         self._database_well = False
         connection.close()
 
-    # --- what people see ---------------------------------------------------------------------------
+    # --- status for pages --------------------------------------------------------------------------
 
-    def _tell(self, robot_id: UUID, state: State, detail: str, pid: int | None) -> None:
-        told = (state, detail, pid)
-        if self._told.get(robot_id) != told:
-            self._told[robot_id] = self._unsaved[robot_id] = told
+    def _report(self, robot_id: UUID, state: State, detail: str, pid: int | None) -> None:
+        report = (state, detail, pid)
+        if self._reported.get(robot_id) != report:
+            self._reported[robot_id] = self._unsaved[robot_id] = report
 
     def _save(self) -> None:
         for robot_id, (state, detail, pid) in list(self._unsaved.items()):

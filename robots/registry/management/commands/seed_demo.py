@@ -1,8 +1,8 @@
 """``manage.py seed_demo FILE``: the practice robots and accounts of script/demo.
 
 FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick"}],
-"accounts": [{"username", "role", "password"}]}. A new robot gets a small allow-list to try things with. Run again it
-brings the robots' masters up to date and leaves the rest as people made it. Prints {slug: path of the bridge's socket}.
+"accounts": [{"username", "role", "password"}]}. A new robot gets a small allow-list for practice. A second run
+updates only the robots' masters. Prints {slug: path of the bridge's socket}.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ALLOWED = (
 
 
 class PracticeRobot(Struct, frozen=True):
-    """A robot to register."""
+    """A robot of FILE."""
 
     slug: str
     name: str
@@ -44,7 +44,7 @@ class PracticeRobot(Struct, frozen=True):
 
 
 class Account(Struct, frozen=True):
-    """A person to let in."""
+    """An account of FILE."""
 
     username: str
     role: str
@@ -64,7 +64,7 @@ class Command(BaseCommand):
     help = "Register the practice robots and accounts of script/demo."
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """One file."""
+        """Add the option: file."""
         parser.add_argument("file", type=Path)
 
     def handle(self, *args: Any, **options: Any) -> None:
@@ -99,7 +99,7 @@ def seed_robot(planned: PracticeRobot) -> Robot:
 
 
 def seed_account(planned: Account, robots: list[Robot]) -> None:
-    """Let a person in, if they are not known yet: with their role on every practice robot."""
+    """Create an account, if it does not exist, with its role on every practice robot."""
     if User.objects.filter(username=planned.username).exists():
         return
     is_staff = planned.role == Role.STAFF

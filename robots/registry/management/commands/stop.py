@@ -1,7 +1,7 @@
 """``manage.py stop SLUG ... | --all``: press the emergency stop of robots, without web process or browser.
 
-It does not replace a robot's red button. With --all, whatever robot has its bridge on this computer is told before the
-registry is asked: that alone knows names, and robots elsewhere, but it may be away, or hang.
+It does not replace a robot's red button. With --all it first stops all robots with a bridge on this computer, because
+the registry, which has the names and the robots elsewhere, may not answer.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from robots.registry.selectors import link_address
 from robots.stop.presses import Pending, Result, press_all, press_at, record_outcome, record_press
 from robots.wire import Refusal, Stopped
 
-REGISTRY_S = 3.0  # a database that says nothing for so long is taken for away
+REGISTRY_S = 3.0  # time limit for the database
 
 
 class Command(BaseCommand):
     """The emergency stop."""
 
     help = "Press the emergency stop of the named robots, or of all."
-    requires_system_checks = []  # nothing comes before a stop
+    requires_system_checks = []  # checks would delay the stop
 
     def add_arguments(self, parser: CommandParser) -> None:
-        """Which robots, and why."""
+        """Add the options: robots and reason."""
         parser.add_argument("slugs", nargs="*", metavar="SLUG")
         parser.add_argument("--all", action="store_true", help="every robot")
         parser.add_argument("--reason", default="", help="shown on the robot's page and kept")
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Stop all at once, then record, then say whom it did not reach."""
+        """Stop all at once, then record, then report the robots that were not reached."""
         slugs: list[str] = options["slugs"]
         if options["all"] == bool(slugs):
-            raise CommandError("Name robots, or say --all.")
+            raise CommandError("Name robots, or use --all.")
         by, reason = f"{_who()} (command line)", _clean(options["reason"])
         sockets = [] if slugs else _sockets()
         addresses = [(None, LinkAddress(unix_path=path)) for path in sockets]
@@ -53,30 +53,30 @@ class Command(BaseCommand):
             try:
                 robots = _registered(slugs).result(REGISTRY_S)
             except (DatabaseError, NoAnswer) as error:
-                why = str(error) or f"nothing was heard within {REGISTRY_S:g} s"
+                why = str(error) or f"no answer within {REGISTRY_S:g} s"
                 here = dict(zip(sockets, pressed.result(), strict=True))
-                self._tell_without_registry(slugs, here, why)
+                self._print_without_registry(slugs, here, why)
                 return
             path_of = {robot: link_address(robot).unix_path or "" for robot in robots}
             rest = [robot for robot in robots if path_of[robot] not in sockets]
             results = dict(zip(rest, press_all(rest, by, reason), strict=True))
             here = dict(zip(sockets, pressed.result(), strict=True))
         results |= {robot: here.pop(path) for robot, path in path_of.items() if path in here}
-        # One out of service need not be reached, but a bridge of it that still runs was stopped.
+        # A disabled robot need not be reached; report it only if its bridge still runs and was stopped.
         meant = [robot for robot in robots if slugs or robot.enabled or isinstance(results[robot], Stopped)]
         left = [*here.values(), *(results[robot] for robot in results.keys() - set(meant))]
         for result in left:
             if isinstance(result, Pending):
                 result.withdraw()
-        self._tell({robot: results[robot] for robot in meant}, reason)
+        self._print_results({robot: results[robot] for robot in meant}, reason)
         unknown = sorted(set(slugs) - {robot.slug for robot in robots})
         if unknown:
             raise CommandError(f"There is no robot {', '.join(unknown)}.")
 
-    def _tell(self, results: dict[Robot, Result], reason: str) -> None:
-        """Say how it went, then record it, for that may wait; whom it did not reach comes last."""
+    def _print_results(self, results: dict[Robot, Result], reason: str) -> None:
+        """Print the results, then record them, because this may take time; robots that were not reached come last."""
         for robot, result in results.items():
-            self.stdout.write(f"{robot.slug}: {_told(result)}")
+            self.stdout.write(f"{robot.slug}: {_in_words(result)}")
         for robot, result in results.items():
             self._record(robot, reason, result)
         refused = [robot.slug for robot, result in results.items() if isinstance(result, Refusal)]
@@ -92,17 +92,17 @@ class Command(BaseCommand):
         if words:
             raise CommandError(f"{' '.join(words)} Use the red button on the robot.")
 
-    def _tell_without_registry(self, slugs: list[str], results: dict[str, Result], why: str) -> None:
-        """Only the registry knows names, and robots elsewhere."""
+    def _print_without_registry(self, slugs: list[str], results: dict[str, Result], why: str) -> None:
+        """Print the results without robots' names, which only the registry has."""
         if slugs:
             raise CommandError(
-                f"The database does not answer, so no robot is known by name ({why}). Say --all."
+                f"The database does not answer, so the names of robots are not known ({why}). Use --all."
             )
         for path, result in results.items():
-            self.stdout.write(f"{Path(path).name}: {_told(result)}")
+            self.stdout.write(f"{Path(path).name}: {_in_words(result)}")
         stopped = sum(isinstance(result, Stopped) for result in results.values())
         raise CommandError(
-            f"The database does not answer ({why}). Every bridge on this computer was told: {stopped} robots are "
+            f"The database does not answer ({why}). All bridges on this computer were asked: {stopped} robots are "
             f"stopping, {len(results) - stopped} did not answer; their stop is pending. Nothing was recorded, and "
             "bridges on other computers were not reached. Use the red button on the other robots."
         )
@@ -121,7 +121,7 @@ def _sockets() -> list[str]:
 
 
 def _registered(slugs: list[str]) -> Future[list[Robot]]:
-    """These robots, or all; asked in a thread that the end of the process does not wait for."""
+    """Read these robots, or all, in a daemon thread: the process must not wait for a hanging database."""
     answer: Future[list[Robot]] = Future()
 
     def ask() -> None:
@@ -137,7 +137,7 @@ def _registered(slugs: list[str]) -> Future[list[Robot]]:
 
 
 def _who() -> str:
-    """The account that presses; one that has no name presses all the same."""
+    """Return the name of the account that runs this command; its number if it has no name."""
     try:
         return _clean(getpass.getuser())[:100]
     except (KeyError, OSError):
@@ -145,11 +145,11 @@ def _who() -> str:
 
 
 def _clean(text: str) -> str:
-    """The part of a terminal's text that can be sent; a terminal may use any encoding."""
+    """Return a terminal's text as valid UTF-8, since a terminal may use any encoding."""
     return text.encode(errors="replace").decode()[:200]
 
 
-def _told(result: Result) -> str:
+def _in_words(result: Result) -> str:
     match result:
         case Pending():
             return result.refusal.text
