@@ -29,7 +29,7 @@ urlpatterns = [
     path("privacy/", views.privacy, name="privacy"),
     path("texts.js", _script_texts, name="script-texts"),
     path("api/", include("teleop.api.urls")),
-    path("", include("fleet.bookings.urls")),
+    path("", include("fleet.bookings.pages.urls")),
     path("", include("teleop.urls")),
     path("", include("robots.registry.urls")),
 ]

@@ -17,6 +17,13 @@ export function clockText(seconds) {
   return `${Math.floor(whole / 60)}:${two(whole % 60)}`;
 }
 
+/** Whole minutes, for what nobody counts down: "40 min", "2 h 05 min". */
+export function minutesText(seconds) {
+  const minutes = Math.ceil(seconds / 60);
+  if (minutes < 60) return `${minutes} min`;
+  return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
+}
+
 /** Whether the person should be offered to keep control. */
 export function isLastCall(seconds) {
   return seconds !== null && seconds <= LAST_CALL_S;

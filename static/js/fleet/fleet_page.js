@@ -11,7 +11,7 @@ import {
   unknownText,
   verdictText,
 } from "../control/control_banner.js";
-import { clockText } from "../control/lease.js";
+import { minutesText } from "../control/lease.js";
 import { StopButton } from "../control/stop_button.js";
 import { StopWords } from "../control/stop_words.js";
 import { mark, parts, say, sayOrHide, show } from "../lib/dom.js";
@@ -68,8 +68,9 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
 /** The present booking and the next one in words. Pure. */
 export function bookingWords({ booked = null, next_booked: next = null }) {
   const name = (one) => (one.mine ? gettext("You") : one.name);
-  if (booked) return interpolate(gettext("%s, %s left"), [name(booked), clockText(booked.seconds)]);
-  if (next) return interpolate(gettext("Free, %s in %s"), [name(next), clockText(next.seconds)]);
+  if (booked)
+    return interpolate(gettext("%s, %s left"), [name(booked), minutesText(booked.seconds)]);
+  if (next) return interpolate(gettext("Free, %s in %s"), [name(next), minutesText(next.seconds)]);
   return gettext("Free");
 }
 

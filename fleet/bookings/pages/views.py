@@ -21,9 +21,9 @@ from django.views.decorators.http import require_http_methods, require_safe
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
 from fleet.bookings import services
-from fleet.bookings.calendar import calendar, local
-from fleet.bookings.forms import TIME_FORMAT, SlotForm
 from fleet.bookings.models import Booking
+from fleet.bookings.pages.calendar import calendar, local
+from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm
 from fleet.bookings.rules import Slot, shown
 from fleet.bookings.selectors import (
     Stage,
@@ -61,6 +61,7 @@ def bookings(request: HttpRequest) -> HttpResponse:
         "rows": _rows(held, robots, now),
         "zone": zone.key,
         "only": request.GET.get("robot", ""),
+        "manages": any(role >= Role.SUPERVISOR for role in roles_of(person_of(request), robots).values()),
     }
     return render(request, "bookings/calendar.html", context)
 

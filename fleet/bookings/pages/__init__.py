@@ -1,0 +1,1 @@
+"""Pages of bookings: calendar, forms, lists, policies."""

@@ -1,0 +1,173 @@
+"""The booking form: typed local times, with every refusal named."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from django import forms
+from django.core.exceptions import ValidationError
+from django.utils.translation import gettext_lazy as _
+
+from fleet.accounts.models import User
+from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
+from fleet.bookings.policies import POLICY_FIELDS
+from fleet.bookings.rules import Slot, to_utc
+from fleet.bookings.selectors import zone_now
+from robots.registry.models import Robot
+from robots.wire import Refusal
+
+TIME_FORMAT = "%Y-%m-%dT%H:%M"
+
+
+class LocalTime(forms.CharField):
+    """A wall-clock time in the viewer's zone; cleaned to UTC."""
+
+    widget = forms.DateTimeInput(attrs={"type": "datetime-local", "step": "300"}, format=TIME_FORMAT)
+
+    def prepare_value(self, value: Any) -> Any:
+        """Return a UTC time as it is typed in the viewer's zone."""
+        return value.astimezone(zone_now()).strftime(TIME_FORMAT) if isinstance(value, datetime) else value
+
+    def clean(self, value: Any) -> datetime:
+        """Return the moment in UTC. Refused: no time, or one that the clock skips."""
+        text = super().clean(value)
+        try:
+            local = datetime.fromisoformat(text)
+        except ValueError as error:
+            raise ValidationError(_("Write a date and a time, such as 2026-03-02 14:30.")) from error
+        if local.tzinfo is not None:
+            raise ValidationError(_("Write the time without a zone: it counts in yours."))
+        moment = to_utc(local, zone_now())
+        if isinstance(moment, Refusal):
+            raise ValidationError(moment.text, code=moment.code)
+        return moment
+
+
+class OptionalLocalTime(LocalTime):
+    """A wall-clock time that may be left empty: None."""
+
+    def clean(self, value: Any) -> Any:
+        """Return the moment in UTC, or None."""
+        return super().clean(value) if (value or "").strip() else None
+
+
+class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
+    """A booking policy; the opening hours have two fields for each weekday."""
+
+    class Meta:
+        model = Policy
+        fields = [name for name in POLICY_FIELDS if name != "opening"]
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        hours = self.instance.opening
+        for day in WEEKDAYS:
+            opens, closes = hours.get(day, ("", ""))
+            for name, value in ((f"{day}_from", opens), (f"{day}_to", closes)):
+                self.fields[name] = forms.TimeField(
+                    required=False,
+                    initial="00:00" if value == "24:00" else value,
+                    widget=forms.TimeInput(attrs={"type": "time"}, format="%H:%M"),
+                )
+
+    def clean(self) -> dict[str, Any]:
+        """Put the opening hours together. No hours at all: always open."""
+        values: dict[str, Any] = super().clean() or self.cleaned_data
+        opening = {}
+        for day in WEEKDAYS:
+            opens, closes = values.pop(f"{day}_from", None), values.pop(f"{day}_to", None)
+            if (opens is None) != (closes is None):
+                raise ValidationError(_("Give both times of %(day)s, or none.") % {"day": day.title()})
+            if opens is None or closes is None:
+                continue
+            end = "24:00" if f"{closes:%H:%M}" == "00:00" else f"{closes:%H:%M}"
+            if end <= f"{opens:%H:%M}":
+                raise ValidationError(
+                    _("On %(day)s the robot closes before it opens.") % {"day": day.title()}
+                )
+            opening[day] = [f"{opens:%H:%M}", end]
+        values["opening"] = opening
+        if values.get("shortest_min", 0) > values.get("longest_min", 0):
+            raise ValidationError(_("The shortest slot is longer than the longest."))
+        return values
+
+    @property
+    def limits(self) -> list[Any]:
+        """Return the fields apart from the opening hours."""
+        return [self[name] for name in self.fields if not name.endswith(("_from", "_to"))]
+
+    @property
+    def week(self) -> list[dict[str, Any]]:
+        """Return the fields of the opening hours, a weekday each."""
+        names = (
+            _("Monday"),
+            _("Tuesday"),
+            _("Wednesday"),
+            _("Thursday"),
+            _("Friday"),
+            _("Saturday"),
+            _("Sunday"),
+        )
+        return [
+            {"name": name, "opens": self[f"{day}_from"], "closes": self[f"{day}_to"]}
+            for name, day in zip(names, WEEKDAYS, strict=True)
+        ]
+
+
+class OutOfServiceForm(forms.Form):
+    """A period in which a robot cannot be driven."""
+
+    robot = forms.ModelChoiceField(Robot.objects.none(), label=_("Robot"), to_field_name="slug")
+    starts_at = LocalTime(label=_("From"))
+    ends_at = OptionalLocalTime(label=_("To (empty: until further notice)"), required=False)
+    why = forms.ChoiceField(label=_("Reason"), choices=OutOfService.Why.choices)
+    note = forms.CharField(label=_("Note"), max_length=200, required=False)
+
+    def __init__(self, *args: Any, robots: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        choice = self.fields["robot"]
+        if isinstance(choice, forms.ModelChoiceField):
+            choice.queryset, choice.empty_label = robots, None
+
+    def clean(self) -> dict[str, Any]:
+        """Check that the period ends after it begins."""
+        values: dict[str, Any] = super().clean() or self.cleaned_data
+        if values.get("starts_at") and values.get("ends_at") and values["ends_at"] <= values["starts_at"]:
+            raise ValidationError(_("The period ends before it begins: exchange the two times."))
+        return values
+
+
+class SlotForm(forms.Form):
+    """A robot and a slot. Supervisors may also name another person and a reason that overrides the policy."""
+
+    robot = forms.ModelChoiceField(Robot.objects.none(), label=_("Robot"), to_field_name="slug")
+    starts_at = LocalTime(label=_("From"))
+    ends_at = LocalTime(label=_("To"))
+    purpose = forms.CharField(label=_("Purpose (optional)"), max_length=120, required=False)
+    person = forms.CharField(label=_("For another person: their user name"), required=False)
+    override = forms.CharField(label=_("Reason to book against the policy"), max_length=200, required=False)
+
+    def __init__(self, *args: Any, robots: Any, supervises: bool, **options: Any) -> None:
+        super().__init__(*args, **options)
+        choice = self.fields["robot"]
+        if isinstance(choice, forms.ModelChoiceField):
+            choice.queryset = robots
+            choice.empty_label = None
+        if not supervises:
+            del self.fields["person"], self.fields["override"]
+
+    def clean_person(self) -> User | None:
+        """Return the person for whom the slot is booked; None: the one who books."""
+        name = self.cleaned_data["person"].strip()
+        if not name:
+            return None
+        person = User.objects.filter(username=name, is_active=True).first()
+        if person is None:
+            raise ValidationError(_("There is no open account with this user name."))
+        return person
+
+    @property
+    def slot(self) -> Slot:
+        """Return the slot of a valid form."""
+        return Slot(self.cleaned_data["starts_at"], self.cleaned_data["ends_at"])

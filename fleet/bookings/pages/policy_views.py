@@ -1,0 +1,118 @@
+"""The pages of booking policies and out-of-service periods, for supervisors of a robot and staff."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from django.contrib import messages
+from django.core.exceptions import PermissionDenied
+from django.db.models import Q
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
+
+from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
+from fleet.bookings import policies as policy_services
+from fleet.bookings.models import OutOfService, Policy
+from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm
+from fleet.bookings.selectors import policy_of, zone_now
+from robots.registry.models import Robot, Role
+from robots.registry.selectors import robots_visible_to, roles_of
+
+
+def robots_supervised_by(person: User) -> list[Robot]:
+    """Return the robots whose policy this person may change."""
+    robots = list(robots_visible_to(person))
+    roles = roles_of(person, robots)
+    return [robot for robot in robots if roles.get(robot.id, Role.OBSERVER) >= Role.SUPERVISOR]
+
+
+@never_cache
+@require_safe
+def policies(request: HttpRequest) -> HttpResponse:
+    """List the policies, and the out-of-service periods that are not over."""
+    robots = _supervised(request)
+    own = {policy.robot_id for policy in Policy.objects.filter(robot__in=robots)}
+    now = timezone.now()
+    periods = OutOfService.objects.filter(Q(ends_at=None) | Q(ends_at__gt=now), robot__in=robots)
+    context = {
+        "rows": [{"robot": robot, "own": robot.id in own} for robot in robots],
+        "periods": periods.select_related("robot"),
+        "form": _out_form(robots),
+        "zone": zone_now().key,
+    }
+    return render(request, "bookings/policies.html", context)
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def policy(request: HttpRequest, slug: str = "") -> HttpResponse:
+    """Show and change the policy of one robot, or of all robots without their own (`slug` empty; staff only)."""
+    person = person_of(request)
+    if not slug and not person.is_staff:
+        raise PermissionDenied("Only staff change the policy of all robots.")
+    robot = next((one for one in _supervised(request) if one.slug == slug), None)
+    if slug and robot is None:
+        raise PermissionDenied("Only a supervisor of this robot or staff may change its policy.")
+    shown = policy_of(robot) if robot else Policy.objects.filter(robot=None).first() or Policy()
+    form = PolicyForm(request.POST or None, instance=shown)
+    if request.method == "POST" and request.POST.get("action") == "remove" and robot:
+        policy_services.policy_remove(robot=robot, actor=person)
+        messages.success(request, _("%(robot)s follows the policy of all robots.") % {"robot": robot.name})
+        return redirect("booking-policies")
+    if request.method == "POST" and form.is_valid():
+        policy_services.policy_set(robot=robot, values=form.cleaned_data, actor=person)
+        messages.success(request, _("The booking policy is saved."))
+        return redirect("booking-policies")
+    own = robot is not None and shown.robot_id == robot.id
+    context = {"form": form, "robot": robot, "own": own}
+    return render(request, "bookings/policy.html", context, status=400 if form.errors else 200)
+
+
+@require_POST
+def out_of_service(request: HttpRequest) -> HttpResponse:
+    """Add an out-of-service period, and say whom it affects."""
+    robots = _supervised(request)
+    form = _out_form(robots, request)
+    if not form.is_valid():
+        for texts in form.errors.values():
+            messages.error(request, str(texts[0]))
+        return redirect("booking-policies")
+    affected = policy_services.out_of_service_add(**form.cleaned_data, actor=person_of(request))
+    text = ngettext(
+        "Out of service. %(number)d booking is affected: %(people)s.",
+        "Out of service. %(number)d bookings are affected: %(people)s.",
+        len(affected),
+    )
+    people = ", ".join(sorted({one.person.display_name for one in affected})) or _("nobody")
+    messages.success(request, text % {"number": len(affected), "people": people})
+    return redirect("booking-policies")
+
+
+@require_POST
+def out_of_service_end(request: HttpRequest, period_id: UUID) -> HttpResponse:
+    """End an out-of-service period now."""
+    period = get_object_or_404(OutOfService, pk=period_id, robot__in=_supervised(request))
+    policy_services.out_of_service_end(period_id=period.pk, actor=person_of(request), now=timezone.now())
+    messages.success(request, _("%(robot)s is back in service.") % {"robot": period.robot.name})
+    return redirect("booking-policies")
+
+
+def _supervised(request: HttpRequest) -> list[Robot]:
+    robots = robots_supervised_by(person_of(request))
+    if not robots and not person_of(request).is_staff:
+        raise PermissionDenied("Booking policies are for supervisors and staff.")
+    return robots
+
+
+def _out_form(robots: list[Robot], request: HttpRequest | None = None) -> OutOfServiceForm:
+    choice = Robot.objects.filter(pk__in=[robot.pk for robot in robots])
+    if request is not None:
+        return OutOfServiceForm(request.POST, robots=choice)
+    now = timezone.now().replace(second=0, microsecond=0)
+    return OutOfServiceForm(robots=choice, initial={"starts_at": now})

@@ -1,0 +1,23 @@
+"""Addresses of the pages of bookings."""
+
+from django.urls import path
+
+from fleet.bookings.pages import policy_views, views
+
+urlpatterns = [
+    path("bookings/", views.bookings, name="bookings"),
+    path("bookings/feed/", views.feed, name="bookings-feed"),
+    path("bookings/new/", views.booking_new, name="booking-new"),
+    path("bookings/next-free/", views.next_free, name="bookings-next-free"),
+    path("bookings/mine/", views.bookings_mine, name="bookings-mine"),
+    path("bookings/policies/", policy_views.policies, name="booking-policies"),
+    path("bookings/policies/all/", policy_views.policy, name="booking-policy-all"),
+    path("bookings/policies/<slug:slug>/", policy_views.policy, name="booking-policy"),
+    path("bookings/out-of-service/", policy_views.out_of_service, name="out-of-service"),
+    path(
+        "bookings/out-of-service/<uuid:period_id>/end/",
+        policy_views.out_of_service_end,
+        name="out-of-service-end",
+    ),
+    path("bookings/<uuid:booking_id>/", views.booking, name="booking"),
+]

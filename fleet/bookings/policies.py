@@ -1,0 +1,101 @@
+"""Changes by supervisors and staff: booking policies and out-of-service periods. Each one is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+from django.db import transaction
+
+from fleet.accounts.models import User
+from fleet.audit.services import record
+from fleet.bookings.models import Booking, OutOfService, Policy
+from fleet.bookings.rules import FAR
+from fleet.bookings.selectors import held_between
+from fleet.bookings.services import changed
+from robots.registry.models import Robot
+
+POLICY_FIELDS = (
+    "opening",
+    "shortest_min",
+    "longest_min",
+    "horizon_days",
+    "notice_min",
+    "cancel_notice_min",
+    "gap_min",
+    "day_min",
+    "week_min",
+    "at_once",
+    "grace_min",
+    "needs_approval",
+    "free_time",
+)
+
+
+@transaction.atomic
+def policy_set(*, robot: Robot | None, values: Mapping[str, Any], actor: User) -> Policy:
+    """Set the booking policy of a robot, or of all robots without their own; `ValidationError` if it is not valid."""
+    stored = Policy.objects.select_for_update(of=("self",)).filter(robot=robot).first()
+    policy = stored or Policy(robot=robot)
+    before = {name: getattr(policy, name) for name in POLICY_FIELDS}
+    for name in POLICY_FIELDS:
+        setattr(policy, name, values[name])
+    policy.full_clean()
+    changes = [
+        {"field": name, "from": before[name], "to": values[name]}
+        for name in POLICY_FIELDS
+        if before[name] != values[name]
+    ]
+    if stored is None or changes:
+        policy.save()
+        record("policy.change", actor=actor, **_named(robot), parameters={"changes": changes})
+        _tell(robot)
+    return policy
+
+
+@transaction.atomic
+def policy_remove(*, robot: Robot, actor: User) -> None:
+    """Let a robot follow the policy of all robots again."""
+    if Policy.objects.filter(robot=robot).delete()[0]:
+        record("policy.remove", actor=actor, **_named(robot))
+        _tell(robot)
+
+
+@transaction.atomic
+def out_of_service_add(
+    *, robot: Robot, starts_at: datetime, ends_at: datetime | None, why: str, note: str, actor: User
+) -> list[Booking]:
+    """Take a robot out of service for a period; `ends_at` None: until further notice. Returns the affected bookings."""
+    period = OutOfService(robot=robot, starts_at=starts_at, ends_at=ends_at, why=why, note=note)
+    period.full_clean()
+    period.save()
+    until = ends_at.isoformat() if ends_at else None
+    parameters = {"period": str(period.pk), "from": starts_at.isoformat(), "to": until, "why": why}
+    record("robot.out_of_service", actor=actor, **_named(robot), parameters=parameters, text=note)
+    _tell(robot)
+    return list(held_between([robot], starts_at, ends_at or FAR))
+
+
+@transaction.atomic
+def out_of_service_end(*, period_id: UUID, actor: User, now: datetime) -> None:
+    """End a period now; one that has not begun is removed."""
+    period = OutOfService.objects.select_related("robot").select_for_update(of=("self",)).get(pk=period_id)
+    if period.starts_at >= now:
+        period.delete()
+    else:
+        period.ends_at = now
+        period.save()
+    parameters = {"period": str(period_id)}
+    record("robot.back_in_service", actor=actor, **_named(period.robot), parameters=parameters)
+    _tell(period.robot)
+
+
+def _named(robot: Robot | None) -> dict[str, Any]:
+    return {"robot_id": robot.id, "robot_name": robot.name} if robot else {}
+
+
+def _tell(robot: Robot | None) -> None:
+    if robot is not None:
+        transaction.on_commit(lambda: changed.send(sender=Booking, robot_id=robot.id))

@@ -1,0 +1,96 @@
+"""Booking policies and out-of-service periods, through their pages."""
+
+from datetime import timedelta
+
+import pytest
+from django.urls import reverse
+from django.utils import timezone
+
+from fleet.audit.models import Record
+from fleet.bookings.models import OutOfService, Policy
+from fleet.bookings.pages.forms import PolicyForm
+from fleet.bookings.rules import Slot
+from fleet.bookings.selectors import policy_of
+from fleet.bookings.services import BookingRefused, booking_make
+from tests.conftest import PASSWORD
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def as_person(client):
+    def sign_in(person):
+        assert client.login(username=person.username, password=PASSWORD)
+        return client
+
+    return sign_in
+
+
+def typed(**changes):
+    """The form's fields as a browser sends them."""
+    form = PolicyForm(instance=Policy())
+    values = {name: form[name].value() for name in form.fields}
+    return {
+        name: value for name, value in (values | changes).items() if value is not None and value is not False
+    }
+
+
+def test_a_supervisor_sets_the_rules_of_a_robot(as_person, robot, supervisor, operator):
+    address = reverse("booking-policy", args=[robot.slug])
+    hours = {
+        f"{day}_{end}": time for day in ("mon", "sun") for end, time in (("from", "08:00"), ("to", "00:00"))
+    }
+    as_person(supervisor).post(address, typed(longest_min=60, **hours))
+    policy = policy_of(robot)
+    assert (policy.longest_min, policy.opening["mon"], "tue" in policy.opening) == (
+        60,
+        ["08:00", "24:00"],
+        False,
+    )
+    starts = timezone.now() + timedelta(hours=1)
+    with pytest.raises(BookingRefused) as caught:
+        booking_make(
+            robot_id=robot.id,
+            person=operator,
+            slot=Slot(starts, starts + timedelta(hours=2)),
+            now=timezone.now(),
+        )
+    assert "too_long" in [refusal.code for refusal in caught.value.refusals]
+    changes = Record.objects.get(kind="policy.change").parameters["changes"]
+    assert {"field": "longest_min", "from": 240, "to": 60} in changes
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"mon_from": "10:00"}, "both times of Mon"),
+        ({"mon_from": "10:00", "mon_to": "09:00"}, "closes before it opens"),
+        ({"shortest_min": 300}, "longer than the longest"),
+        ({"longest_min": 0}, "greater than or equal to 1"),
+    ],
+)
+def test_a_wrong_policy_is_refused_in_words(as_person, robot, supervisor, changes, words):
+    answer = as_person(supervisor).post(reverse("booking-policy", args=[robot.slug]), typed(**changes))
+    assert answer.status_code == 400
+    assert words in answer.content.decode()
+    assert not Policy.objects.exists()
+
+
+@pytest.mark.parametrize(("person", "status"), [("operator", 403), ("supervisor", 403), ("staff", 200)])
+def test_only_staff_see_the_policy_of_all_robots(as_person, request, robot, person, status):
+    browser = as_person(request.getfixturevalue(person))
+    assert browser.get(reverse("booking-policy-all")).status_code == status
+
+
+def test_out_of_service_names_the_affected_and_ends(as_person, robot, supervisor, operator):
+    now = timezone.now()
+    slot = Slot(now + timedelta(hours=1), now + timedelta(hours=2))
+    booking_make(robot_id=robot.id, person=operator, slot=slot, now=now)
+    browser = as_person(supervisor)
+    period = {"robot": robot.slug, "starts_at": f"{now:%Y-%m-%dT%H:%M}", "why": "repair", "note": "wheel"}
+    answer = browser.post(reverse("out-of-service"), period, follow=True)
+    assert "1 booking is affected: Olga Operator" in answer.content.decode()
+    browser.post(reverse("out-of-service-end", args=[OutOfService.objects.get().pk]))
+    assert not OutOfService.objects.filter(ends_at__gt=timezone.now()).exists()
+    kinds = Record.objects.filter(kind__in=["robot.out_of_service", "robot.back_in_service"]).order_by("id")
+    assert [record.kind for record in kinds] == ["robot.out_of_service", "robot.back_in_service"]
