@@ -18,6 +18,7 @@ from robots.bridge.config import Topic
 from robots.bridge.ros.message_types.classes import message_class
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+from tests.ros.support import SimulatorProcess
 from tests.ros.tiago_arm import ARM, JOINT_STATES
 
 IN_THE_OPEN = Pose2D(3.8, 2.2, 0.0)
@@ -235,3 +236,22 @@ def test_an_action_that_has_just_joined_performs(ros, rosmaster, tmp_path):
             assert ask(hand, "nod") is None
             assert inbox.next().goal.motion_name == "nod"
             result.unregister()
+
+
+def test_a_motion_in_the_first_second_online_is_accepted(rosmaster, robot, tmp_path):
+    """A robot that starts is online before the bridge's next survey of its nodes. The last test: it ends the robot."""
+    with running_bridge(with_arm(rosmaster, tmp_path), rosmaster, tmp_path) as (_, hand):
+        hand.state_until(drivable, "a robot that sees")
+        hand.take_control(1)
+        robot.stop()
+        for start in range(5):
+            until(lambda: hand.state.phase != "online", "a robot that left")
+            again = SimulatorProcess(rosmaster, tmp_path / "robot.log", f"again-{start}", pose="3.8,2.2,0")
+            try:
+                until(lambda: hand.state.phase == "online", "a robot that is back")
+                assert ask(hand, "home") is None
+                until(lambda: hand.state.motion, "a motion")
+                hand.send(wire.LinkCancel("motion", "Sue", seq=next(_numbers)))
+                until(lambda: hand.state.motion is None, "the end")
+            finally:
+                again.stop()
