@@ -60,6 +60,7 @@ INSTALLED_APPS = [
     "fleet.audit",
     "fleet.accounts",
     "robots.registry",
+    "robots.access",
     "fleet.bookings",
     "teleop",
 ]

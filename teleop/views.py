@@ -7,7 +7,7 @@ from django.shortcuts import render
 from django.views.decorators.http import require_safe
 
 from fleet.accounts.requests import person_of
-from robots.registry.selectors import robot_seen_by, robots_visible_to, supervises
+from robots.access.selectors import robot_seen_by, robots_visible_to, supervises
 from robots.wire import PROTOCOL
 
 

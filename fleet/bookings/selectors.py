@@ -16,8 +16,8 @@ from msgspec import Struct
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, OutOfService, Policy, State
 from fleet.bookings.rules import FAR, Slot, Taken, Wish, refusals
+from robots.access.selectors import role_on
 from robots.registry.models import Robot
-from robots.registry.selectors import role_on
 
 ALTERNATIVES = 3
 STEP = timedelta(minutes=15)  # between the starts of slots that are proposed

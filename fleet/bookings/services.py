@@ -32,8 +32,8 @@ from fleet.bookings.selectors import (
     stage_of,
     wish_of,
 )
+from robots.access.selectors import role_on
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import role_on
 from robots.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)

@@ -20,6 +20,7 @@ from django.utils.translation import gettext_lazy as _
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
+from robots.access.services import role_set
 from robots.registry import services, shipped
 from robots.registry.admin_entries import AllowanceInline, SpokenFormSet, save_entries
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
@@ -171,7 +172,7 @@ class RobotAdmin(RecordedAdmin):
         for entry in formset.save(commit=False):
             _give(entry, person_of(request))
         for entry in formset.deleted_objects:
-            services.role_set(robot=entry.robot, user=entry.user, role=None, actor=person_of(request))
+            role_set(robot=entry.robot, user=entry.user, role=None, actor=person_of(request))
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
         """Forbid deletion: robots are disabled instead."""
@@ -182,8 +183,8 @@ def _give(entry: RobotRole, actor: User) -> None:
     """A role as entered; if the row was another person's, that person's role ends."""
     before = RobotRole.objects.select_related("user", "robot").filter(pk=entry.pk).first()
     if before is not None and (before.user_id, before.robot_id) != (entry.user_id, entry.robot_id):
-        services.role_set(robot=before.robot, user=before.user, role=None, actor=actor)
-    services.role_set(robot=entry.robot, user=entry.user, role=Role(entry.role), actor=actor)
+        role_set(robot=before.robot, user=before.user, role=None, actor=actor)
+    role_set(robot=entry.robot, user=entry.user, role=Role(entry.role), actor=actor)
 
 
 @admin.register(RobotRole)
@@ -204,7 +205,7 @@ class RobotRoleAdmin(RecordedAdmin):
 
     def delete_model(self, request: HttpRequest, obj: RobotRole) -> None:
         """Take the role away by the service."""
-        services.role_set(robot=obj.robot, user=obj.user, role=None, actor=person_of(request))
+        role_set(robot=obj.robot, user=obj.user, role=None, actor=person_of(request))
 
     def delete_queryset(self, request: HttpRequest, queryset: QuerySet[RobotRole]) -> None:
         """Take each role away by the service."""

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, cast
+from typing import cast
 from urllib.parse import urlsplit
-from uuid import UUID
 
 from django.conf import settings
-from django.db.models import Q, QuerySet
-from django.shortcuts import get_object_or_404
+from django.db.models import Q
 
 from fleet.audit.models import Record
 from robots import wire
@@ -19,58 +16,12 @@ from robots.bridge.drive.input_filters import describe
 from robots.bridge.gate.values import GateProfile
 from robots.bridge.tasks.denylist import admissible
 from robots.registry import robot_config
-from robots.registry.models import Allowance, Phrase, Robot, RobotProfile, RobotRole, Role
+from robots.registry.models import Allowance, Phrase, Robot, RobotProfile
 from robots.registry.phrases import FALLBACK_LANGUAGE
 from robots.registry.profile_schema import Problems
 from robots.wire import Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
-if TYPE_CHECKING:
-    from fleet.accounts.models import User
-
 DISC_CORNERS = 32  # of the polygon that a disc is drawn as
-
-
-def role_on(user: User, robot: Robot) -> Role | None:
-    """The role of `user` on `robot`; None: not visible."""
-    return roles_of(user, [robot]).get(robot.id)
-
-
-def roles_of(user: User, robots: Iterable[Robot]) -> dict[UUID, Role]:
-    """`role_on` many robots, in one query; one on which there is none is left out."""
-    if not user.is_active:
-        return {}
-    ids = [robot.id for robot in robots]
-    if user.is_staff:
-        return dict.fromkeys(ids, Role.STAFF)
-    held = RobotRole.objects.filter(user=user, robot_id__in=ids).values_list("robot_id", "role")
-    return {robot_id: Role(role) for robot_id, role in held}
-
-
-def roles_on(robot: Robot, users: Iterable[User]) -> dict[UUID, Role]:
-    """`role_on` for many people, in one query; who has none is left out."""
-    active = {user.id: user for user in users if user.is_active}
-    held = RobotRole.objects.filter(robot=robot, user_id__in=active).values_list("user_id", "role")
-    staff = {user.id: Role.STAFF for user in active.values() if user.is_staff}
-    return {user_id: Role(role) for user_id, role in held} | staff
-
-
-def supervises(user: User, robot: Robot) -> bool:
-    """Whether `user` is a supervisor of the robot, or staff."""
-    role = role_on(user, robot)
-    return role is not None and role >= Role.SUPERVISOR
-
-
-def robots_visible_to(user: User) -> QuerySet[Robot]:
-    """The robots that `user` may view, disabled ones too, by name."""
-    robots = Robot.objects.select_related("profile", "bridge")
-    if not user.is_active:
-        return robots.none()
-    return robots if user.is_staff else robots.filter(roles__user=user)
-
-
-def robot_seen_by(user: User, slug: str) -> Robot:
-    """The robot, if `user` may view it; else `Http404`."""
-    return get_object_or_404(robots_visible_to(user), slug=slug)
 
 
 def phrases_of(robot: Robot) -> list[Phrase]:

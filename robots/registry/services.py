@@ -16,7 +16,7 @@ from msgspec import convert, to_builtins
 from fleet.audit.command_line import SystemAccount, here
 from fleet.audit.services import record
 from robots.registry import shipped
-from robots.registry.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile, RobotRole, Role
+from robots.registry.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile
 from robots.registry.phrases import Line, tags_text
 from robots.stop import courier
 
@@ -245,27 +245,6 @@ def _of(owner: RobotProfile | Robot, parameters: dict[str, Any]) -> _Of:
     if isinstance(owner, Robot):
         return {**_named(owner), "parameters": parameters}
     return {"parameters": {**parameters, "profile": owner.slug}}
-
-
-@transaction.atomic
-def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> None:
-    """Give `user` this role on `robot`, in place of any other; None takes it away."""
-    held = RobotRole.objects.select_for_update().filter(robot=robot, user=user).first()
-    before = held.role if held else None
-    after = role.value if role else None
-    if before == after:
-        return
-    if role is None:
-        RobotRole.objects.filter(robot=robot, user=user).delete()
-    else:
-        RobotRole.objects.update_or_create(robot=robot, user=user, defaults={"role": role.value})
-    record(
-        "role.change",
-        actor=actor,
-        **_named(robot),
-        parameters={"user": str(user.pk), "from": before, "to": after},
-        private={"name": user.display_name},
-    )
 
 
 @transaction.atomic

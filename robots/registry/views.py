@@ -12,8 +12,8 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 from fleet.accounts.requests import person_of
+from robots.access.selectors import robot_seen_by
 from robots.registry.robot_check import run_checks
-from robots.registry.selectors import robot_seen_by
 
 _probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # one probe of a robot at a time
 

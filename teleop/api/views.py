@@ -19,17 +19,10 @@ from rest_framework.views import APIView, exception_handler
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
+from robots.access.selectors import robot_seen_by, robots_visible_to, role_on, roles_of
 from robots.link.client import LinkRefused, state_once
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import (
-    link_address,
-    phrases_of,
-    robot_facts,
-    robot_seen_by,
-    robots_visible_to,
-    role_on,
-    roles_of,
-)
+from robots.registry.selectors import link_address, phrases_of, robot_facts
 from robots.stop import courier
 from robots.stop.pending_stops import name_of
 from robots.wire import PendingStop, Refusal, Rule, State

@@ -12,8 +12,9 @@ from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.audit.models import Record
 from fleet.bookings.selectors import Schedule, schedule_of
+from robots.access.selectors import roles_on
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import allowed_on, link_address, robot_facts, roles_on
+from robots.registry.selectors import allowed_on, link_address, robot_facts
 from robots.wire import Refusal
 from teleop.control.policy import Subject, out_of_service, permit_for
 from teleop.control.rules import LeaseState, OpenRequest, Tab

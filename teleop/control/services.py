@@ -30,8 +30,8 @@ from fleet.bookings.services import (
     booking_lengthen_running,
     booking_used,
 )
+from robots.access.selectors import role_on, supervises
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import role_on, supervises
 from robots.registry.services import fence_next
 from robots.wire import NotDone, Refusal
 from teleop.control import rules

@@ -17,10 +17,11 @@ from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.bookings.selectors import Schedule, schedules_of
 from robots import wire
+from robots.access.selectors import robots_visible_to, roles_of
 from robots.bridge.config import LinkAddress
 from robots.link.client import BridgeLink, links
 from robots.registry.models import Role
-from robots.registry.selectors import link_address, robots_visible_to, roles_of
+from robots.registry.selectors import link_address
 from robots.wire import Ended, FleetCard, NotDone, Offers, Refusal, Refused, State, fleet_message
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background

@@ -7,7 +7,7 @@ from uuid import UUID, uuid4
 from django.utils import timezone
 
 from fleet.accounts.models import User
-from robots.registry.selectors import robots_visible_to
+from robots.access.selectors import robots_visible_to
 from robots.wire import BridgeGone, Ended, Offers, Refusal, Refused
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background

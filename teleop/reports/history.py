@@ -9,8 +9,8 @@ from msgspec import Struct
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
+from robots.access.selectors import supervises
 from robots.registry.models import Robot
-from robots.registry.selectors import supervises
 
 
 class SpokenText(Struct, frozen=True):

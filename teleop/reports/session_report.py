@@ -15,7 +15,7 @@ from fleet.accounts.models import User
 from fleet.audit import wording
 from fleet.audit.listing import Row, Selection, Wanted
 from fleet.audit.models import Record
-from robots.registry.selectors import supervises
+from robots.access.selectors import supervises
 from teleop.models import ControlSession
 from teleop.reports.durations import duration_text
 from teleop.reports.path_plot import DrivePath, MapImage, Plot, plot_drives

@@ -27,7 +27,7 @@ from fleet.accounts.requests import person_of
 from fleet.audit import wording
 from fleet.audit.addresses import number, session_url_of
 from fleet.audit.listing import Row
-from robots.registry.selectors import robot_seen_by, supervises
+from robots.access.selectors import robot_seen_by, supervises
 from teleop.control.selectors import end_notes
 from teleop.reports import own_data, path_plot, robot_report, session_report
 from teleop.reports.session_maps import maps_of

@@ -22,8 +22,8 @@ from django.views.decorators.csrf import csrf_exempt
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
+from robots.access.selectors import robot_seen_by, robots_visible_to
 from robots.registry.models import Robot
-from robots.registry.selectors import robot_seen_by, robots_visible_to
 from robots.stop.presses import Pending
 from robots.wire import Refusal
 from teleop.recording import refusals

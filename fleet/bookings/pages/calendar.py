@@ -20,8 +20,8 @@ from fleet.bookings.selectors import (
     stage_of,
     zone_now,
 )
+from robots.access.selectors import roles_of
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import roles_of
 
 LONGEST = timedelta(days=45)  # of a view
 

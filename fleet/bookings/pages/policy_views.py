@@ -21,8 +21,8 @@ from fleet.bookings import policies as policy_services
 from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm
 from fleet.bookings.selectors import policy_of, zone_now
+from robots.access.selectors import robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import robots_visible_to, roles_of
 
 
 def robots_supervised_by(person: User) -> list[Robot]:

@@ -36,8 +36,8 @@ from fleet.bookings.selectors import (
     zone_now,
 )
 from fleet.bookings.services import BookingRefused
+from robots.access.selectors import robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import robots_visible_to, roles_of
 from robots.wire import Refusal
 
 LISTED = 50  # of one's own bookings

@@ -11,8 +11,9 @@ import pytest
 from django.core.management import call_command
 
 from fleet.accounts.models import User
+from robots.access.selectors import role_on
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import allowed_on, phrases_of, role_on
+from robots.registry.selectors import allowed_on, phrases_of
 
 pytestmark = pytest.mark.django_db
 

@@ -17,7 +17,7 @@ from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from robots.registry import services
-from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
+from robots.registry.models import BridgeStatus, Robot, RobotProfile
 from robots.stop import courier
 from robots.stop.pending_stops import WaitingStop, name_of
 
@@ -108,19 +108,6 @@ def test_an_old_form_does_not_restore_an_old_fence(robot: Robot, staff: User) ->
     services.robot_save(robot=robot, actor=staff)
     robot.refresh_from_db()
     assert (robot.name, robot.fence) == ("Renamed meanwhile", 42)
-
-
-@pytest.mark.django_db
-def test_roles_given_changed_and_taken_are_recorded(robot: Robot, stranger: User, staff: User) -> None:
-    for role in (Role.OBSERVER, Role.SUPERVISOR, Role.SUPERVISOR, None, None):
-        services.role_set(robot=robot, user=stranger, role=role, actor=staff)
-    changes = Record.objects.filter(kind="role.change").order_by("id")
-    assert [(change.parameters["from"], change.parameters["to"]) for change in changes] == [
-        (None, "observer"),
-        ("observer", "supervisor"),
-        ("supervisor", None),
-    ]
-    assert not RobotRole.objects.filter(user=stranger).exists()
 
 
 @pytest.mark.django_db

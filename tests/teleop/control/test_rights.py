@@ -2,12 +2,14 @@
 
 import asyncio
 import time
+from datetime import date
 
 import pytest
 from django.db import OperationalError
 
 from fleet.audit.models import Record
 from robots import wire
+from robots.access.models import Course, Enrolment, RobotGroup
 from robots.registry.models import Robot, RobotRole
 from teleop.background.database import in_database
 from teleop.live import lease_renewal, robot_hub
@@ -45,6 +47,38 @@ async def test_losing_the_role_ends_control_but_not_watching(holder, bridge, ope
 async def test_losing_every_role_closes_the_page(holder, bridge, operator):
     await revoked_in_time(bridge, lambda: RobotRole.objects.filter(user=operator).delete())
     assert await holder.is_closed() == CloseCode.NOT_PERMITTED
+
+
+@pytest.mark.parametrize("change", [{"archived": True}, {"ends_on": date(2020, 1, 2)}, {"role": "observer"}])
+async def test_end_of_a_course_ends_control(change, open_page, bridge, robot, stranger):
+    def enrol():
+        course = Course.objects.create(
+            name="HRI", slug="hri", starts_on=date(2020, 1, 1), ends_on=date(2999, 1, 1)
+        )
+        group = RobotGroup.objects.create(name="TIAGos", slug="tiagos")
+        group.robots.add(robot)
+        course.groups.add(group)
+        Enrolment.objects.create(course=course, person=stranger)
+
+    await in_database(enrol)
+    page = await open_page("stranger")
+    await page.take()
+    await revoked_in_time(bridge, lambda: Course.objects.update(**change))
+
+
+async def test_end_of_an_enrolment_ends_control(open_page, bridge, robot, stranger):
+    def enrol():
+        course = Course.objects.create(
+            name="HRI", slug="hri", starts_on=date(2020, 1, 1), ends_on=date(2999, 1, 1)
+        )
+        course.robots.add(robot)
+        Enrolment.objects.create(course=course, person=stranger)
+
+    await in_database(enrol)
+    page = await open_page("stranger")
+    await page.take()
+    await revoked_in_time(bridge, lambda: Enrolment.objects.all().delete())
+    assert await page.is_closed() == CloseCode.NOT_PERMITTED
 
 
 async def test_signing_out_elsewhere_ends_control(holder, bridge, browsers, end_session):

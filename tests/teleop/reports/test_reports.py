@@ -17,8 +17,8 @@ from django.utils.timezone import now
 from fleet.audit.models import Record
 from fleet.audit.retention import take_out
 from fleet.audit.services import record
+from robots.access.services import role_set
 from robots.registry.models import RobotRole, Role
-from robots.registry.services import role_set
 from teleop.models import ControlSession, EndReason
 from teleop.reports import own_data, robot_report, session_report
 from teleop.reports.path_plot import DrivePath, plot_drives

@@ -18,10 +18,11 @@ from msgspec.json import decode
 
 from fleet.accounts.models import User
 from fleet.audit.command_line import here
+from robots.access.services import role_set
 from robots.bridge.config import Allowed
 from robots.registry.models import Allowance, Robot, RobotProfile, Role
 from robots.registry.selectors import link_address
-from robots.registry.services import entry_save, robot_save, role_set
+from robots.registry.services import entry_save, robot_save
 
 PROFILE = "tiago"
 ALLOWED = (

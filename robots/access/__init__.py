@@ -1,0 +1,1 @@
+"""Access: which person may use which robot. Roles, robot groups, courses, qualifications."""

@@ -1,0 +1,13 @@
+"""Access as a Django app."""
+
+from django.apps import AppConfig
+from django.utils.translation import gettext_lazy as _
+
+
+class AccessConfig(AppConfig):
+    """Courses, robot groups and qualifications."""
+
+    name = "robots.access"
+    label = "access"
+    verbose_name = _("Access")
+    default_auto_field = "django.db.models.BigAutoField"

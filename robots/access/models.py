@@ -1,0 +1,215 @@
+"""Robot groups, courses with their people, invitations, and qualifications.
+
+`RobotRole`, a person's own role on one robot, is in `robots.registry.models`.
+"""
+
+from __future__ import annotations
+
+from uuid import uuid4
+
+from django.conf import settings
+from django.core.validators import MaxValueValidator, MinValueValidator
+from django.db import models
+from django.db.models import F, Q
+from django.utils import timezone
+from django.utils.translation import gettext
+from django.utils.translation import gettext_lazy as _
+
+from robots.registry.models import Robot, Role
+
+
+class RobotGroup(models.Model):
+    """A set of robots that can stand wherever a robot can, such as "the TIAGos"."""
+
+    name = models.CharField(_("name"), max_length=80, unique=True)
+    slug = models.SlugField(_("slug"), unique=True)
+    robots = models.ManyToManyField(Robot, blank=True, related_name="groups", verbose_name=_("robots"))
+
+    class Meta:
+        ordering = ["name"]
+        verbose_name = _("robot group")
+        verbose_name_plural = _("robot groups")
+
+    def __str__(self) -> str:
+        return self.name
+
+
+def _minutes(most_hours: int) -> list[MinValueValidator | MaxValueValidator]:
+    return [MinValueValidator(1), MaxValueValidator(most_hours * 60)]
+
+
+class Course(models.Model):
+    """People who have a role on some robots between two dates, both included, in the lab's time zone.
+
+    Quotas are in minutes and count bookings of the course's robots; None: no quota.
+    """
+
+    name = models.CharField(_("name"), max_length=80, unique=True)
+    slug = models.SlugField(_("slug"), unique=True)
+    robots = models.ManyToManyField(Robot, blank=True, related_name="courses", verbose_name=_("robots"))
+    groups = models.ManyToManyField(
+        RobotGroup, blank=True, related_name="courses", verbose_name=_("robot groups")
+    )
+    role = models.CharField(
+        _("role"),
+        max_length=16,
+        choices=[choice for choice in Role.choices if choice[0] in (Role.OBSERVER, Role.OPERATOR)],
+        default=Role.OPERATOR,
+    )
+    starts_on = models.DateField(_("first day"))
+    ends_on = models.DateField(_("last day"))
+    week_min = models.PositiveIntegerField(
+        _("minutes per person and week"), null=True, blank=True, validators=_minutes(168)
+    )
+    day_min = models.PositiveIntegerField(
+        _("minutes per person and day"), null=True, blank=True, validators=_minutes(24)
+    )
+    at_once = models.PositiveIntegerField(
+        _("bookings to come per person"),
+        null=True,
+        blank=True,
+        validators=[MinValueValidator(1), MaxValueValidator(1000)],
+    )
+    course_week_min = models.PositiveIntegerField(
+        _("minutes per week for the whole course"), null=True, blank=True, validators=_minutes(168 * 1000)
+    )
+    supervisors = models.ManyToManyField(
+        settings.AUTH_USER_MODEL,
+        blank=True,
+        related_name="supervised_courses",
+        verbose_name=_("supervisors"),
+    )
+    archived = models.BooleanField(_("archived"), default=False)
+
+    class Meta:
+        ordering = ["archived", "-ends_on", "name"]
+        verbose_name = _("course")
+        verbose_name_plural = _("courses")
+        constraints = [
+            models.CheckConstraint(
+                condition=Q(ends_on__gte=F("starts_on")),
+                name="course_ends_after_start",
+                violation_error_message=_("The last day comes before the first day: exchange them."),
+            )
+        ]
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class Enrolment(models.Model):
+    """A person in a course."""
+
+    course = models.ForeignKey(
+        Course, on_delete=models.CASCADE, related_name="enrolments", verbose_name=_("course")
+    )
+    person = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        on_delete=models.CASCADE,
+        related_name="enrolments",
+        verbose_name=_("person"),
+    )
+    added_at = models.DateTimeField(_("since"), default=timezone.now)
+
+    class Meta:
+        verbose_name = _("enrolment")
+        verbose_name_plural = _("enrolments")
+        constraints = [
+            models.UniqueConstraint(fields=["course", "person"], name="one_enrolment_per_course_and_person")
+        ]
+
+    def __str__(self) -> str:
+        return gettext("%(person)s in %(course)s") % {"person": self.person, "course": self.course}
+
+
+class Invitation(models.Model):
+    """A link by which people enrol themselves in a course. The address is a signature of the id."""
+
+    id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
+    course = models.ForeignKey(
+        Course, on_delete=models.CASCADE, related_name="invitations", verbose_name=_("course")
+    )
+    made_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        null=True,
+        on_delete=models.SET_NULL,
+        related_name="+",
+        verbose_name=_("made by"),
+    )
+    made_at = models.DateTimeField(_("made"), default=timezone.now)
+    expires_at = models.DateTimeField(_("expires"))
+    most_uses = models.PositiveIntegerField(
+        _("people at most"), validators=[MinValueValidator(1), MaxValueValidator(5000)]
+    )
+    uses = models.PositiveIntegerField(_("people so far"), default=0)
+    revoked_at = models.DateTimeField(null=True, blank=True)
+
+    class Meta:
+        ordering = ["-made_at"]
+        verbose_name = _("invitation")
+        verbose_name_plural = _("invitations")
+
+    def __str__(self) -> str:
+        return gettext("invitation to %s") % self.course
+
+
+class Qualification(models.Model):
+    """Something that a person must hold to drive certain robots, such as a safety induction."""
+
+    name = models.CharField(_("name"), max_length=80, unique=True)
+    slug = models.SlugField(_("slug"), unique=True)
+    description = models.CharField(
+        _("description"), max_length=300, blank=True, help_text=_("Where and how people get it.")
+    )
+    robots = models.ManyToManyField(
+        Robot, blank=True, related_name="qualifications", verbose_name=_("demanded by robots")
+    )
+    groups = models.ManyToManyField(
+        RobotGroup, blank=True, related_name="qualifications", verbose_name=_("demanded by groups")
+    )
+
+    class Meta:
+        ordering = ["name"]
+        verbose_name = _("qualification")
+        verbose_name_plural = _("qualifications")
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class QualificationGrant(models.Model):
+    """A person holds a qualification, for good or until `expires_at`."""
+
+    qualification = models.ForeignKey(
+        Qualification, on_delete=models.CASCADE, related_name="grants", verbose_name=_("qualification")
+    )
+    person = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        on_delete=models.CASCADE,
+        related_name="qualification_grants",
+        verbose_name=_("person"),
+    )
+    granted_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        null=True,
+        on_delete=models.SET_NULL,
+        related_name="+",
+        verbose_name=_("granted by"),
+    )
+    granted_at = models.DateTimeField(_("granted"), default=timezone.now)
+    expires_at = models.DateTimeField(_("expires"), null=True, blank=True)
+
+    class Meta:
+        verbose_name = _("granted qualification")
+        verbose_name_plural = _("granted qualifications")
+        constraints = [
+            models.UniqueConstraint(
+                fields=["qualification", "person"], name="one_grant_per_qualification_and_person"
+            )
+        ]
+
+    def __str__(self) -> str:
+        return gettext("%(qualification)s of %(person)s") % {
+            "qualification": self.qualification,
+            "person": self.person,
+        }

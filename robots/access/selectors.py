@@ -1,0 +1,237 @@
+"""Reading access: roles on robots and where they come from, courses, missing qualifications.
+
+A role on a robot is the highest of a person's own and those of their courses that are valid today.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from datetime import date, datetime
+from typing import TYPE_CHECKING, Any
+from uuid import UUID
+
+from django.db.models import CharField, Q, QuerySet, Value
+from django.db.models.functions import Cast
+from django.shortcuts import get_object_or_404
+from django.utils import timezone
+from msgspec import Struct
+
+from robots.access.models import Course, Qualification, QualificationGrant, RobotGroup
+from robots.registry.models import Robot, RobotRole, Role
+
+if TYPE_CHECKING:
+    from fleet.accounts.models import User
+
+OWN = 0  # in place of a course's key: the role was given robot by robot
+
+
+def lab_date(moment: datetime | None = None) -> date:
+    """Return the date in the lab's time zone, now or at `moment`."""
+    return timezone.localtime(moment, timezone.get_default_timezone()).date()
+
+
+def valid_courses(at: datetime | None = None) -> QuerySet[Course]:
+    """Return the courses that give roles now, or at that moment."""
+    day = lab_date(at)
+    return Course.objects.filter(archived=False, starts_on__lte=day, ends_on__gte=day)
+
+
+# --- roles ----------------------------------------------------------------------------------------
+
+
+class _Given(Struct, frozen=True):
+    """One source of a role."""
+
+    person: UUID
+    robot: UUID
+    role: Role
+    course: int  # `OWN` or the course's key
+
+
+def _given(people: Collection[UUID], robots: Collection[UUID], at: datetime | None) -> list[_Given]:
+    """Return every role of these people on these robots. One query."""
+    valid = valid_courses(at).values("pk")
+    own = RobotRole.objects.filter(user_id__in=people, robot_id__in=robots)
+    rows = own.values_list("user_id", "robot_id", Cast("role", CharField()), Value(OWN))
+    direct = Course.robots.through.objects.filter(course_id__in=valid, robot_id__in=robots)
+    grouped = RobotGroup.robots.through.objects.filter(
+        robotgroup__courses__in=valid_courses(at), robot_id__in=robots
+    )
+    parts = []
+    for found, course in ((direct, "course"), (grouped, "robotgroup__courses")):
+        enrolled = found.filter(**{f"{course}__enrolments__person_id__in": people})
+        parts.append(
+            enrolled.values_list(
+                f"{course}__enrolments__person_id",
+                "robot_id",
+                Cast(f"{course}__role", CharField()),
+                f"{course}__id",
+            )
+        )
+        supervised = found.filter(**{f"{course}__supervisors__in": people})
+        parts.append(
+            supervised.values_list(
+                f"{course}__supervisors__id",
+                "robot_id",
+                Value(Role.SUPERVISOR.value, output_field=CharField()),
+                f"{course}__id",
+            )
+        )
+    return [_Given(person, robot, Role(role), course) for person, robot, role, course in rows.union(*parts)]
+
+
+def role_on(user: User, robot: Robot, at: datetime | None = None) -> Role | None:
+    """Return the role of `user` on `robot`, now or at that moment; None: not visible."""
+    return roles_of(user, [robot], at).get(robot.id)
+
+
+def roles_of(user: User, robots: Iterable[Robot], at: datetime | None = None) -> dict[UUID, Role]:
+    """`role_on` many robots, in one query; a robot without a role is left out."""
+    if not user.is_active:
+        return {}
+    ids = [robot.id for robot in robots]
+    if user.is_staff:
+        return dict.fromkeys(ids, Role.STAFF)
+    held: dict[UUID, Role] = {}
+    for given in _given([user.id], ids, at):
+        held[given.robot] = max(given.role, held.get(given.robot, given.role))
+    return held
+
+
+def roles_on(robot: Robot, users: Iterable[User], at: datetime | None = None) -> dict[UUID, Role]:
+    """`role_on` for many people, in one query; a person without a role is left out."""
+    active = {user.id: user for user in users if user.is_active}
+    others = [user.id for user in active.values() if not user.is_staff]
+    held = {user.id: Role.STAFF for user in active.values() if user.is_staff}
+    for given in _given(others, [robot.id], at) if others else ():
+        held[given.person] = max(given.role, held.get(given.person, given.role))
+    return held
+
+
+def supervises(user: User, robot: Robot) -> bool:
+    """Return whether `user` is a supervisor of the robot or staff."""
+    role = role_on(user, robot)
+    return role is not None and role >= Role.SUPERVISOR
+
+
+def robots_visible_to(user: User) -> QuerySet[Robot]:
+    """Return the robots that `user` may view, also disabled ones, by name."""
+    robots = Robot.objects.select_related("profile", "bridge")
+    if not user.is_active:
+        return robots.none()
+    if user.is_staff:
+        return robots
+    mine = Q(enrolments__person=user) | Q(supervisors=user)
+    courses = valid_courses().filter(mine).values("pk")
+    return robots.filter(Q(pk__in=RobotRole.objects.filter(user=user).values("robot")) | _of_courses(courses))
+
+
+def robot_seen_by(user: User, slug: str) -> Robot:
+    """Return the robot if `user` may view it. Raises `Http404`."""
+    return get_object_or_404(robots_visible_to(user), slug=slug)
+
+
+def _of_courses(courses: Any) -> Q:
+    """Return the condition by which a robot belongs to one of the courses, itself or by a group."""
+    direct = Course.robots.through.objects.filter(course__in=courses)
+    grouped = RobotGroup.robots.through.objects.filter(robotgroup__courses__in=courses)
+    return Q(pk__in=direct.values("robot")) | Q(pk__in=grouped.values("robot"))
+
+
+# --- courses --------------------------------------------------------------------------------------
+
+
+def robots_of(course: Course) -> QuerySet[Robot]:
+    """Return the course's robots, its own and those of its groups, by name."""
+    return Robot.objects.filter(_of_courses([course.pk]))
+
+
+def robot_ids_of(course: Course) -> set[UUID]:
+    """Return the keys of the course's robots, its own and those of its groups."""
+    return set(robots_of(course).values_list("pk", flat=True))
+
+
+def courses_for(user: User, robot: Robot, now: datetime) -> list[Course]:
+    """Return the courses, with their quotas, in which `user` is enrolled and that give them this robot at `now`.
+
+    A supervisor of a course is not enrolled in it, so no quota of it counts for them.
+    """
+    on_robot = Q(robots=robot) | Q(groups__robots=robot)
+    return list(valid_courses(now).filter(on_robot, enrolments__person=user).distinct())
+
+
+def may_manage(user: User, course: Course) -> bool:
+    """Return whether `user` may change the course's people and grant its qualifications."""
+    if not user.is_active:
+        return False
+    return user.is_staff or course.supervisors.filter(pk=user.pk).exists()
+
+
+def courses_managed_by(user: User) -> QuerySet[Course]:
+    """Return the courses that `user` may manage: staff all."""
+    if not user.is_active:
+        return Course.objects.none()
+    return Course.objects.all() if user.is_staff else Course.objects.filter(supervisors=user)
+
+
+# --- qualifications -------------------------------------------------------------------------------
+
+
+def demanded_by(robot: Robot) -> QuerySet[Qualification]:
+    """Return the qualifications that the robot or one of its groups demands."""
+    return Qualification.objects.filter(Q(robots=robot) | Q(groups__robots=robot)).distinct()
+
+
+def missing_qualifications(user: User, robot: Robot, now: datetime) -> list[Qualification]:
+    """Return the qualifications that the robot demands and `user` does not hold at `now`. Staff need none."""
+    return lacking(robot, [user], now).get(user.id, [])
+
+
+def lacking(robot: Robot, users: Iterable[User], now: datetime) -> dict[UUID, list[Qualification]]:
+    """`missing_qualifications` of many people, in at most two queries; who lacks none is left out."""
+    people = [user.id for user in users if not user.is_staff]
+    demanded = list(demanded_by(robot)) if people else []
+    if not demanded:
+        return {}
+    grants = QualificationGrant.objects.filter(qualification__in=demanded, person_id__in=people)
+    valid = grants.filter(Q(expires_at=None) | Q(expires_at__gt=now))
+    held = set(valid.values_list("person_id", "qualification_id"))
+    lacks = {person: [one for one in demanded if (person, one.pk) not in held] for person in people}
+    return {person: found for person, found in lacks.items() if found}
+
+
+# --- why ------------------------------------------------------------------------------------------
+
+
+class Source(Struct, frozen=True):
+    """Where a role comes from: a course, or None for a person's own role or staff."""
+
+    role: Role
+    course: Course | None
+
+
+class Reason(Struct, frozen=True):
+    """A robot, the role of a person on it with all sources, the highest first, and what they lack to drive it."""
+
+    robot: Robot
+    role: Role
+    sources: tuple[Source, ...]
+    missing: tuple[Qualification, ...]
+
+
+def reasons(user: User, now: datetime) -> list[Reason]:
+    """Return why `user` may use which robots."""
+    robots = list(robots_visible_to(user))
+    if user.is_staff:
+        staff = (Source(Role.STAFF, None),)
+        return [Reason(robot, Role.STAFF, staff, ()) for robot in robots]
+    given = _given([user.id], [robot.id for robot in robots], now)
+    courses = Course.objects.in_bulk({one.course for one in given})
+    found = []
+    for robot in robots:
+        sources = [Source(one.role, courses.get(one.course)) for one in given if one.robot == robot.id]
+        sources.sort(key=lambda one: one.role.rank, reverse=True)
+        if sources:
+            missing = tuple(missing_qualifications(user, robot, now))
+            found.append(Reason(robot, sources[0].role, tuple(sources), missing))
+    return found
