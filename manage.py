@@ -10,7 +10,7 @@ from django.db import OperationalError
 
 
 def main() -> None:
-    """Run a command; what the administrator has to mend is said in words (--traceback shows where it came up)."""
+    """Run a command; print faults for the administrator in words (--traceback shows their place)."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
     try:
         execute_from_command_line(sys.argv)

@@ -85,7 +85,7 @@ def measure() -> list[Figure]:
 
 
 def record(path: Path) -> int:
-    """Write what the gate is told and answers in a minute of any stick in clutter, with its near misses.
+    """Record the gate's input and answers in a minute of random stick in clutter, with its near misses.
 
     MuJoCo moves the robot; see `benchmarks.world`. Returns the exit status: 1 if the robot touched something.
     """
@@ -277,7 +277,7 @@ class _NoTopics:
 
 
 class _NoRecords:
-    """Everything is on record at once."""
+    """Every request counts as recorded at once."""
 
     def settle(self) -> None: ...
 

@@ -1,4 +1,4 @@
-"""From a press or a fault to zero velocity and to standstill, as an outside rospy process sees it; worst of 20."""
+"""Time from a press or fault to zero velocity and to standstill, seen by an independent rospy process; worst of 20."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
 ROBOT = "tiago-1"
 REPEATS = int(os.environ.get("FLEET_BENCH_REPEATS", "20"))
-TURN = 0.6  # of the stick: turning on the spot never meets anything, so only the fault ends it
+TURN = 0.6  # of the stick: a turn on the spot meets no obstacle, so only the fault ends it
 SHARE = 0.4
 MOVING_RADPS = 0.4
 STILL_RADPS = 0.01
@@ -36,7 +36,7 @@ OBSERVED_S = 3.0
 ZERO_S = 0.5  # how long to look for a zero command once the base stands
 AT_ONCE_S = 0.1
 DEAD_MAN_S = 0.35
-SETTLED_S = 1.0  # what TCP still holds has arrived by then
+SETTLED_S = 1.0  # until TCP's buffers have arrived
 
 
 class Timing(NamedTuple):
@@ -49,7 +49,7 @@ class Timing(NamedTuple):
 
 @dataclass
 class Person:
-    """Somebody at a control page who holds the stick until told otherwise."""
+    """A person at a control page who holds the stick until `turn` changes."""
 
     stack: Stack
     cookie: str
@@ -58,7 +58,7 @@ class Person:
     turn: float = 0.0
 
     async def drive(self) -> None:
-        """Keep the stick where `turn` says; through the middle when the console asks for that."""
+        """Keep the stick at `turn`; return to the middle when the console asks for it."""
         while True:
             await asyncio.sleep(DRIVE_PERIOD_S)
             driver = self.driver
@@ -69,7 +69,7 @@ class Person:
                 await driver.drive(0.0, 0.0 if middle else self.turn, SHARE)
 
     async def sit_down(self) -> Driver:
-        """A page of ours with control; opened anew if the last one is gone."""
+        """Return a page with control; opened again if the last one is gone."""
         if self.driver is None or self.driver.closed:
             await self.leave()
             self.driver = await Driver(self.stack, ROBOT, self.cookie, port=self.port).__aenter__()
@@ -89,7 +89,7 @@ class Person:
 
 
 class Scene:
-    """The console, one robot that turns on the spot, and somebody who watches."""
+    """The console, one robot that turns on the spot, and an observer."""
 
     def __init__(self, stack: Stack, person: Person, observer: Observer) -> None:
         self.stack = stack
@@ -98,7 +98,7 @@ class Scene:
         self.robot = stack.robots[ROBOT]
 
     async def moving(self) -> Driver:
-        """Everything works and the base turns at a steady speed."""
+        """Wait until everything works and the base turns at a steady speed."""
         driver = await self.person.sit_down()
         self.person.turn = TURN
         self.observer.forget()
@@ -122,7 +122,7 @@ class Scene:
                 ),
                 OBSERVED_S,
             )
-        with suppress(TimeoutError):  # a base that was slowed down may stand before it hears of zero
+        with suppress(TimeoutError):  # a slowed base may stand before the first zero
             await seen.until(lambda: any(one.still and one.at_s >= fault_s for one in seen.commands), ZERO_S)
         self.person.turn = 0.0
         zero = (command.at_s for command in seen.commands if command.still and command.at_s >= fault_s)
@@ -132,16 +132,16 @@ class Scene:
         return Timing(*(next(times, float("inf")) - fault_s for times in (zero, braking, still)))
 
 
-Fault = Callable[[Scene, Driver], Awaitable[float]]  # does it; returns when
+Fault = Callable[[Scene, Driver], Awaitable[float]]  # causes the fault; returns its time
 Repair = Callable[[Scene], Awaitable[None]]
 
 
 async def nothing(_scene: Scene) -> None:
-    """For faults that leave nothing broken."""
+    """Repair nothing, for faults that break nothing."""
 
 
 async def repeat(name: str, scene: Scene, fault: Fault, repair: Repair = nothing) -> list[Timing]:
-    """The fault, again and again."""
+    """Repeat the fault."""
     progress(f"{name} ...")
     timings = []
     for _ in range(REPEATS):
@@ -152,7 +152,7 @@ async def repeat(name: str, scene: Scene, fault: Fault, repair: Repair = nothing
 
 
 def to_zero(name: str, timings: list[Timing], limit_s: float | None) -> list[Figure]:
-    """The worst until the first zero command, and until standstill."""
+    """Return the worst times until the first zero command and until standstill."""
     zero_s = max(timing.zero_s for timing in timings)
     still_s = max(timing.still_s for timing in timings)
     return [
@@ -162,7 +162,7 @@ def to_zero(name: str, timings: list[Timing], limit_s: float | None) -> list[Fig
 
 
 def to_braking(name: str, timings: list[Timing]) -> list[Figure]:
-    """Where no command can come any more: until the robot's own controller brakes."""
+    """Return the time until the robot's own controller brakes, for faults after which no command can come."""
     return [
         Figure(f"{name} -> braking", max(timing.braking_s for timing in timings), "s", DEAD_MAN_S),
         Figure(f"{name} -> standstill", max(timing.still_s for timing in timings), "s"),
@@ -170,7 +170,7 @@ def to_braking(name: str, timings: list[Timing]) -> list[Figure]:
 
 
 def measure() -> list[Figure]:
-    """Every fault on one console; the cut to the robot on another, with a network of its own."""
+    """Measure every fault on one console; the cut to the robot on another one, with a separate network."""
     with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
         figures = asyncio.run(faults_of_the_console(stack))
     return figures + cut_to_the_robot()
@@ -178,7 +178,7 @@ def measure() -> list[Figure]:
 
 @asynccontextmanager
 async def scene_on(stack: Stack, port: int | None = None) -> AsyncIterator[Scene]:
-    """Somebody at the stick and somebody who watches."""
+    """Run all faults with a person at the stick and an observer."""
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
     person = Person(stack, cookie, port)
     driving = asyncio.create_task(person.drive())
@@ -191,7 +191,7 @@ async def scene_on(stack: Stack, port: int | None = None) -> AsyncIterator[Scene
 
 
 async def faults_of_the_console(stack: Stack) -> list[Figure]:
-    """In order: what leaves everything running first."""
+    """Return the faults in order; first those that leave everything running."""
     figures: list[Figure] = []
     async with (
         Cable(("127.0.0.1", 0), ("127.0.0.1", stack.port)) as cable,
@@ -220,21 +220,21 @@ async def faults_of_the_console(stack: Stack) -> list[Figure]:
 
 
 async def press(_scene: Scene, driver: Driver) -> float:
-    """The stop on the page."""
+    """Press the stop on the page."""
     now_s = time.monotonic()
     await driver.stop()
     return now_s
 
 
 async def close_tab(_scene: Scene, driver: Driver) -> float:
-    """As a browser does it."""
+    """Close the page as a browser does."""
     now_s = time.monotonic()
     await driver.socket.close()
     return now_s
 
 
 def freezing(cable: Cable) -> Fault:
-    """The cable carries nothing more, and nobody is told."""
+    """Freeze the cable: it carries nothing more, and neither side notices."""
 
     async def freeze(_scene: Scene, _driver: Driver) -> float:
         cable.freeze()
@@ -244,7 +244,7 @@ def freezing(cable: Cable) -> Fault:
 
 
 def cutting(cable: Cable) -> Fault:
-    """The cable's ends close."""
+    """Close the cable's ends."""
 
     async def cut(_scene: Scene, _driver: Driver) -> float:
         now_s = time.monotonic()
@@ -255,7 +255,7 @@ def cutting(cable: Cable) -> Fault:
 
 
 def thawing(cable: Cable) -> Repair:
-    """Close hanging connections; new ones pass."""
+    """Close hanging connections; new ones work."""
 
     async def thaw(scene: Scene) -> None:
         cable.cut()
@@ -266,13 +266,13 @@ def thawing(cable: Cable) -> Repair:
 
 
 async def kill_laser(scene: Scene, _driver: Driver) -> float:
-    """No scans from now on."""
+    """Stop the scans."""
     await scene.observer.cause("laser_dead")
     return time.monotonic()
 
 
 async def mend_laser(scene: Scene) -> None:
-    """Scans again."""
+    """Start the scans again."""
     await scene.observer.cause("none")
 
 
@@ -299,7 +299,7 @@ async def kill_bridge(scene: Scene, _driver: Driver) -> float:
 
 
 def bridges(stack: Stack) -> list[int]:
-    """The processes of the bridges."""
+    """Return the process ids of the bridges."""
     return [
         child
         for child in process_stats.children(stack.supervisor.pid)
@@ -321,11 +321,11 @@ async def restart_supervisor(scene: Scene) -> None:
     await asyncio.to_thread(scene.stack.wait_online, ROBOT, time.monotonic() + 30.0)
 
 
-# --- faults that need a stage of their own ---------------------------------------------------------
+# --- faults that need special set-ups --------------------------------------------------------------
 
 
 async def cuts_of_the_link(stack: Stack) -> list[Figure]:
-    """A cable in the place of the bridge's socket; the web process comes through it."""
+    """Put a cable in the place of the bridge's socket; the web process connects through it."""
     here = stack.robots[ROBOT].link_path
     there = f"{here}.far"
     os.rename(here, there)
@@ -343,7 +343,7 @@ async def cuts_of_the_link(stack: Stack) -> list[Figure]:
 
 
 async def kills_of_the_master(stack: Stack) -> list[Timing]:
-    """After each, master and robot start again; who watches has to as well."""
+    """After each fault, start master, robot and observer again."""
     progress("master killed ...")
     timings = []
     for _ in range(REPEATS):
@@ -359,28 +359,28 @@ async def kills_of_the_master(stack: Stack) -> list[Timing]:
     return timings
 
 
-# --- a robot in a network of its own ----------------------------------------------------------------
+# --- a robot in a separate network ------------------------------------------------------------------
 
 
 def cut_to_the_robot() -> list[Figure]:
-    """Run in a network of our own, since this needs to pull a cable out."""
+    """Run the measurement in a separate network, because it pulls a cable out."""
     command = [*UNSHARE, sys.executable, "-m", "benchmarks.stop"]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)  # noqa: S603
     if done.returncode:
-        progress("robot's network cut: this machine lets nobody make a network of their own; not measured")
+        progress("robot's network cut: this machine does not allow separate networks; not measured")
         return [Figure("robot's network cut -> braking", math.nan, "s", DEAD_MAN_S)]
     return [Figure(**figure) for figure in json.loads(done.stdout)]
 
 
 def main() -> None:
-    """The part that runs in there: figures as JSON on stdout."""
+    """Run the part in the separate network; print figures as JSON."""
     with RobotApart() as apart, temporary_stack([apart.plan]) as stack:
         figures = asyncio.run(cuts_of_the_robots_network(stack, apart))
     print(json.dumps([asdict(figure) for figure in figures]))
 
 
 async def cuts_of_the_robots_network(stack: Stack, apart: RobotApart) -> list[Figure]:
-    """No command arrives at the robot; and once the network is back, none of the old ones moves it."""
+    """Cut the network: no command arrives at the robot; when the network is back, no old command moves it."""
     afterwards_radps: list[float] = []
 
     async def cut(_scene: Scene, _driver: Driver) -> float:

@@ -1,4 +1,4 @@
-"""System checks: is what the pages need there? `manage.py check` tells."""
+"""System checks of `manage.py check`: does everything exist that the pages need?"""
 
 from __future__ import annotations
 

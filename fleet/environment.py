@@ -129,7 +129,7 @@ def hosts(env: Environment, *, debug: bool) -> list[str]:
 
 
 def origins(env: Environment) -> list[str]:
-    """`FLEET_ORIGINS`: origins trusted beside the console's own, such as https://fleet.lab.example:8443."""
+    """`FLEET_ORIGINS`: trusted origins in addition to the console's own, such as https://fleet.lab.example:8443."""
     values = env.names("FLEET_ORIGINS")
     for value in values:
         parts = urlsplit(value)

@@ -150,7 +150,7 @@ SESSION_COOKIE_NAME = f"fleet_session_{_console}"
 CSRF_COOKIE_NAME = f"fleet_csrf_{_console}"
 SESSION_COOKIE_SAMESITE = CSRF_COOKIE_SAMESITE = "Lax"
 SESSION_COOKIE_HTTPONLY = True
-# In the session: a cookie of their own would be a third.
+# In the session: a separate cookie would be a third one.
 MESSAGE_STORAGE = "django.contrib.messages.storage.session.SessionStorage"
 
 REST_FRAMEWORK = {
@@ -160,7 +160,7 @@ REST_FRAMEWORK = {
     "DEFAULT_PARSER_CLASSES": ["rest_framework.parsers.JSONParser"],
 }
 
-# --- what browsers are told -------------------------------------------------------------------
+# --- headers for browsers ---------------------------------------------------------------------
 
 CONTENT_SECURITY_POLICY = {
     "DIRECTIVES": {
@@ -180,8 +180,8 @@ SECURE_REFERRER_POLICY = "same-origin"
 SECURE_CROSS_ORIGIN_OPENER_POLICY = "same-origin" if FLEET_TLS else None
 SECURE_HSTS_SECONDS = 365 * 24 * 60 * 60 if FLEET_TLS else 0
 
-# FLEET_TLS decides these together, and fleet.W003 speaks of it; whether the console's host name has http beside https,
-# or names below it, is not ours to know.
+# FLEET_TLS decides these together; fleet.W003 reports it. The console cannot know whether its host name also has http
+# services or subdomains.
 SILENCED_SYSTEM_CHECKS = [f"security.W{number}" for number in ("004", "005", "008", "012", "016", "021")]
 
 # --- static files -----------------------------------------------------------------------------

@@ -27,7 +27,7 @@ class UnavailableInWords:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
-        """Nothing to do unless the page fails."""
+        """Does nothing unless the page fails."""
         return self._get_response(request)
 
     def process_exception(self, request: HttpRequest, error: Exception) -> HttpResponse | None:

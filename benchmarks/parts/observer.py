@@ -90,7 +90,7 @@ class Observer:
             await asyncio.wait_for(self._become(condition), timeout_s)
         except asyncio.TimeoutError:  # Python 3.10 has two kinds
             code = self._process.returncode
-            ended = "" if code is None else f" Who watches it ended with code {code}."
+            ended = "" if code is None else f" The observer ended with code {code}."
             raise TimeoutError(f"Waited {timeout_s:g} s in vain for the robot.{ended}") from None
 
     async def _become(self, condition: Callable[[], object]) -> None:

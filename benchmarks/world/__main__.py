@@ -66,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
         each.add_argument("seed", type=int)
         each.add_argument("--controller", choices=list(CONTROLLERS), default="gate")
         each.add_argument("--quiet", action="store_true", help="only how it ends")
-        each.add_argument("--record", type=Path, help="what the gate is told, for manage.py replay_gate")
+        each.add_argument("--record", type=Path, help="file for the gate's input, for manage.py replay_gate")
     return parser
 
 

@@ -1,4 +1,4 @@
-"""A moving arm in the sensors' view, and its posture as the bridge reckons it from an incomplete description."""
+"""A moving arm in the sensors' view, and its posture as the bridge calculates it from an incomplete description."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class Approach:
 
     _SHARE = 0.3
     _REST_S = 0.6
-    _PATIENCE_S = 9.0  # whatever the gate makes of the approach
+    _PATIENCE_S = 9.0  # time limit of the approach
 
     def __init__(self, x: float, w: float, share: float) -> None:
         self._stick = Stick(x, w, share)
@@ -54,7 +54,7 @@ class TurnAndGo:
     """Turns to a heading where it stands, lets the stick rest a moment, then holds it fully ahead."""
 
     _REST_S = 0.6
-    _PATIENCE_S = 7.0  # whatever the gate makes of the turn
+    _PATIENCE_S = 7.0  # time limit of the turn
 
     def __init__(self, heading: float, share: float) -> None:
         self._heading = heading

@@ -1,6 +1,6 @@
 """The closed loop: simulated robot, delayed sensors, a driver, a controller, delayed commands. Faster than real time.
 
-Nothing here knows how a controller reckons. The console's clock and the robot's differ, messages take their
+The loop does not use the controllers' calculations. The console's clock and the robot's differ, messages take their
 time, and what is published passes the robot's own mux and base controller with their time-outs.
 """
 
@@ -192,7 +192,7 @@ class Case:
     tries_s: float = math.inf
     conditions: Conditions = Conditions()
     ends_on_touch: bool = True
-    person_starts_s: float | None = None  # when whoever is in the world begins to walk
+    person_starts_s: float | None = None  # when the person in the world begins to walk
     leaving: Leaving | None = None
     glance: Glance | None = None
     arm: ArmShow | None = None  # before the stick is touched
@@ -336,9 +336,9 @@ class Loop:
             self._tell_depth(stamp_s, now_s)
 
     def _tell_odometry(self, stamp_s: float, now_s: float) -> None:
-        told = self.robot.odometry
-        pose = values.Pose(float(told.x), float(told.y), float(told.yaw))
-        velocity = Velocity(*map(float, told.velocity))
+        odometry = self.robot.odometry
+        pose = values.Pose(float(odometry.x), float(odometry.y), float(odometry.yaw))
+        velocity = Velocity(*map(float, odometry.velocity))
         if not self.robot.faults.odom_frozen or self._frozen_odometry is None:
             self._frozen_odometry = stamp_s, pose, velocity
         stamp_s, pose, velocity = self._frozen_odometry
@@ -394,8 +394,8 @@ class Loop:
             lambda at_s: self.controller.depth(stamp_s, at_s, metres, to_base),
         )
 
-    def _looked(self, now_s: float, sensor: str, told: float) -> None:
-        self.looks.append(Look(now_s - STARTS_S, sensor, told, self.robot.physics.snapshot()))
+    def _looked(self, now_s: float, sensor: str, reading: float) -> None:
+        self.looks.append(Look(now_s - STARTS_S, sensor, reading, self.robot.physics.snapshot()))
 
     def _later(self, now_s: float, delay_s: float, event: Callable[[float], None]) -> None:
         late_s = self._slowed_s(now_s) + self._jumped_s(now_s, sensors=True)

@@ -48,7 +48,7 @@ class Witnessed(msgspec.Struct, frozen=True):
     """Objects of a recording, in the world's frame; metres and radians."""
 
     radius_m: float  # of the robot
-    outline: list[Point]  # of all that stands, every few centimetres
+    outline: list[Point]  # of all standing objects, every few centimetres
     poses: list[Pose]  # of the robot, at each decision
     people: list[list[tuple[float, float, float]]]  # x, y, radius of each, at each decision
 
@@ -56,11 +56,11 @@ class Witnessed(msgspec.Struct, frozen=True):
 class Witness(Ours):
     """Our gate with coarse sensors, which make small files, and somebody who knows the truth.
 
-    The laser tells millimetres; the depth camera what structured light can tell apart, one pixel of `_THIN` by `_THIN`.
+    The laser has steps of 1 mm; the depth camera those of structured light, one pixel of `_THIN` by `_THIN`.
     """
 
     robot: Robot
-    _DISPARITY = 0.005  # between two distances that the camera tells apart, 1/m
+    _DISPARITY = 0.005  # between two distances that the camera can separate, 1/m
     _THIN = 10
 
     def __init__(self, profile: GateProfile, fan: Fan) -> None:

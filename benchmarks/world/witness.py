@@ -1,12 +1,11 @@
-"""Whether a sensor could see the touched object, by true geometry and independent of the gate.
+"""Decides whether a sensor could see a touched object, by true geometry and independent of the gate.
 
-The place that was touched counts, with all of the same thing that stands within 0.3 m of it, at any height below the
-robot's top. It was seen if a point of it was in the field of view, the range and the height of a working sensor, with
-nothing before it, at two measurements before the contact. A sonar's echo tells of nothing behind it, and a lost echo
-of nothing. The depth camera counts up to 4 m and above 5 cm: beyond, and below, obstacles and floor are one to any
-method. The laser counts up to 4 m as well: farther off a leg is thinner than the gap between its beams. What was seen
-for less than half a second is counted apart: a leg that comes between two sonars' cones is heard when it is beside
-one.
+It checks the touched point and all points of the same object within 0.3 m of it, at any height below the robot's top.
+The object was seen if one of these points was in the field of view, range and height of a working sensor, not hidden,
+at two measurements before the contact. A sonar's echo shows no object behind it, and a lost echo shows none. The depth
+camera counts up to 4 m and above 5 cm: beyond and below, no method can separate obstacles from the floor. The laser
+also counts up to 4 m: farther away a leg is thinner than the gap between its beams. Objects that were seen for less
+than 0.5 s are counted separately: a leg between the cones of two sonars is heard only when it is next to one.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ REACH_M = 4.0
 FLOOR_M = 0.05
 LEVEL_M = 0.05  # between heights that are looked at
 SAME_M = 0.03  # what a ray meets so near to a point is that point
-ECHO_M = 0.05  # a sonar that tells this much less than a point's distance may mean it
+ECHO_M = 0.05  # an echo that is at most this much shorter than a point's distance may come from it
 LOOKS = 2  # at which a point must have been in view
 IN_TIME_S = 0.5  # before the contact: what is seen later leaves no time to stop
 
@@ -44,14 +43,14 @@ Floats = NDArray[np.float64]
 
 
 class Look(NamedTuple):
-    """One measurement of a sensor that worked: the laser's, a sonar's (by frame), or the depth camera's.
+    """One measurement of a working sensor: laser, sonar (by frame) or depth camera.
 
-    `told` is the sonar's range, and the head's pan for the depth camera.
+    `reading` is the sonar's range, or the head's pan for the depth camera.
     """
 
     time_s: float
     sensor: str
-    told: float
+    reading: float
     snapshot: Snapshot
 
 
@@ -117,7 +116,7 @@ def _in_view(loop: Loop, onlooker: Onlooker, look: Look, points: Floats) -> bool
     if look.sensor == LASER:
         origin, shown = _before_laser(loop, onlooker, points)
     elif look.sensor == DEPTH:
-        origin, shown = _before_camera(loop, onlooker, look.told, points)
+        origin, shown = _before_camera(loop, onlooker, look.reading, points)
     else:
         origin, shown = _before_sonar(loop, onlooker, look, points)
     if not len(shown):
@@ -156,7 +155,7 @@ def _before_sonar(loop: Loop, onlooker: Onlooker, look: Look, points: Floats) ->
     far = np.linalg.norm(way, axis=1)
     heading = onlooker.pose.yaw + yaw
     along = way[:, 0] * math.cos(heading) + way[:, 1] * math.sin(heading)
-    heard = min(look.told + ECHO_M + 2.0 * mount.sigma_m, mount.longest_m)
+    heard = min(look.reading + ECHO_M + 2.0 * mount.sigma_m, mount.longest_m)
     return origin, points[(along > far * math.cos(mount.fov / 2.0)) & (far < heard)]
 
 

@@ -12,8 +12,12 @@ from fleet.audit.command_line import here
 from fleet.audit.services import actor_renamed, record
 
 SHOWN = ("username", "full_name", "email", "is_active", "is_staff", "is_superuser")
-RECORDED = (*SHOWN, "password")  # of a password only that it changed
-RIGHTS = ("is_active", "is_staff", "is_superuser")  # on record for ever; all else says who somebody is
+RECORDED = (*SHOWN, "password")  # a password's change, without the password
+RIGHTS = (
+    "is_active",
+    "is_staff",
+    "is_superuser",
+)  # kept as long as the record; the other fields are personal data
 
 
 class RecordedUser(AbstractUser):

@@ -1,4 +1,4 @@
-"""Describe a browser in plain words, so that people recognise their own. Nothing is decided by it."""
+"""Describe a browser in plain words, so that people recognise their own. For display only."""
 
 from __future__ import annotations
 

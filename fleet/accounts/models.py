@@ -42,7 +42,7 @@ class User(RecordedUser):
 
 
 class SignIn(models.Model):
-    """One sign-in session as its owner sees it: where it was begun and when it was last used.
+    """One sign-in session as its owner sees it: the place of the sign-in and the time of the last use.
 
     It lives and dies with Django's session. `auth_hash` is the account's session hash at sign-in: it no
     longer matches once the password was changed, by whatever door.

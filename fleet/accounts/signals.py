@@ -1,4 +1,4 @@
-"""Django's news of sign-ins, sign-outs, failures and deleted accounts, put on record."""
+"""Records Django's signals of sign-ins, sign-outs, failures and deleted accounts."""
 
 from __future__ import annotations
 

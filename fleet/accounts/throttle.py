@@ -30,7 +30,7 @@ KIND = "account.sign_in_failed"
 
 
 def failure_recorded(*, username: str, address: str) -> None:
-    """Put a failed sign-in on record.
+    """Record a failed sign-in.
 
     The name is kept as it was typed only if there is such an account: people type passwords into the wrong field.
     """
@@ -61,7 +61,7 @@ def attempt(*, username: str, address: str) -> Iterator[None]:
     begun = _begin(_digest(username), _digest(address))
     try:
         yield
-    finally:  # a failure is on record by now
+    finally:  # the failure is recorded by now
         begun.delete()
 
 

@@ -1,4 +1,4 @@
-"""Signing in, one's own password, and the list of one's own sign-ins."""
+"""Sign-in, change of password, and a person's list of sign-ins."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ class ListAdmin(ReadOnly):
         raise NotImplementedError
 
     def export_view(self, request: HttpRequest) -> HttpResponseBase:
-        """All that the filters of the address leave, as a file; on record."""
+        """Export the records that match the URL's filters, as a file; the export is recorded."""
         self._look(request)
         form = self.form_for(request)
         if not form.is_valid():

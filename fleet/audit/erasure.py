@@ -38,10 +38,10 @@ def erase(
 ) -> Record:
     """Erase the person with this identifier, whom the log may also know by `names`; `actor` is who does it.
 
-    `forget` takes the names away where else they are kept. It is done together with what is put on record of this:
-    whoever is interrupted before that repeats it with the names, and whoever is interrupted later needs none, for the
-    record says what is still to be taken out. The chain's verification knows by it why that is gone. The caller sees
-    to it that the person does nothing more.
+    `forget` removes the names from other tables, in the transaction of the erasure's record. After an interruption
+    before this transaction, repeat the call with the names. After a later one no names are needed: the record lists the
+    contents to remove. Verification of the chain reads there why they are missing. The caller ensures that the person
+    does nothing more.
     """
     newest = Content.objects.aggregate(newest=Max("pk"))["newest"] or 0
     wait_for_writers()  # numbers below the newest may have been given to some of them
@@ -61,7 +61,7 @@ def erase(
 
 
 def _on_record(person_id: str) -> list[int]:
-    """The numbers of all records whose contents go with this person, also of a time that was interrupted."""
+    """Return the numbers of all records whose contents go with this person, also of interrupted erasures."""
     erasures = Record.objects.filter(kind="audit.erase", parameters__person=person_id)
     return sorted(
         {number for erased in erasures.values_list("parameters", flat=True) for number in erased["records"]}

@@ -59,7 +59,7 @@ class NotPlain(ValueError):
     """A value that cannot be kept as JSON."""
 
     def __init__(self, value: object) -> None:
-        super().__init__(f"{value!r} cannot be put on record: it is no JSON value.")
+        super().__init__(f"{value!r} cannot be recorded: it is no JSON value.")
 
 
 class UnknownKind(ValueError):

@@ -1,4 +1,4 @@
-"""The log as a file: CSV for spreadsheets, JSON Lines for programs. Streamed, so that it may be long, and on record."""
+"""The log as a file: CSV for spreadsheets, JSON Lines for programs. Streamed, so that it may be long, and recorded."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Export:
 
 
 class ExportResponse(StreamingHttpResponse):
-    """Ends on record also when the browser goes away: the server closes every response."""
+    """A response that records its end, also when the browser disconnects: the server closes every response."""
 
     def __init__(self, head: str, export: Export, **options: Any) -> None:
         super().__init__(_pieces(head, export), **options)
@@ -115,7 +115,7 @@ def response(
 ) -> ExportResponse:
     """Return the file as a response. Raises `AuditUnavailable` if the export cannot be recorded.
 
-    `besides` are texts of so many rows that follow on what is selected.
+    `besides` are texts with their numbers of rows, which follow the selected rows.
     """
     head, to_text = _TOLD[format_]
     pieces = ((to_text(rows), len(rows)) for rows in selection.chunks(CHUNK))

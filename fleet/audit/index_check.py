@@ -1,8 +1,8 @@
 """Check that the search index agrees with the log: a search must not miss texts.
 
-SQLite: the texts are indexed anew, a batch at a time, in a temporary place, and each group of three characters must
-stand at the same places as in the index. PostgreSQL keeps its index itself: that it is defined as it was made, in
-force, and knows of as many texts as there are is what can be asked of it. Both only read, and hold nobody up.
+SQLite: index the texts again, one batch at a time, in a temporary table; each group of three characters must be at the
+same places as in the index. PostgreSQL maintains its index itself: check that its definition is unchanged, that it is
+valid, and that it has as many texts as the table. Both checks only read and block no writer.
 """
 
 from __future__ import annotations

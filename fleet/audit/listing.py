@@ -33,7 +33,7 @@ OUTCOMES = 500  # different ones to choose from
 CONSOLE = "console"  # as a person: actions of the console itself
 
 _NEAR = 31  # days
-# Part of something, and a row of their own all the same: more than the outcome of what they refer to.
+# These refer to another record but have their own row, because they are more than its outcome.
 _OWN_ROW = ["gate.begin", "refusal"]
 _IS_OUTCOME = Q(of__isnull=False) & ~Q(kind__in=_OWN_ROW)
 _END_OF = {

@@ -106,7 +106,7 @@ class Record(models.Model):
             models.Index(fields=["kind", "at"], name="audit_kind_at"),
             models.Index(fields=["kind", "id"], name="audit_kind"),
             models.Index(fields=["day", "id"], name="audit_day"),
-            # After the number what the lists filter by besides, so that no filter has to look into the table.
+            # The columns after the number are other filters of the lists, so that no filter has to read the table.
             models.Index(fields=["robot_id", "id", *_BESIDES, "actor", "kind"], name="audit_robot"),
             models.Index(fields=["actor", "id", *_BESIDES, "robot_id", "kind"], name="audit_by_actor"),
             models.Index(
@@ -128,7 +128,7 @@ class Record(models.Model):
             models.Index(
                 fields=["of", "kind", "outcome"], condition=models.Q(of__isnull=False), name="audit_of"
             ),
-            # What nobody did, and what concerns no robot: others are not in order where there is none (PostgreSQL).
+            # For records without actor or robot: PostgreSQL does not use the other indexes in order for NULL.
             models.Index(
                 fields=["id", "kind", *_BESIDES, "robot_id", "outcome"],
                 condition=models.Q(actor=None),

@@ -14,7 +14,7 @@ from django.urls import reverse
 class RecordedAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscriptable at run time
     """Changes in this admin are recorded in the audit log, with their actor.
 
-    The admin's own log would keep people's names for ever: nothing of it expires, or goes when somebody is erased.
+    The admin's own log would keep people's names for ever: its entries do not expire and survive a person's erasure.
     """
 
     def log_addition(self, request: HttpRequest, obj: Any, message: Any) -> None:  # type: ignore[override]

@@ -1,7 +1,7 @@
 """Retention: contents by class, whole records by checkpoints. Each step is recorded.
 
-In steps, each a small transaction: whoever drives meanwhile has records to write. The functions here are iterators
-that do one step each time they are asked for the next.
+Each step is a small transaction, because bridges have records to write meanwhile. The functions are iterators that do
+one step at each `next`.
 """
 
 from __future__ import annotations
@@ -58,9 +58,9 @@ def keep_house(now: datetime) -> Iterator[None]:
 def clock_is_doubted(today: date) -> bool:
     """Return whether the log's days leapt less than `SILENCE` ago and nobody has confirmed the clock.
 
-    By a clock that is years ahead everything looks old. A laboratory that was closed looks the same, so this waits:
-    until the log has gone on for as long (that there is doubt is on record day by day), or until somebody says so.
-    In the order of numbers: of a clock that goes wrong again and again, what was recorded in between tells.
+    For a clock that is years ahead, everything looks old. A laboratory that was closed looks the same. So wait until
+    the log has continued for `SILENCE` (the doubt is recorded each day), or until somebody confirms the clock. Records
+    are compared by number, so that records between two faults of a clock also count.
     """
     old = Record.objects.filter(day__lte=today - SILENCE).order_by("-pk").values_list("pk", "day").first()
     if old is None:

@@ -1,7 +1,7 @@
 """Writing to the audit log.
 
-A record is appended to the chain of its robot, or to that of no robot. Who appends holds the chain until the commit: on
-PostgreSQL by a lock on its row, on SQLite as the one writer. So chains never fork, however many processes write.
+A record is appended to the chain of its robot, or to the chain without robot. The writer locks the chain until the
+commit: on PostgreSQL by a lock on its row, on SQLite as the only writer. So chains never fork.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Verify the log: every record against the chain of digests, texts and details against their own digests.
 
-The log is tamper-evident: whoever gets past the triggers can change it, but not without a finding here, unless they
-compute the whole chain anew from there on. That, a tail that was cut off, and a beginning that was removed under a
-checkpoint that the console did not make, shows against heads kept elsewhere.
+The log is tamper-evident: an attacker who bypasses the triggers can change it, but verification finds the change,
+unless the attacker computes the rest of the chain again. A comparison with heads kept elsewhere also finds this, a
+tail that was cut off, and a beginning that was removed under a forged checkpoint.
 """
 
 from __future__ import annotations
@@ -255,9 +255,9 @@ class _Walk:
     def _what_is_claimed(self, row: Any) -> str:
         """Fault of a record's statement about removed content; blank: none."""
         if row.kind == "audit.expire" and _expiry(row) is None:
-            return "tells of contents that expired before their time, or not in words that count."
+            return "reports contents that expired before their time, or is not valid."
         if row.kind == "audit.checkpoint" and not self._counts(row):
-            return "is no checkpoint that the console makes: what it says counts for nothing."
+            return "is no checkpoint of the console and is ignored."
         return ""
 
     def _counts(self, checkpoint: Any) -> bool:

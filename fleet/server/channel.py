@@ -175,7 +175,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
                 self.refuse(error.refusal)
 
     def _stops_all_the_same(self) -> bool:
-        """A head that passes a limit ends there, if it is a stop's and has said all that a stop needs."""
+        """Handle a stop although its head exceeds a limit, if the head already has everything that a stop needs."""
         if not (self._head_open and stops.is_head_of_stop(self._command, self._path)):
             return False
         self._damaged = True

@@ -1,6 +1,6 @@
 """Decode, check and answer the messages of links.
 
-Nothing here blocks, so that a stop never waits. A link may send 200 commands a second, far more than a stick does. Each
+This module never blocks: a stop must not wait. A link may send 200 commands a second, far more than a stick does. Each
 further command is dropped in its own turn of the event loop, so that ticks, stops and sensors are not delayed.
 """
 

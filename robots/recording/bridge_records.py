@@ -1,7 +1,7 @@
 """A bridge's records, in the audit log of the console.
 
-Of what the bridge tells, plain facts are kept as long as the record, how long and how far a drive was among them;
-places, words and what the sensors saw are what may expire or be erased.
+Plain facts, such as duration and distance of a drive, are kept as long as the record. Places, words and sensor data may
+expire or be erased.
 """
 
 from __future__ import annotations

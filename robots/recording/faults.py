@@ -1,7 +1,7 @@
 """Record faults of robots: their begin and their end, each once.
 
-A fault belongs to a part: the bridge, as its supervisor sees it, or the robot, as its bridge does. While a part is at
-fault, what else ails it belongs to the same fault.
+A fault belongs to a part: the bridge, as reported by its supervisor, or the robot, as reported by its bridge. Further
+faults of a faulty part belong to the same fault.
 """
 
 from __future__ import annotations

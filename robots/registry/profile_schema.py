@@ -176,7 +176,7 @@ def topic_problems(topics: Topics) -> Iterator[str]:
     if topics.arm:
         yield from _arm_problems(topics.arm)
         if topics.joint_states is None:
-            yield "arm: needs joint_states, or nobody knows where it is"
+            yield "arm: needs joint_states, from which its position is known"
     for index, scan in enumerate(topics.scans):
         yield from _name_problem(scan.topic, f"scans[{index}].topic")
         yield from _pose_problems(scan, f"scans[{index}]")

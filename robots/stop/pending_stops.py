@@ -157,7 +157,7 @@ class PendingStops:
 
 
 def _read(path: Path) -> WaitingStop | None:
-    """Read one pending stop. A damaged file counts as a stop too: its name tells the robot."""
+    """Read one pending stop. A damaged file also counts as a stop: its name contains the robot."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=WaitingStop)
     except FileNotFoundError:

@@ -102,7 +102,7 @@ SpeechStatus = Literal["sent", "accepted", "speaking"]
 class Speech(Struct, frozen=True):
     """A text that the robot says for this console, from the moment it was sent.
 
-    `status` is as the robot's action tells; a robot that takes plain messages tells nothing.
+    `status` comes from the robot's action; a robot that takes plain messages reports none.
     """
 
     number: int  # of its record
@@ -118,8 +118,8 @@ class Speech(Struct, frozen=True):
 class SpeechEnd(Struct, frozen=True):
     """How that ended.
 
-    `outcome`: done, failed or rejected (by the robot); sent (a plain message: nobody tells); cancelled, stopped,
-    unheard; a refusal's code where it was on record and could not begin any more.
+    `outcome`: done, failed or rejected (by the robot); sent (a plain message: end not known); cancelled, stopped,
+    unheard; a refusal's code if it was recorded but could not begin any more.
     """
 
     number: int  # of its record, as in `Speech`
@@ -184,7 +184,7 @@ class State(Struct, frozen=True):
     watchers: list[str]  # as many as are named; see `watchers_more`
     clock_skew_s: float | None
     refused: dict[str, int]  # refused messages so far, by code
-    latency_s: float = 0.0  # from a command to odometry that shows it, as the gate reckons with it
+    latency_s: float = 0.0  # from a command to odometry that shows it, as the gate assumes
     latency_measured: bool = False  # else it is the profile's
     arm: list[tuple[float, float, float]] = []  # beyond the base: discs x, y, radius (base frame)
     watchers_more: int = 0
@@ -216,7 +216,7 @@ class UseOffer(Struct, frozen=True):
     topic: str
     type: str
     chooseable: dict[str, Role] = {}  # topics that may be chosen instead, and from which role on
-    refusal: Refusal | None = None  # why nothing may go where it goes now: nobody on the robot takes it
+    refusal: Refusal | None = None  # why the topic cannot be used now: no node on the robot reads it
 
 
 class Offers(Struct, frozen=True, tag_field="t", tag="offers"):

@@ -1,4 +1,4 @@
-"""Tasks besides driving: motions, speech, publishing, head. Page to bridge."""
+"""Tasks except driving: motions, speech, publishing, head. Page to bridge."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Who may control a robot: rules, policy, lease services and queries. Knows no socket."""
+"""Right to control a robot: rules, policy, lease services and queries. Uses no sockets."""

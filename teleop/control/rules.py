@@ -159,7 +159,7 @@ def check_request(lease: LeaseState | None, *, user: UUID, now: datetime) -> Ref
 def check_still_open(request: OpenRequest | None, *, now: datetime) -> Refusal | None:
     """Check handing over: the request must still be open."""
     if request is None or not open_requests([request], now):
-        return Refusal("no_such_request", "That person no longer asks for control.", "lease")
+        return Refusal("no_such_request", "The person no longer asks for control.", "lease")
     return None
 
 

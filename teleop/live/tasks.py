@@ -1,6 +1,6 @@
 """Task requests of one connection: checks the person's role, passes them to the bridge, and answers each one once.
 
-Tasks are everything that people ask of a robot besides driving: motions, speech, publishing, topic choice.
+Tasks are all requests of people to a robot except driving: motions, speech, publishing, topic choice.
 """
 
 from __future__ import annotations

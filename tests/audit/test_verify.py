@@ -220,7 +220,7 @@ def test_contents_never_expire_before_their_time(chain, parameters):
     chain[3].content.delete()
     findings = {finding.number: finding.what for finding in verify_all().findings}
     assert findings == {
-        told.pk: "tells of contents that expired before their time, or not in words that count.",
+        told.pk: "reports contents that expired before their time, or is not valid.",
         chain[3].pk: "has lost its content before its time.",
     }
 
@@ -249,7 +249,7 @@ def test_an_erasure_explains_only_earlier_named_records(chain, records):
 
 # --- checkpoints --------------------------------------------------------------------------------------
 
-FORGED = "is no checkpoint that the console makes: what it says counts for nothing."
+FORGED = "is no checkpoint of the console and is ignored."
 
 
 def forge(chain, **changes) -> Record:

@@ -62,7 +62,7 @@ def test_an_arm_anywhere_limits_the_robot_to_0_2_mps(arm, told):
         arm.gate.observe_posture(told, arm.now_s)
     verdict = arm.decide(0.8)
     assert (verdict.code, verdict.velocity.vx) == ("arm_away", pytest.approx(0.2))
-    why = "nothing tells where the arm is" if told is None else "the arm is away from home"
+    why = "the arm’s position is not known" if told is None else "the arm is away from home"
     assert verdict.text == f"held to 0.2 m/s: {why}"
     assert SpeedLimit("arm_away", verdict.text, 0.2) in verdict.limits
 

@@ -63,7 +63,7 @@ def test_a_restart_of_odometry_clears_the_memory(haunted, silent_s, clock_s, x, 
     haunted.scan()
     verdict = haunted.decide(0.5)
     assert (verdict.velocity, verdict.code, verdict.neutral) == (STILL, "odometry_anew", True)
-    assert verdict.text == "stopped: the robot’s odometry began anew"
+    assert verdict.text == "stopped: the robot’s odometry restarted"
     assert any(hold.code == "arm_away" for hold in verdict.limits), "where the arm is nobody told yet"
     haunted.decide()
     gate.observe_posture(AT_HOME, haunted.now_s)
@@ -100,4 +100,4 @@ def test_current_sensor_data_is_not_forgotten(haunted):
     assert "/scan_raw, remembered" in before and "/scan_raw, remembered" not in left
     assert left["/scan_raw"] == before["/scan_raw"]
     assert all(left[name] > 0 for name in SONARS)
-    assert haunted.decide(0.1).code == "free", "nothing began anew: the stick need not return to the middle"
+    assert haunted.decide(0.1).code == "free", "no restart: the stick need not return to the middle"

@@ -353,7 +353,7 @@ def test_the_head_turns_away_before_a_chair_leaves():
     assert glance.aside_s < case.leaving.since_s < glance.ahead_s < case.longest_s
     loop = loop_of(case, "gate", 0)
     loop.play()
-    pans = {round(look.time_s, 1): look.told for look in loop.looks if look.sensor == "depth"}
+    pans = {round(look.time_s, 1): look.reading for look in loop.looks if look.sensor == "depth"}
     aside = [pan for at_s, pan in pans.items() if glance.aside_s + 1.6 < at_s < glance.ahead_s]
     assert aside == [glance.pan] * len(aside) != []
     assert all(abs(pan) < 0.31 for at_s, pan in pans.items() if at_s > glance.ahead_s + 1.6)

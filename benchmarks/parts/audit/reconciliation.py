@@ -116,12 +116,12 @@ def _velocities_without_drive(received: Sequence[Received], log: Sequence[Entry]
         if entry.of is None:  # otherwise it is the outcome of a choice
             chosen_s.setdefault(entry.details["to"], entry.at_s)
     missing = [
-        f"a velocity on {one.key} reached the robot at {one.at_s:.3f}, in no drive that is on record"
+        f"a velocity on {one.key} reached the robot at {one.at_s:.3f}, in no recorded drive"
         for one in received
         if not any(start_s <= one.at_s <= end_s for start_s, end_s in drives)
     ]
     return missing + [
-        f"a velocity on {one.key} reached the robot at {one.at_s:.3f}, before that was chosen on record"
+        f"a velocity on {one.key} reached the robot at {one.at_s:.3f}, before its choice was recorded"
         for one in received
         if one.at_s < chosen_s.get(one.key, float("inf"))
     ]

@@ -23,7 +23,7 @@ class Fault(NamedTuple):
     limit: str | None = None
     angle: int = 0
 
-    def is_told_by(self, moment: Moment) -> bool:
+    def is_reported_by(self, moment: Moment) -> bool:
         """Return whether this is what the page shows at that moment."""
         return moment.code in self.codes or any(self.limit == limit.code for limit in moment.limits)
 
@@ -76,7 +76,7 @@ class Outcome(NamedTuple):
     """Result of one run."""
 
     touched: bool
-    told: bool  # the reason
+    reported: bool  # the page shows a reason
 
 
 def measure(repeats: int) -> list[Figure]:
@@ -95,7 +95,7 @@ def measure(repeats: int) -> list[Figure]:
     for name in FAULTS:
         outcomes = [outcome for job, outcome in done if job.name == name]
         crashes = sum(outcome.touched for outcome in outcomes)
-        silent = sum(not outcome.told for outcome in outcomes)
+        silent = sum(not outcome.reported for outcome in outcomes)
         figures.append(Figure(f"{name}: crashes of {len(outcomes)}", crashes, "", 0.0))
         figures.append(Figure(f"{name}: runs without its reason", silent, "", 0.0))
     return figures
@@ -105,8 +105,8 @@ def play(failing: Failing) -> Outcome:
     """Play one."""
     trace = loop_of(build(failing), "gate", failing.seed).play()
     fault = FAULTS[failing.name]
-    told = any(fault.is_told_by(moment) for moment in trace.moments if moment.trying)
-    return Outcome(bool(trace.touches), told)
+    reported = any(fault.is_reported_by(moment) for moment in trace.moments if moment.trying)
+    return Outcome(bool(trace.touches), reported)
 
 
 def build(failing: Failing) -> Case:

@@ -38,8 +38,8 @@ HICCUP_EVERY_S = 2.0  # on average
 SPARE_S = Parameters().latency_spare_s
 SPARES_S = (0.2, 0.3)  # of the setting that trades speed for it
 SEEDS = 12  # at least: a share of one run is no share
-# Of the runs at 1 m/s, by ms: none at +200, half of what the gate had that waited for a silence of 0.2 s at +300 and
-# +400. Slower ones have none.
+# Share of the runs at 1 m/s, by ms: none at +200; at +300 and +400 half of the former gate, which waited for a silence
+# of 0.2 s. Slower runs have none.
 MOST_SHARE = {200: 0.0, 300: 0.25, 400: 1.0 / 3.0}
 STICK_S = 0.5  # after the start, the wheels begin to obey
 
@@ -58,7 +58,7 @@ class Outcome(NamedTuple):
     """Result of one run."""
 
     crash_mps: float | None
-    told: bool  # that the robot is late
+    reported: bool  # the page says that the robot is late
     time_s: float
 
 
@@ -124,9 +124,9 @@ def play(late: Late) -> Outcome:
     parameters = structs.replace(profile.parameters, latency_spare_s=late.spare_s)
     profile = structs.replace(profile, parameters=parameters)
     trace = Loop(build(late), lambda fan: Ours(profile, fan), profile.limits, SCAN, late.seed).play()
-    told = any(limit.code == "robot_late" for moment in trace.moments for limit in moment.limits)
+    reported = any(limit.code == "robot_late" for moment in trace.moments for limit in moment.limits)
     mps = abs(trace.touches[0].robot.vx) if trace.touches else None
-    return Outcome(mps, told, trace.time_s)
+    return Outcome(mps, reported, trace.time_s)
 
 
 def build(late: Late) -> Case:

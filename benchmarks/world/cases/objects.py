@@ -127,7 +127,7 @@ OBJECTS: dict[str, Put] = {
     "table top": _table,
 }
 UNSEEN = {"desk without legs", "table top"}  # by the laser
-ABOVE_LASER = UNSEEN | {"chair"}  # what the laser sees nothing of, or not all
+ABOVE_LASER = UNSEEN | {"chair"}  # the laser sees these not at all, or only in part
 
 
 class Full(NamedTuple):
@@ -211,7 +211,7 @@ def outcome(case: Case, controller: str, seed: int) -> Outcome:
 def cases(controller: str, seeds: int, blanked: bool = False) -> list[Full]:
     """All of them. In reverse both shares mean the robot's own limit, so that is one case.
 
-    What the laser sees nothing of is the same whether its scan is blanked or not.
+    For objects that the laser cannot see, a blanked scan makes no difference.
     """
     things = OBJECTS.keys() - UNSEEN if blanked else OBJECTS
     return [
@@ -263,7 +263,7 @@ def _stick(full: Full, random: Random) -> tuple[float, float]:
 
 def _spot(x: float, w: float, full: Full, random: Random) -> Spot:
     """On the way of a stick at (x, w), from the origin with heading 0."""
-    if x == 0.0:  # the disc goes nowhere; the object stands beside it
+    if x == 0.0:  # the disc stays; the object stands next to it
         heading = float(random.uniform(-math.pi, math.pi) if full.cold else random.uniform(-1.6, 1.6))
         gap = float(random.uniform(NEAREST_M, 0.10))
         return Spot(gap * math.cos(heading), gap * math.sin(heading), heading)
@@ -281,7 +281,7 @@ def _spot(x: float, w: float, full: Full, random: Random) -> Spot:
 
 
 def _outwards(radius_m: float, overlap_m: float, turned: float) -> Spot:
-    """Beside a tight arc, where the hull comes farthest from where it began: what stands there could be seen before."""
+    """Next to a tight arc, where the hull is farthest from its start: an object there could be seen before."""
     sin, cos = math.sin(turned), math.cos(turned)
     inwards_m = abs(radius_m) - overlap_m
     out = math.copysign(1.0, radius_m)

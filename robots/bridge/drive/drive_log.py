@@ -50,7 +50,7 @@ class _Intervention:
     began_s: float
     number: Future[int]
     nearest: Verdict
-    held_s: float  # when and where it last limited the robot
+    held_s: float  # time and place of the gate's last limit
     held_at: Pose | None
     also: set[str] = field(default_factory=set)  # codes of other rules that limited the robot meanwhile
 

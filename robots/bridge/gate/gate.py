@@ -252,7 +252,7 @@ class Gate:
         if self._restarted and (
             fault is None or fault.sensor != "odometry"
         ):  # a restart also explains unpaired scans
-            return Fault("odometry_anew", "the robot’s odometry began anew", "odometry")
+            return Fault("odometry_anew", "the robot’s odometry restarted", "odometry")
         return fault
 
     def unseen(self, now_s: float) -> list[Sector]:

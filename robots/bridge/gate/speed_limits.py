@@ -173,7 +173,7 @@ class SpeedLimits:
         known = is_recent and (self._posture.at_home or self._posture.discs is not None)
         if known or not self._profile.has_arm:
             return []
-        why = "the arm is away from home" if is_recent else "nothing tells where the arm is"
+        why = "the arm is away from home" if is_recent else "the arm’s position is not known"
         text = f"held to {words.figure(arm_discs.AWAY_MPS)} m/s: {why}"
         return [SpeedLimit("arm_away", text, arm_discs.AWAY_MPS)]
 

@@ -56,7 +56,7 @@ class LeaseGuard:
         """Return why a command under `fence` is refused; None if it counts."""
         if self.current is None or self.expired(now_s):
             return Refusal(
-                "no_lease", "Nobody has control of this robot: take control first.", "lease", {"fence": fence}
+                "no_lease", "This robot is not under control: take control first.", "lease", {"fence": fence}
             )
         if fence != self.current.fence:
             return Refusal(

@@ -1,1 +1,1 @@
-"""Tasks besides driving: motions, speech, publishing, head, and who may start them."""
+"""Tasks except driving: motions, speech, publishing, head, and who may start them."""

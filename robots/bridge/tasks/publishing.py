@@ -79,7 +79,7 @@ class Publications:
     def stop(self, topic: str, now_s: float) -> Refusal | None:
         """End the holder's publication on a topic."""
         if topic not in self._running:
-            return Refusal("not_publishing", f"Nothing is published on {topic} at a rate.", "robot")
+            return Refusal("not_publishing", f"There is no publication at a rate on {topic}.", "robot")
         self._end(topic, "cancelled", now_s)
         return None
 

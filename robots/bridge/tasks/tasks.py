@@ -1,7 +1,7 @@
-"""Tasks of the holder besides driving: look, perform, speak, publish, choose topics.
+"""Tasks of the holder except driving: look, perform, speak, publish, choose topics.
 
 Each task passes the same checks as a stick position (lease, stop, robot online), is recorded, and only then sent to the
-robot. Nothing here blocks, and an ended task never begins again by itself.
+robot. This module never blocks, and an ended task never begins again by itself.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ def _node_name(name: str) -> str:
 def _take_leave() -> None:
     """Unregister from the master, with a time limit: rospy would wait forever for a hanging master."""
     leaving = threading.Thread(
-        target=rospy.signal_shutdown, args=("the simulator was told to stop",), daemon=True
+        target=rospy.signal_shutdown, args=("the simulator was asked to stop",), daemon=True
     )
     leaving.start()
     leaving.join(_FAREWELL_S)

@@ -26,9 +26,9 @@ describe("the view of a topic", () => {
   });
 
   it("keeps the known type until a message brings another", () => {
-    watch.show(shown(0, {}, { type: "*", refusal: { text: "Nothing has come on /a yet." } }));
+    watch.show(shown(0, {}, { type: "*", refusal: { text: "No message has come on /a yet." } }));
     expect(watch.element.querySelector("h3").textContent).toContain(TYPE);
-    expect(watch.element.querySelector(".why").textContent).toContain("Nothing has come");
+    expect(watch.element.querySelector(".why").textContent).toContain("No message has come");
     watch.show(shown(1, { data: "x" }, { type: "std_msgs/String" }));
     expect(watch.element.querySelector("h3").textContent).toContain("std_msgs/String");
   });

@@ -16,8 +16,8 @@ class Command(BaseCommand):
     """For an admin who has checked the clock."""
 
     help = (
-        "Puts on record that the clock of this computer is right, so that housekeeping takes out of the audit log what "
-        "is too old by it, although nothing was recorded for long before."
+        "Record that the clock of this computer is right, so that housekeeping removes contents of the audit log that "
+        "are too old, although the log had a long gap before."
     )
 
     def handle(self, *args: Any, **options: Any) -> None:

@@ -80,7 +80,7 @@ class Command(BaseCommand):
                 "audit.verify", actor=here(), outcome=outcome, parameters=parameters, private=private
             )
         except (AuditUnavailable, DatabaseError) as error:  # somebody who may only read verifies too
-            self.stderr.write(f"That it was verified is not on record: {error}")
+            self.stderr.write(f"The verification could not be recorded: {error}")
 
 
 def _chain(robot: str) -> Chain:

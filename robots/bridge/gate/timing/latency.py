@@ -1,18 +1,17 @@
 """The latency from a command to odometry that shows it, measured while the robot drives (docs/gate.md, 11).
 
-Each time the commands change by enough, what the odometry did after it is set beside what a base with the profile's
-accelerations would have done with these commands, each of them late by d; the d that fits best is one measurement. A
-base that is slower than its profile says counts as later, which errs on the safe side; one that does something else
-(a joystick in somebody's hand has the say, wheels slip) fits badly and is no measurement.
+After each sufficient change of the commands, the odometry is compared with the motion of a base with the profile's
+accelerations that gets these commands d seconds late; the d that fits best is one measurement. A base that is slower
+than its profile counts as later, which is safe; a base that does something else (a person's joystick has priority,
+wheels slip) fits badly and gives no measurement.
 
-Until the robot has answered once, and while it lets us wait for longer than it was measured to take, any delay fits
-what was seen, so the longest is reckoned with. The answer itself, late as it was, counts until the measurement is
-done.
+Until the robot has answered once, and while its answer takes longer than the measured latency, any delay fits the
+odometry, so the longest delay is assumed. The answer's own delay counts until the measurement is done.
 
-Between two such changes a link may grow slow: every message still comes, one a period, but each of them later. That
-shows in the stamps, whatever the robot's clock says: arrival less stamp rises above the least that it was. Where
-commands alone come later, their acknowledgements do too: they take longer than the least that they took. The age of
-the newest odometry, by its stamp, counts at every moment: what is seen is so much older, be it late or silent.
+Between two such changes a link may grow slow: every message still comes, one per period, but later and later. The
+stamps show this for any clock of the robot: arrival less stamp rises above its minimum. If only commands come later,
+their acknowledgements show it: they take longer than their minimum. The age of the newest odometry, by its stamp,
+counts at every moment, whether odometry is late or silent.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ LEAST_S = 0.10  # however quick the robot is: a period of the gate, and one of t
 KEPT = 12  # measurements
 FADES_S = 0.015  # each later measurement takes so much off an earlier one, down to the median
 FADES = 0.005  # and each second, in seconds
-FORGOTTEN_S = 60.0  # of rest, after which the measurements say nothing of a robot that drives off
+FORGOTTEN_S = 60.0  # of rest, after which the measurements are no longer valid for the next drive
 ENOUGH = 8  # with fewer the assumed latency is kept, if it is longer
 
 LONGEST_S = 0.8  # delays are looked for up to this

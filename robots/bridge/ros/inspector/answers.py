@@ -196,30 +196,30 @@ class Inspector:
         wanted = (what, name, type_name)
         if not any((allowed.what, allowed.name, allowed.type) == wanted for allowed in self._allowed):
             as_type = f" as {type_name}" if type_name else ""
-            text = f"Nobody may {what} {name}{as_type}: the allow-list does not have it."
+            text = f"It is not allowed to {what} {name}{as_type}: the allow-list does not have it."
             raise Declined("not_allowed", text, name=name, type=type_name)
 
     def _require_admissible(self, name: str, value: object) -> None:
         """Refuse to set or overwrite a branch that contains an inadmissible parameter."""
         for inner in names_set(name, value, self._master.parameter(name)):
             if why := why_denied("set", inner, "", self._config.topics):
-                raise Declined("not_allowed", f"Nobody may set {inner}: {why}.", name=inner)
+                raise Declined("not_allowed", f"It is not allowed to set {inner}: {why}.", name=inner)
 
     def _definition(self, type_name: str, topic: str | None) -> Definition:
         """Return a publisher's definition, if one publishes this type on the topic; else the known definition."""
-        told = self._connection_header(topic) if topic else {}
-        if told.get("type") == type_name:
-            return self._definitions.of_connection(told)
+        header = self._connection_header(topic) if topic else {}
+        if header.get("type") == type_name:
+            return self._definitions.of_connection(header)
         return self._definitions.of_type(type_name)
 
     def _connection_header(self, topic: str) -> Header:
         """Connection header of the first publisher that can be reached; empty if there is none."""
         nodes = self._master.system_state().publishers.get(topic, [])
         addresses = {node: self._master.node_uri(node) for node in nodes if not node.startswith(INSPECTOR)}
-        told, unheard = first_response(Conversation.read_header, topic, addresses, INSPECTOR)
+        header, unheard = first_response(Conversation.read_header, topic, addresses, INSPECTOR)
         for node, why in unheard.items():
             log.info("%s does not describe %s: %s", node, topic, why)
-        return told or {}
+        return header or {}
 
     def _sendable(self, order: wire.Publish) -> Definition:
         """Return the definition of an allowed message. Raises a refusal if it is not on the list or harmful."""
@@ -245,7 +245,7 @@ def _refusal(error: Exception) -> wire.Refusal:
         case BadField() | Declined():
             return error.refusal
         case TooLate():
-            return wire.Refusal("too_old", "Nobody waits for the answer any more: nothing was done.", "robot")
+            return wire.Refusal("too_old", "The request is too old: nothing was done.", "robot")
         case TooLarge():
             return wire.Refusal("too_large", str(error), "robot")
         case MasterError() | OSError():
@@ -263,7 +263,7 @@ def _require_harmless(definition: Definition) -> None:
     if twin := next((name for name in COUNTERFEITED if message_class(name)._md5sum in definition.sums), None):
         why = why_fields_denied(twin, ())
     if why:
-        text = f"Nobody may publish {definition.type}, for what its messages hold: {why}."
+        text = f"It is not allowed to publish {definition.type}: {why}."
         raise Declined("not_allowed", text, type=definition.type)
 
 

@@ -239,7 +239,7 @@ class Definitions:
 
 
 def _unknown(type_name: str, md5: str = "") -> Declined:
-    text = f"Nothing here knows {type_name}, and its publisher sends no definition."
+    text = f"The console does not know {type_name}, and its publisher sends no definition."
     return Declined("type_unknown", text, type=type_name, md5=md5)
 
 

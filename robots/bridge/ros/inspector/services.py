@@ -45,7 +45,7 @@ def find(master: Master, name: str) -> Service:
     try:
         here = service_class(type_name)
     except UnknownTypeError:
-        text = f"Nothing here knows the service type {type_name}, and services do not tell their definition."
+        text = f"The console does not know the service type {type_name}, and services do not send their definition."
         raise Declined("type_unknown", text, type=type_name) from None
     if here._md5sum != md5:
         text = (

@@ -163,7 +163,7 @@ def _silence(topic: str, number: int, publishers: int) -> wire.Refusal | None:
         text = f"No node publishes on {topic}{' any more' if number else ''}, or none that can be reached from here."
         return wire.Refusal("no_publisher", text, "robot")
     if number == 0:
-        return wire.Refusal("no_message", f"Nothing has come on {topic} yet.", "robot")
+        return wire.Refusal("no_message", f"No message has come on {topic} yet.", "robot")
     return None
 
 

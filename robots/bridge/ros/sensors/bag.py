@@ -22,7 +22,7 @@ TimedVerdict = tuple[float, Verdict]
 def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[TimedVerdict]:
     """Replay the bag to `gate`; yields the time and the verdict of each command on the drive topic.
 
-    The bag's own times count as arrival times. Of the arm, the gate learns only whether it is at home. It gets no
+    The bag's own times count as arrival times. The gate gets only the arm's state "at home" or "away". It gets no
     depth pictures, so it answers as with a silent camera. Raises BadRecording if the file is no bag, or holds no
     command or no odometry.
     """

@@ -69,7 +69,7 @@ class Frames:
         return time.monotonic() - self._full_s < FULL_S
 
     def hear(self, raw: bytes, fixed: bool) -> None:
-        """Take a serialized tf2_msgs/TFMessage. Of a truncated one, the complete transforms count."""
+        """Take a serialized tf2_msgs/TFMessage, or the complete transforms of a truncated one."""
         with self._news:
             for child, place in transforms(raw):
                 if len(child) > NAME or len(place.parent) > NAME:
@@ -216,7 +216,7 @@ def _parts(place: FramePlace) -> tuple[Matrix, Matrix]:
     translation, rotation = numbers[:3], numbers[3:]
     length = math.sqrt(float(rotation @ rotation))
     if not (np.isfinite(numbers).all() and length > 0.5):
-        raise PoseUnknown("tf tells numbers that make no sense")
+        raise PoseUnknown("tf has numbers that make no sense")
     return translation, rotation / length
 
 
