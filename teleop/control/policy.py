@@ -12,6 +12,7 @@ from msgspec import Struct
 from fleet.accounts.models import User
 from fleet.bookings.rules import FAR
 from fleet.bookings.selectors import Held, Schedule
+from robots.access.models import Qualification
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
 
@@ -49,13 +50,14 @@ class Permit(Struct, frozen=True):
 
 
 class Subject(Struct, frozen=True):
-    """The facts by which the rules judge: a person, a robot, the role, the robot's bookings, the time."""
+    """The facts by which the rules judge a person who wants a robot."""
 
     user: User
     robot: Robot
     role: Role | None
     schedule: Schedule
     now: datetime
+    missing: tuple[Qualification, ...] = ()  # those that the robot demands and the person does not hold
 
     @property
     def supervises(self) -> bool:
@@ -101,6 +103,17 @@ def require_role(subject: Subject) -> Permit | Refusal:
     )
 
 
+def require_qualification(subject: Subject) -> Permit | Refusal:
+    """Require each qualification that the robot demands."""
+    if not subject.missing:
+        return Permit()
+    names = ", ".join(one.name for one in subject.missing)
+    where = " ".join(one.description for one in subject.missing if one.description)
+    text = f"You may not drive {subject.robot.name}: it demands {names}, which you do not hold or which has expired."
+    help_text = where or "Ask the staff or your course’s supervisor."
+    return Refusal("unqualified", f"{text} {help_text}", "account", {"missing": names})
+
+
 def require_booking(subject: Subject) -> Permit | Refusal:
     """In a slot, permit its owner; in unbooked time everybody, until the next slot of another person begins.
 
@@ -138,7 +151,13 @@ def _until(moment: datetime) -> str:
     return f"until {moment.astimezone(ZoneInfo(settings.TIME_ZONE)):%H:%M}"
 
 
-RULES: tuple[Rule, ...] = (require_active_account, require_robot_in_service, require_role, require_booking)
+RULES: tuple[Rule, ...] = (
+    require_active_account,
+    require_robot_in_service,
+    require_role,
+    require_qualification,
+    require_booking,
+)
 
 
 def permit_for(subject: Subject) -> Permit | Refusal:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from datetime import datetime
 from uuid import UUID
 
@@ -12,7 +12,8 @@ from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.audit.models import Record
 from fleet.bookings.selectors import Schedule, schedule_of
-from robots.access.selectors import roles_on
+from robots.access.models import Qualification
+from robots.access.selectors import lacking, roles_on
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import allowed_on, link_address, robot_facts
 from robots.wire import Refusal
@@ -88,18 +89,27 @@ def rights_of(
 ) -> dict[SignIn, Rights]:
     """Return each sign-in's rights on the robot; no rights if the robot is None (it was deleted).
 
-    It takes two queries for any number of people, a third one if a sign-in ended, and those of `schedule_of` unless the
-    `schedule` is given.
+    It takes three queries for any number of people, one more if a sign-in ended or the robot demands a qualification,
+    and those of `schedule_of` unless the `schedule` is given.
     """
     active = signed_in(people)
     users = {user.id: user for user in active.values()}
     if ended := {user_id for user_id, _ in people} - users.keys():
         users |= User.objects.in_bulk(ended)
     roles = roles_on(robot, users.values()) if robot else {}
+    missing = lacking(robot, users.values(), now) if robot else {}
     schedule = schedule or (schedule_of(robot, now) if robot else Schedule())
     return {
-        person: _rights(users.get(person[0]), person in active, roles.get(person[0]), robot, schedule, now)
-        for person in set(people)
+        (user_id, key): _rights(
+            users.get(user_id),
+            (user_id, key) in active,
+            roles.get(user_id),
+            robot,
+            schedule,
+            now,
+            missing.get(user_id, ()),
+        )
+        for user_id, key in set(people)
     }
 
 
@@ -110,6 +120,7 @@ def _rights(
     robot: Robot | None,
     schedule: Schedule,
     now: datetime,
+    missing: Sequence[Qualification],
 ) -> Rights:
     if user is None or not user.is_active:
         return _no_rights(Refusal("account_inactive", "This account is closed; ask the staff.", "account"))
@@ -117,7 +128,7 @@ def _rights(
         return _no_rights(SIGNED_OUT)
     if robot is None or role is None:
         return Rights(True, None, Refusal("no_role", "You have no role on this robot.", "account"))
-    permit = permit_for(Subject(user, robot, role, schedule, now))
+    permit = permit_for(Subject(user, robot, role, schedule, now, tuple(missing)))
     return Rights(True, role, permit)
 
 

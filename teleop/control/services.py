@@ -30,7 +30,7 @@ from fleet.bookings.services import (
     booking_lengthen_running,
     booking_used,
 )
-from robots.access.selectors import role_on, supervises
+from robots.access.selectors import missing_qualifications, role_on, supervises
 from robots.registry.models import Robot, Role
 from robots.registry.services import fence_next
 from robots.wire import NotDone, Refusal
@@ -334,7 +334,8 @@ def _permit(*, user: User, robot: Robot, now: datetime, guest_of: UUID | None = 
     schedule = schedule_of(robot, now)
     if schedule.current is not None and schedule.current.person == guest_of:
         schedule = Schedule(out=schedule.out)
-    answer = permit_for(Subject(user, robot, role, schedule, now))
+    missing = tuple(missing_qualifications(user, robot, now))
+    answer = permit_for(Subject(user, robot, role, schedule, now, missing))
     if isinstance(answer, Refusal):
         raise ControlRefused(answer)
     return _allowed(role, None), answer

@@ -2,14 +2,15 @@
 
 import asyncio
 import time
-from datetime import date
+from datetime import date, timedelta
 
 import pytest
 from django.db import OperationalError
+from django.utils import timezone
 
 from fleet.audit.models import Record
 from robots import wire
-from robots.access.models import Course, Enrolment, RobotGroup
+from robots.access.models import Course, Enrolment, Qualification, QualificationGrant, RobotGroup
 from robots.registry.models import Robot, RobotRole
 from teleop.background.database import in_database
 from teleop.live import lease_renewal, robot_hub
@@ -79,6 +80,33 @@ async def test_end_of_an_enrolment_ends_control(open_page, bridge, robot, strang
     await page.take()
     await revoked_in_time(bridge, lambda: Enrolment.objects.all().delete())
     assert await page.is_closed() == CloseCode.NOT_PERMITTED
+
+
+async def test_control_ends_with_a_qualification(open_page, bridge, robot, operator):
+    def demand():
+        induction = Qualification.objects.create(
+            name="safety induction", slug="induction", description="Every Monday at 9, room 12."
+        )
+        induction.robots.add(robot)
+        return induction
+
+    def grant(induction):
+        QualificationGrant.objects.create(qualification=induction, person=operator)
+
+    induction = await in_database(demand)
+    page = await open_page("operator")
+    refusal = page.control["refusal"]
+    assert refusal["code"] == "unqualified"
+    assert "safety induction" in refusal["text"]
+    assert "Every Monday" in refusal["text"]
+    await page.say("take")
+    await page.refused("unqualified")
+    await in_database(grant, induction)
+    await page.hears("control", refusal=None)
+    await page.take()
+    past = timezone.now() - timedelta(seconds=1)
+    await revoked_in_time(bridge, lambda: QualificationGrant.objects.update(expires_at=past))
+    await page.hears("notice", code="unqualified")
 
 
 async def test_signing_out_elsewhere_ends_control(holder, bridge, browsers, end_session):
