@@ -1,4 +1,4 @@
-/** What stands between a person and a moving robot, worst first: one banner, in words. Pure. */
+/** The banner: the worst fault that keeps a person from driving, in words. Pure. */
 
 import { whenText } from "../lib/times.js";
 
@@ -9,13 +9,13 @@ export function isStale(sinceViewMs) {
   return sinceViewMs > STALE_MS;
 }
 
-/** Whether the silence is as good as a loss of the connection: nobody should ask for anything now. */
+/** Whether the silence counts as a lost connection: requests make no sense now. */
 export function isSilent(sinceViewMs) {
   return sinceViewMs > SILENT_MS;
 }
 
 /**
- * What came of a page's connection: one that is open and silent is none.
+ * State of a page's connection: an open but silent connection counts as none.
  * @param {object} now
  * @param {boolean} now.connected the page has its socket
  * @param {object | null} [now.gone] refusal: no link from the console to the robot's bridge
@@ -31,14 +31,14 @@ export function connectionFact({ connected, gone = null, heard, stale }) {
     : { level: "ok", text: gettext("Connected") };
 }
 
-const SEEN_S = 2; // a robot that said nothing for longer is out of reach
+const SEEN_S = 2; // a robot that is silent for longer is out of reach
 
-/** Whether the robot itself was heard just now: else what it does is not known. */
+/** Whether the robot itself was heard recently; otherwise its motion is not known. */
 export function isSeen({ phase, unseen_s: unseenS }) {
   return phase === "online" || (unseenS ?? Infinity) < SEEN_S;
 }
 
-/** What to say of a robot that is out of reach. @param {?number} seenAt seconds since 1970 */
+/** Text for a robot that is out of reach. @param {?number} seenAt seconds since 1970 */
 export function unknownText(seenAt) {
   if (!seenAt) return gettext("unknown");
   return interpolate(gettext("unknown, last seen %s"), [whenText(seenAt * 1000)]);
@@ -49,7 +49,7 @@ export function seenAt({ unseen_s: unseenS }, nowMs = Date.now()) {
   return unseenS === null || unseenS === undefined ? null : nowMs / 1000 - unseenS;
 }
 
-/** What the bridge reports of the standstill, in words. */
+/** The bridge's report about the standstill, in words. */
 export function standstillText(stop) {
   if (stop.state === "stopping")
     return gettext("Zero is being sent; standstill is not confirmed yet.");
@@ -89,14 +89,14 @@ function stopBanner(state) {
 
 /**
  * @param {object} now
- * @param {boolean} now.outdated the page is of another version than the console, and speaks with it no more
+ * @param {boolean} now.outdated the page is of another version than the console, and may only stop
  * @param {boolean} now.connected the page has its socket
  * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
  * @param {?object} now.pending the stop that waits for the robot, while there is no link
  * @param {?number} now.seen when the robot was last heard, in seconds since 1970
  * @param {object | null} now.state the robot's newest `State`
  * @param {number} now.sinceViewMs age of that state
- * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first; told when
+ * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first; shown if
  *   nothing else keeps the robot from driving
  * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, console, watchdog, info
  */
@@ -171,7 +171,7 @@ export function banner({
   return null;
 }
 
-/** Which part of the console was late, and how much; empty if all keep up. */
+/** Which part of the console was late, and how much; empty if none was. */
 export function overloadText({ overload = null }) {
   if (!overload) return "";
   const text =
@@ -181,7 +181,7 @@ export function overloadText({ overload = null }) {
   return interpolate(text, [overload.late_s.toFixed(1)]);
 }
 
-/** That nobody hears a stop but the bridge; empty if somebody does. */
+/** Warning if only the bridge receives stops, without watchdog; otherwise empty. */
 export function watchdogText({ watchdog_missing: missing = false }) {
   return missing
     ? gettext(
@@ -204,14 +204,14 @@ export function batteryText({ battery_percent: percent, charging }) {
   return charging ? interpolate(gettext("%s, charging"), [text]) : text;
 }
 
-/** That a stop waits for the robot, and whose it is; empty if none does. @param {?object} pending by, reason, at */
+/** The pending stop and its author; empty if there is none. @param {?object} pending by, reason, at */
 export function pendingText(pending) {
   if (!pending) return "";
   const text = gettext("A stop by %s, %s, waits for the robot and is delivered when it is back.");
   return interpolate(text, [pending.by, whenText(pending.at * 1000)]);
 }
 
-/** What to do about a robot that is out of reach. */
+/** Remedies for a robot that is out of reach. */
 function waits() {
   return gettext("This page continues by itself. If this lasts, tell staff.");
 }
@@ -231,21 +231,21 @@ function because(reason) {
   return `${reason.charAt(0).toUpperCase()}${reason.slice(1)}.`.replace("..", ".");
 }
 
-// Nothing holds back, or the banner says it already.
+// The gate holds nothing back, or the banner already says it.
 const SILENT = new Set(["idle", "free", "stopped", "neutral_needed", "robot_offline"]);
 
-/** What the gate does now, in words; empty when it does nothing. */
+/** The gate's present intervention, in words; empty if there is none. */
 export function verdictText(verdict) {
   return SILENT.has(verdict.code) ? "" : verdict.text;
 }
 
-/** The standing limits, each with whether it is what holds back now. */
+/** The standing limits, and for each whether it holds the robot back now. */
 export function limitsOf({ code, way, limits = [] }) {
   const holds = (limit) => limit.code === code && limit.way === way;
   return limits.map((limit) => ({ text: limit.text, holds: holds(limit) }));
 }
 
-/** Whether nothing of what is asked gets through. Not while a drive is being put on record: that passes by itself. */
+/** Whether the gate stops the stick completely. Not while a drive is being recorded, which takes only a moment. */
 export function isHeld(verdict) {
   const zero = (twist) => twist.every((value) => value === 0);
   return verdict.code !== "recording" && !zero(verdict.asked) && zero(verdict.allowed);

@@ -70,7 +70,7 @@ class ControlPage {
   #echoTrips = new RoundTrips();
   #control = null;
   #mine = false; // control, as the server last said; also while the connection is lost
-  #left = false; // the connection was lost with control, and how that stands now is not known yet
+  #left = false; // the connection was lost with control, and the server has not yet reported control again
   #outdated = false; // the console speaks another version of the protocol than this page
   #facts = null;
   #state = null;
@@ -223,7 +223,7 @@ class ControlPage {
     this.#timer = setInterval(() => this.#look(), LOOK_MS);
   }
 
-  /** What somebody chose to do about control. Whoever gives it back drives no more, whenever the answer comes. */
+  /** Send a choice about control. A release ends driving at once, before the answer comes. */
   #chose(message) {
     if (message.t === "release") {
       this.#zero("released");
@@ -232,7 +232,7 @@ class ControlPage {
     this.#requests.send(message);
   }
 
-  /** Another tab: the base stands, and nothing is latched by it. */
+  /** Another tab is shown: the base stands, without a stop. */
   #changed(tab, before) {
     if (before !== null) this.#zero("tab-changed");
     if (!this.#outdated) this.#taskPanel.tab = tab;
@@ -312,7 +312,7 @@ class ControlPage {
     this.#taskPanel.welcome = welcome;
   }
 
-  /** A page left open over an upgrade asks for nothing any more but the stop, by the form's own address. */
+  /** After an upgrade of the console an open page sends only stops, to the form's URL. */
   #outdate() {
     this.#outdated = true;
     this.#taskPanel.tab = null;
@@ -342,7 +342,7 @@ class ControlPage {
   /** Drives while this tab has control, and only then. */
   #follow() {
     const drives = this.#drives;
-    const none = this.#control === null ? undefined : null; // as long as nobody has told
+    const none = this.#control === null ? undefined : null; // until the server has reported it
     this.#taskPanel.fence = drives ? this.#control.fence : none;
     if (drives) {
       this.#sender.start(this.#control.fence);
@@ -356,7 +356,7 @@ class ControlPage {
   }
 
   #onRefused({ of, refusal }) {
-    // A stick that rests asked for nothing.
+    // A stick at rest requested nothing.
     if (of === "drive" && (SHOWN_ELSEWHERE.has(refusal.code) || isNeutral(this.#stick.axes)))
       return;
     if (isControlRequest(of)) return this.#requests.refused(of, refusal);
@@ -384,7 +384,7 @@ class ControlPage {
     this.#look();
   }
 
-  /** What ends a stick: the latch always; a full hold of the gate ends one that nobody's finger is on. */
+  /** Release the stick: always at a stop; at a full hold by the gate if no finger is on it. */
   #followGate({ stop, verdict }, before) {
     if (stop.state === "clear") this.#requests.done("clear");
     if (stop.state !== "clear" && before?.stop.state === "clear") this.#stick.neutralise("stopped");
@@ -451,7 +451,7 @@ class ControlPage {
 const root = document.querySelector("[data-page=control]");
 if (root) {
   let page = new ControlPage(root, await tabToken());
-  // A page in the back/forward cache holds no connection: it is made anew when it is shown again.
+  // A page in the back/forward cache has no connection: it connects again when it is shown.
   window.addEventListener("pagehide", () => {
     page?.close();
     page = null;

@@ -1,4 +1,4 @@
-/** Who has control: words, buttons, people who ask, the dialogs. Tells the page what was chosen by "choose" events. */
+/** The control panel: holder, buttons, requests of others, dialogs. Reports choices by "choose" events. */
 
 import { make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { question } from "../lib/question.js";
@@ -6,7 +6,7 @@ import { controlWords, slotWarning, slotWords } from "./control_words.js";
 import { clockText, isLastCall, remaining } from "./lease.js";
 
 const UNKNOWN = { state: "unknown", requests: [] };
-// A press so soon after somebody asked was meant for what stood there before: hands are slower than that.
+// A press so soon after a request was meant for the former button: hands are slower than this.
 const MEANT_BEFORE_MS = 500;
 
 /** Events: "choose" (detail: a message for the server), "warn" (detail: words about a slot that ends control soon). */
@@ -17,7 +17,7 @@ export class ControlPanel extends EventTarget {
   #warnedAtS = Infinity;
   #timer;
   #takeOver;
-  #offeredMs = new Map(); // by request: since when control can be handed over to whoever asks
+  #offeredMs = new Map(); // by request: time from which control can be handed over to this person
   #listening = new AbortController();
 
   /** @param {Record<string, HTMLElement>} parts */
@@ -26,7 +26,7 @@ export class ControlPanel extends EventTarget {
     this.#parts = parts;
     const { signal } = this.#listening;
     for (const button of parts.actions.querySelectorAll("button[data-action]")) {
-      // Not by the second of two quick presses: where one took control, the next would give it back.
+      // Ignore the second press of a double click: after "take" it would release control.
       const press = ({ detail: presses }) => presses < 2 && this.#act(button.dataset.action);
       button.addEventListener("click", press, { signal });
     }
@@ -82,7 +82,7 @@ export class ControlPanel extends EventTarget {
     if (focused?.hidden) buttons.find(({ hidden }) => !hidden)?.focus();
   }
 
-  /** One's own is told above already. */
+  /** The person's own part is shown above already. */
   #showRequests(requests) {
     const others = requests.filter(({ id }) => id !== this.#control.asking);
     const offered = this.#control.state === "yours" ? others : [];

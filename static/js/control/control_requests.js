@@ -1,4 +1,4 @@
-/** What a person asks for about control and the stop: each is told of once, however it ends. */
+/** Requests of a person about control and the stop: each result is reported once. */
 
 import { FORGOTTEN_MS, PATIENCE_MS } from "../tasks/tasks.js";
 import { clockText } from "./lease.js";
@@ -22,9 +22,9 @@ export function isControlRequest(t) {
   return t in labels();
 }
 
-const SPREAD_S = 0.2; // of what the server says of one term, rounded, in quick succession
+const SPREAD_S = 0.2; // between rounded reports of the same term
 
-/** What is done by it; empty where the console itself has the words. */
+/** Text for success; empty if the console sends the text. */
 function doneText(t, { holder, remaining_s: remainingS }) {
   const texts = {
     take: gettext("You have control."),
@@ -38,7 +38,7 @@ function doneText(t, { holder, remaining_s: remainingS }) {
   return texts[t] ?? "";
 }
 
-/** Whether `control` as it is now answers what was asked for. */
+/** Whether the present `control` answers the request. */
 function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, renewedS) {
   switch (t) {
     case "take":
@@ -61,7 +61,7 @@ function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, renewe
 export class ControlRequests {
   #send;
   #tell;
-  #waiting = new Map(); // by what was asked for: timers, and whether it was said to be late
+  #waiting = new Map(); // by kind of request: timers, and whether it was reported as late
   #remainedS = 0; // of the term, when control was last heard of
   #heardMs = 0; // that moment
 
@@ -87,11 +87,11 @@ export class ControlRequests {
     this.#waiting.set(t, { timers: [late, forgotten], isLate: false });
   }
 
-  /** @param {object} control as the server says it stands @returns {boolean} whether something was done by it */
+  /** @param {object} control as the server says it stands @returns {boolean} whether it completed a request */
   heard(control) {
     const now = performance.now();
     const sinceS = (now - this.#heardMs) / 1000;
-    // Of a term that goes on, less is left by this time. One that was renewed may have been told a while later.
+    // The remaining time of an unchanged term gets shorter; a longer one shows a renewal, perhaps reported late.
     const renewedS = this.#remainedS - Math.max(SPREAD_S, sinceS / 2);
     const done = [...this.#waiting.keys()].filter((t) => isDone(t, control, renewedS));
     this.#remainedS = control.remaining_s ?? 0;
@@ -100,7 +100,7 @@ export class ControlRequests {
     return done.length > 0;
   }
 
-  /** It is done, if it was asked for. */
+  /** Report success, if it was requested. */
   done(t, control = {}) {
     if (!this.#forget(t)) return;
     const text = doneText(t, control);

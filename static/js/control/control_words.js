@@ -1,4 +1,4 @@
-/** Who has control, and what this person can do about it. Pure: from the server's `control` to words and actions. */
+/** The holder of control, and this person's actions, in words from the server's `control`. Pure. */
 
 import { clockText } from "./lease.js";
 
@@ -43,7 +43,7 @@ export function controlWords(control, resumableS = null) {
       return {
         headline: interpolate(gettext("%s has control"), [holder(control)]),
         reason: resumableS === null ? gone : interpolate(wait, [Math.ceil(resumableS)]),
-        actions: reason ? force : ["take"], // one's own vanished page needs no force
+        actions: reason ? force : ["take"], // taking over from the person's own vanished page needs no force
       };
     }
     default:

@@ -1,4 +1,4 @@
-/** What remains of a term of control. The server says how many seconds; this page counts them by its own clock. */
+/** Remaining time of a term of control. The server sends the seconds; this page counts them by its own clock. */
 
 const LAST_CALL_S = 30;
 

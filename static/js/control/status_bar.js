@@ -1,4 +1,4 @@
-/** What the control page shows of connection and robot: facts in the header, the banner, words, the stop's state. */
+/** Status of connection and robot on the control page: header, banner, gate, stop. */
 
 import { Announcer } from "../lib/announce.js";
 import { mark, say, show } from "../lib/dom.js";
@@ -51,7 +51,7 @@ export class StatusBar {
     say(this.#parts["stick-steps"], robot.stick);
   }
 
-  /** What becomes of a pressed stop, until the robot itself reports. */
+  /** Show the progress of a pressed stop, until the robot itself reports it. */
   stopSays(text) {
     this.#stopSaid = { text, untilMs: performance.now() + SAID_MS };
     say(this.#parts["stop-state"], text);
@@ -93,7 +93,7 @@ export class StatusBar {
 
   #showRobot(state, cut) {
     mark(this.#root, "stop", state.stop.state);
-    if (state.stop.state !== "clear" && !cut) this.#stopSaid.untilMs = 0; // the robot itself has the word
+    if (state.stop.state !== "clear" && !cut) this.#stopSaid.untilMs = 0; // the robot's own report replaces it
     const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
     say(this.#parts["stop-state"], said || (cut ? "" : stopText(state)));
     this.#showBattery(state);

@@ -5,7 +5,7 @@
 
 const ANSWER_MS = 400;
 const PATIENCE_MS = 4000; // the server itself calls a stop pending after 2 s
-export const SAID_MS = 5000; // how long news of a stop is told: longer than it waits for an answer
+export const SAID_MS = 5000; // display time of news about a stop: longer than it waits for an answer
 const SAME_PRESS_MS = 1000;
 const PENDING = 202; // no robot refused, but not every one has confirmed
 
@@ -59,7 +59,7 @@ export class StopButton {
     }
   }
 
-  /** The socket's way says that it did not arrive, or not yet: the form's way has the word while it is tried. */
+  /** The socket reports that the stop did not arrive, or not yet; ignored while the form is tried. */
   refused(text) {
     if (!this.#posting) this.#fail(text);
   }
@@ -77,13 +77,13 @@ export class StopButton {
     if (performance.now() - this.#pressedMs > SAME_PRESS_MS) this.press();
   }
 
-  /** Waits as long as it takes: a stop under way is never withdrawn, only told to be late. */
+  /** Wait without limit: a stop under way is never withdrawn, only reported as late. */
   async #post() {
     this.#say(gettext("Sending the stop"));
     this.#posting += 1;
     const late = setTimeout(() => this.#fail(noAnswer()), PATIENCE_MS);
     this.#timer = late;
-    const failed = (...told) => this.#timer === late && this.#fail(...told); // a newer press has the word
+    const failed = (...words) => this.#timer === late && this.#fail(...words); // only for the newest press
     try {
       const answer = await fetch(this.#form.action, {
         method: "POST",

@@ -1,4 +1,4 @@
-/** The words beside "Stop all": news goes after some seconds, a failure stays until the same is pressed again. */
+/** The words next to "Stop all": news disappears after some seconds, a failure stays until the same stop is pressed again. */
 
 import { say } from "../lib/dom.js";
 import { SAID_MS } from "./stop_button.js";
@@ -12,7 +12,7 @@ export class StopWords {
     this.#element = element;
   }
 
-  /** News of "Stop all", which is about every robot: what failed before counts no more. */
+  /** News of "Stop all", which concerns every robot: earlier failures are cleared. */
   say(text) {
     this.#failures.clear();
     this.#show(text);

@@ -1,4 +1,4 @@
-/** When the stick is sent: often while it is out of neutral, seldom while it rests, never into a full pipe. */
+/** Times of sending the stick: often out of neutral, seldom at rest, never while the network is full. */
 
 import { isNeutral, NEUTRAL } from "./stick.js";
 
@@ -40,7 +40,7 @@ export class DriveSender {
     this.#seq = Math.floor(clock()); // far fewer than one message per millisecond: it grows over reloads
   }
 
-  /** The part of the robot's limits that a full stick means. */
+  /** The share of the robot's limits that a full stick means. */
   set share(value) {
     this.#share = value;
   }
@@ -60,7 +60,7 @@ export class DriveSender {
     this.#moving = false;
   }
 
-  /** Zero, now, whatever waits in the pipe. */
+  /** Send zero now, even if the network is full. */
   zero() {
     if (this.#fence !== null) this.#send(NEUTRAL);
   }

@@ -5,7 +5,7 @@ import { NEUTRAL } from "./stick.js";
 const STICK_DEAD_ZONE = 0.08;
 const GAMEPAD_DEAD_ZONE = 0.15;
 
-/** Nothing within the dead zone, and the full range still reachable beyond it. */
+/** Zero within the dead zone; beyond it the full range remains. */
 export function withoutDeadZone(value, deadZone) {
   const size = Math.min(Math.abs(value), 1);
   if (!(size > deadZone)) return 0;
@@ -55,7 +55,7 @@ export function fromGamepad(axes, holonomic) {
   return { x, y: 0, w: Math.abs(turn) > Math.abs(sideways) ? turn : sideways };
 }
 
-/** Forward and sideways of a stick that drives. Who slides has one speed in all directions: its rim stays round. */
+/** Forward and sideways of a driving stick. Sliding has one speed in all directions, so its rim stays round. */
 function leftStick(forward, left, slides, deadZone) {
   const axes = slides ? [forward, left] : fullAtRim(forward, left);
   return axes.map((axis) => shape(axis, deadZone));

@@ -34,7 +34,7 @@ export class Stick extends EventTarget {
     return this.#blocked.size > 0;
   }
 
-  /** What an input says now. */
+  /** Take an input's present position. */
   feed(input, axes) {
     const neutral = isNeutral(axes);
     if (this.#blocked.has(input)) {

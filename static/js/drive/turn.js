@@ -1,6 +1,6 @@
 /**
  * The button by which a holder turns the robot around, to look at what is behind it before driving there.
- * It is a stick held sideways for as long as a finger is on it: with that it ends, and the dead-man and the gate hold as ever.
+ * It acts as a stick held sideways while a finger is on it; dead-man rule and gate apply as always.
  */
 
 import { dim, show } from "../lib/dom.js";
@@ -10,7 +10,7 @@ const INPUT = "turn";
 const LEFT = Object.freeze({ x: 0, y: 0, w: 1 });
 const TAP_MS = 300;
 
-/** Whether nobody sees all of what is behind the robot. */
+/** Whether sensors do not see the whole area behind the robot. */
 export function reverseIsBlind({ limits = [] }) {
   return limits.some(({ code, way }) => code === "blind_direction" && way === "reverse");
 }

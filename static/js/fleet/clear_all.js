@@ -4,14 +4,14 @@ import { standstillText } from "../control/control_banner.js";
 import { closable } from "../lib/dialog.js";
 import { make, makeButton, say, show } from "../lib/dom.js";
 
-/** The robots that are stopped, as they may be cleared. Pure. @param {object} robots by slug, as the console tells */
+/** The stopped robots that may be cleared. Pure. @param {object} robots by slug, from the console */
 export function stoppedOf(robots) {
   return Object.entries(robots)
     .filter(([, { state }]) => state && state.stop.state !== "clear")
     .map(([slug, { state, may_clear: mayClear }]) => ({ slug, stop: state.stop, mayClear }));
 }
 
-/** Who stopped it, why, and what the robot made of it. Pure. */
+/** Author and reason of a stop, and the robot's standstill, in words. Pure. */
 export function whyText(stop) {
   const by = stop.by
     ? interpolate(gettext("Stopped by %s."), [stop.by])
@@ -42,7 +42,7 @@ export class ClearAll {
     closable(parts["clear-dialog"], signal);
   }
 
-  /** How the robots are now. */
+  /** The present states of the robots. */
   set robots(robots) {
     this.#robots = robots;
     const stopped = stoppedOf(robots);

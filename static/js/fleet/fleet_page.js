@@ -23,9 +23,9 @@ import { ClearAll } from "./clear_all.js";
 
 const STALE_MS = 3000;
 const SIGNED_OUT = 4401;
-const RELOADED_FOR = "fleet-reloaded-for"; // the robots for which this tab last brought the page anew
+const RELOADED_FOR = "fleet-reloaded-for"; // the robots for which this tab last reloaded the page
 
-/** What a card says of one robot: its state, or the refusal that says why it is not known. Pure. */
+/** Text of a robot's card: its state, or the refusal that says why it is not known. Pure. */
 export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending = null }) {
   if (!state) {
     const unknown = unknownText(seenByConsole);
@@ -90,7 +90,7 @@ export class FleetPage {
   #cards = new Map();
   #connection;
   #words;
-  #heardMs = -Infinity; // when this connection last said how the robots are
+  #heardMs = -Infinity; // time of this connection's last report about the robots
   #robots = {};
   #timer;
   #stops = [];
@@ -182,14 +182,14 @@ export class FleetPage {
     show(field, true);
   }
 
-  /** What becomes of a card's stop, until the robot itself reports. */
+  /** Show the progress of a card's stop, until the robot itself reports it. */
   #stopSays(own, text) {
     say(own["stop-state"], text);
     mark(own["stop-state"], "fresh", true);
     show(own["stop-why"], false);
   }
 
-  /** What came of a stop that did not arrive everywhere: by robot as far as that is told, else in the server's words. */
+  /** Report a stop that did not arrive everywhere: by robot if known, otherwise in the server's words. */
   #failed(text, robots = {}, of = "") {
     const slugs = Object.keys(robots).filter((slug) => robots[slug].code && this.#cards.has(slug));
     if (slugs.length === 0) return this.#words.fail(text, of);
@@ -203,7 +203,7 @@ export class FleetPage {
     this.#words.unreached(card.querySelector("h2").textContent, slug, code === "pending");
   }
 
-  /** Whichever button was pressed: the server says which robot it was. */
+  /** Show a refusal for the robot that the server names. */
   #refused({ code, text, figures }) {
     if (this.#cards.has(figures?.slug)) this.#notConfirmed(figures.slug, code);
     else this.#words.fail(text);
@@ -229,7 +229,7 @@ export class FleetPage {
     requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
   }
 
-  /** Robots that come and go bring the page anew: once, should the next page still have other ones. */
+  /** Reload the page when robots were added or removed; only once if the next page still has other robots. */
   #followRegistry(slugs) {
     const told = slugs.sort().join();
     if (told === [...this.#cards.keys()].sort().join()) {

@@ -21,7 +21,7 @@ export class Announcer {
     if (this.#timer === null) this.#speak();
   }
 
-  /** What was said under this key is over: the next time it is news. */
+  /** The subject of this key is over: its next text is news again. */
   forget(key) {
     if (key !== this.#said) return;
     this.#said = "";

@@ -1,4 +1,4 @@
-/** A dialog beside which everything else goes on: the stop must never wait for an answer. */
+/** A non-modal dialog: the stop must never wait for an answer. */
 
 /**
  * Escape and the buttons with `data-close` close it.

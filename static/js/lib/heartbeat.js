@@ -3,7 +3,7 @@
 import { RoundTrips } from "./round_trips.js";
 
 const PING_MS = 1000;
-const SILENCE_MS = 4000; // then the connection is given up and made anew
+const SILENCE_MS = 4000; // then the page connects again
 
 export class Heartbeat {
   #socket;

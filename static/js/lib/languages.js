@@ -1,13 +1,13 @@
 /** Languages by name. Codes are BCP 47. */
 
-/** What names languages, by the language in which it does. */
+/** Objects that name languages, by the language of the names. */
 const known = new Map();
 
 export function pageLanguage() {
   return document.documentElement.lang || "en";
 }
 
-/** A language in words; its code if nobody knows a name. */
+/** A language's name; its code if the name is not known. */
 export function languageName(code, locale = pageLanguage()) {
   try {
     if (!known.has(locale))

@@ -19,7 +19,7 @@ export function matches(text, search) {
 }
 
 /**
- * What a field with a search does.
+ * Adds a search to a field.
  * @param {HTMLInputElement} field
  * @param {() => void} filter shows what fits the field's value
  * @param {() => HTMLElement[]} hits what is shown; the first button or link of each is what Enter acts on
@@ -128,7 +128,7 @@ export class SearchList {
     for (const button of this.#hits.querySelectorAll("button")) dim(button, dimmed);
   }
 
-  /** @param {string} text what stands there while there are no items at all */
+  /** @param {string} text shown while there are no items at all */
   set empty(text) {
     say(this.#empty, text);
     show(this.#empty, text !== "" && this.#items.length === 0);

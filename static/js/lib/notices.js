@@ -1,4 +1,4 @@
-/** What came of a person's input: told once at the edge of the screen, and kept in a log. */
+/** Results of a person's input: shown once at the edge of the screen, and kept in a log. */
 
 import { closable } from "./dialog.js";
 import { make, makeButton, mark, say } from "./dom.js";
@@ -23,7 +23,7 @@ function levels() {
   };
 }
 
-/** Sign and words. @param {HTMLElement} said what is told */
+/** Sign and words. @param {HTMLElement} said the notice's text */
 function words(level, said) {
   const { icon, word } = levels()[level];
   const sign = make("span", { className: "notice-icon", text: icon });
@@ -87,7 +87,7 @@ class Shown {
     say(this.#times, timesText(times));
     this.#leftMs = SHOWN_MS;
     this.#bar.remove();
-    this.element.append(this.#bar); // an animation begins anew with its element
+    this.element.append(this.#bar); // a new element restarts the animation
     if (!this.held) this.#run();
   }
 
@@ -98,7 +98,7 @@ class Shown {
 
   end() {
     clearTimeout(this.#timer);
-    if (!this.element.parentNode) return; // a browser tells what it takes away that the focus left it
+    if (!this.element.parentNode) return; // removing an element also fires its focus event
     const hadFocus = this.element.contains(document.activeElement);
     this.element.remove();
     this.#ended(hadFocus);
@@ -127,7 +127,7 @@ export class Notices {
   #shown = new Map();
   #log = [];
   #list;
-  #announced = new Map(); // what a screen reader is being told, until when
+  #announced = new Map(); // texts for screen readers, by key, with their end
   #cameFrom = null; // where the focus was before it came to the notices
   #listening = new AbortController();
 
@@ -196,7 +196,7 @@ export class Notices {
     return items.find(({ held }) => !held) ?? items[0];
   }
 
-  /** An element for each: what comes while another is read out takes nothing away. A stream of repeats is told once. */
+  /** One element for each notice, so that a new one does not interrupt another. Repeats are announced once. */
   #announce(key, { level, text }) {
     const { alarm, said } = this.#parts;
     const region = level === "error" ? alarm : said;
@@ -204,7 +204,7 @@ export class Notices {
     else region.append(make("p", { text: `${levels()[level].word}: ${text}`, data: { key } }));
     const forget = () => {
       this.#announced.delete(key);
-      [...region.children].find((told) => told.dataset.key === key)?.remove();
+      [...region.children].find((announced) => announced.dataset.key === key)?.remove();
     };
     this.#announced.set(key, setTimeout(forget, ANNOUNCED_MS));
   }

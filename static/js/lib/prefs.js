@@ -1,4 +1,4 @@
-/** What a person chose on this device, and what a tab keeps over a reload. A browser may forbid storage, or it is full. */
+/** A person's choices on this device, and a tab's data over a reload. Storage may be forbidden or full. */
 
 const KEY = "fleet-console";
 let chosen = null;

@@ -1,8 +1,8 @@
-/** What a page reads from the console when somebody looks, besides what it is told live. */
+/** Requests of a page to the console, in addition to the live connection. */
 
 /**
- * What an address answers.
- * @param {string} failed what to say where the console itself said nothing
+ * Reads JSON from a URL.
+ * @param {string} failed error text if the console sent none
  * @throws {Error} with words for a person
  */
 export async function readJson(url, failed) {

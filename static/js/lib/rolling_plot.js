@@ -103,7 +103,7 @@ export class RollingPlot {
   }
 }
 
-/** Of the axis below: how long ago, up to now. */
+/** Labels of the time axis: how long ago. */
 function ages(windowS, stepS) {
   const agesS = Array.from({ length: windowS / stepS }, (_, i) => windowS - stepS * (i + 1));
   return {

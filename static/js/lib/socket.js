@@ -70,7 +70,7 @@ export class LiveSocket extends EventTarget {
     return true;
   }
 
-  /** Gives a connection up that does not answer, and connects anew. */
+  /** Closes a connection that does not answer, and connects again. */
   reset() {
     const socket = this.#socket;
     if (!socket) return;

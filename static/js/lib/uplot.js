@@ -1,4 +1,4 @@
-/** What every plot of the console has in common: quiet axes, the page's colours, drawn anew when room or colours change. */
+/** Common parts of all plots: quiet axes, the page's colours, redraw when size or colours change. */
 
 import UPlot from "../../vendor/uplot/uPlot.esm.js";
 import { coloursOf, onNewColours } from "./colours.js";

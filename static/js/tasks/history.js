@@ -1,4 +1,4 @@
-/** What this robot was made to say, as far as one may read it, newest first; each can be repeated as it was. */
+/** This robot's spoken texts that the person may read, newest first; each can be repeated. */
 
 import { make, makeButton, mark, sayOrHide, show } from "../lib/dom.js";
 import { inLanguage, languageName } from "../lib/languages.js";
@@ -30,8 +30,8 @@ export class History {
   #list;
   #entries = [];
   #topic = null;
-  #saying = null; // number of what is being said
-  #ended = null; // of what ended last: its record may come later than the robot's word
+  #saying = null; // number of the current speech
+  #ended = null; // number of the last ended speech: its record may come later than the robot's report
   #newest = "";
   #isShown = false;
   #reading = Promise.resolve();
@@ -136,7 +136,7 @@ export class History {
     this.#list.items = this.#entries;
   }
 
-  /** How it ended, as the record or else the robot tells; null while it is being said. */
+  /** Its end, from the record or otherwise from the robot; null while it is being spoken. */
   #endOf({ number, outcome, why }) {
     if (outcome !== null) return { outcome, why };
     if (number === this.#ended?.number)

@@ -30,7 +30,7 @@ export function endNotice({ outcome, text }, title) {
   };
 }
 
-/** "3.2 s"; nothing if nobody knows. */
+/** "3.2 s"; empty if it is not known. */
 export function durationText(seconds) {
   if (!seconds) return "";
   return interpolate(gettext("%s s"), [seconds < 10 ? seconds.toFixed(1) : Math.round(seconds)]);

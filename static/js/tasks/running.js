@@ -1,4 +1,4 @@
-/** What the robot performs and says, on every tab, each with its Cancel; what of a tab's input goes elsewhere. */
+/** Current motion and speech, on every tab, each with Cancel; and inputs of the tab that go to another topic. */
 
 import { make, makeButton, say, show } from "../lib/dom.js";
 import { inLanguage } from "../lib/languages.js";

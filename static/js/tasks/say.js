@@ -1,4 +1,4 @@
-/** What a robot says: a text of one's own in a language of one's choice. */
+/** Speech: a free text in a chosen language. */
 
 import { dim, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { inLanguage, isolated, languageChoices, languageName } from "../lib/languages.js";
@@ -139,7 +139,7 @@ export class Say {
 
   // --- text ------------------------------------------------------------------------------------
 
-  /** What keeps the robot from speaking, whatever the text is. */
+  /** The reason why the robot cannot speak any text. */
   #hint() {
     const takeControl = this.#mayAct === false ? gettext("Take control first.") : "";
     sayOrHide(this.#parts["say-hint"], this.#mute || takeControl);
@@ -166,7 +166,7 @@ export class Say {
     this.#parts["say-form"].requestSubmit();
   }
 
-  /** Pressed twice, or held down, Enter says it once. Why the robot refuses it is told like every outcome. */
+  /** Enter pressed twice or held down sends the text once. A refusal is shown like every outcome. */
   async #submit(event) {
     event.preventDefault();
     if (this.#isSending) return;
@@ -192,7 +192,7 @@ export class Say {
     return "";
   }
 
-  /** What cannot be seen is selected: a key deletes it. */
+  /** Select characters that cannot be seen, so that a key deletes them. */
   #pointOut(text, { 0: character, index }) {
     const field = this.#parts["say-text"];
     const start = field.value.indexOf(text) + index;

@@ -1,4 +1,4 @@
-/** How what was begun ends: on this page, and for everybody. */
+/** Ends of motions and speech: for the person of this page, and for everybody. */
 
 /** How much it matters how a motion or a speech ended. */
 export function levelOf(outcome) {
@@ -6,15 +6,15 @@ export function levelOf(outcome) {
   return ["rejected", "failed"].includes(outcome) ? "error" : "warning";
 }
 
-/** Tells the person who began or cancelled something how it ended; others only see it end. */
+/** Reports an end to the person who began or cancelled the task; others only see it end. */
 export class Endings {
   #mine = false; // the next ending answers to this page
-  #cancels = false; // which cancels what runs, and need not be told by whom that was
+  #cancels = false; // this page cancels the task: its report need not name who did
   #name = ""; // of what runs, or ran
   #tell;
   #last; // number of the ending that is known already
   #runs = false;
-  #blind = false; // nothing was heard of the robot for a while: what ran may be gone with its bridge
+  #blind = false; // the robot was silent for a while: the task may have ended with its bridge
 
   /** @param {(ended: object, name: string) => void} tell */
   constructor(tell) {
@@ -24,7 +24,7 @@ export class Endings {
   /**
    * The next ending answers to this page, which begins or cancels something.
    * @param {string} [name] of what it begins
-   * @param {boolean} [cancels] what runs
+   * @param {boolean} [cancels] whether it cancels the running task
    * @returns {() => void} call it if that was refused: then nothing changed
    */
   begin(name = this.#name, cancels = false) {
@@ -60,7 +60,7 @@ export class Endings {
   }
 }
 
-/** Tells everybody who watches that a chosen topic vanished: input goes to another one than was chosen. */
+/** Reports to all viewers that a chosen topic vanished and input goes to another one. */
 export class ChoiceEnds {
   #tell;
   #known; // number of the last end by use; unknown until the first state

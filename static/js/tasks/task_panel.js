@@ -1,4 +1,4 @@
-/** Everything besides driving: motions, speech, topics, and the orders and notices that they share. */
+/** All tasks except driving: motions, speech, topics, with common requests and notices. */
 
 import { isAtLeast } from "../control/roles.js";
 import { Forget } from "../drive/forget.js";

@@ -1,15 +1,15 @@
-/** Orders to the robot besides driving: each has a number, gets one answer, and is told of once. */
+/** Tasks for the robot except driving: each has a number, one answer, and one notice. */
 
 import { isolated } from "../lib/languages.js";
 import { useLabel } from "./uses.js";
 
 export const PATIENCE_MS = 750;
-export const FORGOTTEN_MS = 15_000; // an answer that comes later than this is no answer to what a person remembers
+export const FORGOTTEN_MS = 15_000; // after this time an answer is ignored: the person does not expect it any more
 
-// What those may ask who do not have control: the console knows who may cancel.
+// Requests that need no control: the console knows who may cancel.
 const WITHOUT_CONTROL = new Set(["refresh", "play_cancel", "say_cancel"]);
 
-/** What an order is, in words. */
+/** The name of a request, in words. */
 function orderText(order) {
   switch (order.t) {
     case "look_ahead":
@@ -37,7 +37,7 @@ function orderText(order) {
   }
 }
 
-/** What is done by an order that was accepted; empty where the robot goes on to tell how it ends. */
+/** Text for an accepted request; empty if the robot reports its end later. */
 function doneText(order) {
   switch (order.t) {
     case "look_ahead":
@@ -63,9 +63,9 @@ function doneText(order) {
   }
 }
 
-/** What there is to tell when a topic's messages were ended. */
+/** Text for the end of a topic's messages. */
 export function publishedNoMore(topic) {
-  return interpolate(gettext("Nothing more is published on %s."), [topic]);
+  return interpolate(gettext("Publishing on %s has ended."), [topic]);
 }
 
 /** The beginning of a text, on one line. */
@@ -77,7 +77,7 @@ export function shortened(text, length = 40) {
 
 /**
  * Sends under the fencing number of this tab's control. Knows which motion and which speech this page began, so that
- * their end is told to the person who asked.
+ * their end is reported to the person who asked.
  */
 export class Orders {
   #send;
@@ -103,8 +103,8 @@ export class Orders {
   }
 
   /**
-   * @param {object} order without its number and fence. `title` is for people and stays here; `quiet` tells of a
-   *   refusal only, for what a page repeats.
+   * @param {object} order without its number and fence. `title` is for people and stays here; `quiet` reports
+   *   refusals only, for requests that a page repeats.
    * @returns {Promise<?object>} why it was refused; null if it was accepted
    */
   send(order) {
@@ -171,7 +171,7 @@ export class Orders {
 
   #late(seq) {
     const waiting = this.#waiting.get(seq);
-    waiting.isLate = true; // and said to be: it is told once more only if its answer comes
+    waiting.isLate = true; // and reported as late: one more notice only if its answer comes
     const text = gettext("no answer within 0.75 s. Look what the robot does before you try again.");
     waiting.resolve(this.#refused(waiting.order, { code: "no_answer", text }));
   }

@@ -1,4 +1,4 @@
-/** What a person's input is used for, each with a topic of its own. */
+/** Uses of a person's input, each with its own topic. */
 
 export const USES = ["drive", "speech", "motions"];
 
@@ -6,7 +6,7 @@ export function useLabel(use) {
   return { drive: gettext("Drive"), speech: gettext("Speech"), motions: gettext("Motions") }[use];
 }
 
-/** Those of a tab: the topics tab has rows for all of them. */
+/** Uses of a tab: the topics tab has rows for all of them. */
 export function usesOf(tab) {
   if (tab === "centre") return USES;
   return USES.filter((use) => use === tab);

@@ -6,7 +6,7 @@ import { PATIENCE_MS as LATE_MS } from "../tasks/tasks.js";
 
 const PATIENCE_MS = 12_000; // what answers may have to be started first, and the robot's own services take a moment
 
-/** What was refused, as an error. */
+/** A refusal, as an error. */
 class RefusedError extends Error {
   /** @param {{code: string, text: string, figures?: object}} refusal */
   constructor(refusal) {
@@ -16,14 +16,14 @@ class RefusedError extends Error {
 }
 
 /**
- * Events: "open", "refused" (detail: what nobody asked for), "late" (an answer, while no other is late already).
+ * Events: "open", "refused" (detail: a refusal without a request), "late" (the first answer that is late).
  * Open only while somebody looks.
  */
 export class TopicsChannel extends EventTarget {
   #url;
   #socket = null;
   #heartbeat = null;
-  #listening = null; // a closed socket may have more to say: nobody hears it
+  #listening = null; // ignore messages of a closed socket
   #seq = 0;
   #asked = new Map();
   #looks = new Map();
@@ -77,13 +77,13 @@ export class TopicsChannel extends EventTarget {
     });
   }
 
-  /** Shows the messages of a topic until it is told to look away. One look for each topic. */
+  /** Subscribes to a topic until the end of the subscription. One subscription for each topic. */
   look(topic, rateHz, shown) {
     this.#looks.set(topic, { rateHz, shown });
     this.#socket?.send({ t: "look", topic, rate_hz: rateHz });
   }
 
-  /** Nobody looks at a page that is hidden. */
+  /** Close the connection while the page is hidden. */
   #lookAsSeen() {
     for (const [topic, { rateHz }] of this.#looks) {
       this.#socket.send(

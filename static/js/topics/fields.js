@@ -1,4 +1,4 @@
-/** What a message holds, as rows with dotted paths. Pure. */
+/** A message's fields, as rows with dotted paths. Pure. */
 
 export const PATHS_AT_MOST = 400; // rows of one message; more would be a page nobody reads
 

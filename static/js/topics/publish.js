@@ -92,7 +92,7 @@ export class PublishPanel extends EventTarget {
     show(this.#parts["publish-control"], may === false);
   }
 
-  /** What the robot's side refused of the last message, which is told already: this says in which field. */
+  /** Mark the field that the robot's side refused in the last message; the refusal itself is already shown. */
   fault({ text, figures = {} }) {
     if (figures.path === undefined) return;
     const inForm = this.#usesForm && this.#form?.fault(figures.path, text);

@@ -33,7 +33,7 @@ export class Repeater {
     this.#anew(order);
   }
 
-  /** Who presses means it now, whatever was published before: from rest, as a stick that has been in the middle. */
+  /** Starts from rest, independent of earlier messages, like a stick that has been in the middle. */
   #anew(order) {
     this.#send({ ...order, fields: {}, quiet: true });
     this.#send(order);

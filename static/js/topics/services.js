@@ -3,7 +3,7 @@
 import { make, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { MessageForm } from "./form.js";
 
-/** What a service answered; of long arrays the beginning has come, which nobody should take for all. */
+/** A service's answer; long arrays are marked as shortened. */
 function answerText({ fields, shortened = {} }) {
   const text = JSON.stringify(fields, null, 2);
   const cut = Object.entries(shortened).map(([path, length]) => `${path} (${length})`);

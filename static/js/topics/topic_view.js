@@ -1,10 +1,10 @@
-/** A topic that is looked at: its figures, its newest message field by field, numbers over time. */
+/** View of a topic: its figures, its newest message field by field, numbers over time. */
 
 import { make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { figuresText, PATHS_AT_MOST, rows, typeText, valueText } from "./fields.js";
 import { FieldPlot } from "./plot.js";
 
-const SILENCE_MS = 4000; // a topic that is looked at is told of every second, whether anything comes on it or not
+const SILENCE_MS = 4000; // a subscribed topic is reported every second, also without messages
 
 /** Events: "refused" (detail: in words), "end". */
 export class TopicView extends EventTarget {
@@ -44,7 +44,7 @@ export class TopicView extends EventTarget {
     this.element.setAttribute("aria-label", topic);
   }
 
-  /** @param {object} message as in `shown`; told once more if nothing came, so that its figures are of now */
+  /** @param {object} message as in `shown`; sent again if nothing came, so that its figures are current */
   show(message) {
     clearTimeout(this.#silence);
     this.#silence = setTimeout(() => this.#lost(), SILENCE_MS);
@@ -66,13 +66,13 @@ export class TopicView extends EventTarget {
     this.element.remove();
   }
 
-  /** The connection, the bridge or its inspector is gone: how old this is, nobody tells any more. */
+  /** The connection, the bridge or its inspector is gone: the message's age is no longer known. */
   #lost() {
     mark(this.element, "stale", true);
     say(this.#figures, gettext("No news of it: this is what came last."));
   }
 
-  /** What stays where it is keeps focus, scroll and a press that is under way. */
+  /** Keep unchanged elements, so that focus, scroll position and a press are not lost. */
   #fill() {
     const found = rows(this.#fields, this.#opened);
     const wanted = new Set(found.map(keyOf));

@@ -1,4 +1,4 @@
-/** The Topics tab: where input goes, what the robot says, what may be published, called and set. */
+/** The Topics tab: topics for input, the robot's messages, publishing, services and parameters. */
 
 import { isAtLeast, whyNot } from "../control/roles.js";
 import { closable } from "../lib/dialog.js";
@@ -16,10 +16,10 @@ import { TopicView } from "./topic_view.js";
 
 const LOOK_HZ = 5;
 const LOOKS_AT_MOST = 8;
-const AGAIN_MS = 3000; // until what had no answer is asked again: the robot may be back by then
-const LASTING = new Set(["too_large", "inspector_fault", "not_connected"]); // refusals that no asking again changes
+const AGAIN_MS = 3000; // until a request without answer is sent again: the robot may be back by then
+const LASTING = new Set(["too_large", "inspector_fault", "not_connected"]); // refusals that a repetition cannot change
 
-/** What the robot publishes is asked for while the tab is shown, and not a moment longer. */
+/** Requests the robot's topics only while the tab is shown. */
 export class TopicsTab {
   #parts;
   #orders;
@@ -182,7 +182,7 @@ export class TopicsTab {
     };
   }
 
-  /** Told of what a person asked for, not of what is asked again by itself. */
+  /** Report a person's requests only, not automatic repetitions. */
   #late() {
     if (this.#again !== null) return;
     this.#tell("info", gettext("Topics: no answer within 0.75 s yet. It may take some seconds."));
@@ -209,7 +209,7 @@ export class TopicsTab {
     this.#again = null;
   }
 
-  /** What stands where nothing is listed. */
+  /** The text of an empty list. */
   #sayEmpty(text) {
     for (const list of Object.values(this.#lists)) list.empty = text;
   }

@@ -1,9 +1,9 @@
-/** What somebody writes for a message's fields, as values for JSON. Whole numbers keep all their digits. Pure. */
+/** Typed texts for a message's fields, as values for JSON. Whole numbers keep all their digits. Pure. */
 
 const WHOLE = /^u?int(8|16|32|64)$|^byte$|^char$/;
 const FRACTION = /^float(32|64)$/;
 
-/** What a field holds before anybody writes there. */
+/** The first value of a field. */
 export function blankText(type) {
   if (type === "time") return "now";
   if (type === "duration" || WHOLE.test(type) || FRACTION.test(type)) return "0";
