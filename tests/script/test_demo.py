@@ -192,7 +192,8 @@ def drive_by_phone(demo: Demo, address: str) -> None:
     """Check the address, the certificate and its pages, and drive in a browser."""
     console = OnTheNetwork(demo, (address,))
     assert f"{console.url}/" in demo.said
-    assert qr_code(f"{console.url}/") in demo.said
+    picture = qr_code(f"{console.url}/")
+    until(lambda: picture in demo.said, "the picture of the address")  # it follows the line "is ready"
 
     page = console.get("/accounts/sign-in/")
     assert page.status == 200
