@@ -99,7 +99,7 @@ class Slots:
 
     async def compare(self, name: str, p50_times: float | None, p99_times: float | None) -> list[Figure]:
         """Return the delays of both, and their ratios with these limits."""
-        progress(f"{name}, beside bare rospy ...")
+        progress(f"{name}, in turn with bare rospy ...")
         bare_s: list[float] = []
         ours_s: list[float] = []
         for _ in range(self._count):

@@ -220,7 +220,7 @@ def _beside_no_memory() -> list[Figure]:
 
 
 class _OpenGate(Gate):
-    """Knows all that a gate knows and lets everything pass."""
+    """Takes the same data as a gate and passes every command."""
 
     def decide(self, asked: Velocity, sent: Velocity, now_s: float) -> Verdict:
         return Verdict(asked, asked, "free", "")

@@ -74,11 +74,11 @@ def _password_changed(before: AbstractUser, person: AbstractUser) -> bool:
 def _record(kind: str, person: RecordedUser, changes: list[dict[str, Any]]) -> None:
     """Which fields, and of rights the values, are kept for ever; names and addresses are not."""
     kept = [change if change["field"] in RIGHTS else {"field": change["field"]} for change in changes]
-    told: dict[str, Any] = {"changes": kept} if changes else {}
+    change_parameters: dict[str, Any] = {"changes": kept} if changes else {}
     whole: dict[str, Any] = {"changes": changes} if kept != changes else {}
     record(
         kind,
         actor=person.changed_by or here(),
-        parameters={"user": str(person.pk), **told},
+        parameters={"user": str(person.pk), **change_parameters},
         private={"name": str(person), **whole},
     )

@@ -29,7 +29,7 @@ SYSTEMS = [
 
 
 def device_of(user_agent: str) -> str:
-    """Such as "Firefox on Linux", from a User-Agent header."""
+    """Return text such as "Firefox on Linux", from a User-Agent header."""
     browser = next((name for token, name in BROWSERS if token in user_agent), _("Unknown browser"))
     system = next((name for token, name in SYSTEMS if token in user_agent), None)
     return _("%(browser)s on %(system)s") % {"browser": browser, "system": system} if system else browser

@@ -62,8 +62,8 @@ class PasswordView(PasswordChangeView):
             form.user.save()
             update_session_auth_hash(self.request, form.user)
             services.own_password_changed(self.request, person_of(self.request))
-        told = _("Your password is changed. Every other browser has to sign in again.")
-        messages.success(self.request, told)
+        notice = _("Your password is changed. Every other browser has to sign in again.")
+        messages.success(self.request, notice)
         return redirect(self.get_success_url())
 
 
@@ -81,8 +81,8 @@ def session_end(request: HttpRequest, sign_in_id: UUID) -> HttpResponse:
     ended = services.sign_in_end(user=person_of(request), sign_in_id=sign_in_id)
     if not request.session.exists(request.session.session_key or ""):  # this one: it keeps no message
         return redirect("sign-in")
-    told = _("That session has ended.") if ended else _("That session had ended already.")
-    messages.success(request, told)
+    notice = _("That session has ended.") if ended else _("That session had ended already.")
+    messages.success(request, notice)
     return redirect("sessions")
 
 
@@ -93,6 +93,6 @@ def sessions_end_others(request: HttpRequest) -> HttpResponse:
         user=person_of(request), session_key=request.session.session_key or ""
     )
     ended = ngettext("%(count)d other session ended.", "%(count)d other sessions ended.", count)
-    told = ended % {"count": count} if count else _("There was no other session.")
-    messages.success(request, told)
+    notice = ended % {"count": count} if count else _("There was no other session.")
+    messages.success(request, notice)
     return redirect("sessions")

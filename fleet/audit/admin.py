@@ -109,7 +109,7 @@ class ListAdmin(ReadOnly):
         raise NotImplementedError
 
     def found(self, request: HttpRequest, form: FilterForm) -> dict[str, Any]:
-        """For the template: `days` with their `Line`s (`by_day`), `count`, what is beside the page (`beside`)."""
+        """For the template: `days` with their `Line`s (`by_day`), `count`, links to other pages (`beside`)."""
         raise NotImplementedError
 
     def export_view(self, request: HttpRequest) -> HttpResponseBase:
@@ -182,7 +182,7 @@ class RecordsAdmin(ListAdmin):
         )
 
     def record_view(self, request: HttpRequest, object_id: int) -> HttpResponse:
-        """One record with all that is known of it."""
+        """One record with all its data."""
         self._look(request)
         record = Record.objects.select_related("actor", "real_actor", "content").filter(pk=object_id).first()
         if record is None:

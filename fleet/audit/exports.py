@@ -117,7 +117,7 @@ def response(
 
     `besides` are texts with their numbers of rows, which follow the selected rows.
     """
-    head, to_text = _TOLD[format_]
+    head, to_text = _WRITERS[format_]
     pieces = ((to_text(rows), len(rows)) for rows in selection.chunks(CHUNK))
     return _file(head, chain(pieces, besides), wanted, actor=actor, name=name, format_=format_)
 
@@ -257,7 +257,7 @@ _MEDIA_TYPES = {
     Format.JSON_LINES: "application/jsonl; charset=utf-8",
 }
 # Header, and the format of rows.
-_TOLD: dict[Format, tuple[str, Callable[[list[Row]], str]]] = {
+_WRITERS: dict[Format, tuple[str, Callable[[list[Row]], str]]] = {
     Format.CSV: (BOM + _csv_lines([COLUMNS]), _csv),
     Format.JSON_LINES: ("", _json_lines),
 }

@@ -42,7 +42,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         self.bodies_bytes = 0  # of all requests that arrive, or wait for their answers
 
     def run(self) -> None:
-        """Until it is told to end."""
+        """Run until it is asked to end."""
         _least, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # each connection is a file
         if self.keeper is not None:
@@ -104,7 +104,7 @@ class CommandLine(CommandLineInterface):  # type: ignore[misc]
         )
 
     def run(self, args: list[str]) -> None:
-        """Until it is told to end."""
+        """Run until it is asked to end."""
         asked: Namespace = self.parser.parse_args(args)
         if asked.life_line is None:
             os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")

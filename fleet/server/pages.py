@@ -170,8 +170,8 @@ def _headers(request: Any) -> Headers:
 def _length(request: Any, response: Any) -> bytes | None:
     """Return the length of the body; None: in chunks, or no body. For HEAD it is GET's: Twisted says 0."""
     if request.method == b"HEAD":
-        told: list[bytes] = response.headers.getRawHeaders(b"content-length", [])
-        return told[0] if told else None
+        lengths: list[bytes] = response.headers.getRawHeaders(b"content-length", [])
+        return lengths[0] if lengths else None
     if response.code in http.NO_BODY_CODES or not isinstance(response.length, int):
         return None
     return b"%d" % response.length

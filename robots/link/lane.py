@@ -4,7 +4,7 @@ A command on the link's WebSocket costs 0.3 ms of frames, tasks and buffers. On 
 is one datagram: one call sends it and one call reads it. Commands and stops travel there; their answers, and all
 other messages stay on the WebSocket. Bridges on other computers have no lane.
 
-A lane belongs to one link: the bridge tells each link a token, and the lane's first datagram is that token. The end of
+A lane belongs to one link: the bridge sends each link a token, and the lane's first datagram is that token. The end of
 the lane or of the WebSocket ends the other.
 """
 

@@ -25,11 +25,11 @@ def end_event(life_line: int | None, patience_s: float) -> threading.Event:
     signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
     for number in SIGNALS:
         signal.signal(number, lambda *_: None)
-    told = threading.Event()
+    asked_to_end = threading.Event()
     threading.Thread(
-        target=_listen, args=(told, hears, life_line, patience_s), name="the end", daemon=True
+        target=_listen, args=(asked_to_end, hears, life_line, patience_s), name="the end", daemon=True
     ).start()
-    return told
+    return asked_to_end
 
 
 # Exit codes of a bridge.
@@ -43,13 +43,13 @@ def exit_within(patience_s: float) -> None:
     threading.Thread(target=_leave, args=(patience_s,), name="the end", daemon=True).start()
 
 
-def _listen(told: threading.Event, signals: int, life_line: int | None, patience_s: float) -> None:
+def _listen(asked_to_end: threading.Event, signals: int, life_line: int | None, patience_s: float) -> None:
     sources = [signals] if life_line is None else [signals, life_line]
     while True:
         ready, _, _ = select.select(sources, [], [])
         if signals in ready or not os.read(ready[0], 4096):
             break
-    told.set()
+    asked_to_end.set()
     _leave(patience_s)
 
 

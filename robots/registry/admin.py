@@ -147,10 +147,10 @@ class RobotAdmin(RecordedAdmin):
             "state": status.get_state_display(),
             "time": f"{status.since:%Y-%m-%d %H:%M:%S}",
         }
-        told = f"{since}: {status.detail}" if status.detail else since
+        status_text = f"{since}: {status.detail}" if status.detail else since
         if status.state in ENDED or robot.bridge_address or supervised(settings.FLEET_RUN_DIR / LOCK):
-            return told
-        return gettext("no supervisor is running; the last one said: %s") % told
+            return status_text
+        return gettext("no supervisor is running; the last one said: %s") % status_text
 
     @admin.display(description=_("check"))
     def check_link(self, robot: Robot) -> str:

@@ -136,8 +136,8 @@ class PhraseAdmin(EntryAdmin):
         new = services.phrases_import(
             owner=asked["owner"], lines=asked["lines"], actor=person_of(request), replace=asked["replace"]
         )
-        told = ngettext("%(owner)s: %(count)d new phrase.", "%(owner)s: %(count)d new phrases.", new)
-        self.message_user(request, told % {"owner": asked["owner"], "count": new}, messages.SUCCESS)
+        text = ngettext("%(owner)s: %(count)d new phrase.", "%(owner)s: %(count)d new phrases.", new)
+        self.message_user(request, text % {"owner": asked["owner"], "count": new}, messages.SUCCESS)
         return redirect("admin:robots_phrase_changelist")
 
     @admin.action(description=_("Export to a text file"))

@@ -97,7 +97,7 @@ class PendingStops:
         return sorted(found, key=lambda stop: stop.at)
 
     def of(self, name: str) -> list[WaitingStop]:
-        """Those of one robot, the newest last; as a rule there is none or one."""
+        """Return one robot's pending stops, the newest last; usually none or one."""
         with self._lock:
             found = [self._unwritten[name]] if name in self._unwritten else []
         found += [stop for path in self._paths(name) if (stop := _read(path)) is not None]

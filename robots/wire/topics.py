@@ -181,7 +181,7 @@ class Sample(Struct, frozen=True, tag_field="t", tag="shown"):
 
     topic: str
     type: str
-    number: int  # of this message among all that came
+    number: int  # of this message, counting all received ones
     rate_hz: float | None
     bytes: int
     age_s: float | None  # now, since its header's stamp, by the console's clock; None: no stamp

@@ -58,17 +58,17 @@ Kind = type[Struct]
 
 def page() -> str:
     """Return the text of the page."""
-    told: dict[Kind, str] = {}  # the door under which a message is described
+    described_at: dict[Kind, str] = {}  # the door under which a message is described
     common = _common()
     fields = "\n".join(f"* {line}" for line in common.values())
     sections = [f"{HEAD}Fields that several messages have in common:\n\n{fields}\n"]
     for door, union in DOORS.items():
         kinds = _kinds(union)
-        before = [kind for kind in kinds if kind in told]
+        before = [kind for kind in kinds if kind in described_at]
         sections.append(f"## {door}\n")
         for kind in kinds:
-            if kind not in told:
-                told[kind] = door
+            if kind not in described_at:
+                described_at[kind] = door
                 sections.append(_section(kind, common))
         if before:
             sections.append(f"As above: {', '.join(map(_link, before))}.\n")
@@ -76,7 +76,7 @@ def page() -> str:
     sections += [
         _section(kind, common)
         for kind in _structs()
-        if kind not in told and not kind.__name__.startswith("_")
+        if kind not in described_at and not kind.__name__.startswith("_")
     ]
     return "\n".join(sections)
 

@@ -452,7 +452,7 @@ def _end_session(
 ) -> None:
     """End a control session once, and record how. `by` None: the console ended it by its rules.
 
-    `note` tells the holder the reason in words (`teleop.control.selectors.end_notes`), `why` tells programs its code.
+    `note` is the reason in words for the holder (`teleop.control.selectors.end_notes`), `why` its code for programs.
     """
     open_ones = ControlSession.objects.filter(pk=held.session, ended_at=None)
     if not open_ones.update(ended_at=now, end_reason=reason):

@@ -138,7 +138,9 @@ def build(late: Late) -> Case:
     if late.way == "first":
         return replace(case, conditions=Conditions(late_s=late.ms / 1000.0))
     v = late.share
-    way_m = (0.2 + late.spare_s) * v + v**2 / (2.0 * 0.65) + 0.08  # as the gate reckons, of a robot of 0.2 s
+    way_m = (
+        (0.2 + late.spare_s) * v + v**2 / (2.0 * 0.65) + 0.08
+    )  # the gate's braking distance, for a robot of 0.2 s
     brakes_s = STICK_S + v / 2.0 + (gap_m - way_m) / v
     at_s = brakes_s + float(random.uniform(*JUMP_WITHIN_S))
     sensors, commands = WAYS[late.way]

@@ -1,15 +1,15 @@
 """An obstacle leaves while the stick is held: seconds until the robot may drive again.
 
-It counts from the moment when nothing is nearer to the hull than half a metre any more. A run in which the robot was
-not held, or touched something before, says nothing of this.
+The time counts from the moment when no object is nearer to the hull than 0.5 m. Runs in which the robot was not held,
+or touched an object before, do not count.
 
-Behind the robot no sensor looks as high as what laser and camera saw of a thing before, and a leg that leaves a
-sonar's cone by its rim is heard no more, though it stands there. So what was seen before has no limit behind, and
-what was only heard does not keep the limit in every run. Away from both the robot must drive at once: the same cases
+Behind the robot no sensor looks as high as laser and camera did before, and a sonar loses a leg that leaves its cone at
+the rim, although it still stands there. So there is no time limit for seen objects behind the robot, and objects that
+were only heard do not keep the limit in every run. Away from the object the robot must drive at once: the same cases
 are played with a stick that goes ahead in the end.
 
-In `GLANCED` the head is turned aside before the thing goes, so that no sensor sees all of the place, until somebody
-presses *Look ahead*: from then on it counts.
+In `GLANCED` the head is turned aside before the object goes, so that no sensor sees the whole place, until somebody
+presses *Look ahead*: the time counts from then on.
 """
 
 from __future__ import annotations

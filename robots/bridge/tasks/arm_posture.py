@@ -74,8 +74,8 @@ class ArmPosture:
     def _forget_oldest(self) -> None:
         """Keep the arm's own joints, and the newest of the others."""
         own = set(self._arm.home) | (set[str]().union(*self._moved.values()) if self._tree else set())
-        told = sorted(self._joints.items(), key=lambda item: (item[0] in own, item[1][1]))
-        self._joints = dict(told[-MAX_JOINTS // 2 :])
+        by_age = sorted(self._joints.items(), key=lambda item: (item[0] in own, item[1][1]))
+        self._joints = dict(by_age[-MAX_JOINTS // 2 :])
 
     def posture(self, now_s: float) -> Posture:
         """Return the posture for the gate."""

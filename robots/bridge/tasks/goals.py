@@ -116,7 +116,7 @@ class Goals(ABC, Generic[What]):
 
     def _busy(self, now_s: float) -> set[str]:
         """Return topics on which the robot performs goals of other nodes."""
-        return {topic for topic, told_s in self._others.items() if now_s - told_s <= UNHEARD_S}
+        return {topic for topic, heard_s in self._others.items() if now_s - heard_s <= UNHEARD_S}
 
     def _recorded(self, now_s: float) -> Goal[What] | None:
         """Return a recorded goal that waits to be sent.

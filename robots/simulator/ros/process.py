@@ -58,14 +58,14 @@ def _take_leave() -> None:
 def _wait_for_master(stop: threading.Event) -> bool:
     """Return True when the master answers, False when the process must end first."""
     master = Master(rosgraph.get_master_uri(), "/simulator")
-    told = False
+    is_reported = False
     while True:
         try:
             master.alive()
             return True
         except MasterError as error:
-            if not told:
+            if not is_reported:
                 log.info("waiting for a master: %s", error)
-                told = True
+                is_reported = True
         if stop.wait(_MASTER_RETRY_S):
             return False

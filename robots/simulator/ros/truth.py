@@ -76,7 +76,7 @@ class GroundTruth:
             return
         self._touching = bool(contacts)
         approach = self._robot.approach
-        told = {
+        message = {
             "stamp_s": stamp.to_sec(),
             "speed_mps": math.hypot(approach.vx, approach.vy),
             "contacts": [
@@ -84,7 +84,7 @@ class GroundTruth:
                 for contact in contacts
             ],
         }
-        self._contacts.publish(json.dumps(told))
+        self._contacts.publish(json.dumps(message))
 
     def _obey(self, name: str, kind: type, act: Callable[[object], None]) -> None:
         rospy.Subscriber(f"/ground_truth/{name}", kind, lambda message: self._asked.put(lambda: act(message)))

@@ -26,13 +26,15 @@ class Localisation:
 
     def map_to_odom(self, truth: Pose) -> Pose:
         """Return the odometry frame's pose in the map frame, for the robot's true pose `truth`."""
-        told = Pose(self._odometry.x, self._odometry.y, self._odometry.yaw)
-        if self._believed_at is None or _moved(self._believed_at, told):
-            self._believed_at = told
+        odometry = Pose(self._odometry.x, self._odometry.y, self._odometry.yaw)
+        if self._believed_at is None or _moved(self._believed_at, odometry):
+            self._believed_at = odometry
             x, y, yaw = np.array(truth) + self._random.normal(0.0, (SIGMA_M, SIGMA_M, SIGMA_RAD))
-            turn = math.remainder(yaw - told.yaw, math.tau)
+            turn = math.remainder(yaw - odometry.yaw, math.tau)
             c, s = math.cos(turn), math.sin(turn)
-            self._map_to_odom = Pose(x - c * told.x + s * told.y, y - s * told.x - c * told.y, turn)
+            self._map_to_odom = Pose(
+                x - c * odometry.x + s * odometry.y, y - s * odometry.x - c * odometry.y, turn
+            )
         return self._map_to_odom
 
 

@@ -18,7 +18,7 @@ export function curve(value) {
 }
 
 /**
- * A thumb reaches a round rim, yet forward and turn are two speeds, each with a full of its own: what is pulled to the
+ * A thumb reaches a round rim, yet forward and turn are two speeds, each with its own maximum: a stick pulled to the
  * rim is full, so that a bend is driven as fast as by keys. The direction, and with it the bend, stays.
  */
 export function fullAtRim(x, y) {

@@ -26,7 +26,7 @@ export class TurnAndLook {
   /**
    * @param {HTMLButtonElement} button
    * @param {import("./stick.js").Stick} stick
-   * @param {(may: boolean) => void} hint tells who only tapped it that it is to be held, or that it needs control
+   * @param {(may: boolean) => void} hint reports a mere tap: the button must be held, or needs control
    */
   constructor(button, stick, hint) {
     this.#button = button;

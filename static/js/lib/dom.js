@@ -15,7 +15,7 @@ export function sayOrHide(element, text) {
   show(element, text !== "");
 }
 
-/** Says that a button does nothing now. It can still be reached and pressed: then the page tells why. */
+/** Marks a button as disabled. It can still be focused and pressed: then the page gives the reason. */
 export function dim(button, dimmed) {
   if (dimmed) button.setAttribute("aria-disabled", "true");
   else button.removeAttribute("aria-disabled");

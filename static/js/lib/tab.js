@@ -20,7 +20,7 @@ function remembered(key, make) {
 
 /**
  * The tab's token. Browsers copy a tab's storage when a person duplicates the tab: the copy finds the
- * token's lock taken and makes a token of its own.
+ * token's lock taken and makes a new token.
  */
 export async function tabToken() {
   const token = remembered(TOKEN, randomToken);

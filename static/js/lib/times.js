@@ -1,4 +1,4 @@
-/** Times as this browser tells them; with the zone, for the records of the same are in UTC. */
+/** Times in this browser's format, with the zone, because records use UTC. */
 
 import { pageLanguage } from "./languages.js";
 

@@ -15,8 +15,8 @@ function clock(atS) {
 }
 
 function words(entry) {
-  const told = entry.querySelectorAll(".what, .subject");
-  return [...told].map((element) => element.textContent).join(": ");
+  const parts = entry.querySelectorAll(".what, .subject");
+  return [...parts].map((element) => element.textContent).join(": ");
 }
 
 function showMoment(atS) {

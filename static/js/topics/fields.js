@@ -6,7 +6,7 @@ const NO_NUMBERS = new Set(["NaN", "Infinity", "-Infinity"]); // JSON has them a
 
 /**
  * Every field below a message, in its order. `kind` says what its row is like: a "branch" with others below it, a
- * "number", "numbers" in a list, or "text", which is all that is merely shown.
+ * "number", "numbers" in a list, or "text" for all other values.
  * @param {object} fields
  * @param {Set<string>} opened paths of lists of numbers that have a row for each element
  * @returns {{path: string, value: any, depth: number, kind: string, isOpen: boolean}[]}

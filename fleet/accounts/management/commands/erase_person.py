@@ -45,7 +45,7 @@ class Command(BaseCommand):
             " If this is interrupted: run it again."
         )
         sleep(WRITTEN_S)
-        told = account_erase(user=person, actor=here())
+        erasure = account_erase(user=person, actor=here())
         self.stdout.write(
-            f"{username} is erased: what {len(told.parameters['records'])} records said is gone."
+            f"{username} is erased: the contents of {len(erasure.parameters['records'])} records are removed."
         )

@@ -2,8 +2,8 @@
 
 A robot with a constant twist turns about the centre of rotation C = (-vy/w, vx/w); in its own base frame each point
 of the world then runs on a circle about C, the other way round. `Line` and `Circle` hold these courses, seen along
-the way on which the twist sets out: x in its direction, y to the left of it, and so C = (0, v/w). What belongs to a
-twist, a disc or an edge is a plain number, what belongs to points an array (N,): calling numpy costs more than the
+the twist's first direction: x in this direction, y to the left, and so C = (0, v/w). The data of a
+twist, a disc or an edge are plain numbers, those of points arrays (N,): calling numpy costs more than the
 arithmetic does. Contact times are in seconds, infinity for never; they are those of points outside the hull.
 """
 

@@ -31,7 +31,7 @@ brings each of its speeds monotonically towards what is commanded. So no speed i
 among the measured twist, what was sent lately and the candidate: V forward, N backward, S sideways (wheels slip), W
 turning. Let P(u) be u (T + period) + u^2 / 2a. Without S the base goes at most P(V) ahead and, while its heading is at
 most Theta = W (T + period) + W^2 / 2 alpha <= pi / 2 off, at most P(N) back; aside it goes at most
-Theta (P(V) + P(N)). S adds at most P(S), whichever way. What is farther from all of this than radius(m_hard) is clear.
+Theta (P(V) + P(N)). S adds at most P(S) in any direction. Points farther from this area than radius(m_hard) are clear.
 
 Where the proof would need more, nothing is certified: a wanted way sideways, an arc so tight that R <= r, points that
 move (second check), a command from the future (a clock was set). `SLACK_M` is far above what rounding does to these

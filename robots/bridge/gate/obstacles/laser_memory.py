@@ -42,16 +42,16 @@ class LaserMemory:
         self._memory.see(placed(self._laser.seen, base), base, now_s)
         origin = seen_from(ORIGIN, base)
         remembered = self._memory.points(now_s)
-        told = sight(sweep, placed(remembered, seen_from(origin, self._laser.pose)))
-        kept = np.flatnonzero(~told.vouched)
+        sighting = sight(sweep, placed(remembered, seen_from(origin, self._laser.pose)))
+        kept = np.flatnonzero(~sighting.vouched)
         unseen = placed(chosen(remembered, kept), origin)
         self._points = grown(unseen, self._memory.doubts_m()[kept], self._laser.footprint)
         self._stamp_s = stamp_s
-        self._memory.pass_through(told.through)
+        self._memory.pass_through(sighting.through)
         self._revision += 1
 
     def forget(self) -> None:
-        """Forget all that earlier scans saw."""
+        """Forget the points of earlier scans."""
         self._memory.clear()
         self._points = NO_POINTS
         self._revision += 1

@@ -96,7 +96,7 @@ class Movers:
     ) -> None:
         """Take a scan; `points` in the order of its beams, computed on demand, from a sensor at `sensor`.
 
-        Another `frame` than before says that the odometry has jumped: what was seen before tells nothing then.
+        A new `frame` means that the odometry has jumped: earlier observations are then useless.
         """
         if frame != self._frame or (self._looks and stamp_s <= self._looks[-1].stamp_s):
             self._looks.clear()

@@ -180,7 +180,7 @@ class Memory:
     def pass_through(self, free: NDArray[np.bool_]) -> None:
         """One observation saw free space at these of `points`; the second one in a row forgets them.
 
-        In a row: seeing the point once more starts anew.
+        In a row: seeing the point once more restarts the count.
         """
         self._passes[self._cells[free]] += 1
         self._forget(self._passes[self._cells] >= PASSES)

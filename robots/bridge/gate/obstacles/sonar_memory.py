@@ -1,7 +1,7 @@
 """Sonar memory: echoes as arcs, kept until a sensor that covers the place shows it free (docs/gate.md, 7).
 
 An echo says: something is on this arc, nobody knows where on it. A thin leg leaves the cone while it is still in the
-way, and then the sonar is silent. So silence about a place is told apart from news of it:
+way, and then the sonar is silent. So a silent sonar and a free place are distinguished:
 
 * A later reading shows free what lies in the middle of its cone and well before its range. The cone's rim shows
   nothing: a cone may be narrower than it is described, or the thing be too thin there.

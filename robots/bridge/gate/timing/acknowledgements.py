@@ -1,6 +1,6 @@
 """The time in which the robot's computer acknowledges sent bytes, without its clock.
 
-Between two looks an acknowledgement may have come at any moment, so what is told is the least that it can have taken.
+Between two looks an acknowledgement may have come at any moment, so the result is the shortest possible time.
 """
 
 from __future__ import annotations

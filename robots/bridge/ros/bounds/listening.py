@@ -26,7 +26,7 @@ from rospy.impl.transport import INBOUND
 
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.bounds.servers import UNHEARD
-from robots.bridge.ros.bounds.sizes import Kind, kind_of, told
+from robots.bridge.ros.bounds.sizes import Kind, kind_of, size_text
 from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.server.flood_limits import TokenBucket
@@ -69,7 +69,9 @@ class Reading:
     def why_not(self, largest: int, messages: int, worked_s: float, now_s: float) -> str:
         """Return why the publisher is cut off, or "". `largest` in bytes; `messages` is their number."""
         if largest > self._kind.most_bytes:
-            return f"sends messages of {told(largest)}, at most {told(self._kind.most_bytes)} is taken"
+            return (
+                f"sends messages of {size_text(largest)}, at most {size_text(self._kind.most_bytes)} is taken"
+            )
         if not self._messages.spend(now_s, messages):
             return f"sends more than {self._kind.most_hz:.0f} messages a second"
         if not self._time.spend(now_s, worked_s):

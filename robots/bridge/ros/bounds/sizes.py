@@ -52,7 +52,7 @@ def kind_of(topic: str, type_name: str) -> Kind:
     return KINDS.get(_expected.get(topic, type_name), Kind())
 
 
-def told(size: float) -> str:
+def size_text(size: float) -> str:
     """A number of bytes for people."""
     for unit, name in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
         if size >= unit:

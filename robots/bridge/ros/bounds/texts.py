@@ -28,19 +28,19 @@ def cut(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def books(told: Iterable[tuple[str, Sequence[str]]]) -> dict[str, list[str]]:
+def books(entries: Iterable[tuple[str, Sequence[str]]]) -> dict[str, list[str]]:
     """Names of nodes by name of topic or service, cut. The first ones are kept, of topics and of nodes."""
     found: dict[str, list[str]] = {}
-    for name, nodes in told:
+    for name, nodes in entries:
         if len(found) >= MOST_TOPICS:
             break
         found[cut(name, NAME)] = [cut(node, NAME) for node in nodes[:MOST_NODES]]
     return found
 
 
-def cut_types(told: Iterable[tuple[str, str]]) -> dict[str, str]:
+def cut_types(entries: Iterable[tuple[str, str]]) -> dict[str, str]:
     """Types by topic, both cut."""
-    first = islice(told, 2 * MOST_TOPICS)
+    first = islice(entries, 2 * MOST_TOPICS)
     return {cut(topic, NAME): cut(type_name, NAME) for topic, type_name in first}
 
 
@@ -50,7 +50,7 @@ def named(names: Collection[str]) -> list[str]:
     return [*shown, f"{len(names) - len(shown)} more"] if len(names) > len(shown) else shown
 
 
-def most_of(told: Mapping[str, _Item], ours: str) -> dict[str, _Item]:
+def most_of(entries: Mapping[str, _Item], ours: str) -> dict[str, _Item]:
     """Return at most `MOST_GOALS` of these, with names cut; goals whose name begins with `ours` come first."""
-    own_first = sorted(told.items(), key=lambda item: not item[0].startswith(ours))
+    own_first = sorted(entries.items(), key=lambda item: not item[0].startswith(ours))
     return {cut(name, NAME): item for name, item in own_first[:MOST_GOALS]}

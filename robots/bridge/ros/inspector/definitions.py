@@ -155,15 +155,15 @@ class Definitions:
 
     def of_connection(self, header: dict[str, str]) -> Definition:
         """Definition of the publisher with this connection header. Raises Declined."""
-        told = (header.get("type", ""), header.get("md5sum", ""), header.get("message_definition", ""))
-        key = hashlib.sha256("\0".join(told).encode()).hexdigest()
+        claimed = (header.get("type", ""), header.get("md5sum", ""), header.get("message_definition", ""))
+        key = hashlib.sha256("\0".join(claimed).encode()).hexdigest()
         with self._lock:
             found = self._found.get(key)
             if found is None:
-                found = self._judged(*told)
+                found = self._judged(*claimed)
             if len(self._found) >= MOST_FOUND:
                 self._found.clear()
-            if told[2] or isinstance(found, Definition):  # else another publisher may still send it
+            if claimed[2] or isinstance(found, Definition):  # else another publisher may still send it
                 self._found[key] = found
         if isinstance(found, Declined):
             raise found
@@ -199,18 +199,18 @@ class Definitions:
                 return kept
             if md5 != parsed(type_name, "").md5:  # an empty text is a valid definition
                 raise _unknown(type_name, md5)
-        told = parsed(type_name, text)
-        if told.md5 != md5:
+        definition = parsed(type_name, text)
+        if definition.md5 != md5:
             raise Declined(
                 "definition_differs",
                 f"The publisher’s definition of {type_name} is not the one of its md5 sum: "
                 "the console cannot decode its messages.",
                 type=type_name,
                 claimed_md5=md5,
-                definition_md5=told.md5,
+                definition_md5=definition.md5,
             )
-        self._keep(told)
-        return told
+        self._keep(definition)
+        return definition
 
     # --- on disk --------------------------------------------------------------------------------------
 
@@ -228,13 +228,13 @@ class Definitions:
             if file.stem.endswith(kept.md5):
                 yield kept
 
-    def _keep(self, told: Definition) -> None:
+    def _keep(self, definition: Definition) -> None:
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        file = self._folder / f"{told.type.replace('/', '--')}--{told.md5}.msg"
+        file = self._folder / f"{definition.type.replace('/', '--')}--{definition.md5}.msg"
         if file.exists() or sum(1 for _ in self._folder.iterdir()) >= MOST_KEPT:
             return
         draft = file.with_suffix(".draft")
-        draft.write_text(told.text)
+        draft.write_text(definition.text)
         draft.replace(file)
 
 

@@ -172,11 +172,11 @@ class Master:
 
     def system_state(self) -> SystemState:
         """Return publishers, subscribers and types of all topics, and service providers; long names are cut."""
-        told = self._call_typed(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
-        publishers, subscribers, services = map(texts.books, told)
+        system_state_parts = self._call_typed(tuple[_Nodes, _Nodes, _Nodes], "getSystemState")
+        publishers, subscribers, services = map(texts.books, system_state_parts)
         types = texts.cut_types(self._call_typed(list[tuple[str, str]], "getTopicTypes"))
         types.update(_goal_types(publishers, types))
-        is_cut = max(map(len, told)) > texts.MOST_TOPICS
+        is_cut = max(map(len, system_state_parts)) > texts.MOST_TOPICS
         return SystemState(publishers, subscribers, types, services, is_cut)
 
     def call(self, method: str, *arguments: object, longest: int = texts.ANSWER) -> Any:

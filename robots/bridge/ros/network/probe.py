@@ -75,10 +75,10 @@ def _drive(plan: Plan, state: SystemState) -> DriveFound:
 
 def _description(arm: ArmSource, master_uri: str) -> DescriptionFound:
     try:
-        told = Master(master_uri, CALLER, DESCRIPTION_S).parameter("/robot_description")
-        if not isinstance(told, str):
+        description = Master(master_uri, CALLER, DESCRIPTION_S).parameter("/robot_description")
+        if not isinstance(description, str):
             return DescriptionFound(error="there is none")
-        tree = Tree(told)
+        tree = Tree(description)
     except (MasterError, BadDescription) as error:
         return DescriptionFound(error=str(error))
     return DescriptionFound(

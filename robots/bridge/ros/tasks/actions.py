@@ -54,14 +54,14 @@ class ActionTopics:
         self._goals = Sender(f"{action.name}/goal", self.goal_class, joined)
         self._cancels = Sender(f"{action.name}/cancel", GoalID)
         self._goal_id: str | None = None  # the last goal sent
-        told = {
+        listeners = {
             "status": (GoalStatusArray, self._on_status, 1),
             "feedback": (message_class(f"{kind}ActionFeedback"), self._on_feedback, queue),
             "result": (message_class(f"{kind}ActionResult"), self._on_result, queue),
         }
         self._subscribers = [
             rospy.Subscriber(f"{action.name}/{part}", type_, hear, queue_size=size, tcp_nodelay=True)
-            for part, (type_, hear, size) in told.items()
+            for part, (type_, hear, size) in listeners.items()
         ]
 
     def send(self, goal: Any) -> None:

@@ -147,10 +147,10 @@ class MotionTopics:
         """Report the end of one of our goals, with the robot's text and its error code in words."""
         if not goal_id.startswith(OURS):  # other senders' goals matter only while they run
             return
-        told = [self._code_words(result.error_code), cut(result.error_string, SENTENCE) or text]
+        sentences = [self._code_words(result.error_code), cut(result.error_string, SENTENCE) or text]
         if outcome in {"succeeded", "cancelled"}:
-            told = told[1:]
-        words = cut(_sentence([part for part in told if part]), SENTENCE)
+            sentences = sentences[1:]
+        words = cut(_sentence([part for part in sentences if part]), SENTENCE)
         self._mail.post(
             "motions ended", lambda: self._tasks.ended(goal_id, outcome, words, time.monotonic()), EVENTS_WAIT
         )

@@ -102,8 +102,8 @@ class _ActionVoice:
     # --- on rospy's threads (actions.GoalListener) ----------------------------------------------------
 
     def running(self, action: str, goals: dict[str, int]) -> None:
-        told = {goal_id: STATUSES.get(status, "speaking") for goal_id, status in goals.items()}
-        self._mail.post(("speech", action), lambda: self._tasks.running(action, told, time.monotonic()))
+        statuses = {goal_id: STATUSES.get(status, "speaking") for goal_id, status in goals.items()}
+        self._mail.post(("speech", action), lambda: self._tasks.running(action, statuses, time.monotonic()))
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
         if goal_id.startswith(OURS) and feedback.event_type & self._word_begins:
