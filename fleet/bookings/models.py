@@ -10,6 +10,7 @@ from django.db import models
 from django.db.models import F, Q
 from django.utils.translation import gettext_lazy as _
 
+from robots.access.models import Course
 from robots.registry.models import Robot
 
 WEEKDAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
@@ -46,6 +47,14 @@ class Booking(models.Model):
     ends_at = models.DateTimeField(_("to"))
     held_until = models.DateTimeField()
     state = models.CharField(_("state"), max_length=16, choices=State, default=State.BOOKED)
+    course = models.ForeignKey(
+        Course,
+        null=True,
+        blank=True,
+        on_delete=models.SET_NULL,
+        related_name="bookings",
+        verbose_name=_("course"),
+    )
     purpose = models.CharField(_("purpose"), max_length=120, blank=True)
     series = models.UUIDField(null=True, blank=True)  # common to the bookings of a weekly series
     used_at = models.DateTimeField(
@@ -61,8 +70,8 @@ class Booking(models.Model):
         verbose_name = _("booking")
         verbose_name_plural = _("bookings")
         indexes = [
-            models.Index(fields=["robot", "held_until", "starts_at"], name="bookings_of_robot"),
-            models.Index(fields=["person", "held_until"], name="bookings_of_person"),
+            models.Index(fields=["robot", "starts_at"], name="bookings_by_robot"),
+            models.Index(fields=["person", "starts_at"], name="bookings_by_person"),
         ]
         constraints = [
             models.CheckConstraint(condition=Q(ends_at__gt=F("starts_at")), name="booking_ends_after_start"),

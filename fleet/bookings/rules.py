@@ -17,6 +17,9 @@ from robots.registry.models import Role
 from robots.wire import Refusal
 
 FAR = datetime.max.replace(tzinfo=timezone.utc)  # the end of what has no end
+LONGEST = timedelta(
+    days=7
+)  # of a slot, whatever the policy says: readers look no farther back for one that still runs
 MOST_DAYS = 3650  # a booking farther ahead than this is a typing error
 
 
@@ -48,6 +51,18 @@ class Taken(Struct, frozen=True):
     label: str
 
 
+class Quota(Struct, frozen=True):
+    """The quotas of a course, and the bookings that count."""
+
+    course: str  # name
+    day_min: int | None = None
+    week_min: int | None = None
+    at_once: int | None = None
+    course_week_min: int | None = None  # of all its people together
+    own: tuple[Slot, ...] = ()  # the person's bookings in the course
+    all: tuple[Slot, ...] = ()  # those of all its people
+
+
 class Wish(Struct, frozen=True):
     """A slot that a person wants, and the facts by which the rules judge it."""
 
@@ -57,10 +72,11 @@ class Wish(Struct, frozen=True):
     policy: Policy
     lab: ZoneInfo
     zone: ZoneInfo  # of the person who reads the refusals
-    role: Role | None = None
+    role: Role | None = None  # from the slot's start to its end
     missing: tuple[str, ...] = ()  # qualifications that the person lacks
     own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot
     own_here: tuple[Slot, ...] = ()  # those of this robot
+    quota: Quota | None = None  # of the course by which the person may drive the robot
     taken: tuple[Taken, ...] = ()  # bookings of the robot that overlap
     out: tuple[Taken, ...] = ()  # out-of-service periods that overlap
 
@@ -116,7 +132,7 @@ def has_role(wish: Wish) -> Refusal | None:
     """Only a person who may drive the robot books it."""
     if wish.role is not None and wish.role >= Role.OPERATOR:
         return None
-    text = f"You may not drive {wish.robot}, so you cannot book it. Ask the staff for the role operator."
+    text = f"You may not drive {wish.robot} during this time. Ask the staff, or your course’s supervisor."
     return Refusal("role_too_low", text, "account")
 
 
@@ -127,6 +143,17 @@ def qualified(wish: Wish) -> Refusal | None:
     names = ", ".join(wish.missing)
     text = f"{wish.robot} demands {names}. Ask the staff or your course’s supervisor for it."
     return Refusal("unqualified", text, "account", {"missing": names})
+
+
+def ends_some_day(wish: Wish) -> Refusal | None:
+    """No slot lasts longer than `LONGEST`, for no reason."""
+    if wish.slot.ends_at - wish.slot.starts_at <= LONGEST:
+        return None
+    return _no(
+        "too_long",
+        f"A slot lasts at most {LONGEST.days} days: book several.",
+        longest_min=LONGEST.days * 1440,
+    )
 
 
 # --- the robot ------------------------------------------------------------------------------------
@@ -224,7 +251,7 @@ def long_enough(wish: Wish) -> Refusal | None:
 def short_enough(wish: Wish) -> Refusal | None:
     """The slot is at most as long as the longest allowed."""
     most = wish.policy.longest_min
-    if wish.slot.minutes <= most:
+    if wish.slot.minutes <= most or wish.slot.ends_at - wish.slot.starts_at > LONGEST:
         return None
     text = f"A slot lasts at most {duration(most)}, yours {duration(wish.slot.minutes)}: make it shorter."
     return _no("too_long", text, longest_min=most)
@@ -251,24 +278,56 @@ def with_notice(wish: Wish) -> Refusal | None:
 
 def within_day_quota(wish: Wish) -> Refusal | None:
     """The person's minutes of each day stay within the quota."""
-    return _quota(wish, wish.policy.day_min, _days(wish), "day")
+    return _quota(wish, wish.policy.day_min, wish.own, _days(wish), "day", "You may")
 
 
 def within_week_quota(wish: Wish) -> Refusal | None:
     """The person's minutes of each week stay within the quota."""
-    return _quota(wish, wish.policy.week_min, _weeks(wish), "week")
+    return _quota(wish, wish.policy.week_min, wish.own, _weeks(wish), "week", "You may")
 
 
-def _quota(wish: Wish, most: int | None, periods: Sequence[Slot], name: str) -> Refusal | None:
+def within_course_day_quota(wish: Wish) -> Refusal | None:
+    """The person's minutes of each day stay within the course's quota."""
+    if (quota := wish.quota) is None:
+        return None
+    return _quota(wish, quota.day_min, quota.own, _days(wish), "day", f"In {quota.course} you may", "course_")
+
+
+def within_course_week_quota(wish: Wish) -> Refusal | None:
+    """The person's minutes of each week stay within the course's quota."""
+    if (quota := wish.quota) is None:
+        return None
+    return _quota(
+        wish, quota.week_min, quota.own, _weeks(wish), "week", f"In {quota.course} you may", "course_"
+    )
+
+
+def within_common_quota(wish: Wish) -> Refusal | None:
+    """The minutes of all people of the course stay within its quota of each week."""
+    if (quota := wish.quota) is None:
+        return None
+    who = f"All of {quota.course} together may"
+    return _quota(wish, quota.course_week_min, quota.all, _weeks(wish), "week", who, "common_")
+
+
+def _quota(
+    wish: Wish,
+    most: int | None,
+    own: Sequence[Slot],
+    periods: Sequence[Slot],
+    name: str,
+    who: str,
+    code: str = "",
+) -> Refusal | None:
     if most is None:
         return None
     for period in periods:
-        used = sum(period.shared_minutes(slot) for slot in wish.own)
+        used = sum(period.shared_minutes(slot) for slot in own)
         if used + period.shared_minutes(wish.slot) > most:
             left = max(0.0, most - used)
-            text = f"You may book {duration(most)} per {name}; {duration(left)} are left before"
+            text = f"{who} book {duration(most)} per {name}; {duration(left)} are left before"
             return _no(
-                f"quota_{name}",
+                f"quota_{code}{name}",
                 f"{text} {wish.local(period.ends_at)}. Cancel another booking, or choose a later {name}.",
                 most_min=most,
                 left_min=round(left),
@@ -278,12 +337,15 @@ def _quota(wish: Wish, most: int | None, periods: Sequence[Slot], name: str) -> 
 
 def within_count(wish: Wish) -> Refusal | None:
     """The person has not too many bookings to come."""
-    most = wish.policy.at_once
-    to_come = sum(1 for slot in wish.own if slot.ends_at > wish.now)
-    if most is None or to_come < most:
-        return None
-    text = f"You may have {most} bookings to come and have {to_come}. Cancel one, or book after the next."
-    return _no("quota_open", text, most=most, have=to_come)
+    limits = [(wish.policy.at_once, wish.own, "You")]
+    if wish.quota is not None:
+        limits.append((wish.quota.at_once, wish.quota.own, f"In {wish.quota.course} you"))
+    for most, own, who in limits:
+        to_come = sum(1 for slot in own if slot.ends_at > wish.now)
+        if most is not None and to_come >= most:
+            text = f"{who} may have {most} bookings to come and have {to_come}."
+            return _no("quota_open", f"{text} Cancel one, or book after the next.", most=most, have=to_come)
+    return None
 
 
 def with_gap(wish: Wish) -> Refusal | None:
@@ -301,6 +363,7 @@ def with_gap(wish: Wish) -> Refusal | None:
 RULES: tuple[Rule, ...] = (
     in_order,
     not_in_past,
+    ends_some_day,
     has_role,
     qualified,
     is_free,
@@ -312,11 +375,14 @@ RULES: tuple[Rule, ...] = (
     with_notice,
     within_day_quota,
     within_week_quota,
+    within_course_day_quota,
+    within_course_week_quota,
+    within_common_quota,
     within_count,
     with_gap,
 )
 # Staff may override the others, with a reason that is recorded.
-BINDING: tuple[Rule, ...] = (in_order, not_in_past, is_free)
+BINDING: tuple[Rule, ...] = (in_order, not_in_past, ends_some_day, is_free)
 
 
 def refusals(wish: Wish, *, override: bool = False) -> list[Refusal]:

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from datetime import datetime, timedelta
+from datetime import datetime, timedelta, timezone
 from enum import Enum
+from typing import Protocol
 from uuid import UUID
 from zoneinfo import ZoneInfo
 
 from django.conf import settings
 from django.db.models import F, Q, QuerySet
 from django.utils import timezone as django_timezone
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, OutOfService, Policy, State
-from fleet.bookings.rules import FAR, Slot, Taken, Wish, refusals
-from robots.access.selectors import role_on
-from robots.registry.models import Robot
+from fleet.bookings.rules import FAR, LONGEST, Quota, Slot, Taken, Wish, refusals
+from robots.access.models import Course
+from robots.access.selectors import courses_for, missing_qualifications, role_on
+from robots.registry.models import Robot, RobotRole, Role
 
 ALTERNATIVES = 3
 STEP = timedelta(minutes=15)  # between the starts of slots that are proposed
 SEARCH = timedelta(days=7)  # for the next free slot
+TRIES = 200  # starts of one robot
+WEEK = timedelta(days=7)
 
 
 class Stage(Enum):
@@ -40,7 +44,20 @@ class Stage(Enum):
 _ENDED = {State.FINISHED: Stage.FINISHED, State.NO_SHOW: Stage.NO_SHOW, State.CANCELLED: Stage.CANCELLED}
 
 
-def stage_of(booking: Booking, grace: timedelta, now: datetime) -> Stage:
+class Row(Protocol):
+    """The columns of a booking that its stage depends on."""
+
+    @property
+    def state(self) -> str: ...
+    @property
+    def starts_at(self) -> datetime: ...
+    @property
+    def held_until(self) -> datetime: ...
+    @property
+    def used_at(self) -> datetime | None: ...
+
+
+def stage_of(booking: Row, grace: timedelta, now: datetime) -> Stage:
     """Return the stage of a booking: a no-show is decided here, by the clock."""
     state = State(booking.state)
     if state in _ENDED:
@@ -54,7 +71,7 @@ def stage_of(booking: Booking, grace: timedelta, now: datetime) -> Stage:
     return Stage.IN_USE if booking.used_at else Stage.DUE
 
 
-def held_slot(booking: Booking, grace: timedelta, now: datetime) -> Slot:
+def held_slot(booking: Row, grace: timedelta, now: datetime) -> Slot:
     """Return the time in which others cannot book: a no-show ends after the grace time."""
     ends = booking.held_until
     if booking.used_at is None and now >= booking.starts_at + grace:
@@ -90,11 +107,12 @@ def grace_of(policy: Policy) -> timedelta:
     return timedelta(minutes=policy.grace_min)
 
 
-def held_between(
-    robots: Collection[Robot] | QuerySet[Robot], starts: datetime, ends: datetime
-) -> QuerySet[Booking]:
+def held_between(robots: Collection[Robot], starts: datetime, ends: datetime) -> QuerySet[Booking]:
     """Return the bookings of these robots that hold time between two moments."""
-    held = Booking.objects.filter(robot__in=robots, starts_at__lt=ends, held_until__gt=starts)
+    first = starts - LONGEST if starts - datetime.min.replace(tzinfo=timezone.utc) > LONGEST else starts
+    held = Booking.objects.filter(
+        robot__in=robots, starts_at__gt=first, starts_at__lt=ends, held_until__gt=starts
+    )
     return held.filter(held_until__gt=F("starts_at")).select_related("person", "robot")
 
 
@@ -120,12 +138,11 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
     grace = grace_of(policy)
     starts, ends = slot.starts_at, max(slot.ends_at, slot.starts_at)
     others = held_between([robot], starts, ends)
-    week = timedelta(days=8)
-    mine = Booking.objects.filter(person=person, held_until__gt=min(now, starts - week))
     if moved is not None:
-        others, mine = others.exclude(pk=moved.pk), mine.exclude(pk=moved.pk)
+        others = others.exclude(pk=moved.pk)
     taken = [Taken(held_slot(one, grace, now), one.person.display_name) for one in others]
-    own = [one for one in mine if one.held_until > one.starts_at]
+    own = _own_slots(policy, person, slot, now, moved)
+    course = course_of(robot, person, starts)
     return Wish(
         robot=robot.name,
         slot=slot,
@@ -133,12 +150,62 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
         policy=policy,
         lab=lab_zone(),
         zone=zone_now(),
-        role=role_on(person, robot),
-        own=tuple(Slot(one.starts_at, one.held_until) for one in own),
-        own_here=tuple(Slot(one.starts_at, one.held_until) for one in own if one.robot_id == robot.id),
+        role=_role_throughout(person, robot, starts, ends),
+        missing=tuple(one.name for one in missing_qualifications(person, robot, starts)),
+        quota=_quota_of(course, person, slot, now, moved) if course else None,
+        own=tuple(one for one, _ in own),
+        own_here=tuple(one for one, robot_id in own if robot_id == robot.id),
         taken=tuple(one for one in taken if one.slot.overlaps(slot)),
         out=tuple(out_between(robot, starts, ends)),
     )
+
+
+def _role_throughout(person: User, robot: Robot, starts: datetime, ends: datetime) -> Role | None:
+    """Return the lower of the roles at the start and at the end: a course may end in between."""
+    roles = [role_on(person, robot, at) for at in (starts, ends)]
+    known = [role for role in roles if role is not None]
+    return min(known) if len(known) == len(roles) else None
+
+
+def course_of(robot: Robot, person: User, at: datetime) -> Course | None:
+    """Return the course for which a booking counts; None: the person may drive the robot without any."""
+    own = RobotRole.objects.filter(user=person, robot=robot, role__in=(Role.OPERATOR, Role.SUPERVISOR))
+    if person.is_staff or own.exists():
+        return None
+    return next(iter(courses_for(person, robot, at)), None)
+
+
+def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Booking | None) -> Quota:
+    counted = Booking.objects.filter(
+        course=course, starts_at__gt=min(now, slot.starts_at - WEEK) - LONGEST, held_until__gt=F("starts_at")
+    )
+    if moved is not None:
+        counted = counted.exclude(pk=moved.pk)
+    rows = list(counted.values_list("starts_at", "held_until", "person_id"))
+    return Quota(
+        course.name,
+        course.day_min,
+        course.week_min,
+        course.at_once,
+        course.course_week_min,
+        own=tuple(Slot(starts, ends) for starts, ends, person_id in rows if person_id == person.pk),
+        all=tuple(Slot(starts, ends) for starts, ends, _ in rows),
+    )
+
+
+def _own_slots(
+    policy: Policy, person: User, slot: Slot, now: datetime, moved: Booking | None
+) -> list[tuple[Slot, UUID]]:
+    """Return the person's bookings, with their robots, as far as the policy asks for them."""
+    if not (policy.day_min or policy.week_min or policy.at_once or policy.gap_min):
+        return []
+    mine = Booking.objects.filter(
+        person=person, starts_at__gt=min(now, slot.starts_at - WEEK) - LONGEST, held_until__gt=F("starts_at")
+    )
+    if moved is not None:
+        mine = mine.exclude(pk=moved.pk)
+    rows = mine.values_list("starts_at", "held_until", "robot_id")
+    return [(Slot(starts, ends), robot_id) for starts, ends, robot_id in rows]
 
 
 def free_slots(
@@ -150,7 +217,7 @@ def free_slots(
     now: datetime,
     most: int = ALTERNATIVES,
 ) -> list[tuple[Robot, Slot]]:
-    """Return the next slots of this length that no rule refuses, earliest first, at most one per robot and hour."""
+    """Return the next slots of this length that no rule refuses, earliest first."""
     length = timedelta(minutes=minutes)
     found: list[tuple[Robot, Slot]] = []
     for robot in robots:
@@ -162,29 +229,21 @@ def _free_on(
     robot: Robot, person: User, length: timedelta, after: datetime, now: datetime, most: int
 ) -> list[Slot]:
     whole = wish_of(robot=robot, person=person, slot=Slot(after, after + SEARCH), now=now)
-    busy = [*whole.taken, *whole.out]
+    busy = sorted((*whole.taken, *whole.out), key=lambda one: one.slot.starts_at)
     found: list[Slot] = []
     starts = _rounded_up(max(after, now))
-    while starts < after + SEARCH and len(found) < most:
+    for _ in range(TRIES):
+        if starts >= after + SEARCH or len(found) >= most:
+            break
         slot = Slot(starts, starts + length)
-        wish = Wish(
-            robot=whole.robot,
-            slot=slot,
-            now=now,
-            policy=whole.policy,
-            lab=whole.lab,
-            zone=whole.zone,
-            role=whole.role,
-            missing=whole.missing,
-            own=whole.own,
-            own_here=whole.own_here,
-            taken=tuple(one for one in busy if one.slot.overlaps(slot)),
-        )
-        if refusals(wish):
+        in_the_way = next((one for one in busy if one.slot.overlaps(slot)), None)
+        if in_the_way is not None:
+            starts = _rounded_up(min(in_the_way.slot.ends_at, after + SEARCH))
+        elif refusals(structs.replace(whole, slot=slot, taken=(), out=())):
             starts += STEP
         else:
             found.append(slot)
-            starts += max(length, STEP)
+            starts = slot.ends_at
     return found
 
 

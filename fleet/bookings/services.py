@@ -24,7 +24,7 @@ from fleet.bookings.models import Booking, State
 from fleet.bookings.rules import Slot, check_cancel, refusals
 from fleet.bookings.selectors import (
     Stage,
-    free_slots,
+    course_of,
     grace_of,
     held_between,
     held_slot,
@@ -42,12 +42,11 @@ changed = Signal()  # robot_id: the robot's bookings changed; sent after the com
 
 
 class BookingRefused(NotDone):
-    """A change of a booking is not allowed. `refusals` has every reason, `alternatives` the next free slots."""
+    """A change of a booking is not allowed. `refusals` has every reason."""
 
-    def __init__(self, refusals: list[Refusal], alternatives: list[tuple[Robot, Slot]] | None = None) -> None:
+    def __init__(self, refusals: list[Refusal]) -> None:
         super().__init__(refusals[0])
         self.refusals = refusals
-        self.alternatives = alternatives or []
 
 
 _TAKEN = Refusal("taken", "Another person has just booked this time. Choose another one.", "booking")
@@ -87,6 +86,8 @@ def booking_make(
 ) -> Booking:
     """Book a slot for a person. `actor`: who books for them. `override`: the reason for which staff pass the rules."""
     actor = actor or person
+    # First without the lock: the many who come too late for a slot must not wait for each other.
+    _check(_robot(robot_id), person, slot, now, actor=actor, override=override)
     with _robot_locked(robot_id) as robot:
         _free_no_shows(robot, slot, now)
         _check(robot, person, slot, now, actor=actor, override=override)
@@ -100,6 +101,7 @@ def booking_make(
             held_until=slot.ends_at,
             state=State.BOOKED if approved else State.AWAITING,
             purpose=purpose,
+            course=course_of(robot, person, slot.starts_at),
             made_at=now,
         )
         _record("booking.make", booking, actor, outcome=booking.state, text=override)
@@ -148,6 +150,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
         _check(booking.robot, to, slot, now, actor=to, moved=booking)
         before = booking.person
         booking.person, booking.used_at = to, None
+        booking.course = course_of(booking.robot, to, booking.starts_at)
         _save(booking)
         parameters = {"before": {"person": str(before.pk)}}
         _record(
@@ -219,6 +222,10 @@ def _changeable(booking_id: UUID, actor: User, version: int | None, now: datetim
         yield booking
 
 
+def _robot(robot_id: UUID) -> Robot:
+    return Robot.objects.select_related("profile").get(pk=robot_id)
+
+
 def _save(booking: Booking) -> None:
     booking.version += 1
     booking.save()
@@ -239,16 +246,8 @@ def _check(
     if moved is not None and now >= moved.starts_at:  # its start was judged when it was booked
         wish = structs.replace(wish, now=wish.slot.starts_at)
     overridden = bool(override) and _supervises(actor, robot)
-    found = refusals(wish, override=overridden)
-    if not found:
-        return
-    length = min(slot.minutes, wish.policy.longest_min)
-    alternatives = (
-        free_slots([robot], person, length, after=slot.starts_at, now=now)
-        if any(one.code == "taken" for one in found) and length > 0
-        else []
-    )
-    raise BookingRefused(found, alternatives)
+    if found := refusals(wish, override=overridden):
+        raise BookingRefused(found)
 
 
 def _free_no_shows(robot: Robot, slot: Slot, now: datetime, but: Booking | None = None) -> None:

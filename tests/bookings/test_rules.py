@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from fleet.bookings.models import Policy
-from fleet.bookings.rules import Slot, Taken, Wish, check_cancel, refusals, to_utc
+from fleet.bookings.rules import Quota, Slot, Taken, Wish, check_cancel, refusals, to_utc
 from robots.registry.models import Role
 from robots.wire import Refusal
 
@@ -117,3 +117,18 @@ def test_cancelling_asks_for_notice_only_before_the_start():
     assert check_cancel(slot(2), policy, NOW) is None
     assert check_cancel(slot(0.5), policy, NOW).code == "late_to_cancel"
     assert check_cancel(slot(-0.5), policy, NOW) is None
+
+
+@pytest.mark.parametrize(
+    ("code", "quota"),
+    [
+        ("quota_course_day", Quota("HRI", day_min=90, own=(slot(4),))),
+        ("quota_course_week", Quota("HRI", week_min=90, own=(slot(30),))),
+        ("quota_common_week", Quota("HRI", course_week_min=90, all=(slot(30),))),
+        ("quota_open", Quota("HRI", at_once=1, own=(slot(30),))),
+    ],
+)
+def test_quotas_of_a_course_name_the_course(code, quota):
+    [refusal] = refusals(wish(quota=quota))
+    assert refusal.code == code
+    assert "HRI" in refusal.text

@@ -11,7 +11,7 @@ from fleet.audit.verify import verify_all
 from fleet.bookings import overlaps
 from fleet.bookings.models import Booking, Policy, State
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import schedule_of
+from fleet.bookings.selectors import free_slots, schedule_of
 from fleet.bookings.services import (
     BookingRefused,
     booking_approve,
@@ -46,8 +46,8 @@ def test_a_taken_slot_is_refused_with_alternatives(robot, operator, second_opera
     with pytest.raises(BookingRefused) as caught:
         book(robot, second_operator, slot(1.5))
     assert [refusal.code for refusal in caught.value.refusals] == ["taken"]
-    starts = [one.starts_at for _, one in caught.value.alternatives]
-    assert starts[0] == slot(2).starts_at
+    free = free_slots([robot], second_operator, 60, after=slot(1.5).starts_at, now=NOW)
+    assert [one.starts_at for _, one in free] == [slot(hours).starts_at for hours in (2, 3, 4)]
 
 
 def test_slots_that_touch_do_not_overlap(robot, operator, second_operator):

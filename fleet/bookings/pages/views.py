@@ -17,6 +17,7 @@ from django.utils.http import urlencode
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
+from msgspec.json import encode
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
@@ -32,6 +33,7 @@ from fleet.bookings.selectors import (
     grace_of,
     held_between,
     policies_of,
+    policy_of,
     stage_of,
     zone_now,
 )
@@ -68,7 +70,7 @@ def bookings(request: HttpRequest) -> HttpResponse:
 
 @never_cache
 @require_safe
-def feed(request: HttpRequest) -> JsonResponse:
+def feed(request: HttpRequest) -> HttpResponse:
     """Return robots and events between the days `start` and `end`, for the calendar's script."""
     first, last = _day(request.GET.get("start")), _day(request.GET.get("end"))
     if first is None or last is None or last <= first:
@@ -76,7 +78,8 @@ def feed(request: HttpRequest) -> JsonResponse:
     robots = robots_visible_to(person_of(request))
     if only := request.GET.get("robot"):
         robots = robots.filter(slug=only)
-    return JsonResponse(calendar(person_of(request), robots, first, last, timezone.now()))
+    found = calendar(person_of(request), robots, first, last, timezone.now())
+    return HttpResponse(encode(found), content_type="application/json")
 
 
 @never_cache
@@ -101,7 +104,7 @@ def booking_new(request: HttpRequest) -> HttpResponse:
             now=timezone.now(),
         )
     except BookingRefused as error:
-        return _refused(request, form, error.refusals, error.alternatives)
+        return _refused(request, form, error.refusals, _alternatives(person, form, error.refusals))
     if wants_json(request):
         return JsonResponse({"id": str(booking.pk), "version": booking.version})
     messages.success(request, _("Booked: %(booking)s.") % {"booking": _in_words(booking)})
@@ -155,7 +158,7 @@ def booking(request: HttpRequest, booking_id: UUID) -> HttpResponse:
         return _booking_page(request, found, refusals, status=400)
     except BookingRefused as error:
         if wants_json(request):
-            return JsonResponse(_refusals_json(error.refusals, error.alternatives), status=409)
+            return JsonResponse(_refusals_json(error.refusals, []), status=409)
         found.refresh_from_db()
         return _booking_page(request, found, error.refusals, status=409)
     if wants_json(request):
@@ -262,6 +265,15 @@ def _form_refusals(form: SlotForm) -> list[Refusal]:
         for name, errors in form.errors.as_data().items()
         for error in errors
     ]
+
+
+def _alternatives(person: User, form: SlotForm, refusals: list[Refusal]) -> list[tuple[Robot, Slot]]:
+    """Return the next free slots of the same robot if the time is taken, as long as wished and allowed."""
+    if "taken" not in (refusal.code for refusal in refusals):
+        return []
+    robot = form.cleaned_data["robot"]
+    minutes = min(form.slot.minutes, policy_of(robot).longest_min)
+    return free_slots([robot], person, minutes, after=form.slot.starts_at, now=timezone.now())
 
 
 def _refused(

@@ -1,0 +1,136 @@
+"""Bookings on SQLite and PostgreSQL: fifty people after one slot, a week of ten robots, control's rules."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import re
+import subprocess
+import sys
+import threading
+import time
+import urllib.parse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime, timedelta, timezone
+
+from benchmarks.harness import Figure, progress, quantile
+from script.stack.client import sign_in
+from script.stack.places import REPOSITORY
+from script.stack.stack import Stack, temporary_stack
+from tests.script.servers import postgresql
+
+ROWS = 100_000
+CLIENTS = 50
+RACES = 5
+READS = 60
+FEED_P95_MS = 100.0
+RACE_P95_MS = 500.0
+RULES_MS = 5.0
+
+
+def measure() -> list[Figure]:
+    """Measure both databases, each behind a real web process."""
+    figures = []
+    for name, database in (("SQLite", _sqlite), ("PostgreSQL", postgresql)):
+        with database() as url:
+            settings = {"FLEET_DATABASE_URL": url} if url else {}
+            with temporary_stack((), settings=settings) as stack:
+                figures += _measure_on(stack, name)
+    return figures
+
+
+@contextmanager
+def _sqlite() -> Iterator[str]:
+    yield ""
+
+
+def _measure_on(stack: Stack, name: str) -> list[Figure]:
+    progress(f"{name}: {ROWS} bookings ...")
+    program = f"from benchmarks.parts.booking_rows import main; main({ROWS})"
+    rows = subprocess.run(  # noqa: S603  # our own program
+        [sys.executable, "manage.py", "shell", "--no-imports", "-c", program],
+        cwd=REPOSITORY,
+        env=stack.environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    rules = json.loads(rows.stdout)
+    cookie = sign_in(stack, "operator")
+    progress(f"{name}: the calendar's week ...")
+    monday = datetime.now(timezone.utc).date()
+    address = f"/bookings/feed/?start={monday}&end={monday + timedelta(days=7)}"
+    reads = [_ask(stack, cookie, "GET", address) for _ in range(READS)]
+    events = len(json.loads(reads[0].body)["events"])
+    progress(f"{name}: {CLIENTS} clients after one slot, {RACES} times ...")
+    races = [_race(stack, cookie, number) for number in range(RACES)]
+    answers = [answer for race in races for answer in race]
+    won = sum(answer.status == 200 for answer in answers)
+    strange = [answer.status for answer in answers if answer.status not in (200, 409)]
+    return [
+        Figure(f"{name}: week of 10 robots, {events} events: p95", _p95_ms(reads), "ms", FEED_P95_MS),
+        Figure(f"{name}: {CLIENTS} after one slot: answer p95", _p95_ms(answers), "ms", RACE_P95_MS),
+        Figure(f"{name}: winners beyond one per slot", float(abs(won - RACES)), "", 0.0),
+        Figure(f"{name}: answers that are no refusal", float(len(strange)), "", 0.0),
+        Figure(
+            f"{name}: added to Take control by bookings: p95",
+            rules["with_ms"] - rules["without_ms"],
+            "ms",
+            RULES_MS,
+        ),
+    ]
+
+
+class _Answer:
+    """An answer of the console, and how long it took."""
+
+    def __init__(self, status: int, body: str, took_ms: float) -> None:
+        self.status = status
+        self.body = body
+        self.took_ms = took_ms
+
+
+def _race(stack: Stack, cookie: str, number: int) -> list[_Answer]:
+    """Let all clients book the same free slot at once."""
+    page = _ask(stack, cookie, "GET", "/bookings/new/?robot=row-0")
+    [token] = set(re.findall(r'name="csrfmiddlewaretoken" value="([^"]+)"', page.body))
+    starts = datetime.now(timezone.utc) + timedelta(hours=3 + 2 * number)
+    times = (f"{at:%Y-%m-%dT%H:%M}" for at in (starts, starts + timedelta(hours=1)))
+    fields = dict(zip(("starts_at", "ends_at"), times, strict=True))
+    body = urllib.parse.urlencode({"robot": "row-0", "csrfmiddlewaretoken": token, **fields})
+    answers: list[_Answer] = []
+    ready = threading.Barrier(CLIENTS)
+
+    def client() -> None:
+        ready.wait()
+        answers.append(_ask(stack, cookie, "POST", "/bookings/new/", body))
+
+    threads = [threading.Thread(target=client) for _ in range(CLIENTS)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return answers
+
+
+def _ask(stack: Stack, cookie: str, method: str, path: str, body: str | None = None) -> _Answer:
+    connection = http.client.HTTPConnection("127.0.0.1", stack.port, timeout=60.0)
+    headers = {
+        "Cookie": cookie,
+        "Origin": stack.url,
+        "Accept": "text/html" if method == "GET" else "application/json",
+    }
+    if body is not None:
+        headers["Content-Type"] = "application/x-www-form-urlencoded"
+    began_s = time.perf_counter()
+    connection.request(method, path, body, headers)
+    answer = connection.getresponse()
+    text = answer.read().decode()
+    took_ms = 1000.0 * (time.perf_counter() - began_s)
+    connection.close()
+    return _Answer(answer.status, text, took_ms)
+
+
+def _p95_ms(answers: list[_Answer]) -> float:
+    return quantile([answer.took_ms for answer in answers], 0.95)
