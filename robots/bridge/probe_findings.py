@@ -68,6 +68,7 @@ class TopicFound(Struct, frozen=True):
     frames: list[str] = []
     skew_s: float | None = None  # stamp minus our clock, of the message with the largest difference
     error: str | None = None
+    ranges: dict[str, float] = {}  # of sonars, by frame id; metres
 
 
 class DriveFound(Struct, frozen=True):

@@ -18,6 +18,7 @@ from django.utils.translation import gettext_noop
 from msgspec import Struct
 
 from robots.bridge.config import CLOCK_SKEW_S, BridgeConfig
+from robots.bridge.gate.values import CLOSE_ECHO_M
 from robots.bridge.probe_findings import (
     BRIDGE,
     CallbackFound,
@@ -233,6 +234,10 @@ def _topic(listened: Listened, found: TopicFound) -> Check:
         frames = {"unseen": _and(unseen), "frames": _and(found.frames)}
         text = _("%(topic)s has no messages from %(unseen)s, only from %(frames)s.") % {**words, **frames}
         return Check(name, bad, text, _("Correct the sensors’ frame ids in the profile."))
+    if close := sorted(frame for frame, range_m in found.ranges.items() if range_m <= CLOSE_ECHO_M):
+        metres = {"frames": _and(close), "metres": min(found.ranges[frame] for frame in close)}
+        text = _("%(topic)s: %(frames)s reports %(metres).2f m.") % {**words, **metres}
+        return Check(name, WARN, text, _(_CLOSE))
     alive, quiet = _("%(topic)s (%(type)s): messages arrive."), _("%(topic)s (%(type)s): right type.")
     return Check(name, OK, (alive if found.messages else quiet) % words)
 
@@ -255,6 +260,9 @@ _MISSING = gettext_noop(
 _UNREADABLE = gettext_noop("See the results for names above.")
 _UNKNOWN = gettext_noop("Choose one of the types in the profile’s help text.")
 _OTHER_VERSION = gettext_noop("The robot has another version of the message’s package.")
+_CLOSE = gettext_noop(
+    "It holds reverse. If nothing stands there: clean it, remove what hangs before it, or take it out of the profile."
+)
 _SILENT = gettext_noop("Is the sensor switched on, and does its driver work (rostopic hz)?")
 
 

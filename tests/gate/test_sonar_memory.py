@@ -11,7 +11,7 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.obstacles.sonar_memory import MOST
 from robots.bridge.gate.values import STILL, DepthView, LaserScan, Pose, Velocity
-from tests.gate.conftest import LASER, SONARS, tiago_profile
+from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
 from tests.gate.test_depth import FLOOR, LOOK_AHEAD, camera, picture
 from tests.gate.world import World, leg, wall
 
@@ -240,3 +240,44 @@ def test_trembling_odometry_takes_nothing_out_of_memory(thing, degrees):
     world = Trembling(tiago_profile(), BEHIND[thing], sonar_cone=math.radians(degrees))
     if full_reverse(world):
         assert world.least_gap_m > 0.0
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_an_echo_that_goes_with_the_robot_names_its_sonar_and_the_remedy(turns):
+    """Crosstalk, a cable in the cone, or the robot's own skirt: it holds reverse, and says so."""
+    inputs = Feeder(tiago_profile())
+    name = "base_sonar_02_link"
+
+    def at(pose, range_m):
+        inputs.now_s += 0.2
+        inputs.pose = pose
+        inputs.scan()
+        inputs.odometry()
+        for sonar in SONARS:
+            heard_m = range_m if sonar == name else 1.0
+            inputs.gate.observe_range(sonar, inputs.stamp_s, inputs.now_s, heard_m, 1.0)
+        state = {health.name: health for health in inputs.gate.sensor_health(inputs.now_s)}
+        assert all(health.ok for health in state.values() if health.name != name)
+        return state[name], inputs.gate.decide(REVERSE, STILL, inputs.now_s)
+
+    def gone(step):
+        return Pose(0.0, 0.0, 0.2 * step) if turns else Pose(0.05 * step, 0.0, 0.0)
+
+    for step in range(5):
+        health, verdict = at(gone(step), 0.05)
+        assert health.ok and verdict.velocity == STILL and "wherever" not in verdict.text
+    for step in range(5, 10):
+        health, verdict = at(gone(step), 0.04 + 0.01 * (step % 3))
+    why = f"{name} reports 0.04 m wherever the robot goes: clean it and remove what hangs before it, or take it out"
+    assert not health.ok and health.text.startswith(why)
+    assert verdict.velocity == STILL, "it stays an obstacle"
+    assert verdict.text.startswith("stopped (0.2 m/s asked): sonar, ") and why in verdict.text
+    assert at(gone(9), 0.3)[0].ok, "an obstacle comes and goes"
+
+
+def test_a_close_obstacle_explains_nothing_until_the_robot_moves_away_from_it():
+    world = World(tiago_profile(), leg(-0.34, 0.0))
+    world.drive(STILL, 20.0)
+    world.drive(REVERSE, 5.0)
+    world.drive(Velocity(0.3, 0.0, 0.0), 3.0)
+    assert all(health.ok for health in world.gate.sensor_health(world.now_s))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 import threading
@@ -16,7 +17,8 @@ import pytest
 import rospy
 from django.core.management import call_command
 from nav_msgs.msg import Odometry
-from std_msgs.msg import Bool, String
+from sensor_msgs.msg import Range
+from std_msgs.msg import Bool, Header, String
 
 from robots.registry.models import Robot
 from tests.processes import REPOSITORY, free_port
@@ -177,6 +179,29 @@ def test_a_silent_topic_differs_from_a_missing_one(robot: Robot, ros: RosClient)
         answers = check(robot, ros.master)
     assert "exists, but no message came" in answers["odometry"]["text"]
     assert "No node publishes" in answers["scan /scan_raw"]["text"]
+
+
+def test_a_sonar_that_reports_something_close_is_named(robot: Robot, ros: RosClient) -> None:
+    ranges = {"base_sonar_01_link": 0.5, "base_sonar_02_link": 0.05, "base_sonar_03_link": math.inf}
+    publisher = rospy.Publisher("/sonar_base", Range, queue_size=3)
+    ending = threading.Event()
+
+    def publish() -> None:
+        while not ending.wait(0.05):
+            for frame, range_m in ranges.items():
+                publisher.publish(Range(header=Header(frame_id=frame), range=range_m))
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    try:
+        answers = check(robot, ros.master)
+    finally:
+        ending.set()
+        thread.join()
+        publisher.unregister()
+    assert answers["sonars /sonar_base"]["level"] == "warn"
+    assert answers["sonars /sonar_base"]["text"] == "/sonar_base: base_sonar_02_link reports 0.05 m."
+    assert "clean it" in answers["sonars /sonar_base"]["advice"]
 
 
 def test_another_publisher_on_the_drive_topic_is_named(robot: Robot, ros: RosClient) -> None:

@@ -423,6 +423,8 @@ class Gate:
         source = self._sources[cause.source]
         bearing = math.atan2(cause.point[1], cause.point[0])
         reason = words.obstacle(source.word, cause.gap_m, bearing, cause.rule)
+        if isinstance(source, Sonar) and source.own_echo:
+            reason = f"{reason}; {source.own_echo}"
         return Verdict(
             allowed,
             asked,

@@ -103,6 +103,8 @@ class GateProfile(Struct, frozen=True):
     depth: DepthView | None = None  # None with `has_depth`: the camera exists but is not used yet
 
 
+CLOSE_ECHO_M = 0.1  # a sonar's echo from here or nearer is often of the robot itself
+
 # Sources of obstacles; a memory (of a laser, of the depth camera) holds earlier points that no sensor sees now.
 Kind = Literal["scan", "sonar", "depth", "memory", "depth memory"]
 

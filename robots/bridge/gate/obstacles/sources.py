@@ -12,11 +12,14 @@ from robots.bridge.gate.sensing import scan
 from robots.bridge.gate.sensing.sectors import sector_of
 from robots.bridge.gate.timing.freshness import LASER_LATE_S, SONAR_STALE_S, Freshness
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.values import Kind, LaserScan, Pose, Sector, SensorHealth
+from robots.bridge.gate.values import CLOSE_ECHO_M, Kind, LaserScan, Pose, Sector, SensorHealth
+from robots.bridge.gate.words import figure
 
 # most beams this near to the direction of travel must measure something
 LASER_WATCHES_RAD = math.radians(20.0)
 SONAR_WATCHES_RAD = math.pi / 3.0  # a sonar this near to the direction of travel looks out for it
+# No obstacle stays close to a sonar while the robot goes or turns this far from where it heard it first.
+OWN_ECHO_M, OWN_ECHO_RAD = 0.3, math.pi / 2.0
 
 
 class Source(Protocol):
@@ -128,6 +131,12 @@ class Sonar:
         self._memory = memory
         self._range_m: float | None = None
         self._complaint = ""
+        self._close_m = math.inf  # the least range since all were close
+        self._close_at: Pose | None = None  # where the robot was then
+        self._resets = 0  # of the frame of that place
+        self.own_echo = (
+            ""  # why its echo is hardly an obstacle, and the remedy; it counts as one all the same
+        )
 
     def observe(
         self, stamp_s: float, arrival_s: float, range_m: float, max_range_m: float, trail: Trail
@@ -146,8 +155,25 @@ class Sonar:
         base = trail.steadied_at(stamp_s) or trail.newest  # an echo with a wrong stamp still counts
         if base is not None:
             free_m = max(min(range_m, max_range_m), 0.0)
+            self._follow_close(free_m if len(arc) else math.inf, base, trail.resets)
             self._memory.take(
                 Reading(self._number, self._pose, self._fov, arc, free_m), base, trail, arrival_s
+            )
+
+    def _follow_close(self, range_m: float, base: Pose, resets: int) -> None:
+        """Note whether a close echo goes with the robot: crosstalk, a cable in the cone, or the robot itself."""
+        if range_m > CLOSE_ECHO_M:
+            self._close_m, self._close_at, self.own_echo = math.inf, None, ""
+            return
+        self._close_m = min(self._close_m, range_m)
+        if self._close_at is None or resets != self._resets:
+            self._close_at, self._resets = base, resets
+        there = self._close_at
+        way_m, turned = math.hypot(base.x - there.x, base.y - there.y), abs(wrapped(base.yaw - there.yaw))
+        if self.own_echo or way_m >= OWN_ECHO_M or turned >= OWN_ECHO_RAD:
+            self.own_echo = (
+                f"{self.name} reports {figure(self._close_m)} m wherever the robot goes: "
+                "clean it and remove what hangs before it, or take it out of the profile"
             )
 
     @property
@@ -170,7 +196,7 @@ class Sonar:
         return self._memory.heard(self._number, trail)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
-        text = self.freshness.silence(SONAR_STALE_S, now_s, self._complaint)
+        text = self.freshness.silence(SONAR_STALE_S, now_s, self._complaint) or self.own_echo
         return SensorHealth(self.name, "sonar", not text, self.freshness.age_s(now_s), text)
 
 

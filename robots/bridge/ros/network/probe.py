@@ -7,6 +7,7 @@ bridge (`robots.supervisor.ros_environment`), so that names resolve as for the b
 
 from __future__ import annotations
 
+import math
 import secrets
 import socket
 import struct
@@ -43,6 +44,8 @@ CALLBACK_S = 2.0
 DESCRIPTION_S = 5.0  # a description has hundreds of kilobytes, and may come by radio
 NODE_S = 3.0  # a busy robot answers late
 HEAD = 512  # bytes read of a message: its std_msgs/Header
+RANGE = "sensor_msgs/Range"
+RANGE_AT = 1 + 3 * 4  # bytes after the header: type of radiation, field of view, least and largest range
 
 
 def probe(plan: Plan) -> Findings:
@@ -199,7 +202,7 @@ def _listen(conversation: Conversation, asked: Listened, found: TopicFound, list
     offered = conversation.read_header()
     if "error" in offered:
         raise ValueError(offered["error"])
-    messages, frames, skews = 0, set[str](), list[float]()
+    messages, frames, skews, ranges = 0, set[str](), list[float](), dict[str, float]()
     conversation.until_s = time.monotonic() + listen_s
     as_asked = offered.get("type") == asked.type  # the layout of another type is unknown
     try:
@@ -210,6 +213,8 @@ def _listen(conversation: Conversation, asked: Listened, found: TopicFound, list
                 stamp_s, frame = _stamp_and_frame(head)
                 frames.add(frame)
                 skews.append(stamp_s - time.time())
+                if asked.type == RANGE:
+                    ranges |= _range(head, frame)
     except TimeoutError:
         pass  # the messages read so far are the answer
     return msgspec.structs.replace(
@@ -218,6 +223,7 @@ def _listen(conversation: Conversation, asked: Listened, found: TopicFound, list
         md5=offered.get("md5sum"),
         messages=messages,
         frames=sorted(frames),
+        ranges=ranges,
         skew_s=max(skews, default=None),
     )
 
@@ -236,6 +242,13 @@ def _stamp_and_frame(head: bytes) -> tuple[float, str]:
     """Return stamp (s) and frame id of the std_msgs/Header at the message's begin."""
     _seq, seconds, nanoseconds, length = struct.unpack_from("<IIII", head)
     return seconds + nanoseconds * 1e-9, head[16 : 16 + length].decode(errors="replace")
+
+
+def _range(head: bytes, frame: str) -> dict[str, float]:
+    """Return a sensor_msgs/Range by its frame; nothing if it is not finite, which JSON cannot say."""
+    length = struct.unpack_from("<I", head, 12)[0]
+    (range_m,) = struct.unpack_from("<f", head, 16 + length + RANGE_AT)
+    return {frame: range_m} if math.isfinite(range_m) else {}
 
 
 if __name__ == "__main__":
