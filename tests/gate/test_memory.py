@@ -125,6 +125,31 @@ def test_doubt_grows_with_way_and_turns_only():
     np.testing.assert_array_equal(memory.doubts_m(), [0.0])
 
 
+@pytest.mark.parametrize("layer", [LASER_LAYER, DEPTH_LAYER], ids=["laser", "depth"])
+def test_an_odometry_that_trembles_forgets_nothing_and_brings_nothing_nearer(layer):
+    memory = Memory(layer._replace(shortest_life_s=100.0, longest_life_s=100.0))
+    random = np.random.default_rng(0)
+    memory.see(SPOT, HERE, 0.0)
+    for step in range(1800):  # 60 s at 30 Hz
+        memory.follow(Pose(*random.normal(0.0, 0.002, 3)), step / 30.0)
+    assert len(memory.points(60.0)) == 1
+    np.testing.assert_array_equal(memory.doubts_m(), [0.0])
+
+
+def test_slow_driving_forgets_also_with_an_odometry_that_trembles():
+    memory = Memory(LASER_LAYER._replace(shortest_life_s=1000.0, longest_life_s=1000.0))
+    random = np.random.default_rng(0)
+    memory.see(SPOT, HERE, 0.0)
+    gone_s = None
+    for step in range(10_000):
+        x, y, yaw = random.normal(0.0, 0.002, 3)
+        back = 1.0 - abs(1.0 - 0.02 * step / 30.0 % 2.0)  # to and fro along 1 m
+        memory.follow(Pose(x + back, y, yaw), step / 30.0)
+        if gone_s is None and not len(memory.points(step / 30.0)):
+            gone_s = step / 30.0
+    assert gone_s == pytest.approx(300.0, rel=0.1), "6 m"
+
+
 def test_doubt_brings_a_point_nearer_but_not_to_the_hull():
     points = np.array([[1.0, 0.0], [0.0, -0.33], [-0.28, 0.0]])
     nearer = grown(points, np.full(3, 0.05), Disc(0.27))

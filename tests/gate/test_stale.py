@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
+from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.speed_limits import late_share
 from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity
 from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
@@ -195,3 +197,36 @@ def test_standstill_needs_fresh_odometry_that_says_so(tiago):
     tiago.now_s += 0.02
     tiago.odometry()
     assert not tiago.gate.standstill(tiago.now_s)
+
+
+def test_a_robot_whose_speed_only_trembles_stands():
+    """Velocity as the difference of poses that tremble by 2 mm and 2 mrad: 0.14 m/s in single messages."""
+    gate, random = Gate(tiago_profile()), np.random.default_rng(0)
+    before, stood = np.zeros(3), []
+    for step in range(3000):  # 60 s at 50 Hz
+        now_s = 100.0 + 0.02 * step
+        pose = random.normal(0.0, 0.002, 3)
+        gate.observe_odometry(now_s, now_s, Pose(*pose), Velocity(*((pose - before) / 0.02)))
+        before = pose
+        stood.append(gate.standstill(now_s))
+    assert not any(stood[1:20]), "not known at once"
+    assert all(stood[100:])
+
+
+@pytest.mark.parametrize("tremble_m", [0.0, 0.002])
+@pytest.mark.parametrize(
+    "twist", [Velocity(0.02, 0.0, 0.0), Velocity(-0.02, 0.0, 0.0), Velocity(0.0, 0.0, 0.03)]
+)
+def test_a_slow_robot_does_not_stand(twist, tremble_m):
+    gate, random = Gate(tiago_profile()), np.random.default_rng(0)
+    before, stood = np.zeros(3), []
+    for step in range(1000):
+        now_s = 100.0 + 0.02 * step
+        moved_s = max(0.0, 0.02 * step - 2.0)
+        pose = np.array((twist.vx * moved_s, 0.0, twist.w * moved_s)) + random.normal(0.0, tremble_m, 3)
+        gate.observe_odometry(now_s, now_s, Pose(*pose), Velocity(*((pose - before) / 0.02)))
+        before = pose
+        stood.append(gate.standstill(now_s))
+    assert all(stood[75:100])
+    late = 125 if tremble_m else 101
+    assert not any(stood[late:]) if not tremble_m else sum(stood[late:]) <= 5

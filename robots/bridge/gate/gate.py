@@ -38,7 +38,7 @@ import numpy as np
 from msgspec import structs
 
 from robots.bridge.gate import words
-from robots.bridge.gate.geometry import arc, arm_discs
+from robots.bridge.gate.geometry import arm_discs
 from robots.bridge.gate.geometry.footprint import Discs, Footprint, footprint_of
 from robots.bridge.gate.geometry.planar import Points, placed, put
 from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
@@ -263,7 +263,7 @@ class Gate:
         """Return whether the robot stands by its odometry; None while the odometry is stale."""
         if not self._odometry.within(ODOMETRY_STALE_S, now_s):
             return None
-        return arc.speed(self._velocity) < STANDSTILL_MPS and abs(self._velocity.w) < STANDSTILL_RADPS
+        return self._trail.rest.stands(STANDSTILL_MPS, STANDSTILL_RADPS)
 
     def sonar_range(self, source: str, now_s: float) -> float | None:
         """Return the newest range of a sonar in metres; None if nothing is in range or the sonar is silent."""

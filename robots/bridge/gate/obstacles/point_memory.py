@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import Points, from_columns, wrapped
+from robots.bridge.gate.geometry.planar import Points, from_columns
 from robots.bridge.gate.sensing.scan import INSIDE_HULL_M
+from robots.bridge.gate.timing.tremble import Way
 from robots.bridge.gate.values import Pose
 
 CELLS = 256  # along each side of the grid, a power of two: 6.4 m of 2.5 cm
@@ -24,7 +25,6 @@ PASSES = 2  # observations that see free space where a point is remembered, unti
 GAP_S = 0.2  # a cell that was not seen for longer was not watched meanwhile
 BRIEFLY_S = 0.6  # watched no longer than this is seen in passing: shortest life
 LONG_S = 2.0  # watched for this long: longest life
-STANDS_M = 0.005  # an odometry that trembles goes no way
 TURN_M = 0.5  # of way, for each radian turned
 SURE_M = 0.5  # of way without odometry error: points that leave the view next to the hull
 DOUBT_SHARE = 0.03  # of all way more
@@ -91,7 +91,7 @@ class Memory:
         self._order = np.zeros(CELLS * CELLS, dtype=np.intp)
         # the entries that live, in order of `points`
         self._cells: NDArray[np.intp] = np.empty(0, dtype=np.intp)
-        self._robot: Pose | None = None
+        self._way = Way()
         self._travelled_m = 0.0
         self._points: Points | None = None
         self._first_expiry_s = math.inf
@@ -131,11 +131,8 @@ class Memory:
 
     def follow(self, pose: Pose, now_s: float) -> None:
         """Move the robot to `pose` (odometry frame): forget points that are old, far, or seen long ago on the way."""
-        there = self._robot or pose
-        way_m = math.hypot(pose.x - there.x, pose.y - there.y) + TURN_M * abs(wrapped(pose.yaw - there.yaw))
-        if self._robot is None or way_m > STANDS_M:
-            self._travelled_m += way_m
-            self._robot = pose
+        self._way.follow(pose)
+        self._travelled_m = self._way.driven_m + TURN_M * self._way.turned_rad
         cells = self._cells
         away = np.maximum(np.abs(self._x[cells] - pose.x), np.abs(self._y[cells] - pose.y))
         far, is_near = away > self.reach_m, away < self._layer.near_m
@@ -191,7 +188,7 @@ class Memory:
 
     def clear(self) -> None:
         """Forget everything: the odometry frame is a new one."""
-        self._robot = None
+        self._way.jump()
         self._forget(np.ones(len(self._cells), dtype=np.bool_))
 
     # --- within -------------------------------------------------------------------------------

@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from robots.bridge.gate.geometry.footprint import Footprint
 from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, from_columns, placed, put, seen_from
 from robots.bridge.gate.obstacles.depth_camera import Frame
-from robots.bridge.gate.obstacles.point_memory import STANDS_M
 from robots.bridge.gate.obstacles.sightings import seen_free
 from robots.bridge.gate.sensing.depth import Columns, seen_through
 from robots.bridge.gate.sensing.scan import INSIDE_HULL_M, Sweep
 from robots.bridge.gate.timing.trail import Trail
+from robots.bridge.gate.timing.tremble import Way
 from robots.bridge.gate.values import Kind, Pose, SensorHealth
 
 Flags = NDArray[np.bool_]
@@ -79,8 +79,8 @@ class SonarMemory:
     def __init__(self, footprint: Footprint) -> None:
         self._footprint = footprint
         self._table: NDArray[np.float64] = np.empty((11, 0))
-        self._base: Pose | None = None
-        self._travelled_m = 0.0
+        self._way = Way()
+        self._here = ORIGIN
         self._now_s = -math.inf
         self._things = 0
         self._unsteady_s: dict[int, float] = {}  # when each sonar last had a lost echo again
@@ -160,7 +160,7 @@ class SonarMemory:
     def clear(self) -> None:
         """Forget everything."""
         self._keep(np.zeros(self._table.shape[1], dtype=np.bool_))
-        self._base = None
+        self._way.jump()
 
     # --- within -------------------------------------------------------------------------------
 
@@ -175,17 +175,13 @@ class SonarMemory:
             self._resets = trail.resets
             self.clear()
         self._now_s = now_s
-        here = trail.newest or base  # stamps of several sonars go to and fro
-        there = self._base or here
-        way_m = math.hypot(here.x - there.x, here.y - there.y)
-        if self._base is None or way_m > STANDS_M:
-            self._travelled_m += way_m
-            self._base = here
+        self._here = trail.newest or base  # stamps of several sonars go to and fro
+        self._way.follow(self._here)
         if not self._table.shape[1]:
             return
         places = placed(self.places(), seen_from(ORIGIN, base))
         near = np.hypot(*places.T) < REACH_M
-        lasting = self._table[HEARD_M] > self._travelled_m - TRAVEL_M
+        lasting = self._table[HEARD_M] > self._way.driven_m - TRAVEL_M
         outside = (self._footprint.gaps(places) >= -INSIDE_HULL_M) | self._lately()
         self._keep(near & lasting & outside)
 
@@ -254,7 +250,7 @@ class SonarMemory:
         table[THING, self._belongs_to(again)] = self._things
         times = np.where(self._heard_from(reading.sonar, eye), table[TIMES] + 1.0, 1.0)
         where = eye.x, eye.y, eye.yaw
-        news = np.array((reading.sonar, *where, now_s, self._travelled_m, self._things, 0.0, 1.0))
+        news = np.array((reading.sonar, *where, now_s, self._way.driven_m, self._things, 0.0, 1.0))
         table[SONAR:, again] = news[:, None]
         table[TIMES, again] = times[again]
         rows = again.nonzero()[0]
@@ -269,7 +265,7 @@ class SonarMemory:
         added = np.vstack((x[fresh], y[fresh], np.repeat(news[:, None], int(fresh.sum()), axis=1)))
         self._table = np.concatenate((table[:, kept], added), axis=1)
         if self._table.shape[1] > MOST:
-            here = self._base or eye
+            here = self._here
             away = np.hypot(self._table[X] - here.x, self._table[Y] - here.y)
             away[self._lately()] = 0.0
             self._table = self._table[:, np.argsort(away, kind="stable")[:MOST]]

@@ -6,13 +6,13 @@ import math
 from bisect import bisect_left, bisect_right
 
 from robots.bridge.gate.geometry.planar import ORIGIN, put, seen_from, wrapped
+from robots.bridge.gate.timing.tremble import Rest
 from robots.bridge.gate.values import Pose, Velocity
 
 KEPT = 200  # poses: 4 s at 50 Hz, and no sensor is used for longer than 0.5 s
 LARGEST_HOLE_S = 0.2  # longest interpolation between two poses, and extrapolation beyond the newest
 JUMP_M = 0.3  # beyond the possible motion of the base: the odometry was reset
 JUMP_RAD = 0.5
-STEADY_S, STEADY_M, STEADY_RAD = 0.3, 0.006, 0.006  # poses within this time that differ by less only tremble
 SILENT_S = 0.3  # the dead-man's time: after a longer silence it may be another robot
 
 
@@ -25,6 +25,7 @@ class Trail:
         self._stamps: list[float] = []
         self._poses: list[Pose] = []
         self._velocity = Velocity(0.0, 0.0, 0.0)
+        self.rest = Rest()
         self._frame = ORIGIN  # of the odometry, after corrections of wrongly reported turns
         self._reported_yaw = 0.0
         self.turn_share = 1.0  # correction factor for turns that the odometry reports from now on
@@ -47,6 +48,7 @@ class Trail:
         self._reported_yaw = pose.yaw
         self._stamps.append(stamp_s)
         self._poses.append(corrected)
+        self.rest.follow(stamp_s, corrected, velocity)
         self._velocity = velocity._replace(w=self.turn_share * velocity.w)
         self.revision += 1
         if len(self._stamps) > 2 * KEPT:
@@ -67,6 +69,7 @@ class Trail:
         """Begin a new frame: places in the old one are unknown now."""
         self._stamps.clear()
         self._poses.clear()
+        self.rest = Rest()
         self._frame = ORIGIN
         self.turn_share = 1.0
         self.resets += 1
@@ -104,18 +107,9 @@ class Trail:
         return between(self._poses[after - 1], self._poses[after], (stamp_s - self._stamps[after - 1]) / hole)
 
     def steadied_at(self, stamp_s: float) -> Pose | None:
-        """Return the mean pose of the last 0.3 s if the robot hardly moves (some odometry trembles); else `pose_at`."""
+        """Return the resting pose if the robot stands or hardly moves (some odometry trembles); else `pose_at`."""
         pose = self.pose_at(stamp_s)
-        first, end = (bisect_right(self._stamps, since_s) for since_s in (stamp_s - STEADY_S, stamp_s))
-        poses = self._poses[first:end]
-        if pose is None or not poses:
-            return pose
-        turns = [wrapped(before.yaw - pose.yaw) for before in poses]
-        x, y = [before.x for before in poses], [before.y for before in poses]
-        if max(x) - min(x) > STEADY_M or max(y) - min(y) > STEADY_M or max(turns) - min(turns) > STEADY_RAD:
-            return pose
-        known = len(poses)
-        return Pose(sum(x) / known, sum(y) / known, wrapped(pose.yaw + sum(turns) / known))
+        return None if pose is None else self.rest.steadied(pose)
 
     def _extrapolated(self, ahead_s: float) -> Pose | None:
         """Move the newest pose on with its velocity: a scan is often stamped after the newest odometry."""
