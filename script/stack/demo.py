@@ -18,6 +18,7 @@ from script.stack.stack import Stack, StartError, temporary_stack
 
 FIRST_PORT = 8000
 PORTS_TRIED = 100
+STUDENTS = ("anna", "ben", "cleo", "dana")
 
 
 def main() -> int:
@@ -56,7 +57,11 @@ def demo(port: int | None, *, lan: bool) -> int:
     directory.mkdir(mode=0o700, parents=True, exist_ok=True)
     with (directory / "lock").open("w") as lock:
         lock_or_fail(lock, directory)
-        with lan_stack(directory, listener) if lan else Stack(directory, listener=listener) as stack:
+        with (
+            lan_stack(directory, listener)
+            if lan
+            else Stack(directory, listener=listener, students=STUDENTS) as stack
+        ):
             introduce(stack, time.monotonic() - began_s)
             raise ChildDied(wait_for_any_end(stack.children))
 
@@ -89,7 +94,11 @@ def lan_stack(directory: Path, listener: socket.socket) -> Stack:
         raise StartError("This machine has no address in any network: --lan has nobody to serve.")
     hosts = [*addresses, socket.gethostname(), "localhost", "127.0.0.1"]
     return Stack(
-        directory, listener=listener, certificate=certificate_for(hosts, directory / "tls"), hosts=hosts
+        directory,
+        listener=listener,
+        students=STUDENTS,
+        certificate=certificate_for(hosts, directory / "tls"),
+        hosts=hosts,
     )
 
 
@@ -101,8 +110,9 @@ def introduce(stack: Stack, seconds: float) -> None:
         say("The certificate is this demo's own, so a browser warns once. To have it trusted, install on the")
         say(f"phone: {stack.certificate.authority}\n")
     say("Sign in as        with the password")
-    for account in stack.accounts.values():
-        say(f"  {account.username:<15} {account.password}")
+    for account in (*stack.accounts.values(), *stack.students):
+        course = "   (a student of the course Human-Robot Interaction)" if account.role == "student" else ""
+        say(f"  {account.username:<15} {account.password}{course}")
     say(f"\nPasswords: {stack.directory / 'passwords.txt'}   logs: {stack.logs}")
     say("The robots are simulated. Ctrl-C ends everything.")
 

@@ -152,6 +152,7 @@ class Stack:
         certificate: Certificate | None = None,
         hosts: Sequence[str] = ("127.0.0.1", "localhost"),
         settings: Mapping[str, str] | None = None,
+        students: Sequence[str] = (),
     ) -> None:
         self.directory = directory.absolute()
         self.plans = robots
@@ -161,6 +162,7 @@ class Stack:
         self.certificate = certificate
         self.hosts = hosts
         self._settings = settings or {}  # further ones, FLEET_...
+        self._student_names = students  # of a course with bookings
         self.robots: dict[str, SimulatedRobot] = {}
         self.children: list[Child] = []
         self._closing = ExitStack()
@@ -222,9 +224,12 @@ class Stack:
 
     def _load_accounts(self) -> dict[str, Account]:
         path = self.directory / "passwords.txt"
-        if not path.exists():
-            private_file(path, "".join(f"{role} {secrets.token_urlsafe(9)}\n" for role in ROLES))
-        passwords = dict(line.split() for line in path.read_text().splitlines())
+        names = (*ROLES, *self._student_names)
+        passwords = dict(line.split() for line in path.read_text().splitlines()) if path.exists() else {}
+        if not passwords.keys() >= set(names):
+            passwords = {name: secrets.token_urlsafe(9) for name in names} | passwords
+            private_file(path, "".join(f"{name} {password}\n" for name, password in passwords.items()))
+        self.students = [Account(name, "student", passwords[name]) for name in self._student_names]
         return {role: Account(role, role, passwords[role]) for role in ROLES}
 
     def _environment(self) -> dict[str, str]:
@@ -313,7 +318,8 @@ class Stack:
             {"username": account.username, "role": account.role, "password": account.password}
             for account in self.accounts.values()
         ]
-        private_file(plan, json.dumps({"robots": robots, "accounts": accounts}))
+        students = [{"username": one.username, "password": one.password} for one in self.students]
+        private_file(plan, json.dumps({"robots": robots, "accounts": accounts, "students": students}))
         command = self.manage("seed", "seed_demo", str(plan))
         self._finish(command)
         plan.unlink()

@@ -1,7 +1,8 @@
 """``manage.py seed_demo FILE``: the practice robots and accounts of script/demo.
 
 FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick"}],
-"accounts": [{"username", "role", "password"}]}. A new robot gets a small allow-list for practice. A second run
+"accounts": [{"username", "role", "password"}]}, and perhaps "students" for `seed_demo_week`.
+A new robot gets a small allow-list for practice. A second run
 updates only the robots' masters. Prints {slug: path of the bridge's socket}.
 """
 
@@ -11,6 +12,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from django.core.management import call_command
 from django.core.management.base import BaseCommand, CommandParser
 from django.db import transaction
 from msgspec import Struct, structs
@@ -57,6 +59,7 @@ class Plan(Struct, frozen=True):
 
     robots: list[PracticeRobot]
     accounts: list[Account]
+    students: list[dict[str, str]] = []
 
 
 class Command(BaseCommand):
@@ -75,6 +78,8 @@ class Command(BaseCommand):
             robots = [seed_robot(robot) for robot in plan.robots]
             for account in plan.accounts:
                 seed_account(account, robots)
+        if plan.students:
+            call_command("seed_demo_week", options["file"])
         self.stdout.write(json.dumps({robot.slug: link_address(robot).unix_path for robot in robots}))
 
 
