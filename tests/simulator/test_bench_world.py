@@ -258,10 +258,13 @@ def test_sensors_measure_as_often_and_as_coarsely_as_drawn():
     assert set(loop.controller.gate.profile.sonar_fov.values()) == {1.0}
 
 
-@pytest.mark.parametrize(("height_m", "echo_m"), [(0.1, 0.46), (None, 1.0)])
-def test_a_wide_sonar_hears_low_things_but_not_the_floor(height_m, echo_m):
+@pytest.mark.parametrize(
+    ("height_m", "at_m", "echo_m"), [(0.1, 0.4, 0.46), (0.1, 0.65, 0.69), (None, 0.0, 1.0)]
+)
+def test_a_wide_sonar_hears_low_things_but_not_the_floor(height_m, at_m, echo_m):
     rear = Sensors(sonar_fov=math.radians(60), sonar_sigma_m=0.0).body().sonars[1]
-    world = box_at(-0.76, 0.0, (0.2, 2.0, height_m)) if height_m else box_at(5.0, 5.0)
+    rear_m = rear.pose[0] - at_m - 0.1
+    world = box_at(rear_m, 0.0, (0.2, 2.0, height_m)) if height_m else box_at(5.0, 5.0)
     heard_m = Sonar(rear, np.random.default_rng(0)).range_m(world)
     assert heard_m == pytest.approx(echo_m, abs=0.1)
 

@@ -14,7 +14,7 @@ from robots.simulator.sensors.body import SonarMount
 from robots.simulator.sensors.laser import in_world
 
 _ACROSS = 9  # rays side by side in the cone
-_UPRIGHT = 3  # and on top of each other
+_UPRIGHT = 9  # and on top of each other
 _FLOOR_M = 0.01  # hits lower than this are the floor
 
 
