@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 from benchmarks.world.controllers import Ours
 from benchmarks.world.robot import tiago_arm
+from robots.bridge.gate.geometry.arm_discs import Disc
 from robots.bridge.gate.geometry.arm_sweep import Motion
 from robots.bridge.tasks.arm_clearance import ArmClearance
 from robots.bridge.tasks.arm_posture import ArmPosture
@@ -16,8 +17,10 @@ from robots.simulator.joints.frames import urdf
 from robots.simulator.joints.motions import Phase, Run
 from robots.simulator.robot import Robot
 from robots.simulator.sensors.body import TIAGO
+from robots.wire import Refusal
 
 REPORTED_EVERY_S = 0.1
+WATCHED_EVERY_S = 0.05  # as the bridge does
 SEEN_GROUP = 0  # of MuJoCo's geometries: rays hit it
 PATIENCE_S = 10.0  # after which a refused motion is given up
 
@@ -31,16 +34,22 @@ class ArmShow:
 
 
 class MovingArm:
-    """Plays motions, each when the arm has room by the bridge's own rule, and reports the posture to the gate."""
+    """Plays motions while the arm has room by the bridge's own rule, and reports the posture to the gate.
+
+    A motion that loses its room is cancelled and begun again, as by a person who tries once more.
+    """
 
     def __init__(self, robot: Robot, controller: Ours, show: ArmShow) -> None:
         self._robot = robot
         self._controller = controller
         self._left = list(show.motions)
         self._run: Run | None = None
+        self._name = ""
+        self._space: tuple[Disc, ...] = ()  # that the run sweeps
         self._reported_s = -REPORTED_EVERY_S
+        self._watched_s = -WATCHED_EVERY_S
         self._now_s = 0.0
-        self.refused_s = 0.0  # seconds in which the next motion was refused
+        self.refused_s = 0.0  # seconds in which a motion was refused, or cancelled for want of room
         self.posture = ArmPosture(tiago_arm())
         self.posture.describe(_described(show.lacks))
         model = SimpleNamespace(arm=lambda: self.posture.arm(self._now_s))
@@ -55,23 +64,42 @@ class MovingArm:
         return not self._left and (self._run is None or self._run.phase is not Phase.MOVING)
 
     def tick(self, now_s: float) -> None:
-        """Report the posture ten times a second, and begin the next motion when the last one ended."""
+        """Report the posture ten times a second; twenty times, watch the run, or begin the next motion."""
         self._now_s = now_s
-        if now_s - self._reported_s < REPORTED_EVERY_S:
-            return
-        self._reported_s = now_s
-        self.posture.hear(self._robot.player.positions.items(), now_s)
-        self._controller.posture = self.posture.posture(now_s)
-        if not self._left or (self._run and self._run.phase is Phase.MOVING):
-            return
-        points = self._robot.player.motions[self._left[0]]
+        if now_s - self._reported_s >= REPORTED_EVERY_S:
+            self._reported_s = now_s
+            self.posture.hear(self._robot.player.positions.items(), now_s)
+            self._controller.posture = self.posture.posture(now_s)
+        if now_s - self._watched_s >= WATCHED_EVERY_S:
+            self._watched_s = now_s
+            if self._run and self._run.phase is Phase.MOVING:
+                self._watch(self._run)
+            elif self._left:
+                self._begin(self._left[0])
+
+    def _watch(self, run: Run) -> None:
+        if refusal := self._clearance.refuse(self._space, self._now_s, running=True):
+            self._robot.player.cancel(run)
+            self._left.insert(0, self._name)
+            self._refused(refusal)
+
+    def _begin(self, name: str) -> None:
+        points = self._robot.player.motions[name]
         motion = Motion(tuple(points.joints), tuple(tuple(point.positions) for point in points.points))
-        if self._clearance.refuse(self.posture.sweep(motion, now_s), now_s):
-            self.refused_s += REPORTED_EVERY_S if self._run else 0.0  # before, the sensors begin
-            if self.refused_s > PATIENCE_S:
-                self._left.clear()
+        space = self.posture.sweep(motion, self._now_s)
+        if refusal := self._clearance.refuse(space, self._now_s):
+            self._refused(refusal)
             return
-        self._run = self._robot.player.start(self._left.pop(0), now_s)
+        self._left.pop(0)
+        self._name, self._space = name, space
+        self._run = self._robot.player.start(name, self._now_s)
+
+    def _refused(self, refusal: Refusal) -> None:
+        if self._run is None and refusal.code == "not_watched":
+            return  # the sensors begin
+        self.refused_s += WATCHED_EVERY_S
+        if self.refused_s > PATIENCE_S:
+            self._left.clear()
 
 
 def _described(lacks: int) -> str:

@@ -30,7 +30,7 @@ WORST = 3
 
 
 class End(NamedTuple):
-    """Seconds in which *home* was refused, and until the robot drove once the arm was home (`TRIES_S`: never)."""
+    """Seconds in which a motion was refused, and until the robot drove once the arm was home (`TRIES_S`: never)."""
 
     refused_s: float
     held_s: float
@@ -46,7 +46,7 @@ def measure(repeats: int) -> list[Figure]:
     for lacks in range(MOST_LACKING + 1):
         ends = [end for seed, end in done if build(seed).arm == ArmShow((_motion(seed), "home"), lacks)]
         name = f"arm, {lacks} links missing, {len(ends)} runs"
-        figures.append(Figure(f"{name}: home refused for", max(end.refused_s for end in ends), "s", 0.0))
+        figures.append(Figure(f"{name}: refused for", max(end.refused_s for end in ends), "s", 0.0))
         figures.append(Figure(f"{name}: drives after", max(end.held_s for end in ends), "s", LIMIT_S))
     return figures
 
