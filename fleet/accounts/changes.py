@@ -8,7 +8,7 @@ from typing import Any
 from django.contrib.auth.models import AbstractUser
 from django.db import transaction
 
-from fleet.audit.command_line import here
+from fleet.audit.command_line import SystemAccount, here
 from fleet.audit.services import actor_renamed, record
 
 SHOWN = ("username", "full_name", "email", "is_active", "is_staff", "is_superuser")
@@ -46,6 +46,10 @@ class RecordedUser(AbstractUser):
                 if {"username", "full_name"} & {change["field"] for change in changes}:
                     actor_renamed(self)
 
+    def record_creation(self, actor: AbstractUser | SystemAccount | None) -> None:
+        """Record a new account that was stored with others, not by `save`."""
+        _record("account.create", self, _changes(type(self)(), self, RECORDED), actor)
+
     def record_deletion(self) -> None:
         """Record that the account is deleted. The admin deletes none; a program may."""
         _record("account.delete", self, [])
@@ -71,14 +75,19 @@ def _password_changed(before: AbstractUser, person: AbstractUser) -> bool:
     return typed or not person.has_usable_password() or not before.has_usable_password()
 
 
-def _record(kind: str, person: RecordedUser, changes: list[dict[str, Any]]) -> None:
+def _record(
+    kind: str,
+    person: RecordedUser,
+    changes: list[dict[str, Any]],
+    actor: AbstractUser | SystemAccount | None = None,
+) -> None:
     """Which fields, and of rights the values, are kept for ever; names and addresses are not."""
     kept = [change if change["field"] in RIGHTS else {"field": change["field"]} for change in changes]
     change_parameters: dict[str, Any] = {"changes": kept} if changes else {}
     whole: dict[str, Any] = {"changes": changes} if kept != changes else {}
     record(
         kind,
-        actor=person.changed_by or here(),
+        actor=actor or person.changed_by or here(),
         parameters={"user": str(person.pk), **change_parameters},
         private={"name": str(person), **whole},
     )

@@ -32,4 +32,5 @@ urlpatterns = [
     path("", include("fleet.bookings.pages.urls")),
     path("", include("teleop.urls")),
     path("", include("robots.registry.urls")),
+    path("", include("robots.access.urls")),
 ]

@@ -14,6 +14,8 @@ from django.db.models import CharField, Q, QuerySet, Value
 from django.db.models.functions import Cast
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
+from django.utils.formats import date_format
+from django.utils.translation import gettext
 from msgspec import Struct
 
 from robots.access.models import Course, Qualification, QualificationGrant, RobotGroup
@@ -182,6 +184,12 @@ def demanded_by(robot: Robot) -> QuerySet[Qualification]:
     return Qualification.objects.filter(Q(robots=robot) | Q(groups__robots=robot)).distinct()
 
 
+def demanded_in(course: Course) -> QuerySet[Qualification]:
+    """Return the qualifications that the course's robots demand."""
+    robots = robot_ids_of(course)
+    return Qualification.objects.filter(Q(robots__in=robots) | Q(groups__robots__in=robots)).distinct()
+
+
 def missing_qualifications(user: User, robot: Robot, now: datetime) -> list[Qualification]:
     """Return the qualifications that the robot demands and `user` does not hold at `now`. Staff need none."""
     return lacking(robot, [user], now).get(user.id, [])
@@ -208,6 +216,20 @@ class Source(Struct, frozen=True):
 
     role: Role
     course: Course | None
+
+    @property
+    def words(self) -> str:
+        """Return it in words, such as "operator by course HRI 2026, until 31 January 2027"."""
+        role = {
+            Role.OBSERVER: gettext("observer"),
+            Role.OPERATOR: gettext("operator"),
+            Role.SUPERVISOR: gettext("supervisor"),
+            Role.STAFF: gettext("staff, on every robot"),
+        }[self.role]
+        if self.course is None:
+            return role if self.role is Role.STAFF else gettext("%s, given by staff") % role
+        facts = {"role": role, "course": self.course.name, "until": date_format(self.course.ends_on, "j F Y")}
+        return gettext("%(role)s by course %(course)s, until %(until)s") % facts
 
 
 class Reason(Struct, frozen=True):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterable
+from datetime import date, datetime
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from django.db import transaction
 
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
+from robots.access.models import Course, Qualification, QualificationGrant, RobotGroup
 from robots.registry.models import Robot, RobotRole, Role
 
 if TYPE_CHECKING:
@@ -36,3 +39,161 @@ def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> No
         parameters={"user": str(user.pk), "from": before, "to": after},
         private={"name": user.display_name},
     )
+
+
+# --- groups, courses, qualifications --------------------------------------------------------------
+
+
+@transaction.atomic
+def group_save(*, group: RobotGroup, robots: Collection[Robot], actor: Actor) -> RobotGroup:
+    """Make a robot group, or save its changes. Raises `ValidationError`."""
+    new, changes = _save(group, {"robots": robots})
+    if new:
+        record("group.create", actor=actor, parameters={"group": group.slug, "changes": changes})
+    elif changes:
+        record("group.change", actor=actor, parameters={"group": group.slug, "changes": changes})
+    return group
+
+
+@transaction.atomic
+def group_delete(*, group: RobotGroup, actor: Actor) -> None:
+    """Delete a robot group: its courses no longer give its robots."""
+    record("group.delete", actor=actor, parameters={"group": group.slug})
+    group.delete()
+
+
+@transaction.atomic
+def course_save(
+    *,
+    course: Course,
+    robots: Collection[Robot],
+    groups: Collection[RobotGroup],
+    supervisors: Collection[User],
+    actor: Actor,
+) -> Course:
+    """Make a course, or save its changes. Raises `ValidationError`."""
+    new, changes = _save(course, {"robots": robots, "groups": groups, "supervisors": supervisors})
+    if new:
+        record("course.create", actor=actor, parameters={"course": course.slug, "changes": changes})
+    elif changes:
+        record("course.change", actor=actor, parameters={"course": course.slug, "changes": changes})
+    return course
+
+
+@transaction.atomic
+def course_archive(*, course: Course, archived: bool, actor: Actor) -> None:
+    """Archive a course, which ends its roles at once, or open it again."""
+    if Course.objects.filter(pk=course.pk, archived=not archived).update(archived=archived):
+        record("course.archive", actor=actor, parameters={"course": course.slug, "archived": archived})
+
+
+@transaction.atomic
+def qualification_save(
+    *,
+    qualification: Qualification,
+    robots: Collection[Robot],
+    groups: Collection[RobotGroup],
+    actor: Actor,
+) -> Qualification:
+    """Make a qualification, or save its changes. Raises `ValidationError`."""
+    new, changes = _save(qualification, {"robots": robots, "groups": groups})
+    facts = {"qualification": qualification.slug, "changes": changes}
+    if new:
+        record("qualification.create", actor=actor, parameters=facts)
+    elif changes:
+        record("qualification.change", actor=actor, parameters=facts)
+    return qualification
+
+
+@transaction.atomic
+def qualification_delete(*, qualification: Qualification, actor: Actor) -> None:
+    """Delete a qualification: no robot demands it any more."""
+    record("qualification.delete", actor=actor, parameters={"qualification": qualification.slug})
+    qualification.delete()
+
+
+@transaction.atomic
+def qualification_grant(
+    *, qualification: Qualification, people: Collection[User], expires_at: datetime | None, actor: User
+) -> int:
+    """Grant it to these people, in place of an earlier grant. Returns how many grants are new or changed."""
+    held = QualificationGrant.objects.select_for_update().filter(
+        qualification=qualification, person__in=people
+    )
+    same = set(held.filter(expires_at=expires_at).values_list("person_id", flat=True))
+    changed = [person for person in people if person.pk not in same]
+    if not changed:
+        return 0
+    grants = [
+        QualificationGrant(
+            qualification=qualification, person=person, granted_by=actor, expires_at=expires_at
+        )
+        for person in changed
+    ]
+    QualificationGrant.objects.bulk_create(
+        grants,
+        update_conflicts=True,
+        unique_fields=["qualification", "person"],
+        update_fields=["granted_by", "granted_at", "expires_at"],
+    )
+    record(
+        "qualification.grant",
+        actor=actor,
+        parameters={
+            "qualification": qualification.slug,
+            "people": [str(person.pk) for person in changed],
+            "expires_at": expires_at.isoformat() if expires_at else None,
+        },
+    )
+    return len(changed)
+
+
+@transaction.atomic
+def qualification_revoke(*, qualification: Qualification, people: Collection[User], actor: User) -> int:
+    """Take the qualification from these people. Returns how many held it."""
+    held = QualificationGrant.objects.select_for_update().filter(
+        qualification=qualification, person__in=people
+    )
+    gone = [str(person) for person in held.values_list("person", flat=True)]
+    if gone:
+        held.delete()
+        facts = {"qualification": qualification.slug, "people": gone}
+        record("qualification.revoke", actor=actor, parameters=facts)
+    return len(gone)
+
+
+Entry = TypeVar("Entry", RobotGroup, Course, Qualification)
+
+
+def _save(entry: Entry, lists: dict[str, Collection[Any]]) -> tuple[bool, list[dict[str, Any]]]:
+    """Check and save an entry and its lists. Returns whether it is new, and what changed."""
+    entry.full_clean()
+    new = entry._state.adding
+    stored = None if new else type(entry)._default_manager.select_for_update().get(pk=entry.pk)
+    before = {} if stored is None else _entered(stored)
+    listed = {name: [] if stored is None else _keys(getattr(stored, name).all()) for name in lists}
+    entry.save()
+    for name, chosen in lists.items():
+        getattr(entry, name).set(chosen)
+    before |= listed
+    after = _entered(entry) | {name: _keys(chosen) for name, chosen in lists.items()}
+    changes = [
+        {"field": name, "from": before.get(name), "to": value}
+        for name, value in after.items()
+        if value != before.get(name)
+    ]
+    return new, changes
+
+
+def _entered(entry: Entry) -> dict[str, Any]:
+    """Return the columns as JSON values."""
+    values = {field.name: field.value_from_object(entry) for field in entry._meta.concrete_fields}
+    return {
+        name: value.isoformat() if isinstance(value, date) else value
+        for name, value in values.items()
+        if name != "id"
+    }
+
+
+def _keys(entries: Iterable[Any]) -> list[str]:
+    return sorted(getattr(entry, "slug", str(entry.pk)) for entry in entries)

@@ -1,0 +1,249 @@
+"""Enrols people in courses: by a list, by an invitation, and out again."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, TypeVar
+from uuid import UUID
+
+from django.core.signing import BadSignature, Signer
+from django.db import transaction
+from django.db.models.functions import Lower
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from fleet.audit.services import record
+from robots.access import welcome
+from robots.access.models import Course, Enrolment, Invitation
+from robots.access.people_lists import Listed, PeopleList, Wrong
+from robots.wire import NotDone, Refusal
+
+if TYPE_CHECKING:
+    from robots.access.services import Actor
+
+T = TypeVar("T")
+
+AT_ONCE = 100  # people in one transaction: others must not wait long for the database
+NOT_IN_USERNAMES = re.compile(r"[^\w.@+-]")
+_signer = Signer(salt="robots.access.invitation")
+
+
+class EnrolmentRefused(NotDone):
+    """An enrolment is not possible."""
+
+
+class Plan(Struct, frozen=True):
+    """The effect of a list on a course."""
+
+    known: tuple[User, ...] = ()  # have an account and will be enrolled
+    new: tuple[Listed, ...] = ()  # will get an account and an invitation by e-mail
+    enrolled: tuple[User, ...] = ()  # are in the course already
+    wrong: tuple[Wrong, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def to_enrol(self) -> int:
+        """Return the number of people who will be enrolled."""
+        return len(self.known) + len(self.new)
+
+
+def plan_of(people: PeopleList, course: Course | None) -> Plan:
+    """Return the effect of a list; `course` None: of a course that does not exist yet."""
+    found = accounts_by_address(one.email for one in people.people)
+    inside: set[UUID] = set()
+    if course is not None:
+        inside = set(Enrolment.objects.filter(course=course).values_list("person_id", flat=True))
+    known: list[User] = []
+    enrolled: list[User] = []
+    new: list[Listed] = []
+    wrong = list(people.wrong)
+    for one in people.people:
+        accounts = found.get(one.email.lower(), [])
+        if len(accounts) > 1:
+            names = ", ".join(account.username for account in accounts)
+            wrong.append(
+                Wrong(
+                    one.line, one.email, _("Several accounts have this address: %s. Ask the staff.") % names
+                )
+            )
+        elif not accounts:
+            new.append(one)
+        elif not accounts[0].is_active:
+            wrong.append(Wrong(one.line, one.email, _("This account is closed. Ask the staff.")))
+        else:
+            (enrolled if accounts[0].pk in inside else known).append(accounts[0])
+    wrong.sort(key=lambda one: one.line)
+    return Plan(tuple(known), tuple(new), tuple(enrolled), tuple(wrong), people.notes)
+
+
+def accounts_by_address(addresses: Iterable[str]) -> dict[str, list[User]]:
+    """Return the accounts with these e-mail addresses, by the address in lower case."""
+    found: dict[str, list[User]] = {}
+    for part in _parts([address.lower() for address in addresses], 500):
+        for user in User.objects.alias(address=Lower("email")).filter(address__in=part):
+            found.setdefault(user.email.lower(), []).append(user)
+    return found
+
+
+def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) -> Plan:
+    """Enrol the people of a list, and make the accounts that do not exist yet. Twice is harmless.
+
+    It is done in parts of `AT_ONCE` people, one transaction each; after a fault, repeat it. New people get an e-mail
+    with a link to set their password; `site` is the address of the console, such as `https://fleet.example.org`.
+    """
+    plan = plan_of(people, course)
+    for part in _parts(plan.known, AT_ONCE):
+        enrol(course=course, people=part, actor=actor)
+    for listed in _parts(plan.new, AT_ONCE):
+        with transaction.atomic():
+            made = _make_accounts(listed, actor)
+            enrol(course=course, people=made, actor=actor)
+            welcome.send_later(made, course=course, site=site)
+    return plan
+
+
+@transaction.atomic
+def enrol(
+    *, course: Course, people: Sequence[User], actor: Actor, invitation: Invitation | None = None
+) -> int:
+    """Enrol these people. Returns how many were not enrolled before."""
+    inside = set(Enrolment.objects.filter(course=course, person__in=people).values_list("person", flat=True))
+    new = [person for person in people if person.pk not in inside]
+    if not new:
+        return 0
+    Enrolment.objects.bulk_create(
+        [Enrolment(course=course, person=person) for person in new], ignore_conflicts=True
+    )
+    by = {"invitation": str(invitation.pk)} if invitation else {}
+    record(
+        "course.enrol",
+        actor=actor,
+        parameters={"course": course.slug, "people": [str(person.pk) for person in new], **by},
+    )
+    return len(new)
+
+
+@transaction.atomic
+def unenrol(*, course: Course, people: Sequence[User], actor: Actor) -> int:
+    """Take these people out of the course; their control and bookings by it end. Returns how many were in it."""
+    found = Enrolment.objects.select_for_update().filter(course=course, person__in=people)
+    gone = [str(person) for person in found.values_list("person", flat=True)]
+    if gone:
+        found.delete()
+        record("course.unenrol", actor=actor, parameters={"course": course.slug, "people": gone})
+    return len(gone)
+
+
+def _make_accounts(people: Sequence[Listed], actor: User) -> list[User]:
+    """Make accounts without password. The user name is the address, so that people need to know only one."""
+    names = _free_usernames([NOT_IN_USERNAMES.sub("-", one.email.lower())[:140] for one in people])
+    made = []
+    for one, username in zip(people, names, strict=True):
+        user = User(username=username, email=one.email, full_name=one.name)
+        user.set_unusable_password()
+        made.append(user)
+    User.objects.bulk_create(made)
+    for user in made:
+        user.record_creation(actor)
+    return made
+
+
+def _free_usernames(wanted: list[str]) -> list[str]:
+    """Return these names, with a number where another account has the name."""
+    taken = Counter(User.objects.filter(username__in=wanted).values_list("username", flat=True))
+    names = []
+    for name in wanted:
+        taken[name] += 1
+        free = name if taken[name] == 1 else f"{name}-{taken[name]}"
+        while free != name and (taken[free] or User.objects.filter(username=free).exists()):
+            taken[name] += 1
+            free = f"{name}-{taken[name]}"
+        taken[free] += free != name
+        names.append(free)
+    return names
+
+
+# --- invitations ----------------------------------------------------------------------------------
+
+
+@transaction.atomic
+def invitation_make(*, course: Course, expires_at: datetime, most_uses: int, actor: User) -> Invitation:
+    """Make a link by which people enrol themselves. Raises `ValidationError`."""
+    made = Invitation(course=course, made_by=actor, expires_at=expires_at, most_uses=most_uses)
+    made.full_clean()
+    made.save()
+    record(
+        "course.invite",
+        actor=actor,
+        parameters={
+            "course": course.slug,
+            "invitation": str(made.pk),
+            "expires_at": expires_at.isoformat(),
+            "most_uses": most_uses,
+        },
+    )
+    return made
+
+
+@transaction.atomic
+def invitation_revoke(*, invitation: Invitation, actor: User) -> None:
+    """End an invitation. Twice is harmless."""
+    ended = Invitation.objects.filter(pk=invitation.pk, revoked_at=None).update(revoked_at=timezone.now())
+    if ended:
+        parameters = {"course": invitation.course.slug, "invitation": str(invitation.pk)}
+        record("course.uninvite", actor=actor, parameters=parameters)
+
+
+def token_of(invitation: Invitation) -> str:
+    """Return the secret part of the invitation's address."""
+    return _signer.sign(invitation.pk.hex)
+
+
+def invitation_of(token: str) -> Invitation | None:
+    """Return the invitation with this secret; None: there is none."""
+    try:
+        key = UUID(hex=_signer.unsign(token))
+    except (BadSignature, ValueError):
+        return None
+    return Invitation.objects.select_related("course").filter(pk=key).first()
+
+
+def check_invitation(invitation: Invitation | None, now: datetime) -> Refusal | None:
+    """Return why nobody can join by this invitation; None: people can."""
+    again = _("Ask your teacher for a new one.")
+    if invitation is None:
+        return Refusal("no_invitation", f"{_('This invitation does not exist.')} {again}", "account")
+    if invitation.revoked_at is not None:
+        return Refusal("invitation_revoked", f"{_('This invitation was revoked.')} {again}", "account")
+    if now >= invitation.expires_at:
+        return Refusal("invitation_expired", f"{_('This invitation has expired.')} {again}", "account")
+    if invitation.uses >= invitation.most_uses:
+        text = _("This invitation was for %(people)d people, and so many have joined.")
+        figures = {"people": invitation.most_uses}
+        return Refusal("invitation_used", f"{text % figures} {again}", "account", figures)
+    if invitation.course.archived:
+        return Refusal("course_over", _("This course is over."), "account")
+    return None
+
+
+@transaction.atomic
+def invitation_accept(*, invitation: Invitation, person: User, now: datetime) -> bool:
+    """Enrol `person`. Returns False if they were enrolled before. Raises `EnrolmentRefused`."""
+    locked = Invitation.objects.select_for_update(of=("self",)).select_related("course").get(pk=invitation.pk)
+    if Enrolment.objects.filter(course=locked.course, person=person).exists():
+        return False
+    if (refusal := check_invitation(locked, now)) is not None:
+        raise EnrolmentRefused(refusal)
+    locked.uses += 1
+    locked.save(update_fields=["uses"])
+    enrol(course=locked.course, people=[person], actor=person, invitation=locked)
+    return True
+
+
+def _parts(whole: Sequence[T], size: int) -> Iterable[Sequence[T]]:
+    return (whole[start : start + size] for start in range(0, len(whole), size))

@@ -1,0 +1,359 @@
+"""The pages of courses, for their supervisors and staff."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+from uuid import UUID
+
+import segno
+from django.contrib import messages
+from django.core.exceptions import PermissionDenied
+from django.db.models import Count, Q
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
+
+from fleet.accounts.requests import person_of
+from robots.access import enrolment, services, welcome
+from robots.access.models import Course, Invitation, QualificationGrant
+from robots.access.pages.forms import (
+    ActionForm,
+    CourseForm,
+    EnrolForm,
+    InvitationForm,
+    PeopleForm,
+    digest,
+    end_of,
+)
+from robots.access.selectors import (
+    courses_managed_by,
+    demanded_in,
+    lab_date,
+    robots_of,
+)
+
+
+@never_cache
+@require_safe
+def courses(request: HttpRequest) -> HttpResponse:
+    """List the courses that this person manages."""
+    found = _managed(request).annotate(people=Count("enrolments")).prefetch_related("supervisors")
+    if not found and not person_of(request).is_staff:
+        raise PermissionDenied("Courses are managed by their supervisors and staff.")
+    today = lab_date()
+    context = {
+        "current": [one for one in found if not one.archived and one.ends_on >= today],
+        "past": [one for one in found if one.archived or one.ends_on < today],
+        "today": today,
+    }
+    return render(request, "access/courses.html", context)
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def course_new(request: HttpRequest) -> HttpResponse:
+    """Make a course with its people: a form, and a preview of the list before it is done."""
+    staff = _staff(request)
+    if request.method != "POST":
+        return _course_form(request, CourseForm())
+    form = CourseForm(request.POST, request.FILES)
+    if not form.is_valid():
+        return _course_form(request, form, 400)
+    plan = enrolment.plan_of(form.people_list, None)
+    if _must_preview(request, form, plan):
+        return _course_form(request, CourseForm(_with_list(request, form)), plan=plan, form_digest=form)
+    made = services.course_save(course=form.instance, actor=staff, **_lists(form))
+    _enrol(request, made, form)
+    return redirect("course", slug=made.slug)
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def course_edit(request: HttpRequest, slug: str) -> HttpResponse:
+    """Change a course: robots, dates, quotas, supervisors. Staff only."""
+    staff = _staff(request)
+    course = get_object_or_404(Course, slug=slug)
+    form = CourseForm(request.POST or None, instance=course)
+    if request.method == "POST" and form.is_valid():
+        services.course_save(course=form.instance, actor=staff, **_lists(form))
+        messages.success(request, _("The course is saved."))
+        return redirect("course", slug=slug)
+    return _course_form(request, form, 400 if form.errors else 200)
+
+
+@require_POST
+def course_archive(request: HttpRequest, slug: str) -> HttpResponse:
+    """Archive a course, or open it again."""
+    staff = _staff(request)
+    course = get_object_or_404(Course, slug=slug)
+    archived = request.POST.get("archived") == "1"
+    services.course_archive(course=course, archived=archived, actor=staff)
+    done = _("%s is archived: its people have lost their roles.") if archived else _("%s is open again.")
+    messages.success(request, done % course.name)
+    return redirect("course", slug=slug)
+
+
+@never_cache
+@require_safe
+def course(request: HttpRequest, slug: str) -> HttpResponse:
+    """Show a course: people, robots, dates, quotas, qualifications, invitations."""
+    return _course_page(request, _one(request, slug))
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def course_enrol(request: HttpRequest, slug: str) -> HttpResponse:
+    """Enrol people by a list, after a preview."""
+    found = _one(request, slug)
+    if request.method != "POST":
+        return _enrol_page(request, found, EnrolForm())
+    form = EnrolForm(request.POST, request.FILES)
+    if not form.is_valid():
+        return _enrol_page(request, found, form, 400)
+    plan = enrolment.plan_of(form.people_list, found)
+    if _must_preview(request, form, plan):
+        return _enrol_page(request, found, EnrolForm(_with_list(request, form)), plan=plan, read=form)
+    _enrol(request, found, form)
+    return redirect("course", slug=slug)
+
+
+@never_cache
+@require_POST
+def course_people(request: HttpRequest, slug: str) -> HttpResponse:
+    """Do something with chosen people: take out, grant or revoke a qualification, send invitations again."""
+    found = _one(request, slug)
+    form = ActionForm(request.POST, course=found, qualifications=demanded_in(found))
+    if not form.is_valid():
+        for texts in form.errors.values():
+            messages.error(request, str(texts[0]))
+        return redirect("course", slug=slug)
+    messages.success(request, _do(request, found, form.cleaned_data))
+    return redirect("course", slug=slug)
+
+
+def _do(request: HttpRequest, course: Course, values: dict[str, Any]) -> str:
+    """Do what the pressed button says. Returns what was done, in words."""
+    actor, people, action = person_of(request), values["people"], request.POST.get("action")
+    facts: dict[str, Any] = {"course": course.name, "qualification": values.get("qualification")}
+    if action == "unenrol":
+        count = enrolment.unenrol(course=course, people=people, actor=actor)
+        text = ngettext("%(n)d person left %(course)s.", "%(n)d people left %(course)s.", count)
+    elif action == "invite":
+        waiting = [person for person in people if not person.has_usable_password() and person.is_active]
+        welcome.send_later(waiting, course=course, site=_site(request))
+        count = len(waiting)
+        text = ngettext("%(n)d e-mail is on its way.", "%(n)d e-mails are on their way.", count)
+    elif facts["qualification"] is None:
+        count, text = 0, _("The robots of this course demand no qualification.")
+    elif action == "grant":
+        until = end_of(values["until"])
+        count = services.qualification_grant(
+            qualification=facts["qualification"], people=people, expires_at=until, actor=actor
+        )
+        text = ngettext(
+            "%(n)d person was granted: %(qualification)s.",
+            "%(n)d people were granted: %(qualification)s.",
+            count,
+        )
+    else:
+        count = services.qualification_revoke(
+            qualification=facts["qualification"], people=people, actor=actor
+        )
+        text = ngettext(
+            "%(n)d person lost: %(qualification)s.", "%(n)d people lost: %(qualification)s.", count
+        )
+    return text % {"n": count, **facts} if "%(" in text else text
+
+
+# --- invitations ----------------------------------------------------------------------------------
+
+
+@require_POST
+def invitation_new(request: HttpRequest, slug: str) -> HttpResponse:
+    """Make an invitation, and show it."""
+    found = _one(request, slug)
+    form = InvitationForm(request.POST)
+    if not form.is_valid():
+        return _course_page(request, found, form, 400)
+    made = enrolment.invitation_make(
+        course=found,
+        expires_at=end_of(form.cleaned_data["last_day"]) or timezone.now(),
+        most_uses=form.cleaned_data["most_uses"],
+        actor=person_of(request),
+    )
+    return redirect("invitation", slug=slug, invitation_id=made.pk)
+
+
+@never_cache
+@require_safe
+def invitation(request: HttpRequest, slug: str, invitation_id: UUID) -> HttpResponse:
+    """Show an invitation's link and QR code, large enough for a projector."""
+    found = _invitation(request, slug, invitation_id)
+    context = {
+        "course": found.course,
+        "invitation": found,
+        "link": _join_link(request, found),
+        "refusal": enrolment.check_invitation(found, timezone.now()),
+    }
+    return render(request, "access/invitation.html", context)
+
+
+@never_cache
+@require_safe
+def invitation_qr(request: HttpRequest, slug: str, invitation_id: UUID) -> HttpResponse:
+    """Return the QR code of an invitation as a picture."""
+    link = _join_link(request, _invitation(request, slug, invitation_id))
+    picture = io.BytesIO()
+    segno.make(link, error="m", micro=False).save(picture, kind="svg", scale=8, light="white", border=4)
+    return HttpResponse(picture.getvalue(), content_type="image/svg+xml")
+
+
+@require_POST
+def invitation_revoke(request: HttpRequest, slug: str, invitation_id: UUID) -> HttpResponse:
+    """End an invitation."""
+    found = _invitation(request, slug, invitation_id)
+    enrolment.invitation_revoke(invitation=found, actor=person_of(request))
+    messages.success(request, _("The invitation is revoked: nobody can join by it any more."))
+    return redirect("course", slug=slug)
+
+
+def _invitation(request: HttpRequest, slug: str, invitation_id: UUID) -> Invitation:
+    return get_object_or_404(
+        Invitation.objects.select_related("course"), pk=invitation_id, course=_one(request, slug)
+    )
+
+
+def _join_link(request: HttpRequest, found: Invitation) -> str:
+    return request.build_absolute_uri(reverse("join", args=[enrolment.token_of(found)]))
+
+
+# --- helpers --------------------------------------------------------------------------------------
+
+
+def _staff(request: HttpRequest) -> Any:
+    person = person_of(request)
+    if not person.is_staff:
+        raise PermissionDenied("Only staff make and change courses.")
+    return person
+
+
+def _managed(request: HttpRequest) -> Any:
+    return courses_managed_by(person_of(request))
+
+
+def _one(request: HttpRequest, slug: str) -> Course:
+    found: Course = get_object_or_404(_managed(request), slug=slug)
+    return found
+
+
+def _site(request: HttpRequest) -> str:
+    return request.build_absolute_uri("/").rstrip("/")
+
+
+def _lists(form: CourseForm) -> dict[str, Any]:
+    return {name: list(form.cleaned_data[name]) for name in ("robots", "groups", "supervisors")}
+
+
+def _must_preview(request: HttpRequest, form: PeopleForm, plan: enrolment.Plan) -> bool:
+    """Return whether the list has to be shown first: it was not, or it was changed since."""
+    empty = not (form.people_list.people or plan.wrong)
+    return not empty and request.POST.get("seen") != digest(form.people_list)
+
+
+def _with_list(request: HttpRequest, form: PeopleForm) -> Any:
+    """Return what was typed, with the list as read: a file is not sent a second time."""
+    typed = request.POST.copy()
+    typed["people"] = form.people_list.as_text()
+    return typed
+
+
+def _enrol(request: HttpRequest, found: Course, form: PeopleForm) -> None:
+    plan = enrolment.enrol_list(
+        course=found, people=form.people_list, actor=person_of(request), site=_site(request)
+    )
+    facts = {"course": found.name, "people": plan.to_enrol, "new": len(plan.new)}
+    if plan.to_enrol:
+        text = _("%(people)d people are enrolled in %(course)s; %(new)d of them have a new account.")
+    elif form.people_list.people:
+        text = _("All of them are in %(course)s already.")
+    else:
+        text = _("The course %(course)s is made.")
+    messages.success(request, text % facts)
+
+
+def _course_form(
+    request: HttpRequest,
+    form: CourseForm,
+    status: int = 200,
+    plan: enrolment.Plan | None = None,
+    form_digest: PeopleForm | None = None,
+) -> HttpResponse:
+    context = {
+        "form": form,
+        "course": form.instance if form.instance.pk else None,
+        "plan": plan,
+        "seen": digest(form_digest.people_list) if form_digest else "",
+    }
+    return render(request, "access/course_form.html", context, status=status)
+
+
+def _enrol_page(
+    request: HttpRequest,
+    found: Course,
+    form: EnrolForm,
+    status: int = 200,
+    plan: enrolment.Plan | None = None,
+    read: PeopleForm | None = None,
+) -> HttpResponse:
+    context = {"form": form, "course": found, "plan": plan, "seen": digest(read.people_list) if read else ""}
+    return render(request, "access/enrol.html", context, status=status)
+
+
+def _course_page(
+    request: HttpRequest, found: Course, form: InvitationForm | None = None, status: int = 200
+) -> HttpResponse:
+    now = timezone.now()
+    qualifications = demanded_in(found)
+    grants = QualificationGrant.objects.filter(
+        qualification__in=qualifications, person__enrolments__course=found
+    ).filter(Q(expires_at=None) | Q(expires_at__gt=now))
+    held: dict[UUID, list[QualificationGrant]] = {}
+    for grant in grants.select_related("qualification"):
+        held.setdefault(grant.person_id, []).append(grant)
+    enrolments = found.enrolments.select_related("person").order_by("person__full_name", "person__username")
+    context = {
+        "course": found,
+        "robots": robots_of(found),
+        "people": [{"person": one.person, "held": held.get(one.person_id, ())} for one in enrolments],
+        "qualifications": qualifications,
+        "action": ActionForm(course=found, qualifications=qualifications),
+        "invitations": [
+            one for one in found.invitations.all() if enrolment.check_invitation(one, now) is None
+        ],
+        "invite": form or InvitationForm(),
+        "valid": not found.archived and found.starts_on <= lab_date() <= found.ends_on,
+        "quotas": _quotas(found),
+    }
+    return render(request, "access/course.html", context, status=status)
+
+
+def _quotas(found: Course) -> list[str]:
+    def hours(minutes: int) -> str:
+        return f"{minutes / 60:g}"
+
+    texts = []
+    if found.day_min:
+        texts.append(_("%s h per person and day") % hours(found.day_min))
+    if found.week_min:
+        texts.append(_("%s h per person and week") % hours(found.week_min))
+    if found.at_once:
+        texts.append(_("%d bookings to come per person") % found.at_once)
+    if found.course_week_min:
+        texts.append(_("%s h per week for the whole course") % hours(found.course_week_min))
+    return texts

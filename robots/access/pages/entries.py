@@ -1,0 +1,83 @@
+"""The pages of robot groups and of qualifications: lists of small forms, for staff."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from django.contrib import messages
+from django.core.exceptions import PermissionDenied
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404, redirect, render
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods
+
+from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
+from robots.access import services
+from robots.access.models import Qualification, RobotGroup
+from robots.access.pages.forms import GroupForm, QualificationForm
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def groups(request: HttpRequest) -> HttpResponse:
+    """Show, make, change and delete robot groups."""
+
+    def save(form: Any, staff: User) -> None:
+        services.group_save(group=form.instance, robots=list(form.cleaned_data["robots"]), actor=staff)
+
+    def delete(entry: Any, staff: User) -> None:
+        services.group_delete(group=entry, actor=staff)
+
+    return _entries(request, GroupForm, "robot-groups", save, delete)
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def qualifications(request: HttpRequest) -> HttpResponse:
+    """Show, make, change and delete qualifications."""
+
+    def save(form: Any, staff: User) -> None:
+        chosen = {name: list(form.cleaned_data[name]) for name in ("robots", "groups")}
+        services.qualification_save(qualification=form.instance, actor=staff, **chosen)
+
+    def delete(entry: Any, staff: User) -> None:
+        services.qualification_delete(qualification=entry, actor=staff)
+
+    return _entries(request, QualificationForm, "qualifications", save, delete)
+
+
+def _entries(
+    request: HttpRequest,
+    form_class: type[GroupForm] | type[QualificationForm],
+    page: str,
+    save: Callable[[Any, User], None],
+    delete: Callable[[Any, User], None],
+) -> HttpResponse:
+    """Show a form for each entry and one for a new one. An entry's form has its address as prefix."""
+    staff = person_of(request)
+    if not staff.is_staff:
+        raise PermissionDenied("Only staff change robot groups and qualifications.")
+    model: type[RobotGroup] | type[Qualification] = form_class._meta.model
+    posted = None
+    if request.method == "POST":
+        slug = request.POST.get("entry", "")
+        entry = get_object_or_404(model, slug=slug) if slug else model()
+        if slug and request.POST.get("action") == "delete":
+            delete(entry, staff)
+            messages.success(request, _("%s is deleted.") % entry)
+            return redirect(page)
+        posted = form_class(request.POST, instance=entry, prefix=slug or "new")
+        if posted.is_valid():
+            save(posted, staff)
+            messages.success(request, _("%s is saved.") % entry)
+            return redirect(page)
+    forms = [
+        posted if posted and posted.instance.pk == entry.pk else form_class(instance=entry, prefix=entry.slug)
+        for entry in model.objects.all()
+    ]
+    new = posted if posted and posted.instance.pk is None else form_class(prefix="new")
+    context = {"forms": forms, "new": new, "page": page, "groups": model is RobotGroup}
+    return render(request, "access/entries.html", context, status=400 if posted else 200)

@@ -1,0 +1,273 @@
+"""Forms of courses, people, robot groups and qualifications."""
+
+from __future__ import annotations
+
+import hashlib
+from datetime import date, datetime, time, timedelta
+from decimal import Decimal
+from typing import Any
+
+from django import forms
+from django.contrib.auth.forms import BaseUserCreationForm
+from django.core.exceptions import ValidationError
+from django.db.models import Model, Q
+from django.utils import timezone
+from django.utils.text import slugify
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+
+from fleet.accounts.models import User
+from robots.access.models import Course, Qualification, RobotGroup
+from robots.access.people_lists import PeopleList, decoded, read_people
+from robots.access.selectors import lab_date
+
+FILE_BYTES = 2 * 1024 * 1024
+HOURS = {"week_hours": "week_min", "day_hours": "day_min", "course_week_hours": "course_week_min"}
+_CHOICES = forms.CheckboxSelectMultiple
+
+
+def _day_input(**attrs: Any) -> forms.DateInput:
+    return forms.DateInput(attrs={"type": "date", **attrs}, format="%Y-%m-%d")
+
+
+def end_of(day: date | None) -> datetime | None:
+    """Return the end of a day in the lab's time zone."""
+    if day is None:
+        return None
+    return datetime.combine(day + timedelta(days=1), time(), tzinfo=timezone.get_default_timezone())
+
+
+def free_slug(model: type[Model], name: str) -> str:
+    """Return an address for an entry with this name that no other entry has."""
+    wanted = slugify(name)[:40] or model._meta.model_name or "entry"
+    taken = set(model._default_manager.filter(slug__startswith=wanted).values_list("slug", flat=True))
+    slugs = (wanted, *(f"{wanted}-{number}" for number in range(2, len(taken) + 3)))
+    return next(slug for slug in slugs if slug not in taken and slug != "new")
+
+
+class PeopleForm(forms.Form):
+    """A list of people: pasted or as a file. `people_list` is the list as read."""
+
+    people = forms.CharField(
+        label=gettext_lazy("People"),
+        required=False,
+        strip=False,
+        max_length=FILE_BYTES,
+        help_text=gettext_lazy("One per line: Ada Lovelace <ada@example.org>, or as in a table."),
+        widget=forms.Textarea(attrs={"rows": 6, "spellcheck": "false"}),
+    )
+    file = forms.FileField(
+        label=gettext_lazy("or a CSV file with the columns name and e-mail"),
+        required=False,
+        widget=forms.FileInput(attrs={"accept": ".csv,.txt,text/csv,text/plain"}),
+    )
+
+    people_list = PeopleList()
+
+    def clean(self) -> dict[str, Any]:
+        """Read the list."""
+        values: dict[str, Any] = super().clean() or self.cleaned_data
+        file = values.get("file")
+        if file is not None and file.size > FILE_BYTES:
+            raise ValidationError(_("The file is larger than 2 MB: is it a list of people?"))
+        text = decoded(file.read()) if file is not None else values.get("people", "")
+        self.people_list = read_people(text) if text.strip() else PeopleList()
+        return values
+
+
+def digest(people: PeopleList) -> str:
+    """Return by what a preview is known again."""
+    return hashlib.sha256(people.as_text().encode()).hexdigest()[:24]
+
+
+class EnrolForm(PeopleForm):
+    """People for a course that exists."""
+
+    def clean(self) -> dict[str, Any]:
+        """Read the list. Refused: an empty one."""
+        values = super().clean()
+        if not self.errors and self.people_list == PeopleList():
+            raise ValidationError(_("Paste a list or choose a file."))
+        return values
+
+
+class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
+    """A course; a new one with its people. Quotas are typed in hours, supervisors by user name or address."""
+
+    supervisors = forms.CharField(
+        label=gettext_lazy("Supervisors"),
+        required=False,
+        max_length=2000,
+        help_text=gettext_lazy("User names or e-mail addresses, with commas."),
+        widget=forms.TextInput(attrs={"autocapitalize": "none", "spellcheck": "false"}),
+    )
+    week_hours, day_hours, course_week_hours = (
+        forms.DecimalField(
+            label=label,
+            required=False,
+            min_value=Decimal("0.25"),
+            max_value=most,
+            widget=forms.NumberInput(attrs={"step": "0.25", "inputmode": "decimal"}),
+        )
+        for label, most in (
+            (gettext_lazy("Hours per person and week"), 168),
+            (gettext_lazy("Hours per person and day"), 24),
+            (gettext_lazy("Hours per week for the whole course"), 168000),
+        )
+    )
+
+    class Meta:
+        model = Course
+        fields = ["name", "robots", "groups", "role", "starts_on", "ends_on", "at_once"]
+        widgets = {
+            "name": forms.TextInput(attrs={"autocomplete": "off"}),
+            "robots": _CHOICES,
+            "groups": _CHOICES,
+            "starts_on": _day_input(),
+            "ends_on": _day_input(),
+        }
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        course = self.instance
+        if course.pk is None:
+            self.initial.setdefault("starts_on", lab_date())
+        else:
+            del self.fields["people"], self.fields["file"]
+            self.initial["supervisors"] = ", ".join(
+                course.supervisors.order_by("username").values_list("username", flat=True)
+            )
+            for hours, minutes in HOURS.items():
+                value = getattr(course, minutes)
+                self.initial[hours] = value and (Decimal(value) / 60).normalize().to_eng_string()
+
+    def clean_supervisors(self) -> list[User]:
+        """Return the people. Refused: a name that no open account has."""
+        found = []
+        for name in filter(None, map(str.strip, self.cleaned_data["supervisors"].split(","))):
+            users = User.objects.filter(Q(username=name) | Q(email__iexact=name), is_active=True)[:2]
+            if len(users) != 1:
+                raise ValidationError(_("%s is not the name of one open account.") % name)
+            found.append(users[0])
+        return found
+
+    def clean(self) -> dict[str, Any]:
+        """Set what is not typed: address and minutes."""
+        values = super().clean()
+        for hours, minutes in HOURS.items():
+            typed = values.get(hours)
+            setattr(self.instance, minutes, None if typed is None else round(typed * 60))
+        if not self.instance.slug and values.get("name"):
+            self.instance.slug = free_slug(Course, values["name"])
+        if not self.errors and not values.get("robots") and not values.get("groups"):
+            raise ValidationError(_("Choose at least one robot or group."))
+        return values
+
+
+class ActionForm(forms.Form):
+    """What to do with chosen people of a course."""
+
+    person = forms.ModelMultipleChoiceField(User.objects.none(), required=False)
+    everybody = forms.BooleanField(label=gettext_lazy("Everybody in the course"), required=False)
+    qualification = forms.ModelChoiceField(
+        Qualification.objects.none(),
+        label=gettext_lazy("Qualification"),
+        required=False,
+        empty_label=None,
+        to_field_name="slug",
+    )
+    until = forms.DateField(
+        label=gettext_lazy("Valid until (empty: for good)"), required=False, widget=_day_input()
+    )
+
+    def __init__(self, *args: Any, course: Course, qualifications: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._inside = User.objects.filter(enrolments__course=course)
+        self.fields["person"].queryset = self._inside  # type: ignore[attr-defined]
+        self.fields["qualification"].queryset = qualifications  # type: ignore[attr-defined]
+
+    def clean_until(self) -> date | None:
+        """Return the last day. Refused: one that is over."""
+        day: date | None = self.cleaned_data["until"]
+        if day is not None and day < lab_date():
+            raise ValidationError(_("This day is over: choose a later one."))
+        if day is not None and day.year > lab_date().year + 50:
+            raise ValidationError(_("This day is too far ahead: look at the year."))
+        return day
+
+    def clean(self) -> dict[str, Any]:
+        """Return the values with `people`. Refused: nobody chosen."""
+        values: dict[str, Any] = super().clean() or self.cleaned_data
+        people = self._inside if values.get("everybody") else values.get("person", ())
+        values["people"] = list(people)
+        if not self.errors and not values["people"]:
+            raise ValidationError(_("Choose people first."))
+        return values
+
+
+class InvitationForm(forms.Form):
+    """A new invitation."""
+
+    last_day = forms.DateField(label=gettext_lazy("Valid until"), widget=_day_input())
+    most_uses = forms.IntegerField(
+        label=gettext_lazy("People at most"), min_value=1, max_value=5000, initial=40
+    )
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.initial.setdefault("last_day", lab_date() + timedelta(days=7))
+
+    def clean_last_day(self) -> date:
+        """Refused: a day that is over, or more than a year ahead."""
+        day: date = self.cleaned_data["last_day"]
+        if not lab_date() <= day <= lab_date() + timedelta(days=366):
+            raise ValidationError(_("Choose a day from today on, within a year."))
+        return day
+
+
+class JoinForm(BaseUserCreationForm):  # type: ignore[type-arg]
+    """An account of one's own, made by an invitation."""
+
+    class Meta:
+        model = User
+        fields = ["full_name", "username"]
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.fields["full_name"].required = True
+
+    def clean_username(self) -> str:
+        """Refused: a name that an account has, in capitals or not."""
+        username: str = self.cleaned_data["username"]
+        if User.objects.filter(username__iexact=username).exists():
+            raise ValidationError(_("Another account has this user name: choose another one, or sign in."))
+        return username
+
+
+class _EntryForm(forms.ModelForm):  # type: ignore[type-arg]
+    """An entry whose address follows from its name."""
+
+    def clean(self) -> dict[str, Any]:
+        """Set the address of a new entry."""
+        values: dict[str, Any] = super().clean() or self.cleaned_data
+        if not self.instance.slug and values.get("name"):
+            self.instance.slug = free_slug(type(self.instance), values["name"])
+        return values
+
+
+class GroupForm(_EntryForm):
+    """A robot group."""
+
+    class Meta:
+        model = RobotGroup
+        fields = ["name", "robots"]
+        widgets = {"robots": _CHOICES}
+
+
+class QualificationForm(_EntryForm):
+    """A qualification, and which robots demand it."""
+
+    class Meta:
+        model = Qualification
+        fields = ["name", "description", "robots", "groups"]
+        widgets = {"robots": _CHOICES, "groups": _CHOICES}

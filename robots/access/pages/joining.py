@@ -1,0 +1,106 @@
+"""Pages for newcomers: join a course by an invitation, set the password of an account that staff made."""
+
+from __future__ import annotations
+
+from django.contrib import messages
+from django.contrib.auth.decorators import login_not_required
+from django.contrib.auth.forms import SetPasswordForm
+from django.db import transaction
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect, render
+from django.utils import timezone
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods
+
+from fleet.accounts.hashing import HashingBusy
+from fleet.accounts.models import User
+from robots.access import welcome as links
+from robots.access.enrolment import EnrolmentRefused, check_invitation, invitation_accept, invitation_of
+from robots.access.models import Invitation
+from robots.access.pages.forms import JoinForm
+from robots.wire import Refusal
+
+
+@never_cache
+@login_not_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def join(request: HttpRequest, token: str) -> HttpResponse:
+    """Join a course: with the account of the person who is signed in, or with a new one."""
+    invitation = invitation_of(token)
+    refusal = check_invitation(invitation, timezone.now())
+    if refusal is not None or invitation is None:
+        return _join_page(request, invitation, refusal=refusal, status=410)
+    form = JoinForm(request.POST if request.method == "POST" and not _signed_in(request) else None)
+    if request.method != "POST":
+        return _join_page(request, invitation, form)
+    try:
+        return _join(request, invitation, form)
+    except EnrolmentRefused as error:
+        return _join_page(request, invitation, refusal=error.refusal, status=410)
+    except HashingBusy:
+        form.add_error(None, _("Many people sign in at this moment. Try again in a moment."))
+        return _join_page(request, invitation, form, status=503)
+
+
+def _join(request: HttpRequest, invitation: Invitation, form: JoinForm) -> HttpResponse:
+    now = timezone.now()
+    if isinstance(request.user, User):
+        invitation_accept(invitation=invitation, person=request.user, now=now)
+        messages.success(request, _("You are in the course %s.") % invitation.course.name)
+        return redirect("my-access")
+    if not form.is_valid():
+        return _join_page(request, invitation, form, status=400)
+    # It hashes the password, which waits its turn; in a transaction, others would wait for it too.
+    person: User = form.save(commit=False)
+    person.changed_by = person
+    with transaction.atomic():
+        person.save()
+        invitation_accept(invitation=invitation, person=person, now=now)
+    text = _("You are in the course %s. Sign in with your new account.")
+    messages.success(request, text % invitation.course.name)
+    return redirect("sign-in")
+
+
+def _signed_in(request: HttpRequest) -> bool:
+    return isinstance(request.user, User)
+
+
+def _join_page(
+    request: HttpRequest,
+    invitation: Invitation | None,
+    form: JoinForm | None = None,
+    *,
+    refusal: Refusal | None = None,
+    status: int = 200,
+) -> HttpResponse:
+    context = {"course": invitation and invitation.course, "form": form, "refusal": refusal}
+    return render(request, "access/join.html", context, status=status)
+
+
+@never_cache
+@login_not_required
+@require_http_methods(["GET", "HEAD", "POST"])
+def welcome(request: HttpRequest, token: str) -> HttpResponse:
+    """Set the password of a new account, by the link in the e-mail."""
+    person = links.person_of_token(token)
+    if person is None:
+        return render(request, "access/welcome.html", status=410)
+    form = SetPasswordForm(person, request.POST or None)
+    if request.method != "POST" or not form.is_valid():
+        return _welcome_page(request, form, 400 if form.errors else 200)
+    try:
+        person.set_password(form.cleaned_data["new_password1"])
+    except HashingBusy:
+        form.add_error(None, _("Many people sign in at this moment. Try again in a moment."))
+        return _welcome_page(request, form, 503)
+    person.changed_by = person
+    person.save()
+    text = _("Your password is set. Sign in with the user name %s.")
+    messages.success(request, text % person.username)
+    return redirect("sign-in")
+
+
+def _welcome_page(request: HttpRequest, form: SetPasswordForm[User], status: int) -> HttpResponse:
+    context = {"form": form, "person": form.user}
+    return render(request, "access/welcome.html", context, status=status)

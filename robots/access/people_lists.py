@@ -1,0 +1,160 @@
+"""Reads lists of people, pasted or as CSV: one line each with name and e-mail. Pure."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+
+from django.core.exceptions import ValidationError
+from django.core.validators import validate_email
+from django.utils.translation import gettext as _
+from msgspec import Struct
+
+MOST_LINES = 5000
+NAME_LENGTH = 150  # characters, as `User.full_name`
+ADDRESS_LENGTH = 254
+NAMES = {"name", "full name", "fullname", "student", "person", "vollständiger name"}
+FIRST_NAMES = {"first name", "firstname", "given name", "vorname", "forename"}
+LAST_NAMES = {"last name", "lastname", "surname", "family name", "nachname"}
+ADDRESSES = {"email", "e-mail", "mail", "email address", "e-mail address", "e-mail-adresse"}
+IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*<(?P<email>[^<>]*)>\s*$")
+
+
+class Listed(Struct, frozen=True):
+    """A person of a list."""
+
+    line: int
+    name: str
+    email: str
+
+
+class Wrong(Struct, frozen=True):
+    """A line that cannot be used, and why."""
+
+    line: int
+    text: str
+    reason: str
+
+
+class PeopleList(Struct, frozen=True):
+    """A list as read: people, lines that cannot be used, and notes on what was left out."""
+
+    people: tuple[Listed, ...] = ()
+    wrong: tuple[Wrong, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def as_text(self) -> str:
+        """Return the people as a list that reads back as the same people."""
+        text = io.StringIO()
+        rows = csv.writer(text, delimiter=";", lineterminator="\n")
+        rows.writerows([("Name", "E-mail"), *((one.name, one.email) for one in self.people)])
+        return text.getvalue()
+
+
+def decoded(content: bytes) -> str:
+    """Return the text of a file: UTF-8, with or without a byte order mark, or else Latin-1."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def read_people(text: str) -> PeopleList:
+    """Read lines such as `Ada Lovelace <ada@example.org>`, `Ada Lovelace, ada@example.org` or an address alone.
+
+    The columns of a CSV with a header are found by their names; others are left out, with a note.
+    """
+    lines = text.removeprefix("\ufeff").splitlines()
+    if len(lines) > MOST_LINES + 1:
+        reason = _("The list has %(lines)d lines; at most %(most)d are read. Divide it.")
+        return PeopleList(
+            wrong=(Wrong(MOST_LINES + 2, "", reason % {"lines": len(lines), "most": MOST_LINES}),)
+        )
+    rows = [(number, line, _cells(line, _delimiter(lines))) for number, line in enumerate(lines, start=1)]
+    rows = [row for row in rows if any(row[2])]
+    columns, notes = _header(rows[0][2]) if rows else (None, ())
+    people: list[Listed] = []
+    wrong: list[Wrong] = []
+    seen: dict[str, int] = {}
+    repeated = 0
+    for number, line, cells in rows[1:] if columns else rows:
+        name, email = _by_columns(cells, columns) if columns else _by_looks(cells)
+        if reason := _fault(name, email):
+            wrong.append(Wrong(number, line[:100], reason))
+        elif seen.setdefault(email.lower(), number) != number:
+            repeated += 1
+        else:
+            people.append(Listed(number, name, email))
+    if repeated:
+        notes = (*notes, _("%(number)d repeated addresses count once.") % {"number": repeated})
+    return PeopleList(tuple(people), tuple(wrong), notes)
+
+
+def _delimiter(lines: list[str]) -> str:
+    first = next((line for line in lines if line.strip()), "")
+    return max(",;\t", key=first.count)
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    try:
+        row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        row = [line]
+    return [" ".join(cell.split()) for cell in row]
+
+
+class _Columns(Struct, frozen=True):
+    email: int
+    names: tuple[int, ...]
+
+
+def _header(cells: list[str]) -> tuple[_Columns | None, tuple[str, ...]]:
+    """Return the columns that the first line names and a note on the others; None: it is no header."""
+    titles = [cell.lower().strip() for cell in cells]
+    email = next((place for place, title in enumerate(titles) if title in ADDRESSES), None)
+    if email is None:
+        return None, ()
+    whole = [place for place, title in enumerate(titles) if title in NAMES]
+    first = [place for place, title in enumerate(titles) if title in FIRST_NAMES]
+    last = [place for place, title in enumerate(titles) if title in LAST_NAMES]
+    names = tuple(whole[:1] or [*first[:1], *last[:1]])
+    others = [cell for place, cell in enumerate(cells) if place not in (email, *names) and cell]
+    note = _("Left out: %(columns)s.") % {"columns": ", ".join(others)[:300]}
+    return _Columns(email, names), (note,) if others else ()
+
+
+def _by_columns(cells: list[str], columns: _Columns) -> tuple[str, str]:
+    def cell(place: int) -> str:
+        return cells[place] if place < len(cells) else ""
+
+    return " ".join(filter(None, map(cell, columns.names))), cell(columns.email)
+
+
+def _by_looks(cells: list[str]) -> tuple[str, str]:
+    """Return name and address of a line without header: the cell with @ is the address."""
+    place = next((place for place, cell in enumerate(cells) if "@" in cell), None)
+    if place is None:
+        return " ".join(cells), ""
+    found = IN_BRACKETS.match(cells[place])
+    before = next((cell for cell in cells[:place] if cell), "")
+    if found is None:
+        after = next((cell for cell in cells[place + 1 :] if cell), "")
+        return before or after, cells[place]
+    # "Lovelace, Ada <ada@example.org>"
+    return f"{found['name']} {before}".strip().strip('"'), found["email"].strip()
+
+
+def _fault(name: str, email: str) -> str:
+    """Return why a line cannot be used; empty: it can."""
+    if "\0" in name + email:
+        return _("It contains a character that is no text. Save the file as CSV.")
+    if not email:
+        return _("There is no e-mail address.")
+    try:
+        validate_email(email)
+    except ValidationError:
+        return _("%(address)s is no e-mail address.") % {"address": email[:60]}
+    if len(email) > ADDRESS_LENGTH or len(name) > NAME_LENGTH:
+        return _("The name or the address is too long.")
+    return ""

@@ -1,0 +1,33 @@
+"""Addresses of the pages of access."""
+
+from django.urls import path
+
+from robots.access.pages import courses, entries, joining, people
+
+urlpatterns = [
+    path("access/", people.my_access, name="my-access"),
+    path("people/<uuid:person_id>/", people.person, name="person"),
+    path("robot-groups/", entries.groups, name="robot-groups"),
+    path("qualifications/", entries.qualifications, name="qualifications"),
+    path("courses/", courses.courses, name="courses"),
+    path("courses/new/", courses.course_new, name="course-new"),
+    path("courses/<slug:slug>/", courses.course, name="course"),
+    path("courses/<slug:slug>/edit/", courses.course_edit, name="course-edit"),
+    path("courses/<slug:slug>/archive/", courses.course_archive, name="course-archive"),
+    path("courses/<slug:slug>/enrol/", courses.course_enrol, name="course-enrol"),
+    path("courses/<slug:slug>/people/", courses.course_people, name="course-people"),
+    path("courses/<slug:slug>/invitations/", courses.invitation_new, name="invitation-new"),
+    path("courses/<slug:slug>/invitations/<uuid:invitation_id>/", courses.invitation, name="invitation"),
+    path(
+        "courses/<slug:slug>/invitations/<uuid:invitation_id>/qr.svg",
+        courses.invitation_qr,
+        name="invitation-qr",
+    ),
+    path(
+        "courses/<slug:slug>/invitations/<uuid:invitation_id>/revoke/",
+        courses.invitation_revoke,
+        name="invitation-revoke",
+    ),
+    path("join/<str:token>/", joining.join, name="join"),
+    path("welcome/<str:token>/", joining.welcome, name="welcome"),
+]

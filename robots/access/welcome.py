@@ -1,0 +1,86 @@
+"""E-mails to people for whom an account was made: a link by which they set their password."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Sequence
+from functools import partial
+from uuid import UUID
+
+from django.core import signing
+from django.core.mail import EmailMessage, get_connection
+from django.db import transaction
+from django.urls import reverse
+from django.utils.crypto import constant_time_compare, salted_hmac
+from django.utils.translation import gettext as _
+
+from fleet.accounts.models import User
+from robots.access.models import Course
+
+log = logging.getLogger(__name__)
+
+SALT = "robots.access.welcome"
+VALID_S = 30 * 24 * 3600
+SERVER_TIMEOUT_S = 20.0
+
+
+def token_of(user: User) -> str:
+    """Return the secret of the person's link. It ends when they set a password, and after `VALID_S`."""
+    return signing.dumps([user.pk.hex, _mark(user)], salt=SALT)
+
+
+def person_of_token(token: str) -> User | None:
+    """Return the person whose link this is, if it still holds."""
+    try:
+        key, mark = signing.loads(token, salt=SALT, max_age=VALID_S)
+    except signing.BadSignature:
+        return None
+    user = User.objects.filter(pk=UUID(hex=key), is_active=True).first()
+    holds = user is not None and not user.has_usable_password() and constant_time_compare(mark, _mark(user))
+    return user if holds else None
+
+
+def _mark(user: User) -> str:
+    return salted_hmac(SALT, user.password).hexdigest()[:16]
+
+
+def send_later(people: Sequence[User], *, course: Course, site: str) -> None:
+    """Send each person their link once the transaction is committed. A slow mail server delays nobody."""
+    messages = [_message(person, course, site) for person in people if person.email]
+    if messages:
+        transaction.on_commit(partial(_in_background, messages))
+
+
+def _message(person: User, course: Course, site: str) -> EmailMessage:
+    link = f"{site}{reverse('welcome', args=[token_of(person)])}"
+    text = _(
+        "Hello %(name)s,\n\n"
+        "you are enrolled in the course %(course)s on our robots. Set your password here, within 30 days:\n\n"
+        "%(link)s\n\n"
+        "Your user name is %(username)s. The course lasts from %(starts)s to %(ends)s.\n"
+    )
+    facts = {
+        "name": person.display_name,
+        "course": course.name,
+        "link": link,
+        "username": person.username,
+        "starts": f"{course.starts_on:%d %B %Y}",
+        "ends": f"{course.ends_on:%d %B %Y}",
+    }
+    subject = _("Your account for the course %(course)s") % {"course": course.name}
+    return EmailMessage(subject, text % facts, to=[person.email])
+
+
+def _in_background(messages: list[EmailMessage]) -> None:
+    threading.Thread(target=_send, args=[messages], name="welcome-mail", daemon=True).start()
+
+
+def _send(messages: list[EmailMessage]) -> None:
+    try:
+        with get_connection(timeout=SERVER_TIMEOUT_S) as connection:
+            for message in messages:
+                message.connection = connection
+                message.send()
+    except OSError as error:  # also SMTPException
+        log.warning("Invitations by e-mail were not sent: %s. The course's page can send them again.", error)

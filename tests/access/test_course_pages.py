@@ -1,0 +1,267 @@
+"""The pages of courses: make one with its people, manage it, join it, and see why one may do something."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from django.core.files.uploadedfile import SimpleUploadedFile
+from django.test import Client
+from django.utils import timezone
+
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from robots.access import welcome
+from robots.access.enrolment import invitation_make, token_of
+from robots.access.models import Course, Enrolment, Invitation, Qualification, QualificationGrant, RobotGroup
+from robots.access.selectors import lab_date, missing_qualifications, role_on
+from robots.registry.models import Robot, Role
+from tests.conftest import PASSWORD
+
+SignIn = Callable[[User], Client]
+
+
+def shown(response: Any) -> str:
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", response.content.decode()))
+
+
+def seen_in(response: Any) -> str:
+    return re.search(r'name="seen" value="(\w+)"', response.content.decode())[1]
+
+
+@pytest.fixture
+def new_course(robot: Robot, other_robot: Robot, teacher: User) -> dict[str, Any]:
+    group = RobotGroup.objects.create(name="Others", slug="others")
+    group.robots.add(other_robot)
+    return {
+        "name": "Robotics 1",
+        "starts_on": lab_date().isoformat(),
+        "ends_on": (lab_date() + timedelta(days=100)).isoformat(),
+        "robots": [str(robot.pk)],
+        "groups": [str(group.pk)],
+        "role": "operator",
+        "supervisors": "teacher",
+        "week_hours": "2.5",
+        "people": "\n".join(f"Student {number} <s{number}@example.org>" for number in range(40)),
+    }
+
+
+def test_one_form_makes_a_class_of_forty(
+    signed_in: SignIn, staff: User, teacher: User, new_course: dict[str, Any], other_robot: Robot
+) -> None:
+    client = signed_in(staff)
+    preview = client.post("/courses/new/", new_course)
+    assert "40 people get an account" in shown(preview)
+    assert not Course.objects.exists()
+    made = client.post("/courses/new/", {**new_course, "seen": seen_in(preview)})
+    assert made.status_code == 302, shown(made)
+    course = Course.objects.get()
+    assert (course.slug, course.week_min, list(course.supervisors.all())) == ("robotics-1", 150, [teacher])
+    student = User.objects.get(email="s39@example.org")
+    assert role_on(student, other_robot) is Role.OPERATOR
+    assert Record.objects.filter(kind="course.create", actor_id=str(staff.pk)).count() == 1
+    assert "40 people" in shown(client.get(made.url))
+
+
+def test_a_list_that_changed_after_the_preview_is_shown_again(
+    signed_in: SignIn, staff: User, new_course: dict[str, Any]
+) -> None:
+    client = signed_in(staff)
+    seen = seen_in(client.post("/courses/new/", new_course))
+    again = client.post("/courses/new/", {**new_course, "people": "Eve <eve@example.org>", "seen": seen})
+    assert "1 person gets an account" in shown(again)
+    assert not Course.objects.exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"ends_on": "2020-01-01"}, "The last day comes before the first day"),
+        ({"robots": [], "groups": []}, "Choose at least one robot or group."),
+        ({"supervisors": "nobody"}, "nobody is not the name of one open account."),
+        ({"week_hours": "-1"}, "greater than or equal to 0.25"),
+        ({"name": ""}, "This field is required."),
+    ],
+)
+def test_a_wrong_course_is_refused_in_words(
+    change: dict[str, Any], text: str, signed_in: SignIn, staff: User, new_course: dict[str, Any]
+) -> None:
+    answer = signed_in(staff).post("/courses/new/", {**new_course, **change})
+    assert answer.status_code == 400
+    assert text in shown(answer)
+
+
+def test_staff_change_and_archive_a_course(
+    signed_in: SignIn, staff: User, course: Course, student: User, robot: Robot, new_course: dict[str, Any]
+) -> None:
+    client = signed_in(staff)
+    assert 'value="HRI 2026"' in client.get("/courses/hri-2026/edit/").content.decode()
+    fields = {name: value for name, value in new_course.items() if name != "people"}
+    assert client.post("/courses/hri-2026/edit/", fields).status_code == 302
+    [changed] = Record.objects.filter(kind="course.change")
+    fields = {one["field"] for one in changed.parameters["changes"]}
+    assert fields == {"name", "ends_on", "week_min", "groups"}
+    client.post("/courses/hri-2026/archive/", {"archived": "1"})
+    assert role_on(student, robot) is None
+    client.post("/courses/hri-2026/archive/", {"archived": "0"})
+    assert role_on(student, robot) is Role.OPERATOR
+
+
+# --- supervisors ----------------------------------------------------------------------------------
+
+
+def test_a_supervisor_enrols_by_csv_after_a_preview(signed_in: SignIn, course: Course, teacher: User) -> None:
+    client = signed_in(teacher)
+    content = "Name;Nr;E-Mail\nJürgen;7;j@example.org\nBob;8;bob\n".encode("latin-1")
+    file = SimpleUploadedFile("class.csv", content)
+    preview = client.post("/courses/hri-2026/enrol/", {"file": file})
+    words = shown(preview)
+    assert "Left out: Nr." in words
+    assert "Line 3 Bob;8;bob : bob is no e-mail address." in words
+    assert Enrolment.objects.count() == 1
+    typed = re.search(r"<textarea[^>]*>\s?(.*?)</textarea>", preview.content.decode(), re.DOTALL)[1]
+    for _twice in range(2):
+        done = client.post("/courses/hri-2026/enrol/", {"people": typed, "seen": seen_in(preview)})
+        assert done.status_code == 302
+    assert User.objects.get(email="j@example.org").full_name == "Jürgen"
+    assert Enrolment.objects.count() == 2
+
+
+def test_a_supervisor_grants_the_courses_qualifications_only(
+    signed_in: SignIn, course: Course, teacher: User, student: User, robot: Robot, other_robot: Robot
+) -> None:
+    induction = Qualification.objects.create(name="safety induction", slug="induction")
+    induction.robots.add(robot)
+    foreign = Qualification.objects.create(name="arm", slug="arm")
+    foreign.robots.add(other_robot)
+    client = signed_in(teacher)
+    until = lab_date() + timedelta(days=30)
+    form = {"person": [str(student.pk)], "until": until.isoformat()}
+    for qualification in ("induction", "arm"):
+        client.post("/courses/hri-2026/people/", {**form, "qualification": qualification, "action": "grant"})
+    [grant] = QualificationGrant.objects.all()
+    assert (grant.qualification, grant.granted_by) == (induction, teacher)
+    assert lab_date(grant.expires_at) == until + timedelta(days=1)
+    assert missing_qualifications(student, robot, timezone.now()) == []
+    assert "safety induction" in shown(client.get("/courses/hri-2026/"))
+    form = {"everybody": "on", "qualification": "induction", "action": "revoke"}
+    client.post("/courses/hri-2026/people/", form)
+    assert not QualificationGrant.objects.exists()
+
+
+def test_nobody_outside_the_course_can_be_chosen(
+    signed_in: SignIn, course: Course, teacher: User, student: User, stranger: User, robot: Robot
+) -> None:
+    induction = Qualification.objects.create(name="safety induction", slug="induction")
+    induction.robots.add(robot)
+    form = {"person": [str(stranger.pk)], "qualification": "induction", "action": "grant"}
+    signed_in(teacher).post("/courses/hri-2026/people/", form)
+    assert not QualificationGrant.objects.exists()
+
+
+def test_people_are_taken_out(signed_in: SignIn, course: Course, teacher: User, student: User) -> None:
+    client = signed_in(teacher)
+    assert "Choose people first." in shown(
+        client.post("/courses/hri-2026/people/", {"action": "unenrol"}, follow=True)
+    )
+    client.post("/courses/hri-2026/people/", {"action": "unenrol", "person": [str(student.pk)]})
+    assert not Enrolment.objects.exists()
+
+
+# --- joining --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def invitation(course: Course, teacher: User) -> Invitation:
+    expires = timezone.now() + timedelta(days=1)
+    return invitation_make(course=course, expires_at=expires, most_uses=2, actor=teacher)
+
+
+def test_an_invitation_is_shown_as_link_and_picture(signed_in: SignIn, course: Course, teacher: User) -> None:
+    client = signed_in(teacher)
+    form = {"last_day": (lab_date() + timedelta(days=7)).isoformat(), "most_uses": "40"}
+    page = client.post("/courses/hri-2026/invitations/", form, follow=True)
+    link = re.search(r"http://testserver/join/[^<]+", page.content.decode())[0]
+    assert client.get(link.removeprefix("http://testserver")).status_code == 200
+    picture = client.get(re.search(r'src="(/courses[^"]+qr\.svg)"', page.content.decode())[1])
+    assert picture["Content-Type"] == "image/svg+xml"
+    client.post(page.redirect_chain[-1][0] + "revoke/")
+    assert client.get(link.removeprefix("http://testserver")).status_code == 410
+
+
+def test_a_person_with_an_account_joins(
+    signed_in: SignIn, invitation: Invitation, stranger: User, robot: Robot
+) -> None:
+    client = signed_in(stranger)
+    page = client.post(f"/join/{token_of(invitation)}/", follow=True)
+    assert role_on(stranger, robot) is Role.OPERATOR
+    assert "operator by course HRI 2026, until" in shown(page)
+
+
+def test_a_newcomer_makes_an_account_and_joins(invitation: Invitation, robot: Robot) -> None:
+    client = Client()
+    address = f"/join/{token_of(invitation)}/"
+    form = {"full_name": "New Comer", "username": "newcomer", "password1": PASSWORD, "password2": PASSWORD}
+    wrong = client.post(address, {**form, "password2": "another"})
+    assert wrong.status_code == 400
+    assert not User.objects.filter(username="newcomer").exists()
+    assert client.post(address, form).url == "/accounts/sign-in/"
+    person = User.objects.get(username="newcomer")
+    assert role_on(person, robot) is Role.OPERATOR
+    assert Record.objects.get(kind="account.create", parameters__user=str(person.pk)).actor_id == str(
+        person.pk
+    )
+    assert client.post(address, {**form, "username": "NewComer"}).status_code == 400
+
+
+def test_an_account_from_a_list_gets_its_password_by_the_link(db: None) -> None:
+    person = User(username="ada@example.org", email="ada@example.org")
+    person.set_unusable_password()
+    person.save()
+    client, address = Client(), f"/welcome/{welcome.token_of(person)}/"
+    assert client.post(address, {"new_password1": "1", "new_password2": "1"}).status_code == 400
+    form = {"new_password1": PASSWORD, "new_password2": PASSWORD}
+    assert client.post(address, form).url == "/accounts/sign-in/"
+    assert client.login(username="ada@example.org", password=PASSWORD)
+    assert client.get(address).status_code == 410
+
+
+# --- groups, qualifications, why ------------------------------------------------------------------
+
+
+def test_staff_make_change_and_delete_groups_and_qualifications(
+    signed_in: SignIn, staff: User, robot: Robot
+) -> None:
+    client = signed_in(staff)
+    client.post("/robot-groups/", {"new-name": "The TIAGos", "new-robots": [str(robot.pk)]})
+    group = RobotGroup.objects.get(slug="the-tiagos", robots=robot)
+    client.post("/qualifications/", {"new-name": "Induction", "new-groups": [str(group.pk)]})
+    assert Qualification.objects.get(slug="induction", groups=group)
+    assert "The TIAGos" in shown(client.get("/qualifications/"))
+    client.post("/robot-groups/", {"entry": "the-tiagos", "the-tiagos-name": "All", "the-tiagos-robots": []})
+    assert RobotGroup.objects.filter(name="All", robots=None).exists()
+    assert client.post("/robot-groups/", {"new-name": "All"}).status_code == 400
+    client.post("/qualifications/", {"entry": "induction", "action": "delete"})
+    client.post("/robot-groups/", {"entry": "the-tiagos", "action": "delete"})
+    kinds = Record.objects.filter(kind__regex="^(group|qualification)").order_by("id")
+    assert list(kinds.values_list("kind", flat=True)) == [
+        "group.create",
+        "qualification.create",
+        "group.change",
+        "qualification.delete",
+        "group.delete",
+    ]
+
+
+def test_a_person_sees_what_is_missing(
+    signed_in: SignIn, course: Course, student: User, robot: Robot
+) -> None:
+    induction = Qualification.objects.create(
+        name="safety induction", slug="induction", description="Every Monday."
+    )
+    induction.robots.add(robot)
+    words = shown(signed_in(student).get("/access/"))
+    assert "missing: safety induction (Every Monday.)" in words

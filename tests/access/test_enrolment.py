@@ -1,0 +1,154 @@
+"""Enrolling people: by list, by invitation, and out again. Accounts are made once and recorded."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from django.core import mail
+from django.utils import timezone
+
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from robots.access import welcome
+from robots.access.enrolment import (
+    EnrolmentRefused,
+    check_invitation,
+    enrol_list,
+    invitation_accept,
+    invitation_make,
+    invitation_of,
+    invitation_revoke,
+    plan_of,
+    token_of,
+    unenrol,
+)
+from robots.access.models import Course, Enrolment
+from robots.access.people_lists import read_people
+from robots.access.selectors import role_on
+from robots.registry.models import Robot, Role
+
+SITE = "https://fleet.example.org"
+
+
+@pytest.fixture
+def enrol(course: Course, staff: User) -> Callable[[str], Any]:
+    return lambda text: enrol_list(course=course, people=read_people(text), actor=staff, site=SITE)
+
+
+def test_a_list_enrols_known_people_and_makes_accounts(
+    enrol: Callable[[str], Any], course: Course, student: User, stranger: User, robot: Robot
+) -> None:
+    User.objects.filter(pk=student.pk).update(email="stu@example.org")
+    User.objects.filter(pk=stranger.pk).update(email="Stig@Example.org")
+    text = "Stig,stig@example.ORG\nStu,stu@example.org\nAda Lovelace,Ada@example.org\nBob,bob"
+    for first in (True, False):
+        plan = enrol(text)
+        assert (len(plan.known), len(plan.new), len(plan.enrolled)) == ((1, 1, 1) if first else (0, 0, 3))
+        assert [one.line for one in plan.wrong] == [4]
+    assert Enrolment.objects.filter(course=course).count() == 3
+    ada = User.objects.get(username="ada@example.org")
+    assert (ada.full_name, ada.email, ada.has_usable_password()) == ("Ada Lovelace", "Ada@example.org", False)
+    assert role_on(ada, robot) is role_on(stranger, robot) is Role.OPERATOR
+    assert Record.objects.get(kind="account.create", parameters__user=str(ada.pk)).content.data["name"]
+    enrolled = Record.objects.filter(kind="course.enrol")
+    assert sum(len(record.parameters["people"]) for record in enrolled) == 2
+
+
+def test_a_closed_account_and_a_doubled_address_are_wrong_lines(course: Course, stranger: User) -> None:
+    User.objects.filter(pk=stranger.pk).update(email="stig@example.org", is_active=False)
+    for name in ("a", "b"):
+        User.objects.create_user(name, email="two@example.org")
+    plan = plan_of(read_people("x,two@example.org\ny,stig@example.org"), course)
+    assert [(one.line, one.reason.split(":")[0]) for one in plan.wrong] == [
+        (1, "Several accounts have this address"),
+        (2, "This account is closed. Ask the staff."),
+    ]
+    assert not plan.to_enrol
+
+
+def test_user_names_stay_unique(enrol: Callable[[str], Any]) -> None:
+    User.objects.create_user("ada@example.org")
+    enrol("Ada,ada@example.org\nO'Neil,o'neil@example.org\nONeil,o-neil@example.org")
+    names = {user.email: user.username for user in User.objects.exclude(email="")}
+    assert names == {
+        "ada@example.org": "ada@example.org-2",
+        "o'neil@example.org": "o-neil@example.org",
+        "o-neil@example.org": "o-neil@example.org-2",
+    }
+
+
+def test_five_hundred_people_take_less_than_five_seconds(enrol: Callable[[str], Any], course: Course) -> None:
+    text = "\n".join(f"Student {number},s{number}@example.org" for number in range(500))
+    begun_s = time.monotonic()
+    enrol(text)
+    assert time.monotonic() - begun_s < 5.0
+    assert Enrolment.objects.filter(course=course).count() == 501
+
+
+def test_new_people_get_a_link_that_ends_with_their_password(
+    enrol: Callable[[str], Any], django_capture_on_commit_callbacks: Any
+) -> None:
+    with django_capture_on_commit_callbacks(execute=True):
+        enrol("Ada,ada@example.org")
+    _wait_for(lambda: len(mail.outbox) == 1)
+    ada = User.objects.get(username="ada@example.org")
+    [message] = mail.outbox
+    assert message.to == ["ada@example.org"]
+    token = message.body.split("/welcome/")[1].split("/")[0]
+    assert message.body.count(f"{SITE}/welcome/") == 1
+    assert welcome.person_of_token(token) == ada
+    assert welcome.person_of_token(token[:-1]) is None
+    ada.set_password("a long walk on the beach")
+    ada.save()
+    assert welcome.person_of_token(token) is None
+
+
+def test_leaving_a_course_ends_its_role(course: Course, student: User, robot: Robot, staff: User) -> None:
+    assert unenrol(course=course, people=[student], actor=staff) == 1
+    assert unenrol(course=course, people=[student], actor=staff) == 0
+    assert role_on(student, robot) is None
+    assert Record.objects.filter(kind="course.unenrol").count() == 1
+
+
+# --- invitations ----------------------------------------------------------------------------------
+
+
+def test_an_invitation_enrols_until_it_is_used_up(
+    course: Course, stranger: User, operator: User, teacher: User
+) -> None:
+    now = timezone.now()
+    made = invitation_make(course=course, expires_at=now + timedelta(days=1), most_uses=1, actor=teacher)
+    found = invitation_of(token_of(made))
+    assert found == made
+    assert invitation_accept(invitation=made, person=stranger, now=now)
+    assert not invitation_accept(invitation=made, person=stranger, now=now)
+    with pytest.raises(EnrolmentRefused) as refused:
+        invitation_accept(invitation=made, person=operator, now=now)
+    assert refused.value.refusal.code == "invitation_used"
+
+
+def test_an_invitation_ends(course: Course, teacher: User) -> None:
+    now = timezone.now()
+    made = invitation_make(course=course, expires_at=now + timedelta(days=1), most_uses=5, actor=teacher)
+
+    def code(at: Any = now) -> str | None:
+        refusal = check_invitation(invitation_of(token_of(made)), at)
+        return refusal and refusal.code
+
+    assert code() is None
+    assert code(now + timedelta(days=1)) == "invitation_expired"
+    invitation_revoke(invitation=made, actor=teacher)
+    assert code() == "invitation_revoked"
+    assert invitation_of(str(made.pk)) is None
+    assert invitation_of(token_of(made)[:-1]) is None
+
+
+def _wait_for(done: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + 5.0
+    while not done():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.01)
