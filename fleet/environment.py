@@ -180,6 +180,35 @@ def redis_url(env: Environment) -> str | None:
     return url
 
 
+def email(env: Environment) -> dict[str, Any]:
+    """`FLEET_EMAIL_URL`: how e-mails leave, such as `smtp://user:password@host:587` (STARTTLS) or `smtps://` (TLS).
+
+    Without it they are written to the log of the process that sends them.
+    """
+    url = env.text("FLEET_EMAIL_URL")
+    if url is None:
+        return {"EMAIL_BACKEND": "django.core.mail.backends.console.EmailBackend"}
+    try:
+        parts = urlsplit(url)
+        port = parts.port
+    except ValueError as error:
+        raise ImproperlyConfigured(f"FLEET_EMAIL_URL cannot be read: {error}.") from error
+    if parts.scheme not in ("smtp", "smtps") or not parts.hostname:
+        raise ImproperlyConfigured(
+            "FLEET_EMAIL_URL looks like smtp://user:password@host:587, or smtps://host:465."
+        )
+    return {
+        "EMAIL_BACKEND": "django.core.mail.backends.smtp.EmailBackend",
+        "EMAIL_HOST": parts.hostname,
+        "EMAIL_PORT": port or (465 if parts.scheme == "smtps" else 587),
+        "EMAIL_HOST_USER": unquote(parts.username or ""),
+        "EMAIL_HOST_PASSWORD": unquote(parts.password or ""),
+        "EMAIL_USE_SSL": parts.scheme == "smtps",
+        "EMAIL_USE_TLS": parts.scheme == "smtp" and bool(parts.username),
+        "EMAIL_TIMEOUT": 10,
+    }
+
+
 def database(url: str) -> dict[str, Any]:
     """A `DATABASES` entry from `FLEET_DATABASE_URL`.
 

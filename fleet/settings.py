@@ -121,6 +121,9 @@ CHANNEL_LAYERS: dict[str, dict[str, Any]] = {
     else {"BACKEND": "channels.layers.InMemoryChannelLayer"}
 }
 
+globals().update(environment.email(_env))
+DEFAULT_FROM_EMAIL = _env.text("FLEET_EMAIL_FROM") or "fleet-console@localhost"
+
 # --- people -----------------------------------------------------------------------------------
 
 AUTH_USER_MODEL = "accounts.User"

@@ -88,6 +88,8 @@ KINDS: dict[str, Kind] = {
     "booking.approve": Kind(_("booking approved")),
     "booking.cancel": Kind(_("booking cancelled")),
     "booking.no_show": Kind(_("booking not used: the robot is free again")),
+    "booking.feed": Kind(_("private calendar address made")),
+    "booking.feed_end": Kind(_("private calendar address ended")),
     "policy.change": Kind(_("booking policy changed")),
     "policy.remove": Kind(_("booking policy removed")),
     "robot.out_of_service": Kind(_("out of service")),

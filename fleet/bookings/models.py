@@ -60,6 +60,7 @@ class Booking(models.Model):
     used_at = models.DateTimeField(
         null=True, blank=True
     )  # the person took control in this slot for the first time
+    reminded_at = models.DateTimeField(null=True, blank=True)
     version = models.PositiveIntegerField(
         default=1
     )  # grows with each change: two tabs cannot overwrite each other
@@ -172,3 +173,39 @@ class OutOfService(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot}: {self.get_why_display()}"
+
+
+class FeedAddress(models.Model):
+    """A private address at which calendar programs read a person's bookings, or those of one robot.
+
+    Only its digest is stored. A new address for the same purpose replaces the old one.
+    """
+
+    digest = models.CharField(max_length=64, primary_key=True)
+    person = models.ForeignKey(
+        settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="feed_addresses"
+    )
+    robot = models.ForeignKey(
+        Robot, null=True, blank=True, on_delete=models.CASCADE, related_name="feed_addresses"
+    )
+    made_at = models.DateTimeField()
+
+    def __str__(self) -> str:
+        return f"calendar of {self.robot or self.person}"
+
+
+class Letter(models.Model):
+    """An e-mail to a person. It is stored with the change that it tells, and housekeeping sends it."""
+
+    person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="letters")
+    subject = models.CharField(max_length=200)
+    text = models.TextField()
+    made_at = models.DateTimeField()
+    claimed_at = models.DateTimeField(null=True, blank=True)  # by the process that sends it
+    sent_at = models.DateTimeField(null=True, blank=True)
+
+    class Meta:
+        indexes = [models.Index(fields=["made_at"], condition=Q(sent_at=None), name="letters_to_send")]
+
+    def __str__(self) -> str:
+        return self.subject

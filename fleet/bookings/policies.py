@@ -8,9 +8,12 @@ from typing import Any
 from uuid import UUID
 
 from django.db import transaction
+from django.utils import timezone
+from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
+from fleet.bookings.letters import changed_by_another
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import FAR
 from fleet.bookings.selectors import held_between
@@ -75,7 +78,11 @@ def out_of_service_add(
     parameters = {"period": str(period.pk), "from": starts_at.isoformat(), "to": until, "why": why}
     record("robot.out_of_service", actor=actor, **_named(robot), parameters=parameters, text=note)
     _tell(robot)
-    return list(held_between([robot], starts_at, ends_at or FAR))
+    affected = list(held_between([robot], starts_at, ends_at or FAR))
+    for booking in affected:
+        reason = f"{period.get_why_display()} {note}".strip()
+        changed_by_another(booking, actor, _("the robot is out of service"), reason, timezone.now())
+    return affected
 
 
 @transaction.atomic

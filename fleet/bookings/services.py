@@ -14,12 +14,14 @@ from uuid import UUID
 
 from django.db import IntegrityError, transaction
 from django.dispatch import Signal
+from django.utils.translation import gettext as _
 from msgspec import structs
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from fleet.bookings import overlaps
+from fleet.bookings.letters import changed_by_another
 from fleet.bookings.models import Booking, State
 from fleet.bookings.rules import Slot, check_cancel, refusals
 from fleet.bookings.selectors import (
@@ -121,6 +123,7 @@ def booking_move(
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
         _save(booking)
         _record("booking.move", booking, actor, text=override, parameters={"before": before})
+        changed_by_another(booking, actor, _("moved"), override, now)
     return booking
 
 
@@ -140,6 +143,7 @@ def booking_cancel(
         booking.held_until = now if begun else booking.starts_at
         _save(booking)
         _record("booking.cancel", booking, actor, outcome=booking.state, text=reason)
+        changed_by_another(booking, actor, _("cancelled"), reason, now)
     return booking
 
 
@@ -168,6 +172,7 @@ def booking_approve(*, booking_id: UUID, actor: User, now: datetime) -> Booking:
             booking.state = State.BOOKED
             _save(booking)
             _record("booking.approve", booking, actor)
+            changed_by_another(booking, actor, _("approved"), "", now)
     return booking
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from uuid import UUID
 
 from django.contrib import messages
+from django.contrib.auth.decorators import login_not_required
 from django.core.exceptions import ValidationError
 from django.db.models import QuerySet
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
@@ -16,13 +17,14 @@ from django.utils import timezone
 from django.utils.http import urlencode
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
-from django.views.decorators.http import require_http_methods, require_safe
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
 from msgspec.json import encode
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
 from fleet.bookings import services
-from fleet.bookings.models import Booking
+from fleet.bookings.ical import address_make, address_revoke, feed_of
+from fleet.bookings.models import Booking, FeedAddress
 from fleet.bookings.pages.calendar import calendar, local
 from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm
 from fleet.bookings.rules import Slot, shown
@@ -136,7 +138,13 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
     rows = _rows(found, {one.robot for one in found}, now)
     to_come = [row for row in rows if row["stage"] in OPEN]
     past = [row for row in rows if row["stage"] not in OPEN]
-    context = {"to_come": to_come[::-1], "past": past, "zone": zone_now().key}
+    context = {
+        "to_come": to_come[::-1],
+        "past": past,
+        "zone": zone_now().key,
+        "has_address": FeedAddress.objects.filter(person=person_of(request), robot=None).exists(),
+        "robots": robots_visible_to(person_of(request)),
+    }
     return render(request, "bookings/mine.html", context)
 
 
@@ -330,3 +338,32 @@ def _day(text: str | None) -> date | None:
 
 def _whole(text: str | None, otherwise: int) -> int:
     return int(text) if text and text.isascii() and text.isdigit() and len(text) < 6 else otherwise
+
+
+# --- calendar programs ----------------------------------------------------------------------------
+
+
+@require_POST
+def feed_address(request: HttpRequest) -> HttpResponse:
+    """Make a private calendar address, or end it. The new address is shown once."""
+    person = person_of(request)
+    slug = request.POST.get("robot", "")
+    robot = get_object_or_404(robots_visible_to(person), slug=slug) if slug else None
+    if request.POST.get("action") == "end":
+        address_revoke(person=person, robot=robot)
+        messages.success(request, _("The address no longer works."))
+        return redirect("bookings-mine")
+    token = address_make(person=person, robot=robot, now=timezone.now())
+    address = request.build_absolute_uri(reverse("bookings-ical", args=[token]))
+    return render(request, "bookings/address.html", {"address": address, "robot": robot})
+
+
+@login_not_required
+@never_cache
+@require_safe
+def ical(_request: HttpRequest, token: str) -> HttpResponse:
+    """Return the feed at a private address, for calendar programs."""
+    found = feed_of(token, timezone.now())
+    if found is None:
+        raise Http404
+    return HttpResponse(found, content_type="text/calendar; charset=utf-8")

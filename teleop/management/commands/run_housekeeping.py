@@ -10,6 +10,7 @@ import logging
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from typing import Any
 
@@ -20,6 +21,7 @@ from django.utils import timezone
 
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
+from fleet.bookings import letters
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
 from teleop.control import rules, services
@@ -58,14 +60,30 @@ class Command(BaseCommand):
             return
         over = end_event(sys.stdin.fileno(), END_S)
         daily, robots = DailyWork(), RobotWatch()
+        post = ThreadPoolExecutor(max_workers=1)  # a mail server that hangs must not delay the ends of leases
+        posted: Future[int] | None = None
         while not over.wait(EVERY_S):
             try:
                 end_lapsed()
                 robots.step(time.monotonic())
                 daily.work_a_little()
+                letters.write_reminders(timezone.now())
+                if posted is None or posted.done():
+                    posted = post.submit(_send_letters)
             except (DatabaseError, AuditUnavailable) as error:
                 log.error("Housekeeping failed and is tried again: %s", error)
             close_old_connections()
+
+
+def _send_letters() -> int:
+    """Send e-mails in a separate thread."""
+    try:
+        return letters.send_letters(timezone.now())
+    except DatabaseError as error:
+        log.error("E-mails are not sent now: %s", error)
+        return 0
+    finally:
+        close_old_connections()
 
 
 class DailyWork:

@@ -1,0 +1,76 @@
+"""Bookings as an iCalendar feed (RFC 5545), at private addresses that can be revoked."""
+
+from __future__ import annotations
+
+import secrets
+from datetime import datetime, timedelta
+from hashlib import sha256
+from typing import Any
+
+from django.db import transaction
+from django.db.models import QuerySet
+from icalendar import Calendar, Event
+
+from fleet.accounts.models import User
+from fleet.audit.services import record
+from fleet.bookings.models import Booking, FeedAddress, State
+from robots.access.selectors import robots_visible_to
+from robots.registry.models import Robot
+
+PAST = timedelta(days=31)  # that a feed reaches back
+
+
+@transaction.atomic
+def address_make(*, person: User, robot: Robot | None, now: datetime) -> str:
+    """Return the token of a new private address; the old one of the same purpose ends."""
+    address_revoke(person=person, robot=robot)
+    token = secrets.token_urlsafe(24)
+    FeedAddress.objects.create(digest=_digest(token), person=person, robot=robot, made_at=now)
+    record("booking.feed", actor=person, **_named(robot))
+    return token
+
+
+@transaction.atomic
+def address_revoke(*, person: User, robot: Robot | None) -> None:
+    """End the private address, if there is one."""
+    if FeedAddress.objects.filter(person=person, robot=robot).delete()[0]:
+        record("booking.feed_end", actor=person, **_named(robot))
+
+
+def feed_of(token: str, now: datetime) -> bytes | None:
+    """Return the feed at a private address; None: revoked, or its person may not see it any more."""
+    address = FeedAddress.objects.filter(digest=_digest(token)).select_related("person", "robot").first()
+    if address is None or not address.person.is_active:
+        return None
+    bookings = Booking.objects.filter(held_until__gt=now - PAST).exclude(state=State.CANCELLED)
+    if address.robot is None:
+        return _calendar(address.person.display_name, bookings.filter(person=address.person))
+    if not robots_visible_to(address.person).filter(pk=address.robot.pk).exists():
+        return None
+    return _calendar(address.robot.name, bookings.filter(robot=address.robot))
+
+
+def _calendar(name: str, bookings: QuerySet[Booking]) -> bytes:
+    calendar = Calendar()
+    calendar.add("prodid", "-//Fleet console//bookings//EN")
+    calendar.add("version", "2.0")
+    calendar.add("x-wr-calname", name)
+    for booking in bookings.select_related("robot", "person"):
+        event = Event()
+        event.add("uid", f"{booking.pk}@fleet-console")
+        event.add("summary", f"{booking.robot.name}: {booking.person.display_name}")
+        event.add("dtstart", booking.starts_at)
+        event.add("dtend", booking.held_until)
+        event.add("dtstamp", booking.made_at)
+        event.add("sequence", booking.version)
+        event.add("status", "TENTATIVE" if booking.state == State.AWAITING else "CONFIRMED")
+        calendar.add_component(event)
+    return bytes(calendar.to_ical())
+
+
+def _digest(token: str) -> str:
+    return sha256(token.encode()).hexdigest()
+
+
+def _named(robot: Robot | None) -> dict[str, Any]:
+    return {"robot_id": robot.id, "robot_name": robot.name} if robot else {}

@@ -1,0 +1,81 @@
+"""E-mails about bookings: written with the change that they tell, sent by housekeeping.
+
+Several housekeeping processes may run: one claims a letter before it sends it. If a process dies in between, or the
+mail server does not answer, the letter is tried again after `AGAIN`, and given up after `GIVEN_UP`.
+"""
+
+from __future__ import annotations
+
+import logging
+from datetime import datetime, timedelta
+from smtplib import SMTPException
+from zoneinfo import ZoneInfo
+
+from django.core.mail import send_mail
+from django.db.models import F, Q
+from django.utils.translation import gettext as _
+
+from fleet.accounts.models import User
+from fleet.bookings.models import Booking, Letter, State
+from fleet.bookings.rules import shown
+from fleet.bookings.selectors import lab_zone
+
+log = logging.getLogger(__name__)
+
+AHEAD = timedelta(hours=1)  # of a reminder before its slot
+AGAIN = timedelta(minutes=5)
+GIVEN_UP = timedelta(days=1)
+AT_ONCE = 20  # letters of one round
+
+
+def letter_write(*, to: User, subject: str, text: str, now: datetime) -> None:
+    """Store a letter, in the caller's transaction. People without an e-mail address get none."""
+    if to.email:
+        Letter.objects.create(person=to, subject=subject[:200], text=text, made_at=now)
+
+
+def changed_by_another(booking: Booking, actor: User | None, what: str, reason: str, now: datetime) -> None:
+    """Tell the owner of a booking that another person, or the console, changed it."""
+    if actor is not None and actor.pk == booking.person_id:
+        return
+    by = actor.display_name if actor else _("the console")
+    subject = _("Your booking of %(robot)s: %(what)s") % {"robot": booking.robot.name, "what": what}
+    lines = [f"{in_words(booking, lab_zone())}", _("Changed by %(name)s.") % {"name": by}]
+    letter_write(to=booking.person, subject=subject, text="\n".join([*lines, reason]).strip(), now=now)
+
+
+def in_words(booking: Booking, zone: ZoneInfo) -> str:
+    """Return robot and times of a booking in a zone."""
+    times = f"{shown(booking.starts_at, zone)} - {booking.ends_at.astimezone(zone):%H:%M} ({zone.key})"
+    return f"{booking.robot.name}, {times}"
+
+
+def write_reminders(now: datetime) -> None:
+    """Write a reminder for each slot that begins within an hour and was booked before that hour."""
+    due = Booking.objects.filter(
+        state=State.BOOKED, reminded_at=None, starts_at__gt=now, starts_at__lte=now + AHEAD
+    )
+    for booking in due.filter(made_at__lt=F("starts_at") - AHEAD).select_related("person", "robot"):
+        if Booking.objects.filter(pk=booking.pk, reminded_at=None).update(reminded_at=now):
+            subject = _("%(robot)s is yours soon") % {"robot": booking.robot.name}
+            letter_write(to=booking.person, subject=subject, text=in_words(booking, lab_zone()), now=now)
+
+
+def send_letters(now: datetime) -> int:
+    """Send the letters that wait. Returns how many were sent."""
+    waiting = Letter.objects.filter(
+        Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN), sent_at=None, made_at__gt=now - GIVEN_UP
+    )
+    sent = 0
+    for letter in waiting.select_related("person").order_by("made_at")[:AT_ONCE]:
+        mine = Letter.objects.filter(pk=letter.pk, claimed_at=letter.claimed_at, sent_at=None)
+        if not mine.update(claimed_at=now):
+            continue
+        try:
+            send_mail(letter.subject, letter.text, None, [letter.person.email])
+        except (OSError, SMTPException) as error:
+            log.warning("An e-mail was not sent and is tried again in 5 minutes: %s", error)
+            break
+        Letter.objects.filter(pk=letter.pk).update(sent_at=now)
+        sent += 1
+    return sent

@@ -1,0 +1,110 @@
+"""E-mails about bookings, and calendar feeds."""
+
+from datetime import datetime, timedelta, timezone
+
+import pytest
+from django.urls import reverse
+from django.utils import timezone as django_timezone
+from icalendar import Calendar
+
+from fleet.bookings import letters
+from fleet.bookings.models import FeedAddress, Letter
+from fleet.bookings.policies import out_of_service_add
+from fleet.bookings.rules import Slot
+from fleet.bookings.services import booking_cancel, booking_make
+from robots.access.services import role_set
+
+pytestmark = pytest.mark.django_db
+
+NOW = datetime(2026, 3, 2, 9, 0, tzinfo=timezone.utc)
+
+
+def at(hours):
+    return NOW + timedelta(hours=hours)
+
+
+def book(robot, person, begins_h=3, now=NOW):
+    slot = Slot(now + timedelta(hours=begins_h), now + timedelta(hours=begins_h + 1))
+    return booking_make(robot_id=robot.id, person=person, slot=slot, now=now)
+
+
+@pytest.fixture
+def olga(operator):
+    operator.email = "olga@example.org"
+    operator.save()
+    return operator
+
+
+def test_a_reminder_comes_once_within_the_last_hour(robot, olga, mailoutbox):
+    book(robot, olga)
+    letters.write_reminders(at(1.9))
+    assert Letter.objects.count() == 0
+    for _ in range(2):
+        letters.write_reminders(at(2.1))
+        letters.send_letters(at(2.1))
+    [mail] = mailoutbox
+    assert (mail.to, mail.subject) == (["olga@example.org"], "TIAGo 1 is yours soon")
+    assert "Mon 02 Mar 2026, 12:00" in mail.body
+
+
+def test_a_slot_booked_a_moment_before_needs_no_reminder(robot, olga):
+    book(robot, olga, 0.5)
+    letters.write_reminders(at(0.1))
+    assert Letter.objects.count() == 0
+
+
+def test_changes_by_others_are_told_with_the_reason(robot, olga, supervisor, mailoutbox):
+    booking = book(robot, olga)
+    booking_cancel(booking_id=booking.pk, version=1, actor=supervisor, now=NOW, reason="demo day")
+    out_of_service_add(robot=robot, starts_at=NOW, ends_at=None, why="repair", note="wheel", actor=supervisor)
+    letters.send_letters(NOW + timedelta(seconds=1))
+    [mail] = mailoutbox  # the cancelled booking is not affected by the repair
+    assert "cancelled" in mail.subject
+    assert "Sue Pervisor" in mail.body and "demo day" in mail.body
+
+
+def test_ones_own_cancel_sends_nothing(robot, olga):
+    booking = book(robot, olga)
+    booking_cancel(booking_id=booking.pk, version=1, actor=olga, now=NOW)
+    assert Letter.objects.count() == 0
+
+
+def test_a_dead_mail_server_delays_a_letter_and_loses_none(robot, olga, mailoutbox, monkeypatch):
+    book(robot, olga)
+    letters.write_reminders(at(2.1))
+
+    def away(*_args):
+        raise TimeoutError("timed out")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(letters, "send_mail", away)
+        assert letters.send_letters(at(2.1)) == 0
+    assert letters.send_letters(at(2.1) + timedelta(minutes=1)) == 0  # another process may still send it
+    assert letters.send_letters(at(2.1) + timedelta(minutes=6)) == 1
+    assert len(mailoutbox) == 1
+
+
+def test_a_private_address_serves_ones_bookings_until_it_ends(client, robot, operator):
+    booking = book(robot, operator, now=django_timezone.now())
+    client.force_login(operator)
+    page = client.post(reverse("bookings-address")).content.decode()
+    address = page.split('value="http://testserver')[1].split('"')[0]
+    client.logout()
+    calendar = Calendar.from_ical(client.get(address).content)
+    [event] = calendar.walk("VEVENT")
+    assert event.decoded("dtstart") == booking.starts_at.replace(microsecond=0)
+    assert FeedAddress.objects.get().digest not in address
+    client.force_login(operator)
+    client.post(reverse("bookings-address"))  # a new address ends the old one
+    client.logout()
+    assert client.get(address).status_code == 404
+
+
+def test_a_robots_feed_ends_with_the_right_to_see_it(client, robot, operator, staff):
+    client.force_login(operator)
+    page = client.post(reverse("bookings-address"), {"robot": robot.slug}).content.decode()
+    address = page.split('value="http://testserver')[1].split('"')[0]
+    client.logout()
+    assert client.get(address).status_code == 200
+    role_set(robot=robot, user=operator, role=None, actor=staff)
+    assert client.get(address).status_code == 404
