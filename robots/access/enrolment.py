@@ -9,7 +9,6 @@ from datetime import datetime
 from typing import TYPE_CHECKING, TypeVar
 from uuid import UUID
 
-from django.core.signing import BadSignature, Signer
 from django.db import transaction
 from django.db.models.functions import Lower
 from django.utils import timezone
@@ -30,7 +29,6 @@ T = TypeVar("T")
 
 AT_ONCE = 100  # people in one transaction: others must not wait long for the database
 NOT_IN_USERNAMES = re.compile(r"[^\w.@+-]")
-_signer = Signer(salt="robots.access.invitation")
 
 
 class EnrolmentRefused(NotDone):
@@ -199,18 +197,9 @@ def invitation_revoke(*, invitation: Invitation, actor: User) -> None:
         record("course.uninvite", actor=actor, parameters=parameters)
 
 
-def token_of(invitation: Invitation) -> str:
-    """Return the secret part of the invitation's address."""
-    return _signer.sign(invitation.pk.hex)
-
-
-def invitation_of(token: str) -> Invitation | None:
-    """Return the invitation with this secret; None: there is none."""
-    try:
-        key = UUID(hex=_signer.unsign(token))
-    except (BadSignature, ValueError):
-        return None
-    return Invitation.objects.select_related("course").filter(pk=key).first()
+def invitation_of(code: str) -> Invitation | None:
+    """Return the invitation with this code; None: there is none."""
+    return Invitation.objects.select_related("course").filter(code=code.lower()).first()
 
 
 def check_invitation(invitation: Invitation | None, now: datetime) -> Refusal | None:

@@ -12,10 +12,13 @@ from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 from django.db.models import F, Q
 from django.utils import timezone
+from django.utils.crypto import get_random_string
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from robots.registry.models import Robot, Role
+
+CODE_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"  # none that looks like another
 
 
 class RobotGroup(models.Model):
@@ -122,10 +125,16 @@ class Enrolment(models.Model):
         return gettext("%(person)s in %(course)s") % {"person": self.person, "course": self.course}
 
 
+def new_code() -> str:
+    """Return a secret that people can type: three groups of four letters and digits, 58 bits."""
+    return "-".join(get_random_string(4, CODE_LETTERS) for _group in range(3))
+
+
 class Invitation(models.Model):
-    """A link by which people enrol themselves in a course. The address is a signature of the id."""
+    """A link by which people enrol themselves in a course."""
 
     id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
+    code = models.CharField(max_length=14, unique=True, default=new_code, editable=False)
     course = models.ForeignKey(
         Course, on_delete=models.CASCADE, related_name="invitations", verbose_name=_("course")
     )

@@ -28,6 +28,6 @@ urlpatterns = [
         courses.invitation_revoke,
         name="invitation-revoke",
     ),
-    path("join/<str:token>/", joining.join, name="join"),
+    path("join/<str:code>/", joining.join, name="join"),
     path("welcome/<str:token>/", joining.welcome, name="welcome"),
 ]

@@ -15,7 +15,7 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.access import welcome
-from robots.access.enrolment import invitation_make, token_of
+from robots.access.enrolment import invitation_make
 from robots.access.models import Course, Enrolment, Invitation, Qualification, QualificationGrant, RobotGroup
 from robots.access.selectors import lab_date, missing_qualifications, role_on
 from robots.registry.models import Robot, Role
@@ -196,14 +196,14 @@ def test_a_person_with_an_account_joins(
     signed_in: SignIn, invitation: Invitation, stranger: User, robot: Robot
 ) -> None:
     client = signed_in(stranger)
-    page = client.post(f"/join/{token_of(invitation)}/", follow=True)
+    page = client.post(f"/join/{invitation.code}/", follow=True)
     assert role_on(stranger, robot) is Role.OPERATOR
     assert "operator by course HRI 2026, until" in shown(page)
 
 
 def test_a_newcomer_makes_an_account_and_joins(invitation: Invitation, robot: Robot) -> None:
     client = Client()
-    address = f"/join/{token_of(invitation)}/"
+    address = f"/join/{invitation.code}/"
     form = {"full_name": "New Comer", "username": "newcomer", "password1": PASSWORD, "password2": PASSWORD}
     wrong = client.post(address, {**form, "password2": "another"})
     assert wrong.status_code == 400

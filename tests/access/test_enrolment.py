@@ -23,7 +23,6 @@ from robots.access.enrolment import (
     invitation_of,
     invitation_revoke,
     plan_of,
-    token_of,
     unenrol,
 )
 from robots.access.models import Course, Enrolment
@@ -122,7 +121,7 @@ def test_an_invitation_enrols_until_it_is_used_up(
 ) -> None:
     now = timezone.now()
     made = invitation_make(course=course, expires_at=now + timedelta(days=1), most_uses=1, actor=teacher)
-    found = invitation_of(token_of(made))
+    found = invitation_of(made.code)
     assert found == made
     assert invitation_accept(invitation=made, person=stranger, now=now)
     assert not invitation_accept(invitation=made, person=stranger, now=now)
@@ -136,7 +135,7 @@ def test_an_invitation_ends(course: Course, teacher: User) -> None:
     made = invitation_make(course=course, expires_at=now + timedelta(days=1), most_uses=5, actor=teacher)
 
     def code(at: Any = now) -> str | None:
-        refusal = check_invitation(invitation_of(token_of(made)), at)
+        refusal = check_invitation(invitation_of(made.code), at)
         return refusal and refusal.code
 
     assert code() is None
@@ -144,7 +143,7 @@ def test_an_invitation_ends(course: Course, teacher: User) -> None:
     invitation_revoke(invitation=made, actor=teacher)
     assert code() == "invitation_revoked"
     assert invitation_of(str(made.pk)) is None
-    assert invitation_of(token_of(made)[:-1]) is None
+    assert invitation_of(made.code[:-1]) is None
 
 
 def _wait_for(done: Callable[[], bool]) -> None:

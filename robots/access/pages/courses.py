@@ -230,7 +230,7 @@ def _invitation(request: HttpRequest, slug: str, invitation_id: UUID) -> Invitat
 
 
 def _join_link(request: HttpRequest, found: Invitation) -> str:
-    return request.build_absolute_uri(reverse("join", args=[enrolment.token_of(found)]))
+    return request.build_absolute_uri(reverse("join", args=[found.code]))
 
 
 # --- helpers --------------------------------------------------------------------------------------

@@ -25,9 +25,9 @@ from robots.wire import Refusal
 @never_cache
 @login_not_required
 @require_http_methods(["GET", "HEAD", "POST"])
-def join(request: HttpRequest, token: str) -> HttpResponse:
+def join(request: HttpRequest, code: str) -> HttpResponse:
     """Join a course: with the account of the person who is signed in, or with a new one."""
-    invitation = invitation_of(token)
+    invitation = invitation_of(code)
     refusal = check_invitation(invitation, timezone.now())
     if refusal is not None or invitation is None:
         return _join_page(request, invitation, refusal=refusal, status=410)

@@ -1,0 +1,242 @@
+"""Who may do what, at every door: role x action x (robot or course of one's own, of one's course, another's, nobody's).
+
+A person's role on each robot is written down; each action names the lowest role that may do it, and what others get.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from django.test import Client
+from django.urls import NoReverseMatch, reverse
+from django.utils import timezone
+
+from fleet.accounts.models import User
+from robots.access.enrolment import invitation_make
+from robots.access.models import Course, Enrolment
+from robots.access.selectors import lab_date, role_on
+from robots.access.services import role_set
+from robots.registry.models import Robot, RobotProfile, Role
+from teleop.background.database import in_database
+from teleop.live.message_socket import CloseCode
+from tests.conftest import PASSWORD
+from tests.teleop.support import Page
+
+ROBOTS = ("own", "course", "other-course", "nobodys")
+# The role of each person on each robot; a robot that is left out: none.
+ROLES: dict[str, dict[str, Role]] = {
+    "staff": dict.fromkeys(ROBOTS, Role.STAFF),
+    "supervisor": {"own": Role.SUPERVISOR},
+    "operator": {"own": Role.OPERATOR},
+    "observer": {"own": Role.OBSERVER},
+    "teacher": {"course": Role.SUPERVISOR},
+    "student": {"course": Role.OPERATOR},
+    "guest": {"course": Role.OBSERVER},  # of a second course on the same robot
+    "former": {},  # of a course that is over
+    "stranger": {},
+    "anonymous": {},
+}
+
+
+class Lab:
+    """Robots, people and courses of the matrix."""
+
+    def __init__(self, profile: RobotProfile) -> None:
+        self.robots = {
+            name: Robot.objects.create(slug=name, name=name, profile=profile, master_uri="http://127.0.0.1:9")
+            for name in ROBOTS
+        }
+        self.people = {
+            name: User.objects.create_user(name, password=PASSWORD, is_staff=name == "staff")
+            for name in ROLES
+            if name != "anonymous"
+        }
+        for name in ("supervisor", "operator", "observer"):
+            robot, user = self.robots["own"], self.people[name]
+            role_set(robot=robot, user=user, role=Role(name), actor=self.people["staff"])
+        today = lab_date()
+        self.courses = {
+            "mine": self._course("mine", "course", Role.OPERATOR, ["student"], ["teacher"]),
+            "guests": self._course("guests", "course", Role.OBSERVER, ["guest"], []),
+            "theirs": self._course("theirs", "other-course", Role.OPERATOR, [], []),
+            "over": self._course("over", "course", Role.OPERATOR, ["former"], ["former"]),
+        }
+        over = Course.objects.filter(slug="over")
+        over.update(starts_on=today - timedelta(days=9), ends_on=today - timedelta(days=1))
+
+    def _course(self, slug: str, robot: str, role: Role, people: list[str], supervisors: list[str]) -> Course:
+        first, last = lab_date(), lab_date() + timedelta(days=30)
+        course = Course.objects.create(name=slug, slug=slug, role=role, starts_on=first, ends_on=last)
+        course.robots.add(self.robots[robot])
+        course.supervisors.set([self.people[name] for name in supervisors])
+        for name in people:
+            Enrolment.objects.create(course=course, person=self.people[name])
+        return course
+
+    def browser(self, who: str) -> Client:
+        """Return a browser in which the person is signed in."""
+        client = Client()
+        if who != "anonymous":
+            client.force_login(self.people[who])
+        return client
+
+
+@pytest.fixture
+def lab(tiago: RobotProfile) -> Lab:
+    return Lab(tiago)
+
+
+def test_the_roles_of_the_matrix(lab: Lab) -> None:
+    for who, person in lab.people.items():
+        found = {name: role_on(person, robot) for name, robot in lab.robots.items()}
+        assert {name: role for name, role in found.items() if role} == ROLES[who], who
+
+
+# --- robots: pages, REST, admin -------------------------------------------------------------------
+
+Ask = Callable[[Client, Robot], Any]
+
+
+def _book(client: Client, robot: Robot) -> Any:
+    starts = (timezone.now() + timedelta(days=1)).replace(hour=10, minute=0)
+    times = {"starts_at": f"{starts:%Y-%m-%dT%H:%M}", "ends_at": f"{starts:%Y-%m-%dT11:00}"}
+    accept = {"accept": "application/json"}
+    return client.post("/bookings/new/", {"robot": robot.slug, **times}, headers=accept)
+
+
+# Action: the lowest role that may, how it is asked for.
+ROBOT_ACTIONS: dict[str, tuple[Role, Ask]] = {
+    "page": (Role.OBSERVER, lambda client, robot: client.get(f"/robots/{robot.slug}/")),
+    "REST state": (Role.OBSERVER, lambda client, robot: client.get(f"/api/robots/{robot.slug}/")),
+    "REST phrases": (Role.OBSERVER, lambda client, robot: client.get(f"/api/robots/{robot.slug}/phrases/")),
+    "report": (Role.SUPERVISOR, lambda client, robot: client.get(f"/robots/{robot.slug}/report/")),
+    "book": (Role.OPERATOR, _book),
+    "policy": (Role.SUPERVISOR, lambda client, robot: client.get(f"/bookings/policies/{robot.slug}/")),
+    "policy of all": (Role.STAFF, lambda client, _robot: client.get("/bookings/policies/all/")),
+    "admin": (Role.STAFF, lambda client, robot: client.get(f"/admin/robots/robot/{robot.pk}/change/")),
+}
+
+
+@pytest.mark.parametrize("action", ROBOT_ACTIONS)
+def test_robots_by_pages_rest_and_admin(action: str, lab: Lab) -> None:
+    least, ask = ROBOT_ACTIONS[action]
+    for who, roles in ROLES.items():
+        client = lab.browser(who)
+        for name, robot in lab.robots.items():
+            role = roles.get(name)
+            allowed = role is not None and role >= least
+            if action == "policy of all":
+                allowed = who == "staff"
+            status = ask(client, robot).status_code
+            assert (status == 200) is allowed, (who, action, name, status)
+            assert status in (200, 302, 400, 401, 403, 404, 409), (who, action, name, status)
+            if who == "anonymous":
+                assert status in (302, 401, 403)
+            robot.bookings.all().delete()
+
+
+@pytest.mark.parametrize("who", ROLES)
+def test_lists_of_robots_show_those_with_a_role(who: str, lab: Lab) -> None:
+    client = lab.browser(who)
+    page, listed = client.get("/"), client.get("/api/robots/")
+    for name in ROBOTS:
+        assert (f'href="/robots/{name}/"' in page.content.decode()) is (name in ROLES[who]), name
+        assert (f'"{name}"' in listed.content.decode()) is (name in ROLES[who]), name
+
+
+# --- robots: WebSocket ----------------------------------------------------------------------------
+
+
+@pytest.mark.django_db(transaction=True)
+@pytest.mark.parametrize("who", [who for who in ROLES if who != "anonymous"])
+async def test_robots_by_websocket(
+    who: str, tiago: RobotProfile, websocket_headers: Callable[[Client], Any]
+) -> None:
+    lab = await in_database(Lab, tiago)
+    headers = websocket_headers(await in_database(lab.browser, who))
+    for name in ROBOTS:
+        page = await Page(headers, f"/ws/robots/{name}/").open()
+        role = ROLES[who].get(name)
+        if role is None:
+            assert await page.is_closed() == CloseCode.NOT_FOUND
+            continue
+        await page.say("hello", tab="tab-0123456789-matrix")
+        assert (await page.hears("welcome"))["role"] == role.value
+        refusal = (await page.hears("control"))["refusal"]
+        too_low = refusal is not None and refusal["code"] == "role_too_low"
+        assert too_low is (role < Role.OPERATOR), (name, refusal)
+        await page.close()
+
+
+# --- courses --------------------------------------------------------------------------------------
+
+# The least that may: "supervisor" of that course, or "staff". Each page, and what is posted to it.
+COURSE_ACTIONS: dict[str, tuple[str, dict[str, str] | None]] = {
+    "course": ("supervisor", None),
+    "course-enrol": ("supervisor", None),
+    "course-people": ("supervisor", {"action": "unenrol", "everybody": "on"}),
+    "invitation-new": ("supervisor", {"most_uses": "1", "last_day": "tomorrow"}),
+    "invitation": ("supervisor", None),
+    "invitation-qr": ("supervisor", None),
+    "invitation-revoke": ("supervisor", {}),
+    "course-edit": ("staff", None),
+    "course-archive": ("staff", {"archived": "1"}),
+    "course-new": ("staff", None),
+    "robot-groups": ("staff", None),
+    "qualifications": ("staff", None),
+}
+SUPERVISED = {"teacher": {"mine"}, "former": {"over"}}
+
+
+@pytest.mark.parametrize("action", COURSE_ACTIONS)
+def test_courses(action: str, lab: Lab) -> None:
+    least, posted = COURSE_ACTIONS[action]
+    tomorrow = lab_date() + timedelta(days=1)
+    data = posted and {
+        name: tomorrow.isoformat() if value == "tomorrow" else value for name, value in posted.items()
+    }
+    for who in ROLES:
+        client = lab.browser(who)
+        for slug, course in lab.courses.items():
+            made = invitation_make(
+                course=course,
+                expires_at=timezone.now() + timedelta(days=1),
+                most_uses=1,
+                actor=lab.people["staff"],
+            )
+            address = _address(action, slug, made.pk)
+            answer = client.get(address) if posted is None else client.post(address, data)
+            supervises = least == "supervisor" and slug in SUPERVISED.get(who, ())
+            allowed = who == "staff" or supervises
+            done = answer.status_code == 200 or getattr(answer, "url", "").startswith("/courses/")
+            assert done is allowed, (who, action, slug, answer.status_code)
+            if who == "anonymous":
+                assert answer.status_code in (302, 401)
+            Course.objects.filter(pk=course.pk).update(archived=False)
+
+
+def _address(action: str, slug: str, invitation: Any) -> str:
+    for arguments in ([slug, invitation], [slug], []):
+        try:
+            return reverse(action, args=arguments)
+        except NoReverseMatch:
+            continue
+    raise AssertionError(action)
+
+
+def test_the_access_of_a_person_is_shown_to_staff_and_their_supervisors(lab: Lab) -> None:
+    seen = {
+        who: {
+            name
+            for name, person in lab.people.items()
+            if lab.browser(who).get(f"/people/{person.pk}/").status_code == 200
+        }
+        for who in ROLES
+    }
+    assert seen.pop("staff") == set(lab.people)
+    assert seen.pop("anonymous") == set()
+    assert seen.pop("teacher") == {"teacher", "student"}
+    assert seen == {who: {who} for who in seen}
