@@ -21,6 +21,7 @@ class State(models.TextChoices):
 
     BOOKED = "booked", _("booked")
     AWAITING = "awaiting", _("awaiting approval")  # holds the slot
+    OFFERED = "offered", _("offered from the waiting list")  # holds the slot until `offer_until`
     FINISHED = "finished", _("finished early")
     NO_SHOW = "no_show", _("not used")
     CANCELLED = "cancelled", _("cancelled")
@@ -60,6 +61,7 @@ class Booking(models.Model):
     used_at = models.DateTimeField(
         null=True, blank=True
     )  # the person took control in this slot for the first time
+    offer_until = models.DateTimeField(null=True, blank=True)
     reminded_at = models.DateTimeField(null=True, blank=True)
     version = models.PositiveIntegerField(
         default=1
@@ -173,6 +175,25 @@ class OutOfService(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot}: {self.get_why_display()}"
+
+
+class Waiting(models.Model):
+    """A person who waits for a slot that is taken. The first who came gets the first offer."""
+
+    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="waiting")
+    person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="waiting")
+    starts_at = models.DateTimeField()
+    ends_at = models.DateTimeField()
+    since = models.DateTimeField()
+
+    class Meta:
+        ordering = ["since", "id"]
+        constraints = [
+            models.UniqueConstraint(fields=["robot", "person", "starts_at"], name="wait_once_for_a_slot")
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.person} waits for {self.robot}"
 
 
 class FeedAddress(models.Model):

@@ -22,6 +22,7 @@ from robots.access.selectors import courses_for, missing_qualifications, role_on
 from robots.registry.models import Robot, RobotRole, Role
 
 ALTERNATIVES = 3
+NOT_YET = (State.AWAITING, State.OFFERED)  # hold a slot, and give no control
 STEP = timedelta(minutes=15)  # between the starts of slots that are proposed
 SEARCH = timedelta(days=7)  # for the next free slot
 TRIES = 200  # starts of one robot
@@ -32,6 +33,7 @@ class Stage(Enum):
     """The stage of a booking at a moment, for people."""
 
     AWAITING = "awaiting approval"
+    OFFERED = "offered to you from the waiting list"
     BOOKED = "booked"
     DUE = "not used yet"
     IN_USE = "in use"
@@ -64,6 +66,8 @@ def stage_of(booking: Row, grace: timedelta, now: datetime) -> Stage:
         return _ENDED[state]
     if booking.used_at is None and now >= booking.starts_at + grace and state is State.BOOKED:
         return Stage.NO_SHOW
+    if state is State.OFFERED:
+        return Stage.OFFERED
     if now >= booking.held_until:
         return Stage.OVER
     if now < booking.starts_at:
@@ -283,7 +287,7 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
     """`schedule_of` many robots, in three queries."""
     policies = policies_of(robots)
     held: dict[UUID, list[Held]] = {robot.id: [] for robot in robots}
-    for one in held_between(robots, now, now + AHEAD).exclude(state=State.AWAITING).order_by("starts_at"):
+    for one in held_between(robots, now, now + AHEAD).exclude(state__in=NOT_YET).order_by("starts_at"):
         slot = held_slot(one, grace_of(policies[one.robot_id]), now)
         held[one.robot_id].append(Held(one.id, one.person_id, one.person.display_name, slot))
     out = _out_now(robots, now)

@@ -63,7 +63,7 @@ _NOT_YOURS = Refusal(
 
 
 @contextmanager
-def _robot_locked(robot_id: UUID) -> Iterator[Robot]:
+def robot_locked(robot_id: UUID) -> Iterator[Robot]:
     """One transaction in which this process alone changes the robot's bookings."""
     try:
         with transaction.atomic():
@@ -90,7 +90,7 @@ def booking_make(
     actor = actor or person
     # First without the lock: the many who come too late for a slot must not wait for each other.
     _check(_robot(robot_id), person, slot, now, actor=actor, override=override)
-    with _robot_locked(robot_id) as robot:
+    with robot_locked(robot_id) as robot:
         _free_no_shows(robot, slot, now)
         _check(robot, person, slot, now, actor=actor, override=override)
         policy = policy_of(robot)
@@ -106,7 +106,7 @@ def booking_make(
             course=course_of(robot, person, slot.starts_at),
             made_at=now,
         )
-        _record("booking.make", booking, actor, outcome=booking.state, text=override)
+        record_booking("booking.make", booking, actor, outcome=booking.state, text=override)
     return booking
 
 
@@ -121,8 +121,8 @@ def booking_move(
         _check(booking.robot, booking.person, slot, now, actor=actor, override=override, moved=booking)
         before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
-        _save(booking)
-        _record("booking.move", booking, actor, text=override, parameters={"before": before})
+        save_booking(booking)
+        record_booking("booking.move", booking, actor, text=override, parameters={"before": before})
         changed_by_another(booking, actor, _("moved"), override, now)
     return booking
 
@@ -141,8 +141,8 @@ def booking_cancel(
         begun = now > booking.starts_at
         booking.state = State.FINISHED if begun else State.CANCELLED
         booking.held_until = now if begun else booking.starts_at
-        _save(booking)
-        _record("booking.cancel", booking, actor, outcome=booking.state, text=reason)
+        save_booking(booking)
+        record_booking("booking.cancel", booking, actor, outcome=booking.state, text=reason)
         changed_by_another(booking, actor, _("cancelled"), reason, now)
     return booking
 
@@ -155,9 +155,9 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
         before = booking.person
         booking.person, booking.used_at = to, None
         booking.course = course_of(booking.robot, to, booking.starts_at)
-        _save(booking)
+        save_booking(booking)
         parameters = {"before": {"person": str(before.pk)}}
-        _record(
+        record_booking(
             "booking.hand", booking, actor, parameters=parameters, private={"before": before.display_name}
         )
     return booking
@@ -170,8 +170,8 @@ def booking_approve(*, booking_id: UUID, actor: User, now: datetime) -> Booking:
             raise BookingRefused([_NOT_YOURS])
         if booking.state == State.AWAITING:
             booking.state = State.BOOKED
-            _save(booking)
-            _record("booking.approve", booking, actor)
+            save_booking(booking)
+            record_booking("booking.approve", booking, actor)
             changed_by_another(booking, actor, _("approved"), "", now)
     return booking
 
@@ -203,9 +203,9 @@ def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, no
     for booking in running.select_related("person", "robot"):
         before = booking.person
         booking.person = to
-        _save(booking)
+        save_booking(booking)
         parameters = {"before": {"person": str(before.pk)}}
-        _record(
+        record_booking(
             "booking.hand", booking, actor, parameters=parameters, private={"before": before.display_name}
         )
 
@@ -214,7 +214,7 @@ def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, no
 def _changeable(booking_id: UUID, actor: User, version: int | None, now: datetime) -> Iterator[Booking]:
     """Lock a booking's robot, and check that this person may change the booking, which is still as they saw it."""
     robot_id = Booking.objects.values_list("robot_id", flat=True).get(pk=booking_id)
-    with _robot_locked(robot_id) as robot:
+    with robot_locked(robot_id) as robot:
         booking = Booking.objects.select_related("person", "robot").get(pk=booking_id)
         booking.robot = robot
         if booking.person_id != actor.pk and not _supervises(actor, robot):
@@ -231,7 +231,8 @@ def _robot(robot_id: UUID) -> Robot:
     return Robot.objects.select_related("profile").get(pk=robot_id)
 
 
-def _save(booking: Booking) -> None:
+def save_booking(booking: Booking) -> None:
+    """Save a change: its version grows. For a robot that is locked."""
     booking.version += 1
     booking.save()
 
@@ -263,8 +264,8 @@ def _free_no_shows(robot: Robot, slot: Slot, now: datetime, but: Booking | None 
         held = held_slot(booking, grace, now)
         if held.ends_at < booking.held_until:
             booking.held_until, booking.state = held.ends_at, State.NO_SHOW
-            _save(booking)
-            _record("booking.no_show", booking, None)
+            save_booking(booking)
+            record_booking("booking.no_show", booking, None)
 
 
 def _supervises(person: User, robot: Robot) -> bool:
@@ -272,7 +273,8 @@ def _supervises(person: User, robot: Robot) -> bool:
     return role is not None and role >= Role.SUPERVISOR
 
 
-def _record(kind: str, booking: Booking, actor: User | None, **facts: Any) -> Record:
+def record_booking(kind: str, booking: Booking, actor: User | None, **facts: Any) -> Record:
+    """Record an event of a booking. `actor` None: the console."""
     parameters = {
         "booking": str(booking.pk),
         "person": str(booking.person_id),

@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[2]
 RECORDING = {
     "record",
     "_record",
+    "record_booking",
     "request",
     "outcome",
 }  # functions that write records

@@ -24,7 +24,7 @@ from robots.access.selectors import roles_of
 from robots.registry.models import Robot, Role
 
 LONGEST = timedelta(days=45)  # of a view
-_OPEN = (Stage.AWAITING, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
+_OPEN = (Stage.AWAITING, Stage.OFFERED, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
 # A week of ten robots has hundreds of bookings: rows are read without making models of them.
 _COLUMNS = (
     "id",

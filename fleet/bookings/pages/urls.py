@@ -11,6 +11,7 @@ urlpatterns = [
     path("bookings/next-free/", views.next_free, name="bookings-next-free"),
     path("bookings/address/", views.feed_address, name="bookings-address"),
     path("bookings/ical/<str:token>.ics", views.ical, name="bookings-ical"),
+    path("bookings/waiting/", views.waiting, name="bookings-waiting"),
     path("bookings/mine/", views.bookings_mine, name="bookings-mine"),
     path("bookings/policies/", policy_views.policies, name="booking-policies"),
     path("bookings/policies/all/", policy_views.policy, name="booking-policy-all"),

@@ -24,7 +24,7 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
 from fleet.bookings import services
 from fleet.bookings.ical import address_make, address_revoke, feed_of
-from fleet.bookings.models import Booking, FeedAddress
+from fleet.bookings.models import Booking, FeedAddress, Waiting
 from fleet.bookings.pages.calendar import calendar, local
 from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm
 from fleet.bookings.rules import Slot, shown
@@ -40,12 +40,13 @@ from fleet.bookings.selectors import (
     zone_now,
 )
 from fleet.bookings.services import BookingRefused
+from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
 from robots.access.selectors import robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
 
 LISTED = 50  # of one's own bookings
-OPEN = (Stage.AWAITING, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
+OPEN = (Stage.AWAITING, Stage.OFFERED, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
 
 
 @never_cache
@@ -141,6 +142,7 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
     context = {
         "to_come": to_come[::-1],
         "past": past,
+        "waiting": Waiting.objects.filter(person=person_of(request)).select_related("robot"),
         "zone": zone_now().key,
         "has_address": FeedAddress.objects.filter(person=person_of(request), robot=None).exists(),
         "robots": robots_visible_to(person_of(request)),
@@ -181,6 +183,8 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
     action = request.POST.get("action")
     if action == "approve":
         services.booking_approve(**common)
+    elif action == "accept":
+        offer_accept(**common)
     elif action == "cancel":
         services.booking_cancel(version=version, reason=request.POST.get("reason", "")[:200], **common)
     elif action == "hand":
@@ -293,7 +297,8 @@ def _refused(
     if wants_json(request):
         return JsonResponse(_refusals_json(refusals, alternatives or []), status=409)
     offers = [{"words": _slot_words(*one), "address": _form_address(*one)} for one in alternatives or []]
-    return _form_page(request, form, 409, refusals=refusals, alternatives=offers)
+    can_wait = [refusal.code for refusal in refusals] == ["taken"]
+    return _form_page(request, form, 409, refusals=refusals, alternatives=offers, can_wait=can_wait)
 
 
 def _refusals_json(refusals: list[Refusal], alternatives: list[tuple[Robot, Slot]]) -> dict[str, Any]:
@@ -338,6 +343,29 @@ def _day(text: str | None) -> date | None:
 
 def _whole(text: str | None, otherwise: int) -> int:
     return int(text) if text and text.isascii() and text.isdigit() and len(text) < 6 else otherwise
+
+
+# --- the waiting list -----------------------------------------------------------------------------
+
+
+@require_POST
+def waiting(request: HttpRequest) -> HttpResponse:
+    """Join the waiting list of a slot, or leave it."""
+    person = person_of(request)
+    if leave := request.POST.get("leave"):
+        waiting_leave(person=person, waiting_id=_whole(leave, 0))
+        messages.success(request, _("You no longer wait for this slot."))
+        return redirect("bookings-mine")
+    form = SlotForm(request.POST, **_form_options(person, robots_visible_to(person)))
+    if not form.is_valid():
+        return _refused(request, form, _form_refusals(form))
+    robot = form.cleaned_data["robot"]
+    try:
+        waiting_join(robot=robot, person=person, slot=form.slot, now=timezone.now())
+    except BookingRefused as error:
+        return _refused(request, form, error.refusals)
+    messages.success(request, _("You wait for this slot. You get an offer when it becomes free."))
+    return redirect("bookings-mine")
 
 
 # --- calendar programs ----------------------------------------------------------------------------

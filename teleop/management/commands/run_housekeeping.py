@@ -21,7 +21,7 @@ from django.utils import timezone
 
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
-from fleet.bookings import letters
+from fleet.bookings import letters, waiting
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
 from teleop.control import rules, services
@@ -68,6 +68,7 @@ class Command(BaseCommand):
                 robots.step(time.monotonic())
                 daily.work_a_little()
                 letters.write_reminders(timezone.now())
+                waiting.keep_waiting_lists(timezone.now())
                 if posted is None or posted.done():
                     posted = post.submit(_send_letters)
             except (DatabaseError, AuditUnavailable) as error:

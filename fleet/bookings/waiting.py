@@ -1,0 +1,119 @@
+"""The waiting list of taken slots: join, leave, offer, accept.
+
+An offer is a booking in state "offered": it holds the slot until its deadline. Housekeeping makes offers and ends those
+that lapsed, so several such processes, or none for a while, do no harm.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+
+from django.db import transaction
+from django.utils.translation import gettext as _
+
+from fleet.accounts.models import User
+from fleet.bookings.letters import in_words, letter_write
+from fleet.bookings.models import Booking, State, Waiting
+from fleet.bookings.rules import Slot, refusals
+from fleet.bookings.selectors import course_of, lab_zone, wish_of
+from fleet.bookings.services import BookingRefused, record_booking, robot_locked, save_booking
+from robots.registry.models import Robot
+from robots.wire import Refusal
+
+SHORTEST_OFFER = timedelta(minutes=5)
+LONGEST_OFFER = timedelta(hours=12)
+MOST = 20  # slots for which one person waits
+
+_NO_OFFER = Refusal("offer_over", "This offer is over. Look at the calendar for another time.", "booking")
+
+
+@transaction.atomic
+def waiting_join(*, robot: Robot, person: User, slot: Slot, now: datetime) -> Waiting:
+    """Join the waiting list of a slot. Refused for every reason but that the slot is taken."""
+    found = refusals(wish_of(robot=robot, person=person, slot=slot, now=now))
+    if not found:
+        raise BookingRefused([Refusal("free", "This slot is free: book it.", "booking")])
+    if others := [refusal for refusal in found if refusal.code != "taken"]:
+        raise BookingRefused(others)
+    if Waiting.objects.filter(person=person, ends_at__gt=now).count() >= MOST:
+        text = f"You wait for {MOST} slots already. Leave one of them first."
+        raise BookingRefused([Refusal("waits_enough", text, "booking", {"most": MOST})])
+    waiting, _made = Waiting.objects.update_or_create(
+        robot=robot,
+        person=person,
+        starts_at=slot.starts_at,
+        defaults={"ends_at": slot.ends_at},
+        create_defaults={"ends_at": slot.ends_at, "since": now},
+    )
+    return waiting
+
+
+def waiting_leave(*, person: User, waiting_id: int) -> None:
+    """Leave the waiting list of a slot."""
+    Waiting.objects.filter(person=person, pk=waiting_id).delete()
+
+
+def keep_waiting_lists(now: datetime) -> None:
+    """End the offers that lapsed, forget those who wait for slots that began, and offer what became free."""
+    for booking in Booking.objects.filter(state=State.OFFERED, offer_until__lte=now).select_related("robot"):
+        with robot_locked(booking.robot_id):
+            lapsed = Booking.objects.select_related("robot", "person").get(pk=booking.pk)
+            if lapsed.state == State.OFFERED and lapsed.offer_until and lapsed.offer_until <= now:
+                _end_offer(lapsed)
+    Waiting.objects.filter(starts_at__lte=now).delete()
+    for waiting in Waiting.objects.select_related("robot", "person"):
+        _offer(waiting, now)
+
+
+def offer_accept(*, booking_id: str, actor: User, now: datetime) -> Booking:
+    """Turn an offer into a booking."""
+    booking = Booking.objects.get(pk=booking_id)
+    with robot_locked(booking.robot_id):
+        offered = Booking.objects.select_related("robot", "person").get(pk=booking_id)
+        over = offered.offer_until is None or offered.offer_until <= now
+        if offered.state != State.OFFERED or offered.person_id != actor.pk or over:
+            raise BookingRefused([_NO_OFFER])
+        offered.state, offered.offer_until = State.BOOKED, None
+        save_booking(offered)
+        record_booking("booking.accept", offered, actor)
+    return offered
+
+
+def _offer(waiting: Waiting, now: datetime) -> None:
+    """Offer a slot to the person who waits for it, if no rule refuses it now."""
+    slot = Slot(waiting.starts_at, waiting.ends_at)
+    if refusals(wish_of(robot=waiting.robot, person=waiting.person, slot=slot, now=now)):
+        return
+    try:
+        with robot_locked(waiting.robot_id) as robot:
+            if not Waiting.objects.filter(pk=waiting.pk).delete()[0]:
+                return  # another process was faster
+            until = now + min(max((slot.starts_at - now) / 2, SHORTEST_OFFER), LONGEST_OFFER)
+            offered = Booking.objects.create(
+                robot=robot,
+                person=waiting.person,
+                course=course_of(robot, waiting.person, slot.starts_at),
+                starts_at=slot.starts_at,
+                ends_at=slot.ends_at,
+                held_until=slot.ends_at,
+                state=State.OFFERED,
+                offer_until=until,
+                made_at=now,
+            )
+            record_booking("booking.offer", offered, None)
+            zone = lab_zone()
+            deadline = until.astimezone(zone)
+            text = _("%(booking)s is free now. Accept it under My bookings before %(time)s.") % {
+                "booking": in_words(offered, zone),
+                "time": f"{deadline:%a %d %b, %H:%M} ({zone.key})",
+            }
+            subject = _("%(robot)s: your turn") % {"robot": robot.name}
+            letter_write(to=waiting.person, subject=subject, text=text, now=now)
+    except BookingRefused:
+        return  # somebody booked it in this moment: the person goes on waiting
+
+
+def _end_offer(booking: Booking) -> None:
+    booking.state, booking.held_until, booking.offer_until = State.CANCELLED, booking.starts_at, None
+    save_booking(booking)
+    record_booking("booking.offer_over", booking, None)
