@@ -13,6 +13,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from robots import wire
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
+from script.stack.demo import STUDENTS
 from script.stack.places import REPOSITORY
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
@@ -46,7 +47,7 @@ def main() -> None:
     PICTURES.mkdir(exist_ok=True)
     # The first stands before a parcel, not far from the partition and a doorway.
     robots = (replace(PRACTICE_ROBOTS[0], pose=(5.4, 2.6, 8.0)), *PRACTICE_ROBOTS[1:])
-    with temporary_stack(robots) as stack:
+    with temporary_stack(robots, students=STUDENTS) as stack:
         cookie = sign_in(stack, "operator")
         asyncio.run(tour(stack, cookie))
         take_pictures(stack, cookie)
@@ -74,6 +75,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             page.screenshot(path=PICTURES / "fleet.png")
             look_back(page, stack)
             page.screenshot(path=PICTURES / "session.png")
+            show_bookings(page, stack)
         with page_of(stack, browser, cookie, 844, 390, "dark", scale=2) as page:
             page.goto(f"{stack.url}/robots/{ROBOT}/")
             page.get_by_role("button", name="Take control").click()
@@ -99,6 +101,15 @@ def page_of(
         yield context.new_page()
     finally:
         context.close()
+
+
+def show_bookings(page: Page, stack: Stack) -> None:
+    """Take the calendar of all robots, once its bookings are there."""
+    page.goto(f"{stack.url}/bookings/")
+    if (understood := page.get_by_role("button", name="Understood")).is_visible():
+        understood.click()
+    page.locator(".ec-event").first.wait_for()
+    page.screenshot(path=PICTURES / "bookings.png")
 
 
 def drive_to_the_wall(page: Page, stack: Stack) -> None:

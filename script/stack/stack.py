@@ -428,12 +428,15 @@ class Stack:
 
 @contextmanager
 def temporary_stack(
-    robots: Sequence[PracticeRobot] = PRACTICE_ROBOTS, *, settings: Mapping[str, str] | None = None
+    robots: Sequence[PracticeRobot] = PRACTICE_ROBOTS,
+    *,
+    settings: Mapping[str, str] | None = None,
+    students: Sequence[str] = (),
 ) -> Iterator[Stack]:
     """Start a stack on free ports, in a temporary directory that is kept after a failure."""
     directory = Path(tempfile.mkdtemp(prefix="fleet-"))
     try:
-        with Stack(directory, robots=robots, settings=settings) as stack:
+        with Stack(directory, robots=robots, settings=settings, students=students) as stack:
             yield stack
     except BaseException:
         print(f"Logs of the failed run are kept in {directory / 'log'}.", file=sys.stderr)

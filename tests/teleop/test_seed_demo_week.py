@@ -29,6 +29,7 @@ def test_the_demo_has_a_course_and_a_week_of_use(robot, other_robot, tiago, tmp_
         False,
     }
     assert ControlSession.objects.count() > 20
+    assert set(Robot.objects.values_list("fence", flat=True)) == {0}  # else their bridges would start stopped
     count = Booking.objects.count()
     call_command("seed_demo_week", plan)
     assert Booking.objects.count() == count

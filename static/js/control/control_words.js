@@ -60,8 +60,9 @@ export function controlWords(control, resumableS = null) {
  * @param {object} control the server's newest `control`
  * @param {number} sinceS seconds since it came
  */
-export function slotWords({ booked, next_booked: next }, sinceS) {
-  if (booked) {
+export function slotWords({ state, booked, next_booked: next }, sinceS) {
+  // The holder reads above how long control lasts: as long as their slot.
+  if (booked && !(booked.mine && state === "yours")) {
     const left = clockText(Math.max(booked.seconds - sinceS, 0));
     if (booked.mine) return interpolate(gettext("Your slot: %s left"), [left]);
     return interpolate(gettext("%s has a slot, %s left"), [booked.name, left]);
