@@ -128,7 +128,7 @@ def enrol(
 
 @transaction.atomic
 def unenrol(*, course: Course, people: Sequence[User], actor: Actor) -> int:
-    """Take these people out of the course; their control and bookings by it end. Returns how many were in it."""
+    """Take these people out of the course, which ends its role and their control by it. Returns how many were in it."""
     found = Enrolment.objects.select_for_update().filter(course=course, person__in=people)
     gone = [str(person) for person in found.values_list("person", flat=True)]
     if gone:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from datetime import datetime, timedelta, timezone
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -36,6 +37,8 @@ STILL_MPS = 0.01
 TURN_PER_RAD = 1.5
 SENTENCES = ("Good morning. I am on my way to the workshop.", "Excuse me, may I pass, please?")
 LOOKED_AT = 10  # seconds into it
+
+ENROLLED = ("Ada", "Bea", "Chen", "Dora", "Emil", "Fatma", "Goran", "Hana", "Ivo", "Jin", "Kofi", "Lea")
 
 LOOKING_AROUND = "Inspect surroundings"
 HEAD = ("head_1_joint", "head_2_joint")
@@ -81,6 +84,8 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             page.get_by_role("button", name="Take control").click()
             page.get_by_role("button", name="Release").wait_for()
             page.screenshot(path=PICTURES / "phone.png")
+        with page_of(stack, browser, sign_in(stack, "staff"), 1100, 900, "light") as page:
+            make_a_course(page, stack.url)
         browser.close()
 
 
@@ -127,6 +132,39 @@ def drive_to_the_wall(page: Page, stack: Stack) -> None:
             let_go.wait_for(state="hidden")
             page.keyboard.down("w")
     page.wait_for_timeout(1000 * APPROACH_S)
+
+
+def make_a_course(page: Page, url: str) -> None:
+    """Take the pictures for teachers: the list before it is done, and the course's page."""
+    page.goto(f"{url}/qualifications/")
+    new = page.get_by_role("region", name="New qualification")
+    new.get_by_label("Name").fill("Safety induction")
+    new.get_by_label("Description").fill("Every Monday at 9, room 12.")
+    new.get_by_role("checkbox").first.check()
+    new.get_by_role("button", name="Save").click()
+    page.goto(f"{url}/courses/new/")
+    page.get_by_label("Name", exact=True).fill("Human-robot interaction")
+    page.get_by_label("Last day").fill(f"{datetime.now(timezone.utc) + timedelta(days=120):%Y-%m-%d}")
+    for box in page.get_by_role("checkbox").all()[:3]:
+        box.check()
+    people = [f"{name} Lovelace <{name.lower()}@example.org>" for name in ENROLLED]
+    page.get_by_label("People", exact=True).fill("\n".join([*people, "Carl Error, carl(at)example.org"]))
+    page.get_by_text("Quotas of bookings").click()
+    page.get_by_label("Hours per person and week").fill("2")
+    page.get_by_role("button", name="Make the course").click()
+    page.get_by_role("heading", name="Please check the list").wait_for()
+    if (understood := page.get_by_role("button", name="Understood")).is_visible():
+        understood.click()
+    page.screenshot(path=PICTURES / "course-list.png")
+    page.get_by_role("button", name="Make the course").first.click()
+    page.get_by_role("link", name="Enrol people").wait_for()
+    page.get_by_role("checkbox").nth(1).check()
+    page.get_by_role("button", name="Grant").click()
+    page.get_by_role("link", name="Enrol people").wait_for()
+    page.get_by_role("button", name="Make a link").click()
+    page.get_by_role("link", name="Back").click()
+    page.get_by_role("link", name="Enrol people").wait_for()
+    page.screenshot(path=PICTURES / "course.png")
 
 
 def say_a_phrase(page: Page) -> None:

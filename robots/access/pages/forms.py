@@ -59,6 +59,7 @@ class PeopleForm(forms.Form):
     file = forms.FileField(
         label=gettext_lazy("or a CSV file with the columns name and e-mail"),
         required=False,
+        help_text=gettext_lazy("Comma or semicolon, UTF-8 or Latin-1. Other columns are left out."),
         widget=forms.FileInput(attrs={"accept": ".csv,.txt,text/csv,text/plain"}),
     )
 
@@ -98,7 +99,10 @@ class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
         label=gettext_lazy("Supervisors"),
         required=False,
         max_length=2000,
-        help_text=gettext_lazy("User names or e-mail addresses, with commas."),
+        help_text=gettext_lazy(
+            "User names or e-mail addresses, with commas. Supervisors enrol people, grant qualifications, and may take "
+            "over control."
+        ),
         widget=forms.TextInput(attrs={"autocapitalize": "none", "spellcheck": "false"}),
     )
     week_hours, day_hours, course_week_hours = (
