@@ -273,6 +273,7 @@ class Held(Struct, frozen=True):
     person: UUID
     name: str
     slot: Slot
+    used: bool = True  # its person has had control in it
 
 
 AHEAD = timedelta(days=1)
@@ -289,7 +290,9 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
     held: dict[UUID, list[Held]] = {robot.id: [] for robot in robots}
     for one in held_between(robots, now, now + AHEAD).exclude(state__in=NOT_YET).order_by("starts_at"):
         slot = held_slot(one, grace_of(policies[one.robot_id]), now)
-        held[one.robot_id].append(Held(one.id, one.person_id, one.person.display_name, slot))
+        held[one.robot_id].append(
+            Held(one.id, one.person_id, one.person.display_name, slot, one.used_at is not None)
+        )
     out = _out_now(robots, now)
     return {
         robot.id: Schedule(

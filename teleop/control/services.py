@@ -159,7 +159,7 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> No
         before = _allowed(
             held, rules.check_renew(held, tab=tab, requests=open_requests_of(robot_id), now=now)
         )
-        if permit.whole_slot:
+        if permit.whole_slot and permit.until is not None and before.term_ends_at >= permit.until:
             booking_lengthen_running(robot=robot, person=user, now=now)
             _, permit = _permit(user=user, robot=robot, now=now)
         ends = _term_end(permit, now)
@@ -178,10 +178,11 @@ def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> N
         _record("control.resume", before, robot, user)
 
 
-def lease_shorten(*, robot_id: UUID, before: LeaseState, until: datetime) -> None:
-    """End a term earlier: another person's slot begins then, or the holder's own slot was shortened."""
+def lease_fit_slot(*, robot_id: UUID, before: LeaseState, until: datetime, now: datetime) -> None:
+    """End a term with the slot: earlier if another person's slot begins, later if the holder's own slot has begun."""
     with recorded_change():
         _change_lease(robot_id, before, {"term_ends_at": until})
+        booking_used(robot_id=robot_id, person_id=before.user, now=now)
 
 
 def lease_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> None:

@@ -46,11 +46,22 @@ class ControlStatus(Struct, frozen=True):
     rights: dict[tuple[UUID, str], Rights]  # of the queried people, by (user, session key)
     schedule: Schedule = Schedule()  # the robot's bookings
 
-    def permitted_until(self, user: UUID) -> datetime | None:
-        """Return the end of a person's permit; None if the rules set none, or if it was not read."""
-        permits = [rights.permit for (person, _), rights in self.rights.items() if person == user]
-        ends = [permit.until for permit in permits if isinstance(permit, Permit) and permit.until]
-        return min(ends, default=None)
+    def slot_end(self) -> datetime | None:
+        """Return when the term must end instead, because of a slot; None if it may stay as it is, or is not known.
+
+        The present slot counts as used from its holder's control on: the lease is stored again for that, too.
+        """
+        lease = self.lease
+        if lease is None:
+            return None
+        permits = [rights.permit for (person, _), rights in self.rights.items() if person == lease.user]
+        permit = next((one for one in permits if isinstance(one, Permit) and one.until), None)
+        if permit is None or permit.until is None:
+            return None
+        current = self.schedule.current
+        unused = current is not None and current.person == lease.user and not current.used
+        fits = permit.until == lease.term_ends_at if permit.whole_slot else permit.until >= lease.term_ends_at
+        return None if fits and not unused else permit.until
 
 
 class RobotEntry(Struct, frozen=True):

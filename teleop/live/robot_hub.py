@@ -26,7 +26,7 @@ from teleop.control import rules
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import Phase
 from teleop.control.selectors import SignIn, control_status, robot_entry
-from teleop.control.services import ControlRefused, lease_expire, lease_seen, lease_shorten
+from teleop.control.services import ControlRefused, lease_expire, lease_fit_slot, lease_seen
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live.picture_feed import PictureFeed
 from teleop.live.topic_feed import TopicFeed
@@ -190,11 +190,11 @@ class RobotHub:
         status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
         lease = status.lease
         if rules.phase(lease, status.read_at) is not Phase.LAPSED:
-            until = status.permitted_until(lease.user) if lease else None
-            if lease is None or until is None or until >= lease.term_ends_at:
+            until = status.slot_end()
+            if lease is None or until is None:
                 return status, confirmed_s
             with suppress(ControlRefused, DatabaseError):
-                lease_shorten(robot_id=self.robot_id, before=lease, until=until)
+                lease_fit_slot(robot_id=self.robot_id, before=lease, until=until, now=status.read_at)
             return self._read_again(people, sessions), confirmed_s
         # The lease is over by the clock, even if its end cannot be stored. Its page may just have come back, or another
         # process may be faster: then `lease_expire` refuses.

@@ -7,10 +7,15 @@ import pytest
 from fleet.audit.models import Record
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import Slot
+from fleet.bookings.selectors import schedule_of
 from fleet.bookings.services import booking_make
+from robots.registry.models import Role
+from robots.wire import Refusal
 from teleop.control import services
+from teleop.control.policy import Subject, permit_for
 from teleop.control.rules import Tab
 from teleop.control.selectors import end_notes, lease_of
+from teleop.control.status import ControlStatus, Rights
 from teleop.models import ControlSession
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -124,3 +129,32 @@ def test_an_out_of_service_period_stops_all_but_supervisors(robot, operator, sup
     assert refusal.code == "out_of_service"
     assert "until further notice (repair: new wheel)" in refusal.text
     take(robot, supervisor)
+
+
+def read_as_the_hub_does(robot, person, now):
+    """Read the status of control for the holder's page, and fit the lease as the hub does."""
+    lease = lease_of(robot.id)
+    rights = Rights(True, Role.OPERATOR, permit(robot, person, now))
+    status = ControlStatus(now, lease, [], {}, {(person.id, "key"): rights}, schedule_of(robot, now))
+    if (until := status.slot_end()) is not None:
+        services.lease_fit_slot(robot_id=robot.id, before=lease, until=until, now=now)
+
+
+def permit(robot, person, now):
+    return permit_for(Subject(person, robot, Role.OPERATOR, schedule_of(robot, now), now))
+
+
+def test_a_driver_whose_slot_begins_keeps_control_for_it(robot, operator, second_operator):
+    take(robot, operator)
+    book(robot, operator, 5)
+    read_as_the_hub_does(robot, operator, at(5.1))
+    assert lease_of(robot.id).term_ends_at == at(65)
+    assert Booking.objects.get().used_at == at(5.1)
+    assert isinstance(permit(robot, second_operator, at(40)), Refusal)  # no grace time ends a slot in use
+
+
+def test_a_slot_booked_during_control_shortens_the_term(robot, operator, second_operator):
+    assert take(robot, operator).term_ends_at == at(15)
+    book(robot, second_operator, 5)
+    read_as_the_hub_does(robot, operator, at(1))
+    assert lease_of(robot.id).term_ends_at == at(5)
