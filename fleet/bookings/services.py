@@ -85,6 +85,7 @@ def booking_make(
     purpose: str = "",
     actor: User | None = None,
     override: str = "",
+    series: UUID | None = None,
 ) -> Booking:
     """Book a slot for a person. `actor`: who books for them. `override`: the reason for which staff pass the rules."""
     actor = actor or person
@@ -103,6 +104,7 @@ def booking_make(
             held_until=slot.ends_at,
             state=State.BOOKED if approved else State.AWAITING,
             purpose=purpose,
+            series=series,
             course=course_of(robot, person, slot.starts_at),
             made_at=now,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import date, datetime
 from typing import Any
 
 from django import forms
@@ -14,6 +14,7 @@ from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
 from fleet.bookings.policies import POLICY_FIELDS
 from fleet.bookings.rules import Slot, to_utc
 from fleet.bookings.selectors import zone_now
+from fleet.bookings.series import MOST_WEEKS
 from robots.registry.models import Robot
 from robots.wire import Refusal
 
@@ -50,6 +51,37 @@ class OptionalLocalTime(LocalTime):
     def clean(self, value: Any) -> Any:
         """Return the moment in UTC, or None."""
         return super().clean(value) if (value or "").strip() else None
+
+
+class SeriesForm(forms.Form):
+    """A weekly series: its first slot, the number of weeks, and days without it."""
+
+    robot = forms.ModelChoiceField(Robot.objects.none(), label=_("Robot"), to_field_name="slug")
+    starts_at = LocalTime(label=_("First slot from"))
+    ends_at = LocalTime(label=_("First slot to"))
+    weeks = forms.IntegerField(label=_("Weeks"), min_value=1, max_value=MOST_WEEKS, initial=12)
+    without = forms.CharField(
+        label=_("Without these days (such as 2026-12-24, 2026-12-31)"), max_length=400, required=False
+    )
+    purpose = forms.CharField(label=_("Purpose, such as the course"), max_length=120)
+    override = forms.CharField(label=_("Reason to book against the policy"), max_length=200, required=False)
+
+    def __init__(self, *args: Any, robots: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        choice = self.fields["robot"]
+        if isinstance(choice, forms.ModelChoiceField):
+            choice.queryset, choice.empty_label = robots, None
+
+    def clean_without(self) -> list[date]:
+        """Return the days."""
+        try:
+            return [
+                date.fromisoformat(day.strip())
+                for day in self.cleaned_data["without"].split(",")
+                if day.strip()
+            ]
+        except ValueError as error:
+            raise ValidationError(_("Write days such as 2026-12-24, with commas between them.")) from error
 
 
 class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]

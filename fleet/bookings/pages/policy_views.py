@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+from datetime import date, timedelta
 from uuid import UUID
 
 from django.contrib import messages
@@ -19,8 +21,11 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.bookings import policies as policy_services
 from fleet.bookings.models import OutOfService, Policy
-from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm
+from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm
+from fleet.bookings.report import BY, lines, report
+from fleet.bookings.rules import Slot, day_of, shown
 from fleet.bookings.selectors import policy_of, zone_now
+from fleet.bookings.series import Week, preview, series_make, weekly
 from robots.access.selectors import robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
 
@@ -59,8 +64,8 @@ def policy(request: HttpRequest, slug: str = "") -> HttpResponse:
     robot = next((one for one in _supervised(request) if one.slug == slug), None)
     if slug and robot is None:
         raise PermissionDenied("Only a supervisor of this robot or staff may change its policy.")
-    shown = policy_of(robot) if robot else Policy.objects.filter(robot=None).first() or Policy()
-    form = PolicyForm(request.POST or None, instance=shown)
+    present = policy_of(robot) if robot else Policy.objects.filter(robot=None).first() or Policy()
+    form = PolicyForm(request.POST or None, instance=present)
     if request.method == "POST" and request.POST.get("action") == "remove" and robot:
         policy_services.policy_remove(robot=robot, actor=person)
         messages.success(request, _("%(robot)s follows the policy of all robots.") % {"robot": robot.name})
@@ -69,7 +74,7 @@ def policy(request: HttpRequest, slug: str = "") -> HttpResponse:
         policy_services.policy_set(robot=robot, values=form.cleaned_data, actor=person)
         messages.success(request, _("The booking policy is saved."))
         return redirect("booking-policies")
-    own = robot is not None and shown.robot_id == robot.id
+    own = robot is not None and present.robot_id == robot.id
     context = {"form": form, "robot": robot, "own": own}
     return render(request, "bookings/policy.html", context, status=400 if form.errors else 200)
 
@@ -101,6 +106,72 @@ def out_of_service_end(request: HttpRequest, period_id: UUID) -> HttpResponse:
     policy_services.out_of_service_end(period_id=period.pk, actor=person_of(request), now=timezone.now())
     messages.success(request, _("%(robot)s is back in service.") % {"robot": period.robot.name})
     return redirect("booking-policies")
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def series(request: HttpRequest) -> HttpResponse:
+    """Preview a weekly series with its conflicts, then book it."""
+    person, now = person_of(request), timezone.now()
+    choice = Robot.objects.filter(pk__in=[robot.pk for robot in _supervised(request)])
+    form = SeriesForm(request.POST or None, robots=choice)
+    if request.method != "POST" or not form.is_valid():
+        return _series_page(request, form, status=400 if form.errors else 200)
+    values = form.cleaned_data
+    first = Slot(values["starts_at"], values["ends_at"])
+    slots = weekly(first, values["weeks"], values["without"], zone_now())
+    common = {"robot": values["robot"], "person": person, "slots": slots, "now": now}
+    if request.POST.get("action") != "book":
+        weeks = preview(**common, override=bool(values["override"]))
+        return _series_page(request, form, weeks=weeks)
+    made, left = series_make(**common, actor=person, purpose=values["purpose"], override=values["override"])
+    text = _("Booked %(made)d slots; %(left)d were left out.") % {"made": len(made), "left": len(left)}
+    messages.success(request, text)
+    return redirect("bookings-mine")
+
+
+def _series_page(
+    request: HttpRequest, form: SeriesForm, weeks: list[Week] | None = None, status: int = 200
+) -> HttpResponse:
+    zone = zone_now()
+    rows = [
+        {
+            "words": shown(week.slot.starts_at, zone) if week.slot else f"{week.day:%a %d %b %Y}",
+            "refusals": week.refusals,
+        }
+        for week in weeks or ()
+    ]
+    context = {"form": form, "rows": rows, "zone": zone.key}
+    return render(request, "bookings/series.html", context, status=status)
+
+
+@never_cache
+@require_safe
+def booking_report(request: HttpRequest) -> HttpResponse:
+    """Show the hours booked, used and not shown of a period, by robot, person or course; also as CSV."""
+    robots, zone, now = _supervised(request), zone_now(), timezone.now()
+    today = now.astimezone(zone).date()
+    first = _date(request.GET.get("from")) or today - timedelta(days=30)
+    last = _date(request.GET.get("to")) or today
+    by = request.GET.get("by", "robot")
+    by = by if by in BY else "robot"
+    starts, ends = day_of(min(first, last), zone).starts_at, day_of(max(first, last), zone).ends_at
+    rows = report(robots, starts, ends, by, now)
+    if request.GET.get("as") == "csv":
+        answer = HttpResponse(content_type="text/csv; charset=utf-8")
+        answer["Content-Disposition"] = f'attachment; filename="bookings-{by}-{first}-{last}.csv"'
+        csv.writer(answer).writerows(lines(rows))
+        return answer
+    context = {"rows": rows, "by": by, "choices": BY, "first": first, "last": last, "zone": zone.key}
+    return render(request, "bookings/report.html", context)
+
+
+def _date(text: str | None) -> date | None:
+    try:
+        found = date.fromisoformat(text or "")
+    except ValueError:
+        return None
+    return found if 2000 <= found.year < 2200 else None
 
 
 def _supervised(request: HttpRequest) -> list[Robot]:

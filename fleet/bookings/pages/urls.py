@@ -16,6 +16,8 @@ urlpatterns = [
     path("bookings/policies/", policy_views.policies, name="booking-policies"),
     path("bookings/policies/all/", policy_views.policy, name="booking-policy-all"),
     path("bookings/policies/<slug:slug>/", policy_views.policy, name="booking-policy"),
+    path("bookings/series/", policy_views.series, name="booking-series"),
+    path("bookings/report/", policy_views.booking_report, name="booking-report"),
     path("bookings/out-of-service/", policy_views.out_of_service, name="out-of-service"),
     path(
         "bookings/out-of-service/<uuid:period_id>/end/",

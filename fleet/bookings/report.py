@@ -1,0 +1,70 @@
+"""Hours booked, used and not shown, by robot, person and course."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from datetime import datetime, timedelta
+from typing import Any
+
+from django.db.models import F, Q
+from msgspec import Struct, structs
+
+from fleet.bookings.models import Booking, State
+from fleet.bookings.selectors import NOT_YET
+from robots.registry.models import Robot
+
+HOUR = timedelta(hours=1)
+BY = {"robot": "robot__name", "person": "person__full_name", "course": "course__name"}
+
+
+class Row(Struct):
+    """The sums of one robot, person or course; hours."""
+
+    name: str
+    bookings: int = 0
+    booked_h: float = 0.0
+    used_h: float = 0.0
+    not_shown: int = 0
+    cancelled: int = 0
+
+
+def report(robots: Collection[Robot], starts: datetime, ends: datetime, by: str, now: datetime) -> list[Row]:
+    """Return the sums of the bookings that begin between two moments, by robot, person or course.
+
+    A slot counts as used from its start to its end, or to where it was given up, if its person took control in it. A
+    past slot without control counts as not shown.
+    """
+    found = Booking.objects.filter(robot__in=robots, starts_at__gte=starts, starts_at__lt=ends)
+    found = found.exclude(Q(state__in=NOT_YET) & Q(held_until=F("starts_at")))
+    columns = ("person__username", "starts_at", "ends_at", "held_until", "state", "used_at")
+    rows = found.annotate(name=F(BY[by])).values_list("name", *columns, named=True)
+    return sorted(_sums(rows, by, now), key=lambda row: row.name.lower())
+
+
+def _sums(rows: Iterable[Any], by: str, now: datetime) -> Iterable[Row]:
+    sums: dict[str, Row] = {}
+    for row in rows:
+        shown = row.name or (row.person__username if by == "person" else "-")
+        total = sums.setdefault(shown, Row(shown))
+        if row.state == State.CANCELLED:
+            total.cancelled += 1
+            continue
+        total.bookings += 1
+        total.booked_h += (row.ends_at - row.starts_at) / HOUR
+        if row.used_at is not None:
+            total.used_h += (min(row.held_until, max(now, row.starts_at)) - row.starts_at) / HOUR
+        elif row.state == State.NO_SHOW or row.ends_at <= now:
+            total.not_shown += 1
+    return sums.values()
+
+
+def lines(rows: list[Row]) -> list[list[str]]:
+    """Return the report as lines of a CSV file, with a heading."""
+    heading = ["name", "bookings", "booked_h", "used_h", "not_shown", "cancelled"]
+    return [heading, *([_cell(value) for value in structs.astuple(row)] for row in rows)]
+
+
+def _cell(value: object) -> str:
+    """Return a value for a spreadsheet: a text that it would take for a formula is quoted."""
+    text = f"{value:.2f}" if isinstance(value, float) else str(value)
+    return f"'{text}" if isinstance(value, str) and text[:1] in "=+-@\t\r" and text != "-" else text

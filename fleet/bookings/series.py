@@ -1,0 +1,95 @@
+"""A weekly series of bookings for a course: preview first, then book what no rule refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from datetime import date, datetime, timedelta
+from uuid import uuid4
+from zoneinfo import ZoneInfo
+
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from fleet.bookings.models import Booking
+from fleet.bookings.rules import Slot, refusals, to_utc
+from fleet.bookings.selectors import wish_of
+from fleet.bookings.services import BookingRefused, booking_make
+from robots.registry.models import Robot
+from robots.wire import Refusal
+
+MOST_WEEKS = 30
+
+
+class Week(Struct, frozen=True):
+    """One slot of a series, and why it cannot be booked. `slot` None: its time does not exist on that day."""
+
+    day: date
+    slot: Slot | None
+    refusals: list[Refusal]
+
+
+def weekly(
+    first: Slot, weeks: int, without: Collection[date], zone: ZoneInfo
+) -> list[tuple[date, Slot | Refusal]]:
+    """Return a slot of each week at the same wall-clock time as the first, without the exceptions.
+
+    A time that daylight saving skips is a refusal.
+    """
+    starts, length = first.starts_at.astimezone(zone).replace(tzinfo=None), first.ends_at - first.starts_at
+    found: list[tuple[date, Slot | Refusal]] = []
+    for number in range(min(weeks, MOST_WEEKS)):
+        local = starts + timedelta(weeks=number)
+        if local.date() in without:
+            continue
+        moment = to_utc(local, zone)
+        found.append((local.date(), moment if isinstance(moment, Refusal) else Slot(moment, moment + length)))
+    return found
+
+
+def preview(
+    *, robot: Robot, person: User, slots: list[tuple[date, Slot | Refusal]], override: bool, now: datetime
+) -> list[Week]:
+    """Return each slot with all its refusals, before anything is booked."""
+    weeks = []
+    for day, slot in slots:
+        if isinstance(slot, Refusal):
+            weeks.append(Week(day, None, [slot]))
+        else:
+            wish = wish_of(robot=robot, person=person, slot=slot, now=now)
+            weeks.append(Week(day, slot, refusals(wish, override=override)))
+    return weeks
+
+
+def series_make(
+    *,
+    robot: Robot,
+    person: User,
+    actor: User,
+    slots: list[tuple[date, Slot | Refusal]],
+    purpose: str,
+    override: str,
+    now: datetime,
+) -> tuple[list[Booking], list[Week]]:
+    """Book every slot that no rule refuses. Returns the bookings, and the weeks that were left out."""
+    series = uuid4()
+    made: list[Booking] = []
+    left: list[Week] = []
+    for day, slot in slots:
+        if isinstance(slot, Refusal):
+            left.append(Week(day, None, [slot]))
+            continue
+        try:
+            booking = booking_make(
+                robot_id=robot.id,
+                person=person,
+                actor=actor,
+                slot=slot,
+                purpose=purpose,
+                override=override,
+                series=series,
+                now=now,
+            )
+            made.append(booking)
+        except BookingRefused as error:
+            left.append(Week(day, slot, error.refusals))
+    return made, left

@@ -1,0 +1,94 @@
+"""Weekly series and the report of hours, through their pages."""
+
+from datetime import date, datetime, timedelta, timezone
+from zoneinfo import ZoneInfo
+
+import pytest
+from django.urls import reverse
+from django.utils import timezone as django_timezone
+
+from fleet.bookings.models import Booking
+from fleet.bookings.report import lines, report
+from fleet.bookings.rules import Slot
+from fleet.bookings.series import weekly
+from fleet.bookings.services import booking_make
+from robots.wire import Refusal
+
+pytestmark = pytest.mark.django_db
+
+MADRID = ZoneInfo("Europe/Madrid")
+
+
+def test_a_series_keeps_the_wall_clock_over_daylight_saving():
+    first = Slot(
+        datetime(2026, 3, 23, 9, tzinfo=timezone.utc), datetime(2026, 3, 23, 10, tzinfo=timezone.utc)
+    )
+    slots = weekly(first, 3, [date(2026, 3, 30)], MADRID)
+    assert [day for day, _ in slots] == [date(2026, 3, 23), date(2026, 4, 6)]
+    assert slots[1][1].starts_at == datetime(2026, 4, 6, 8, tzinfo=timezone.utc)
+
+
+def test_a_week_whose_time_is_skipped_is_a_refusal():
+    first = Slot(
+        datetime(2026, 3, 22, 1, 30, tzinfo=timezone.utc), datetime(2026, 3, 22, 2, tzinfo=timezone.utc)
+    )
+    [_, (_, skipped)] = weekly(first, 2, [], MADRID)
+    assert isinstance(skipped, Refusal)
+    assert skipped.code == "time_gap"
+
+
+def test_a_series_shows_conflicts_and_books_the_rest(client, robot, supervisor, operator):
+    starts = django_timezone.now().replace(minute=0, second=0, microsecond=0) + timedelta(hours=2)
+    second = starts + timedelta(weeks=1)
+    booking_make(
+        robot_id=robot.id,
+        person=operator,
+        slot=Slot(second, second + timedelta(minutes=30)),
+        now=django_timezone.now(),
+    )
+    client.force_login(supervisor)
+    fields = {
+        "robot": robot.slug,
+        "starts_at": f"{starts:%Y-%m-%dT%H:%M}",
+        "ends_at": f"{starts + timedelta(hours=1):%Y-%m-%dT%H:%M}",
+        "weeks": 3,
+        "purpose": "HRI",
+    }
+    page = client.post(reverse("booking-series"), {**fields, "action": "preview"}).content.decode()
+    assert "Olga Operator has booked" in page
+    assert Booking.objects.count() == 1
+    client.post(reverse("booking-series"), {**fields, "action": "book"})
+    made = Booking.objects.filter(person=supervisor)
+    assert (made.count(), made.values("series").distinct().count()) == (2, 1)
+
+
+def test_the_report_sums_hours_and_slots_not_shown(client, robot, operator, supervisor):
+    now = django_timezone.now()
+    for days, used in ((3, True), (2, True), (1, False)):
+        starts = now - timedelta(days=days)
+        Booking.objects.create(
+            robot=robot,
+            person=operator,
+            starts_at=starts,
+            ends_at=starts + timedelta(hours=2),
+            held_until=starts + timedelta(hours=1.5),
+            used_at=starts if used else None,
+            made_at=starts,
+        )
+    [row] = report([robot], now - timedelta(days=7), now, "person", now)
+    assert (row.name, row.bookings, row.booked_h, row.used_h, row.not_shown) == ("Olga Operator", 3, 6, 3, 1)
+    client.force_login(supervisor)
+    answer = client.get(reverse("booking-report"), {"as": "csv", "by": "course"})
+    assert answer.content.decode().splitlines()[1] == "-,3,6.00,3.00,1,0"
+    client.force_login(operator)
+    assert client.get(reverse("booking-report")).status_code == 403
+
+
+def test_a_name_is_no_formula_in_a_spreadsheet(robot, operator):
+    operator.full_name = "=1+1"
+    operator.save()
+    starts = django_timezone.now()
+    slot = Slot(starts, starts + timedelta(hours=1))
+    booking_make(robot_id=robot.id, person=operator, slot=slot, now=starts)
+    rows = report([robot], starts - timedelta(days=1), starts + timedelta(days=1), "person", starts)
+    assert lines(rows)[1][0] == "'=1+1"
