@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, unquote, urlsplit
+from zoneinfo import available_timezones
 
 from django.core.exceptions import ImproperlyConfigured
 
@@ -178,6 +179,16 @@ def redis_url(env: Environment) -> str | None:
             f"FLEET_REDIS_URL is {url!r}; it looks like redis://host:6379/0, or rediss:// for TLS."
         )
     return url
+
+
+def time_zone(env: Environment) -> str:
+    """`FLEET_TIME_ZONE`: the lab's time zone by its IANA name, such as Europe/Madrid."""
+    name = env.text("FLEET_TIME_ZONE") or "UTC"
+    if name not in available_timezones():
+        raise ImproperlyConfigured(
+            f"FLEET_TIME_ZONE is {name!r}, which is no time zone. Use an IANA name, such as Europe/Madrid."
+        )
+    return name
 
 
 def email(env: Environment) -> dict[str, Any]:

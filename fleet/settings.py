@@ -78,6 +78,7 @@ MIDDLEWARE = [
     "django.middleware.csrf.CsrfViewMiddleware",
     "django.contrib.auth.middleware.AuthenticationMiddleware",
     "fleet.accounts.middleware.SignInRequired",
+    "fleet.accounts.middleware.ViewersZone",
     "fleet.accounts.middleware.sign_in_seen",
     "django.contrib.messages.middleware.MessageMiddleware",
     "fleet.unavailable.UnavailableInWords",
@@ -217,7 +218,7 @@ LANGUAGE_CODE = "en-gb"  # of the source; a browser may ask for another that is 
 LOCALE_PATHS = [BASE_DIR / "fleet/locale"]
 LANGUAGES = languages.spoken(LANGUAGE_CODE, LOCALE_PATHS[0])
 FORMAT_MODULE_PATH = "fleet.formats"
-TIME_ZONE = "UTC"
+TIME_ZONE = environment.time_zone(_env)  # of the lab; the database keeps UTC
 USE_TZ = True
 
 LOGGING = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Iterator
 from typing import Any
+from zoneinfo import ZoneInfo
 
 from django.contrib import admin
 from django.db.models import Exists, OuterRef, Q, QuerySet
@@ -12,6 +13,7 @@ from django.http import HttpRequest, HttpResponseBase
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
+from fleet import zones
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit import exports
@@ -27,7 +29,7 @@ from teleop.reports.durations import duration_text
 GOES_ON = "goes_on"  # value of the filter for sessions that have not ended
 _COLUMNS = [
     *("control_session", "robot", "robot_id", "person", "person_id", "fence"),
-    *("began_utc", "ended_utc", "ended_by"),
+    *("began_utc", "began_local", "ended_utc", "ended_local", "ended_by"),
 ]
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
 _MICROSECOND = datetime.timedelta(microseconds=1)
@@ -66,7 +68,7 @@ class ControlSessionAdmin(ListAdmin):
         notes = end_notes([row.pk for row in rows])
         return {
             "days": by_day(
-                request, [(row.started_at.date(), _line(row, notes.get(row.pk, ""))) for row in rows]
+                request, [(zones.day_of(row.started_at), _line(row, notes.get(row.pk, ""))) for row in rows]
             ),
             "count": count_of(of_the_days.order_by()[: COUNTED + 1].count())
             if after is before is None
@@ -85,7 +87,7 @@ class ControlSessionAdmin(ListAdmin):
         """Export every session that matches the filters."""
         return exports.response_of(
             _COLUMNS,
-            _chunks(_filtered(form).filter(_days(form))),
+            _chunks(_filtered(form).filter(_days(form)), zones.viewers()),
             form.wanted(),
             actor=person_of(request),
             name="control-sessions",
@@ -93,11 +95,11 @@ class ControlSessionAdmin(ListAdmin):
         )
 
 
-def _chunks(sessions: Sessions) -> Iterator[list[exports.Facts]]:
+def _chunks(sessions: Sessions, zone: ZoneInfo) -> Iterator[list[exports.Facts]]:
     """Yield the sessions in chunks, newest first: there may be many."""
     found = _first_of(sessions, exports.CHUNK)
     while found:
-        yield [_facts(session) for session in found]
+        yield [_facts(session, zone) for session in found]
         found = _first_of(sessions.filter(started_at__lt=found[-1].started_at), exports.CHUNK)
 
 
@@ -114,12 +116,13 @@ def _first_of(sessions: Sessions, count: int, *, newest: bool = True) -> list[Co
     return [row for row in found if row.started_at != beyond.started_at] + list(same)
 
 
-def _facts(session: ControlSession) -> exports.Facts:
+def _facts(session: ControlSession, zone: ZoneInfo) -> exports.Facts:
+    ended = session.ended_at
     facts = (
         *(str(session.pk), session.robot.name, str(session.robot_id)),
         *(session.user.display_name, str(session.user_id), session.fence),
-        session.started_at.isoformat(),
-        session.ended_at.isoformat() if session.ended_at else None,
+        *(session.started_at.isoformat(), exports.local(session.started_at, zone)),
+        *((ended.isoformat(), exports.local(ended, zone)) if ended else (None, None)),
         session.end_reason,
     )
     return dict(zip(_COLUMNS, facts, strict=True))
@@ -143,7 +146,7 @@ def _days(form: FilterForm) -> Q:
     if since:
         which &= Q(started_at__gte=_first(since))
     if until:
-        which &= Q(started_at__lte=_last(until))
+        which &= Q(started_at__lt=_end(until))
     return which
 
 
@@ -152,10 +155,10 @@ def _day_beside(sessions: Sessions, edge: datetime.date | None, *, later: bool) 
     if edge is None:
         return None
     if later:
-        session = sessions.filter(started_at__gt=_last(edge)).order_by("started_at").first()
+        session = sessions.filter(started_at__gte=_end(edge)).order_by("started_at").first()
     else:
         session = sessions.filter(started_at__lt=_first(edge)).order_by("-started_at").first()
-    return session.started_at.date() if session else None
+    return zones.day_of(session.started_at) if session else None
 
 
 def _line(session: ControlSession, note: str) -> Line:
@@ -177,12 +180,11 @@ def _line(session: ControlSession, note: str) -> Line:
 
 
 def _first(day: datetime.date) -> datetime.datetime:
-    """Return the first moment of a day, UTC."""
-    return datetime.datetime.combine(day, datetime.time.min, datetime.timezone.utc)
+    return zones.start_of(day, zones.viewers())
 
 
-def _last(day: datetime.date) -> datetime.datetime:
-    return datetime.datetime.combine(day, datetime.time.max, datetime.timezone.utc)
+def _end(day: datetime.date) -> datetime.datetime:
+    return zones.end_of(day, zones.viewers())
 
 
 def _key(moment: datetime.datetime) -> int:

@@ -10,12 +10,13 @@ from django.contrib.admin.utils import unquote
 from django.contrib.auth.admin import UserAdmin
 from django.contrib.auth.models import Group
 from django.db import transaction
-from django.forms import ModelForm
+from django.forms import ModelForm, Select
 from django.http import HttpRequest, HttpResponse
 from django.urls import reverse
 from django.utils.html import format_html
 from django.utils.translation import gettext_lazy as _
 
+from fleet import zones
 from fleet.accounts import services
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.requests import person_of
@@ -48,7 +49,7 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
     readonly_fields = ["roles", "last_login", "date_joined"]
     filter_horizontal = []
     fieldsets = [
-        (None, {"fields": ["username", "password", "full_name", "email"]}),
+        (None, {"fields": ["username", "password", "full_name", "email", "time_zone"]}),
         (_("Rights"), {"fields": ["is_active", "is_staff", "roles"]}),
         (_("Dates"), {"fields": ["last_login", "date_joined"]}),
     ]
@@ -62,6 +63,14 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         query = urlencode({"user__id__exact": str(user.pk)})
         url = reverse("admin:robots_robotrole_changelist")
         return format_html('<a href="{}?{}">{}</a>', url, query, _("Show"))
+
+    def formfield_for_dbfield(self, db_field: Any, request: HttpRequest, **options: Any) -> Any:
+        """A time zone is chosen from the known ones."""
+        if db_field.name == "time_zone":
+            options["widget"] = Select(
+                choices=[("", _("the lab's")), (zones.UTC, zones.UTC), *zones.choices()]
+            )
+        return super().formfield_for_dbfield(db_field, request, **options)
 
     def get_object(self, request: HttpRequest, object_id: str, from_field: str | None = None) -> User | None:
         """An account to look at or to change, and who would change it."""

@@ -3,17 +3,35 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import Any
+from typing import Any, cast
 
+from django import forms
+from django.conf import settings
 from django.contrib.auth.forms import AuthenticationForm
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext as _
-from django.utils.translation import ngettext
+from django.utils.translation import gettext_lazy, ngettext
 
+from fleet import zones
 from fleet.accounts import hashing, services, throttle
 
 THROTTLED = "throttled"
 BUSY = "busy"
+
+
+class SettingsForm(forms.Form):
+    """What a person chooses for themselves."""
+
+    time_zone = forms.ChoiceField(label=gettext_lazy("Time zone"), required=False)
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        lab = _("as the lab: %(zone)s") % {"zone": settings.TIME_ZONE}
+        cast(forms.ChoiceField, self.fields["time_zone"]).choices = [
+            ("", lab),
+            (zones.UTC, zones.UTC),
+            *zones.choices(),
+        ]
 
 
 class SignInForm(AuthenticationForm):

@@ -1,4 +1,4 @@
-"""Middleware of every request: require a sign-in, and note when a person was last seen."""
+"""Middleware of every request: require a sign-in, show times in the person's zone, note who was last seen."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
+from django.conf import settings
 from django.contrib.auth.middleware import LoginRequiredMiddleware
 from django.db import InterfaceError, OperationalError
 from django.http import HttpRequest, HttpResponseBase, JsonResponse
+from django.utils import timezone
 
+from fleet import zones
 from fleet.accounts import services
 from fleet.accounts.models import User
 from fleet.accounts.requests import wants_json
@@ -28,6 +31,23 @@ class SignInRequired(LoginRequiredMiddleware):
             text = "Not done: you are signed out. Sign in again."
             return JsonResponse({"code": "signed_out", "text": text, "rule": "account"}, status=401)
         return super().handle_no_permission(request, view_func)
+
+
+class ViewersZone:
+    """Times on pages are those of the signed-in person's zone, or of the lab's."""
+
+    def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
+        self._get_response = get_response
+
+    def __call__(self, request: HttpRequest) -> HttpResponseBase:
+        """Answer; the zone that `process_view` sets ends with the request."""
+        with timezone.override(settings.TIME_ZONE):
+            return self._get_response(request)
+
+    def process_view(self, request: HttpRequest, view: Callable[..., Any], *_arguments: Any) -> None:
+        """Set the zone. Pages without sign-in are not made to read the account."""
+        if getattr(view, "login_required", True) and isinstance(request.user, User):
+            timezone.activate(zones.zone_of(request.user.time_zone))
 
 
 def sign_in_seen(

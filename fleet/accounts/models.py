@@ -20,6 +20,9 @@ class User(RecordedUser):
     first_name = None  # type: ignore[assignment]
     last_name = None  # type: ignore[assignment]
     full_name = models.CharField(_("name"), max_length=150, blank=True, help_text=_("As others see it."))
+    time_zone = models.CharField(
+        _("time zone"), max_length=64, blank=True, help_text=_("In which pages show times. Blank: the lab's.")
+    )
 
     class Meta(RecordedUser.Meta):
         ordering = ["username"]

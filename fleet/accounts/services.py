@@ -84,6 +84,13 @@ def _end(user: User, sign_ins: QuerySet[SignIn], why: str = FROM_THE_LIST) -> in
     return len(ending)
 
 
+def time_zone_choose(*, user: User, name: str) -> None:
+    """Show times to this person in this zone; blank: in the lab's. Recorded like every change of an account."""
+    user.time_zone = name
+    user.changed_by = user
+    user.save(update_fields=["time_zone"])
+
+
 def account_close(*, user: User) -> None:
     """Close an account for good, so that nothing more is recorded of its person.
 

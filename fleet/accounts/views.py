@@ -14,13 +14,14 @@ from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.urls import reverse_lazy
+from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
-from django.views.decorators.http import require_POST, require_safe
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from fleet.accounts import services
-from fleet.accounts.forms import THROTTLED, SignInForm
+from fleet.accounts.forms import THROTTLED, SettingsForm, SignInForm
 from fleet.accounts.requests import person_of
 from fleet.accounts.selectors import sign_ins_of
 
@@ -65,6 +66,20 @@ class PasswordView(PasswordChangeView):
         notice = _("Your password is changed. Every other browser has to sign in again.")
         messages.success(self.request, notice)
         return redirect(self.get_success_url())
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def own_settings(request: HttpRequest) -> HttpResponse:
+    """Show and change what a person chooses for themselves."""
+    person = person_of(request)
+    chosen = {"time_zone": person.time_zone}
+    form = SettingsForm(request.POST if request.method == "POST" else None, initial=chosen)
+    if form.is_valid():
+        services.time_zone_choose(user=person, name=form.cleaned_data["time_zone"])
+        messages.success(request, _("Your settings are saved."))
+        return redirect("your-settings")
+    return render(request, "accounts/settings.html", {"form": form, "now": timezone.now()})
 
 
 @never_cache

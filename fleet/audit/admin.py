@@ -21,6 +21,7 @@ from django.utils.translation import gettext_lazy
 from django.views.decorators.http import require_POST, require_safe
 from msgspec import Struct
 
+from fleet import zones
 from fleet.audit import exports, wording
 from fleet.audit.addresses import Link, address, beside, by_day, number, session_url_of
 from fleet.audit.forms import FilterForm
@@ -159,7 +160,7 @@ class RecordsAdmin(ListAdmin):
         selection = Selection(form.wanted(), self._kinds())
         page = selection.page(before=number(request, "before"), after=number(request, "after"))
         return {
-            "days": by_day(request, [(row.record.day, _line(row)) for row in page.rows]),
+            "days": by_day(request, [(zones.day_of(row.record.at), _line(row)) for row in page.rows]),
             "count": count_of(page.count),
             **beside(
                 request,

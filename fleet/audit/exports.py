@@ -7,9 +7,11 @@ import io
 import json
 import logging
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
+from datetime import datetime
 from itertools import chain
 from typing import Any
 from urllib.parse import quote
+from zoneinfo import ZoneInfo
 
 from asgiref.sync import sync_to_async
 from django.contrib.auth.models import AbstractUser
@@ -18,6 +20,7 @@ from django.http import StreamingHttpResponse
 from django.utils import timezone
 from msgspec.structs import asdict
 
+from fleet import zones
 from fleet.audit import wording
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.listing import Row, Selection, Wanted
@@ -35,9 +38,19 @@ BOM = "\ufeff"
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 
 COLUMNS = [
-    *("number", "time_utc", "robot", "robot_id", "person", "person_id", "really_by", "really_by_id"),
-    *("kind", "what", "subject", "outcome", "outcome_number", "outcome_time_utc", "control_session", "fence"),
-    *("request", "details", "outcome_details"),
+    *(
+        "number",
+        "time_utc",
+        "time_local",
+        "robot",
+        "robot_id",
+        "person",
+        "person_id",
+        "really_by",
+        "really_by_id",
+    ),
+    *("kind", "what", "subject", "outcome", "outcome_number", "outcome_time_utc", "outcome_time_local"),
+    *("control_session", "fence", "request", "details", "outcome_details"),
 ]
 
 
@@ -118,7 +131,8 @@ def response(
     `besides` are texts with their numbers of rows, which follow the selected rows.
     """
     head, to_text = _WRITERS[format_]
-    pieces = ((to_text(rows), len(rows)) for rows in selection.chunks(CHUNK))
+    zone = zones.viewers()  # the rows are read when the request is over
+    pieces = ((to_text(rows, zone), len(rows)) for rows in selection.chunks(CHUNK))
     return _file(head, chain(pieces, besides), wanted, actor=actor, name=name, format_=format_)
 
 
@@ -182,8 +196,8 @@ def safe_cell(value: str) -> str:
     return f"'{value}" if value.startswith(_FORMULA) else value
 
 
-def _csv(rows: list[Row]) -> str:
-    return _csv_lines([_safe(_cells(row)) for row in rows])
+def _csv(rows: list[Row], zone: ZoneInfo) -> str:
+    return _csv_lines([_safe(_cells(row, zone)) for row in rows])
 
 
 def _safe(cells: Iterable[Any]) -> list[str]:
@@ -196,13 +210,13 @@ def _csv_lines(lines: Iterable[Sequence[str]]) -> str:
     return text.getvalue()
 
 
-def _cells(row: Row) -> Iterator[Any]:
+def _cells(row: Row, zone: ZoneInfo) -> Iterator[Any]:
     record, end = row.record, row.end
-    yield from (record.pk, _time(record), record.robot_name, record.robot_id or "")
+    yield from (record.pk, _time(record), local(record.at, zone), record.robot_name, record.robot_id or "")
     yield from (record.actor_name, record.actor_id or "")
     yield from (record.real_actor.name if record.real_actor else "", record.real_actor_id or "")
     yield from (record.kind, wording.label(record.kind), wording.subject(record), row.outcome)
-    yield from (end.pk if end else "", _time(end) if end else "")
+    yield from (end.pk, _time(end), local(end.at, zone)) if end else ("", "", "")
     yield from (record.session_id or "", "" if record.fence is None else record.fence, record.request_id)
     yield from (_json(record.details), _json(end.details) if end else "")
 
@@ -210,15 +224,16 @@ def _cells(row: Row) -> Iterator[Any]:
 # --- JSON Lines -----------------------------------------------------------------------------------
 
 
-def _json_lines(rows: list[Row]) -> str:
-    return "".join(f"{_json(_whole(row.record, row.end))}\n" for row in rows)
+def _json_lines(rows: list[Row], zone: ZoneInfo) -> str:
+    return "".join(f"{_json(_whole(row.record, row.end, zone))}\n" for row in rows)
 
 
-def _whole(record: Record, end: Record | None) -> dict[str, Any]:
+def _whole(record: Record, end: Record | None, zone: ZoneInfo) -> dict[str, Any]:
     """All columns of a record; `ended` is the record of its outcome."""
     return {
         "number": record.pk,
         "time": _time(record),
+        "time_local": local(record.at, zone),
         "kind": record.kind,
         "robot": {"id": _id(record.robot_id), "name": record.robot_name} if record.robot_id else None,
         "person": _person(record.actor_id, record.actor_name),
@@ -232,7 +247,7 @@ def _whole(record: Record, end: Record | None) -> dict[str, Any]:
         "expired": wording.expired(record),
         "place": record.seq,
         "digest": record.digest,
-        "ended": _whole(end, None) if end else None,
+        "ended": _whole(end, None, zone) if end else None,
     }
 
 
@@ -248,6 +263,11 @@ def _time(record: Record) -> str:
     return record.at.isoformat()
 
 
+def local(moment: datetime, zone: ZoneInfo) -> str:
+    """Return a moment in a zone, with its distance from UTC, as exports write it beside UTC."""
+    return moment.astimezone(zone).isoformat()
+
+
 def _json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
 
@@ -257,7 +277,7 @@ _MEDIA_TYPES = {
     Format.JSON_LINES: "application/jsonl; charset=utf-8",
 }
 # Header, and the format of rows.
-_WRITERS: dict[Format, tuple[str, Callable[[list[Row]], str]]] = {
+_WRITERS: dict[Format, tuple[str, Callable[[list[Row], ZoneInfo], str]]] = {
     Format.CSV: (BOM + _csv_lines([COLUMNS]), _csv),
     Format.JSON_LINES: ("", _json_lines),
 }

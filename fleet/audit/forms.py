@@ -10,6 +10,7 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
+from fleet import zones
 from fleet.audit import wording
 from fleet.audit.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS
@@ -68,7 +69,7 @@ class FilterForm(forms.Form):
 
     def wanted(self) -> Wanted:
         """The filters of a valid form."""
-        asked = self.cleaned_data
+        asked, zone = self.cleaned_data, zones.viewers().key
         return Wanted(
             words=words_of(asked.get("q", "")),
             since=asked["since"],
@@ -78,6 +79,7 @@ class FilterForm(forms.Form):
             kind=asked.get("kind", ""),
             outcome=asked.get("outcome", ""),
             session=asked.get("session"),
+            zone=zone if (asked["since"] or asked["until"]) and zone != zones.UTC else "",
         )
 
     @property

@@ -21,6 +21,7 @@ from django.db.models.lookups import IsNull
 from msgspec import Struct
 from msgspec.structs import replace
 
+from fleet import zones
 from fleet.audit.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
@@ -45,7 +46,7 @@ _END_OF = {
 
 
 class Wanted(Struct, frozen=True):
-    """Filters of a list. Days are UTC, both included; blank and None mean any."""
+    """Filters of a list. Days are those of `zone` (blank: UTC), both included; blank and None mean any."""
 
     words: tuple[str, ...] = ()
     since: datetime.date | None = None
@@ -55,6 +56,25 @@ class Wanted(Struct, frozen=True):
     kind: str = ""
     outcome: str = ""
     session: UUID | None = None  # control session
+    zone: str = ""
+
+    @property
+    def days_utc(self) -> tuple[datetime.date | None, datetime.date | None]:
+        """Days of the log, which are UTC, that hold the wanted ones."""
+        starts, ends = self.moments
+        last = ends - datetime.timedelta.resolution if ends else None
+        return (starts.date() if starts else self.since), (last.date() if last else self.until)
+
+    @property
+    def moments(self) -> tuple[datetime.datetime | None, datetime.datetime | None]:
+        """The wanted time, half-open, where days are not those of the log."""
+        if not self.zone:
+            return None, None
+        zone = zones.zone_of(self.zone)
+        return (
+            zones.start_of(self.since, zone) if self.since else None,
+            zones.end_of(self.until, zone) if self.until else None,
+        )
 
 
 class Row(Struct, frozen=True):
@@ -133,7 +153,10 @@ class Selection:
         found = Selection(replace(self._wanted, since=since, until=until), self._kinds).numbers(
             1, after=0 if later else None
         )
-        return Record.objects.values_list("day", flat=True).get(pk=found[0]) if found else None
+        if not found:
+            return None
+        day, at = Record.objects.values_list("day", "at").get(pk=found[0])
+        return zones.day_of(at, zones.zone_of(self._wanted.zone)) if self._wanted.zone else day
 
     # --- which records --------------------------------------------------------------------------
 
@@ -180,10 +203,16 @@ class Selection:
     def _where(self) -> Q:
         wanted = self._wanted
         where = self._within
-        if wanted.since:
-            where &= Q(day__gte=wanted.since)
-        if wanted.until:
-            where &= Q(day__lte=wanted.until)
+        (first, last), (starts, ends) = wanted.days_utc, wanted.moments
+        if first:
+            where &= Q(day__gte=first)
+        if last:
+            where &= Q(day__lte=last)
+        # Only in the first and the last day it depends on the time of day, which no index holds.
+        if starts:
+            where &= Q(day__gt=first) | Q(at__gte=starts)
+        if ends:
+            where &= Q(day__lt=last) | Q(at__lt=ends)
         if wanted.robot:
             where &= Q(robot_id=None if wanted.robot == NO_ROBOT else wanted.robot)
         if wanted.session:
@@ -195,9 +224,8 @@ class Selection:
         """Between which numbers the wanted days are, so that no index is read from its newest end down to them."""
         if not (self._wanted.since or self._wanted.until):
             return Q()
-        first, last = _numbers_of(
-            self._wanted.since or datetime.date.min, self._wanted.until or datetime.date.max
-        )
+        since, until = self._wanted.days_utc
+        first, last = _numbers_of(since or datetime.date.min, until or datetime.date.max)
         return Q(pk__gte=first, pk__lte=last)
 
     @property

@@ -14,6 +14,7 @@ from django.forms import ModelForm
 from django.http import HttpRequest
 from django.urls import reverse
 from django.utils.html import format_html
+from django.utils.timezone import localtime
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
@@ -143,9 +144,9 @@ class RobotAdmin(RecordedAdmin):
         status = getattr(robot, "bridge", None)
         if status is None:
             return gettext("not seen by a supervisor yet")
-        since = gettext("%(state)s since %(time)s UTC") % {
+        since = gettext("%(state)s since %(time)s") % {
             "state": status.get_state_display(),
-            "time": f"{status.since:%Y-%m-%d %H:%M:%S}",
+            "time": f"{localtime(status.since):%Y-%m-%d %H:%M:%S %Z}",
         }
         status_text = f"{since}: {status.detail}" if status.detail else since
         if status.state in ENDED or robot.bridge_address or supervised(settings.FLEET_RUN_DIR / LOCK):

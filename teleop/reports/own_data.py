@@ -13,11 +13,13 @@ from datetime import datetime
 from enum import Enum
 from itertools import islice
 from typing import Any
+from zoneinfo import ZoneInfo
 
 from django.db.models import Q
 from django.db.models.functions import Coalesce
 from msgspec import Struct
 
+from fleet import zones
 from fleet.accounts.models import User
 from fleet.audit import exports
 from fleet.audit.listing import Page, Row, Selection, Wanted, rows_of
@@ -123,25 +125,26 @@ def export_of(user: User) -> exports.ExportResponse:
         actor=user,
         name="your-data",
         format_=exports.Format.JSON_LINES,
-        besides=_lines_about(user),
+        besides=_lines_about(user, zones.viewers()),
     )
 
 
-def _lines_about(user: User) -> Iterator[tuple[str, int]]:
+def _lines_about(user: User, zone: ZoneInfo) -> Iterator[tuple[str, int]]:
     before = None
     while numbers := _numbers_about(user, before, CHUNK):
         rows = rows_of(numbers)
-        lines = (json.dumps(_exported(row, user), ensure_ascii=False) for row in rows)
+        lines = (json.dumps(_exported(row, user, zone), ensure_ascii=False) for row in rows)
         yield "".join(f"{line}\n" for line in lines), len(rows)
         before = numbers[-1]
 
 
-def _exported(row: Row, user: User) -> dict[str, Any]:
+def _exported(row: Row, user: User, zone: ZoneInfo) -> dict[str, Any]:
     record = row.record
     in_own_session = record.session_id and record.kind not in _ABOUT
     return {
         "number": record.pk,
         "time": record.at.isoformat(),
+        "time_local": exports.local(record.at, zone),
         "kind": record.kind,
         "robot": {"id": str(record.robot_id), "name": record.robot_name} if record.robot_id else None,
         "by": author_of(record).value,

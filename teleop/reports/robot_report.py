@@ -5,15 +5,15 @@ Each figure is one query for one kind of records of this robot, by the index for
 
 from __future__ import annotations
 
-from datetime import date, datetime, time, timedelta
-from datetime import timezone as zones
+from datetime import date, datetime, time, timedelta, timezone
 from typing import Any
 
 from django.db.models import Count, F, FloatField, Max, OuterRef, QuerySet, Subquery, Sum
 from django.db.models.fields.json import KeyTextTransform
-from django.db.models.functions import Cast, Coalesce, ExtractHour
+from django.db.models.functions import Cast, Coalesce, ExtractHour, TruncDate
 from msgspec import Struct
 
+from fleet import zones
 from fleet.audit import wording
 from fleet.audit.listing import Selection, Wanted
 from fleet.audit.models import Content, Record
@@ -60,7 +60,7 @@ class Day(Struct, frozen=True):
 
 
 class Usage(Struct, frozen=True):
-    """Hours driven: on each day of the period, in each hour of the day, on each weekday (Monday first). UTC."""
+    """Hours driven: on each day, in each hour of the day, on each weekday (Monday first), in the viewer's zone."""
 
     days: list[Day]
     hours: list[float]
@@ -93,7 +93,7 @@ class RobotReport(Struct, frozen=True):
 
 def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
     """Report the last `days`, including today."""
-    today = now.astimezone(zones.utc).date()
+    today = zones.day_of(now)
     since = today - timedelta(days=days - 1)
     driven = _driven(robot, since, today)
     reasons = _interventions(robot, since, today)
@@ -113,7 +113,10 @@ def report_of(robot: Robot, days: int, now: datetime) -> RobotReport:
 
 def _of_days(robot: Robot, since: date, until: date) -> QuerySet[Record]:
     """Select the records of these days; none of the future, because a clock may have been ahead."""
-    return Record.objects.filter(robot_id=robot.pk, day__range=(since, until))
+    zone = zones.viewers()
+    starts, ends = zones.start_of(since, zone), zones.end_of(until, zone)
+    records = Record.objects.filter(robot_id=robot.pk, day__range=(starts.date(), ends.date()))
+    return records.filter(at__gte=starts, at__lt=ends)
 
 
 def _stops(robot: Robot, since: date, until: date) -> int:
@@ -128,7 +131,7 @@ def _driven(robot: Robot, since: date, until: date) -> list[Any]:
     ended = _of_days(robot, since, until).filter(kind="drive.end")
     return list(
         ended.order_by()
-        .values("day", hour=ExtractHour("at"))
+        .values(on=TruncDate("at"), hour=ExtractHour("at"))
         .annotate(drives=Count("pk"), seconds=Sum(_figure("duration_s")), metres=Sum(_figure("distance_m")))
     )
 
@@ -148,7 +151,7 @@ def _use(driven: list[Any], since: date, days: int) -> Usage:
     on_day, metres = dict.fromkeys(period, 0.0), dict.fromkeys(period, 0.0)
     hours, weekdays = [0.0] * 24, [0.0] * 7
     for row in driven:
-        day, lasted_h = row["day"], (row["seconds"] or 0.0) / 3600.0
+        day, lasted_h = row["on"], (row["seconds"] or 0.0) / 3600.0
         on_day[day] += lasted_h
         metres[day] += row["metres"] or 0.0
         hours[row["hour"]] += lasted_h
@@ -177,7 +180,9 @@ def _reasons(rows: list[Any]) -> list[Reason]:
 
 
 def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
-    page = Selection(Wanted(robot=robot.pk, since=since, until=until), ["fault"]).page(size=FAULTS)
+    page = Selection(
+        Wanted(robot=robot.pk, since=since, until=until, zone=zones.viewers().key), ["fault"]
+    ).page(size=FAULTS)
     records = [row.record for row in page.rows]
     return [
         Fault(record.at, wording.subject(record) or wording.outcome(record.outcome)) for record in records
@@ -185,5 +190,5 @@ def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
 
 
 def day_start_s(day: date) -> int:
-    """Return the start of a day (UTC) in seconds since 1970."""
-    return int(datetime.combine(day, time(), zones.utc).timestamp())
+    """Return the start of that day in UTC, in seconds since 1970: a name for the day, whatever the zone."""
+    return int(datetime.combine(day, time(), timezone.utc).timestamp())

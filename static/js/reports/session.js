@@ -1,6 +1,7 @@
 /** The page of a control session: one chooses a moment, and picture and timeline show it. Without this, both are there. */
 
 import { parts, say, show } from "../lib/dom.js";
+import { clockText } from "../lib/times.js";
 import { lastAt, placeAt } from "./replay.js";
 
 const page = parts(document.querySelector("[data-page=session]"));
@@ -9,9 +10,9 @@ const entries = [...page.timeline.querySelectorAll("[data-at]")];
 const timesS = entries.map((entry) => Number(entry.dataset.at));
 let current = null;
 
-/** Time of day, UTC as everywhere on the page. */
+/** Time of day, in the zone of the page. */
 function clock(atS) {
-  return new Date(Date.parse(beganAt) + atS * 1000).toISOString().slice(11, 19);
+  return clockText(new Date(Date.parse(beganAt) + atS * 1000));
 }
 
 function words(entry) {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from datetime import datetime, timedelta, timezone
+from zoneinfo import ZoneInfo
 
 import pytest
 from django.conf import settings
@@ -487,7 +488,11 @@ def test_page_has_recent_failed_sign_ins_the_export_all(operator, second_operato
     ]
     page = signed_in(operator).get(reverse("your-data"))
     assert [line.what for line in page.context["about"]].count("sign-in failed") == 1
-    exported = [json.loads(line) for text, _ in own_data._lines_about(operator) for line in text.splitlines()]
+    exported = [
+        json.loads(line)
+        for text, _ in own_data._lines_about(operator, ZoneInfo("UTC"))
+        for line in text.splitlines()
+    ]
     found = [entry["number"] for entry in exported if entry["kind"] == "account.sign_in_failed"]
     assert found == [tries[5], tries[1], tries[0]]
 

@@ -1,0 +1,73 @@
+"""Time zones: moments are stored in UTC, people read them in their own zone, or in the lab's.
+
+The zone of the person whose request runs is Django's current one (`fleet.accounts.middleware.ViewersZone`).
+"""
+
+from __future__ import annotations
+
+from datetime import date, datetime, time, timedelta, timezone
+from functools import cache
+from zoneinfo import ZoneInfo, available_timezones
+
+from django.conf import settings
+from django.utils.timezone import get_current_timezone_name, localtime
+
+UTC = "UTC"
+_REGIONS = (
+    "Africa",
+    "America",
+    "Antarctica",
+    "Arctic",
+    "Asia",
+    "Atlantic",
+    "Australia",
+    "Europe",
+    "Indian",
+    "Pacific",
+)
+
+
+@cache
+def names() -> frozenset[str]:
+    """The names that this computer knows, such as "Europe/Madrid"."""
+    return frozenset(available_timezones())
+
+
+def zone_of(name: str) -> ZoneInfo:
+    """Return the zone with this name; the lab's if it is blank or unknown."""
+    return ZoneInfo(name if name in names() else settings.TIME_ZONE)
+
+
+def viewers() -> ZoneInfo:
+    """The zone of the person whose request runs."""
+    return ZoneInfo(get_current_timezone_name())
+
+
+def day_of(moment: datetime, zone: ZoneInfo | None = None) -> date:
+    """Return the day of a moment in a zone; in the viewer's if none is given."""
+    return localtime(moment, zone or viewers()).date()
+
+
+def start_of(day: date, zone: ZoneInfo) -> datetime:
+    """Return the first moment of a day, in UTC. Where the clock skips midnight, the day begins after the gap."""
+    try:
+        return datetime.combine(day, time(), zone).astimezone(timezone.utc)
+    except OverflowError:  # the first or the last day of the calendar
+        return datetime.combine(day, time(), timezone.utc)
+
+
+def end_of(day: date, zone: ZoneInfo) -> datetime:
+    """Return the first moment after a day, in UTC: 23, 24 or 25 hours after its start."""
+    if day == date.max:
+        return datetime.max.replace(tzinfo=timezone.utc)
+    return start_of(day + timedelta(days=1), zone)
+
+
+def choices() -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return zones to choose from, by region: name, and words such as "Madrid"."""
+    regions: dict[str, list[tuple[str, str]]] = {region: [] for region in _REGIONS}
+    for name in sorted(names()):
+        region, _slash, place = name.partition("/")
+        if region in regions and place:
+            regions[region].append((name, place.replace("_", " ").replace("/", ", ")))
+    return [(region, found) for region, found in regions.items() if found]
