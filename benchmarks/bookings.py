@@ -27,6 +27,8 @@ READS = 60
 FEED_P95_MS = 100.0
 RACE_P95_MS = 500.0
 RULES_MS = 5.0
+STUDENTS = 500
+ENROL_S = 5.0
 
 
 def measure() -> list[Figure]:
@@ -65,6 +67,8 @@ def _measure_on(stack: Stack, name: str) -> list[Figure]:
     events = len(json.loads(reads[0].body)["events"])
     progress(f"{name}: {CLIENTS} clients after one slot, {RACES} times ...")
     races = [_race(stack, cookie, number) for number in range(RACES)]
+    progress(f"{name}: a course of {STUDENTS} people ...")
+    enrolled_s = _enrol(stack)
     answers = [answer for race in races for answer in race]
     won = sum(answer.status == 200 for answer in answers)
     strange = [answer.status for answer in answers if answer.status not in (200, 409)]
@@ -73,6 +77,7 @@ def _measure_on(stack: Stack, name: str) -> list[Figure]:
         Figure(f"{name}: {CLIENTS} after one slot: answer p95", _p95_ms(answers), "ms", RACE_P95_MS),
         Figure(f"{name}: winners beyond one per slot", float(abs(won - RACES)), "", 0.0),
         Figure(f"{name}: answers that are no refusal", float(len(strange)), "", 0.0),
+        Figure(f"{name}: a course with {STUDENTS} new people", enrolled_s, "s", ENROL_S),
         Figure(
             f"{name}: added to Take control by bookings: p95",
             rules["with_ms"] - rules["without_ms"],
@@ -112,6 +117,28 @@ def _race(stack: Stack, cookie: str, number: int) -> list[_Answer]:
     for thread in threads:
         thread.join()
     return answers
+
+
+def _enrol(stack: Stack) -> float:
+    """Make a course with new people by the form. Returns how long it took after the preview, seconds."""
+    cookie = sign_in(stack, "staff")
+    page = _ask(stack, cookie, "GET", "/courses/new/").body
+    today = datetime.now(timezone.utc).date()
+    fields = {
+        "csrfmiddlewaretoken": re.findall(r'name="csrfmiddlewaretoken" value="([^"]+)"', page)[0],
+        "robots": re.findall(r'name="robots" value="([^"]+)"', page)[0],
+        "name": "Five hundred",
+        "role": "operator",
+        "starts_on": str(today),
+        "ends_on": str(today + timedelta(days=100)),
+        "people": "\n".join(f"Student {number} <student{number}@example.org>" for number in range(STUDENTS)),
+    }
+    preview = _ask(stack, cookie, "POST", "/courses/new/", urllib.parse.urlencode(fields))
+    fields["seen"] = re.findall(r'name="seen" value="([^"]+)"', preview.body)[0]
+    made = _ask(stack, cookie, "POST", "/courses/new/", urllib.parse.urlencode(fields))
+    if made.status != 302:
+        raise AssertionError(f"the course was not made: {made.status} {made.body[:500]}")
+    return made.took_ms / 1000.0
 
 
 def _ask(stack: Stack, cookie: str, method: str, path: str, body: str | None = None) -> _Answer:

@@ -16,7 +16,8 @@ from django.utils.translation import gettext as _
 from msgspec import Struct
 
 from fleet.accounts.models import User
-from fleet.audit.services import record
+from fleet.audit.canonical import NO_ROBOT
+from fleet.audit.services import lock_chain, record
 from robots.access import welcome
 from robots.access.models import Course, Enrolment, Invitation
 from robots.access.people_lists import Listed, PeopleList, Wrong
@@ -99,8 +100,10 @@ def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) ->
         enrol(course=course, people=part, actor=actor)
     for listed in _parts(plan.new, AT_ONCE):
         with transaction.atomic():
-            made = _make_accounts(listed, actor)
-            enrol(course=course, people=made, actor=actor)
+            _one_at_a_time()
+            now = plan_of(PeopleList(tuple(listed)), course)  # the button may have been pressed twice
+            made = _make_accounts(now.new, actor)
+            enrol(course=course, people=[*now.known, *made], actor=actor)
             welcome.send_later(made, course=course, site=site)
     return plan
 
@@ -110,6 +113,7 @@ def enrol(
     *, course: Course, people: Sequence[User], actor: Actor, invitation: Invitation | None = None
 ) -> int:
     """Enrol these people. Returns how many were not enrolled before."""
+    _one_at_a_time()
     inside = set(Enrolment.objects.filter(course=course, person__in=people).values_list("person", flat=True))
     new = [person for person in people if person.pk not in inside]
     if not new:
@@ -129,12 +133,21 @@ def enrol(
 @transaction.atomic
 def unenrol(*, course: Course, people: Sequence[User], actor: Actor) -> int:
     """Take these people out of the course, which ends its role and their control by it. Returns how many were in it."""
+    _one_at_a_time()
     found = Enrolment.objects.select_for_update().filter(course=course, person__in=people)
     gone = [str(person) for person in found.values_list("person", flat=True)]
     if gone:
         found.delete()
         record("course.unenrol", actor=actor, parameters={"course": course.slug, "people": gone})
     return len(gone)
+
+
+def _one_at_a_time() -> None:
+    """Hold, until the commit, what each record of these changes holds anyway.
+
+    Held first, two lists with the same people make their accounts once, and cannot wait for each other.
+    """
+    lock_chain(NO_ROBOT)
 
 
 def _make_accounts(people: Sequence[Listed], actor: User) -> list[User]:

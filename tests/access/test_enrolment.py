@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import socket
+import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from typing import Any
 
 import pytest
 from django.core import mail
+from django.db import connections
 from django.utils import timezone
 
 from fleet.accounts.models import User
@@ -104,6 +108,43 @@ def test_new_people_get_a_link_that_ends_with_their_password(
     ada.set_password("a long walk on the beach")
     ada.save()
     assert welcome.person_of_token(token) is None
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_button_pressed_twice_makes_each_account_once(enrol: Callable[[str], Any], course: Course) -> None:
+    text = "\n".join(f"Student {number},s{number}@example.org" for number in range(150))
+    begin = threading.Barrier(3)
+
+    def press() -> None:
+        begin.wait(10)
+        try:
+            enrol(text)
+        finally:
+            connections.close_all()
+
+    with ThreadPoolExecutor(3) as presses:
+        for done in [presses.submit(press) for _ in range(3)]:
+            done.result(60)
+    assert User.objects.filter(email__endswith="@example.org").count() == 150
+    assert Enrolment.objects.filter(course=course).count() == 151
+
+
+def test_a_mail_server_that_hangs_delays_nobody(
+    enrol: Callable[[str], Any],
+    settings: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    django_capture_on_commit_callbacks: Any,
+) -> None:
+    monkeypatch.setattr(welcome, "SERVER_TIMEOUT_S", 0.5)
+    settings.EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"
+    with socket.create_server(("127.0.0.1", 0)) as server:  # it accepts and says nothing
+        settings.EMAIL_HOST, settings.EMAIL_PORT = server.getsockname()[:2]
+        begun_s = time.monotonic()
+        with django_capture_on_commit_callbacks(execute=True):
+            enrol("Ada,ada@example.org")
+        assert time.monotonic() - begun_s < 0.5
+        _wait_for(lambda: "Invitations by e-mail were not sent" in caplog.text)
 
 
 def test_leaving_a_course_ends_its_role(course: Course, student: User, robot: Robot, staff: User) -> None:
