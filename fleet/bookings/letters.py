@@ -18,7 +18,7 @@ from django.utils.translation import gettext as _
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, Letter, State
 from fleet.bookings.rules import shown
-from fleet.bookings.selectors import lab_zone
+from fleet.zones import zone_of
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ def changed_by_another(booking: Booking, actor: User | None, what: str, reason: 
         return
     by = actor.display_name if actor else _("the console")
     subject = _("Your booking of %(robot)s: %(what)s") % {"robot": booking.robot.name, "what": what}
-    lines = [f"{in_words(booking, lab_zone())}", _("Changed by %(name)s.") % {"name": by}]
+    lines = [in_words(booking, zone_of(booking.person.time_zone)), _("Changed by %(name)s.") % {"name": by}]
     letter_write(to=booking.person, subject=subject, text="\n".join([*lines, reason]).strip(), now=now)
 
 
@@ -58,7 +58,8 @@ def write_reminders(now: datetime) -> None:
     for booking in due.filter(made_at__lt=F("starts_at") - AHEAD).select_related("person", "robot"):
         if Booking.objects.filter(pk=booking.pk, reminded_at=None).update(reminded_at=now):
             subject = _("%(robot)s is yours soon") % {"robot": booking.robot.name}
-            letter_write(to=booking.person, subject=subject, text=in_words(booking, lab_zone()), now=now)
+            words = in_words(booking, zone_of(booking.person.time_zone))
+            letter_write(to=booking.person, subject=subject, text=words, now=now)
 
 
 def send_letters(now: datetime) -> int:

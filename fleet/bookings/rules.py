@@ -13,6 +13,7 @@ from zoneinfo import ZoneInfo
 from msgspec import Struct
 
 from fleet.bookings.models import WEEKDAYS, Policy
+from fleet.zones import end_of, start_of
 from robots.registry.models import Role
 from robots.wire import Refusal
 
@@ -413,8 +414,7 @@ def check_cancel(slot: Slot, policy: Policy, now: datetime) -> Refusal | None:
 
 def day_of(day: date, lab: ZoneInfo) -> Slot:
     """Return a day of the lab's zone in UTC: 23, 24 or 25 hours."""
-    starts, ends = (datetime.combine(one, time(), tzinfo=lab) for one in (day, day + timedelta(days=1)))
-    return Slot(starts.astimezone(timezone.utc), ends.astimezone(timezone.utc))
+    return Slot(start_of(day, lab), end_of(day, lab))
 
 
 def _days(wish: Wish) -> list[Slot]:

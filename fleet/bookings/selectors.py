@@ -7,16 +7,14 @@ from datetime import datetime, timedelta, timezone
 from enum import Enum
 from typing import Protocol
 from uuid import UUID
-from zoneinfo import ZoneInfo
 
-from django.conf import settings
 from django.db.models import F, Q, QuerySet
-from django.utils import timezone as django_timezone
 from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, OutOfService, Policy, State
 from fleet.bookings.rules import FAR, LONGEST, Quota, Slot, Taken, Wish, refusals
+from fleet.zones import viewers, zone_of
 from robots.access.models import Course
 from robots.access.selectors import courses_for, missing_qualifications, role_on
 from robots.registry.models import Robot, RobotRole, Role
@@ -83,16 +81,6 @@ def held_slot(booking: Row, grace: timedelta, now: datetime) -> Slot:
     return Slot(booking.starts_at, ends)
 
 
-def lab_zone() -> ZoneInfo:
-    """Return the lab's time zone."""
-    return ZoneInfo(settings.TIME_ZONE)
-
-
-def zone_now() -> ZoneInfo:
-    """Return the time zone of the person whose request runs."""
-    return ZoneInfo(django_timezone.get_current_timezone_name())
-
-
 def policy_of(robot: Robot) -> Policy:
     """Return the robot's policy: its own, or that of all robots, or the one without any wish."""
     own = Policy.objects.filter(Q(robot=robot) | Q(robot=None)).order_by(F("robot").desc(nulls_last=True))
@@ -152,8 +140,8 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
         slot=slot,
         now=now,
         policy=policy,
-        lab=lab_zone(),
-        zone=zone_now(),
+        lab=zone_of(""),
+        zone=viewers(),
         role=_role_throughout(person, robot, starts, ends),
         missing=tuple(one.name for one in missing_qualifications(person, robot, starts)),
         quota=_quota_of(course, person, slot, now, moved) if course else None,

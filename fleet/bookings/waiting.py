@@ -15,8 +15,9 @@ from fleet.accounts.models import User
 from fleet.bookings.letters import in_words, letter_write
 from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import Slot, refusals
-from fleet.bookings.selectors import course_of, lab_zone, wish_of
+from fleet.bookings.selectors import course_of, wish_of
 from fleet.bookings.services import BookingRefused, record_booking, robot_locked, save_booking
+from fleet.zones import zone_of
 from robots.registry.models import Robot
 from robots.wire import Refusal
 
@@ -101,7 +102,7 @@ def _offer(waiting: Waiting, now: datetime) -> None:
                 made_at=now,
             )
             record_booking("booking.offer", offered, None)
-            zone = lab_zone()
+            zone = zone_of(waiting.person.time_zone)
             deadline = until.astimezone(zone)
             text = _("%(booking)s is free now. Accept it under My bookings before %(time)s.") % {
                 "booking": in_words(offered, zone),

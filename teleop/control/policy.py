@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from datetime import datetime
 from typing import Protocol
-from zoneinfo import ZoneInfo
 
-from django.conf import settings
 from msgspec import Struct
 
 from fleet.accounts.models import User
 from fleet.bookings.rules import FAR
 from fleet.bookings.selectors import Held, Schedule
+from fleet.zones import zone_of
 from robots.access.models import Qualification
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
@@ -148,7 +147,7 @@ def _until(moment: datetime) -> str:
     """Return "until 15:00" in the lab's zone."""
     if moment == FAR:
         return "until further notice"
-    return f"until {moment.astimezone(ZoneInfo(settings.TIME_ZONE)):%H:%M}"
+    return f"until {moment.astimezone(zone_of('')):%H:%M}"
 
 
 RULES: tuple[Rule, ...] = (

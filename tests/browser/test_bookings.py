@@ -42,9 +42,13 @@ def book(stack: Stack):
             )
             database.commit()
 
+        def free() -> None:
+            database.execute("DELETE FROM bookings_booking")
+            database.commit()
+
+        store.free = free
         yield store
-        database.execute("DELETE FROM bookings_booking")
-        database.commit()
+        free()
 
 
 def test_the_slot_ends_while_the_stick_is_held(person: Arrive, stack: Stack, book, tmp_path: Path) -> None:
@@ -99,3 +103,22 @@ def drag_place(somebody: Person) -> tuple[float, float]:
     body = somebody.page.locator(".ec-body, .ec-main").first.bounding_box()
     assert body
     return body["x"] + 140, body["y"] + body["height"] / 2
+
+
+def test_a_supervisor_takes_over_and_an_unused_slot_is_free(person: Arrive, stack: Stack, book) -> None:
+    operator, supervisor = person("operator"), person("supervisor")
+    book("staff", -60, 900)
+    operator.watch(ROBOT)
+    expect(operator.part("why")).to_contain_text("Staff has booked this robot")
+    expect(operator.page.get_by_role("button", name="Take control")).to_be_hidden()
+    supervisor.watch(ROBOT)
+    supervisor.press("Take over…")
+    supervisor.page.get_by_label("Reason").fill("fire drill")
+    supervisor.page.keyboard.press("Enter")
+    supervisor.until_in_control()
+    supervisor.release()
+
+    book.free()
+    book("staff", -16 * 60, 900)  # not used within the grace time of 15 minutes
+    operator.take(ROBOT)
+    operator.release()

@@ -15,11 +15,10 @@ from fleet.bookings.selectors import (
     grace_of,
     held_between,
     held_slot,
-    lab_zone,
     policies_of,
     stage_of,
-    zone_now,
 )
+from fleet.zones import viewers, zone_of
 from robots.access.selectors import roles_of
 from robots.registry.models import Robot, Role
 
@@ -47,7 +46,7 @@ def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now
 
     Five queries for any number of robots.
     """
-    zone, robots = zone_now(), list(robots)
+    zone, robots = viewers(), list(robots)
     starts, ends = day_of(first, zone).starts_at, day_of(min(last, first + LONGEST), zone).starts_at
     policies = policies_of(robots)
     roles = roles_of(person, robots)
@@ -117,7 +116,7 @@ def _closed(
     """Return the closed hours of each day as background events."""
     if not policy.opening:
         return
-    day, lab = first - timedelta(days=1), lab_zone()
+    day, lab = first - timedelta(days=1), zone_of("")
     while day <= last:
         whole, opening = day_of(day, lab), opening_of(day, policy.opening, lab)
         times = (

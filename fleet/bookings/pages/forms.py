@@ -13,8 +13,8 @@ from fleet.accounts.models import User
 from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
 from fleet.bookings.policies import POLICY_FIELDS
 from fleet.bookings.rules import Slot, to_utc
-from fleet.bookings.selectors import zone_now
 from fleet.bookings.series import MOST_WEEKS
+from fleet.zones import viewers
 from robots.registry.models import Robot
 from robots.wire import Refusal
 
@@ -28,7 +28,7 @@ class LocalTime(forms.CharField):
 
     def prepare_value(self, value: Any) -> Any:
         """Return a UTC time as it is typed in the viewer's zone."""
-        return value.astimezone(zone_now()).strftime(TIME_FORMAT) if isinstance(value, datetime) else value
+        return value.astimezone(viewers()).strftime(TIME_FORMAT) if isinstance(value, datetime) else value
 
     def clean(self, value: Any) -> datetime:
         """Return the moment in UTC. Refused: no time, or one that the clock skips."""
@@ -39,7 +39,7 @@ class LocalTime(forms.CharField):
             raise ValidationError(_("Write a date and a time, such as 2026-03-02 14:30.")) from error
         if local.tzinfo is not None:
             raise ValidationError(_("Write the time without a zone: it counts in yours."))
-        moment = to_utc(local, zone_now())
+        moment = to_utc(local, viewers())
         if isinstance(moment, Refusal):
             raise ValidationError(moment.text, code=moment.code)
         return moment

@@ -24,8 +24,9 @@ from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm
 from fleet.bookings.report import BY, lines, report
 from fleet.bookings.rules import Slot, day_of, shown
-from fleet.bookings.selectors import policy_of, zone_now
+from fleet.bookings.selectors import policy_of
 from fleet.bookings.series import Week, preview, series_make, weekly
+from fleet.zones import viewers
 from robots.access.selectors import robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
 
@@ -49,7 +50,7 @@ def policies(request: HttpRequest) -> HttpResponse:
         "rows": [{"robot": robot, "own": robot.id in own} for robot in robots],
         "periods": periods.select_related("robot"),
         "form": _out_form(robots),
-        "zone": zone_now().key,
+        "zone": viewers().key,
     }
     return render(request, "bookings/policies.html", context)
 
@@ -119,7 +120,7 @@ def series(request: HttpRequest) -> HttpResponse:
         return _series_page(request, form, status=400 if form.errors else 200)
     values = form.cleaned_data
     first = Slot(values["starts_at"], values["ends_at"])
-    slots = weekly(first, values["weeks"], values["without"], zone_now())
+    slots = weekly(first, values["weeks"], values["without"], viewers())
     common = {"robot": values["robot"], "person": person, "slots": slots, "now": now}
     if request.POST.get("action") != "book":
         weeks = preview(**common, override=bool(values["override"]))
@@ -133,7 +134,7 @@ def series(request: HttpRequest) -> HttpResponse:
 def _series_page(
     request: HttpRequest, form: SeriesForm, weeks: list[Week] | None = None, status: int = 200
 ) -> HttpResponse:
-    zone = zone_now()
+    zone = viewers()
     rows = [
         {
             "words": shown(week.slot.starts_at, zone) if week.slot else f"{week.day:%a %d %b %Y}",
@@ -149,7 +150,7 @@ def _series_page(
 @require_safe
 def booking_report(request: HttpRequest) -> HttpResponse:
     """Show the hours booked, used and not shown of a period, by robot, person or course; also as CSV."""
-    robots, zone, now = _supervised(request), zone_now(), timezone.now()
+    robots, zone, now = _supervised(request), viewers(), timezone.now()
     today = now.astimezone(zone).date()
     first = _date(request.GET.get("from")) or today - timedelta(days=30)
     last = _date(request.GET.get("to")) or today

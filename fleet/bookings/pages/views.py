@@ -37,10 +37,10 @@ from fleet.bookings.selectors import (
     policies_of,
     policy_of,
     stage_of,
-    zone_now,
 )
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
+from fleet.zones import viewers
 from robots.access.selectors import robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
@@ -54,7 +54,7 @@ OPEN = (Stage.AWAITING, Stage.OFFERED, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
 def bookings(request: HttpRequest) -> HttpResponse:
     """Show the calendar of all robots that this person may see, and the day's bookings as a list."""
     robots = list(robots_visible_to(person_of(request)))
-    now, zone = timezone.now(), zone_now()
+    now, zone = timezone.now(), viewers()
     day = _day(request.GET.get("day")) or now.astimezone(zone).date()
     start = datetime.combine(day, datetime.min.time(), tzinfo=zone)
     held = held_between(robots, start, start + timedelta(days=1)).order_by("robot__name", "starts_at")
@@ -143,7 +143,7 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
         "to_come": to_come[::-1],
         "past": past,
         "waiting": Waiting.objects.filter(person=person_of(request)).select_related("robot"),
-        "zone": zone_now().key,
+        "zone": viewers().key,
         "has_address": FeedAddress.objects.filter(person=person_of(request), robot=None).exists(),
         "robots": robots_visible_to(person_of(request)),
     }
@@ -222,7 +222,7 @@ def _booking_page(
         "may_change": (supervises or found.person_id == person.pk) and row["stage"] in OPEN,
         "begun": now >= found.starts_at,
         "awaits": row["stage"] is Stage.AWAITING,
-        "zone": zone_now().key,
+        "zone": viewers().key,
     }
     return render(request, "bookings/booking.html", context, status=status)
 
@@ -243,7 +243,7 @@ def _rows(found: Any, robots: Any, now: datetime) -> list[dict[str, Any]]:
 
 
 def _in_words(booking: Booking) -> str:
-    zone = zone_now()
+    zone = viewers()
     ends = booking.ends_at.astimezone(zone)
     same_day = ends.date() == booking.starts_at.astimezone(zone).date()
     until = f"{ends:%H:%M}" if same_day else shown(booking.ends_at, zone)
@@ -267,7 +267,7 @@ def _initial(request: HttpRequest) -> dict[str, Any]:
 
 def _form_page(request: HttpRequest, form: SlotForm, status: int = 200, **context: Any) -> HttpResponse:
     return render(
-        request, "bookings/new.html", {"form": form, "zone": zone_now().key, **context}, status=status
+        request, "bookings/new.html", {"form": form, "zone": viewers().key, **context}, status=status
     )
 
 
@@ -302,7 +302,7 @@ def _refused(
 
 
 def _refusals_json(refusals: list[Refusal], alternatives: list[tuple[Robot, Slot]]) -> dict[str, Any]:
-    zone = zone_now()
+    zone = viewers()
     return {
         "refusals": [
             {"code": one.code, "text": one.text, "rule": one.rule, "figures": dict(one.figures)}
@@ -321,12 +321,12 @@ def _refusals_json(refusals: list[Refusal], alternatives: list[tuple[Robot, Slot
 
 
 def _slot_words(robot: Robot, slot: Slot) -> str:
-    zone = zone_now()
+    zone = viewers()
     return f"{robot.name}, {shown(slot.starts_at, zone)} to {slot.ends_at.astimezone(zone):%H:%M}"
 
 
 def _form_address(robot: Robot, slot: Slot) -> str:
-    zone = zone_now()
+    zone = viewers()
     times = {
         "from": slot.starts_at.astimezone(zone).strftime(TIME_FORMAT),
         "to": slot.ends_at.astimezone(zone).strftime(TIME_FORMAT),
