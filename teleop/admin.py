@@ -8,19 +8,18 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from django.contrib import admin
-from django.db.models import Exists, OuterRef, Q, QuerySet
+from django.db.models import Q, QuerySet
 from django.http import HttpRequest, HttpResponseBase
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from fleet import zones
-from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit import exports
 from fleet.audit.addresses import beside, by_day, number, session_url_of
 from fleet.audit.admin import Line, ListAdmin, count_of
 from fleet.audit.forms import FilterForm
-from fleet.audit.listing import COUNTED, PAGE
+from fleet.audit.listing import CONSOLE, COUNTED, PAGE
 from robots.registry.models import Robot
 from teleop.control.selectors import end_notes
 from teleop.models import ControlSession, EndReason
@@ -49,8 +48,6 @@ class ControlSessionAdmin(ListAdmin):
             request.GET, kinds=[], without=["q", "kind", "session"], outcomes_are=self.outcomes_are
         )
         form.offer("robot", [(str(robot.pk), str(robot)) for robot in Robot.objects.order_by("name")])
-        held = Exists(ControlSession.objects.filter(user=OuterRef("pk")))
-        form.offer("person", [(str(user.pk), str(user)) for user in User.objects.filter(held)])
         form.offer("outcome", [(GOES_ON, _("goes on")), *EndReason.choices])
         return form
 
@@ -136,7 +133,7 @@ def _filtered(form: FilterForm) -> Sessions:
     if wanted.outcome:
         which &= Q(ended_at=None) if wanted.outcome == GOES_ON else Q(end_reason=wanted.outcome)
     if wanted.person:
-        which &= Q(user=wanted.person)
+        which &= Q(pk=None) if wanted.person == CONSOLE else Q(user=wanted.person)
     return ControlSession.objects.select_related("robot", "user").filter(which)
 
 

@@ -10,7 +10,7 @@ from urllib.parse import urlencode
 from django.contrib import admin
 from django.core.exceptions import BadRequest, PermissionDenied
 from django.db.models import Q
-from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
 from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 from django.utils.functional import Promise
@@ -24,7 +24,7 @@ from msgspec import Struct
 from fleet import zones
 from fleet.audit import exports, wording
 from fleet.audit.addresses import Link, address, beside, by_day, number, session_url_of
-from fleet.audit.forms import FilterForm
+from fleet.audit.forms import THE_CONSOLE, FilterForm, people_named
 from fleet.audit.kinds import Listing, kinds_listed
 from fleet.audit.listing import COUNTED, Row, Selection, row_of
 from fleet.audit.models import MotionRecord, Record, RefusalRecord, SpeechRecord
@@ -54,6 +54,9 @@ class ReadOnly(RecordedAdmin):
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
         """Nobody."""
         return False
+
+
+SUGGESTED = 20  # names of people
 
 
 class Line(Struct, frozen=True):
@@ -240,6 +243,20 @@ class RefusalAdmin(RecordsAdmin):
 @admin.register(Record)
 class EverythingAdmin(RecordsAdmin):
     """All there is."""
+
+    def get_urls(self) -> list[URLPattern]:
+        """Also the names that the person filter suggests."""
+        view = self.admin_site.admin_view(require_safe(self.people_view))
+        return [path("people/", view, name="audit_people"), *super().get_urls()]
+
+    def people_view(self, request: HttpRequest) -> HttpResponse:
+        """Some names that contain what was typed."""
+        self._look(request)
+        part = request.GET.get("q", "").strip()[:100]
+        names = dict.fromkeys(name for _pk, name in people_named(part, SUGGESTED))
+        if part and part.casefold() in str(THE_CONSOLE).casefold():
+            names[str(THE_CONSOLE)] = None
+        return JsonResponse({"people": list(names)})
 
 
 def lists(current: str) -> list[Link]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, cast
 from uuid import UUID
 
 from django import forms
 from django.core.exceptions import ValidationError
+from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
 from fleet import zones
@@ -19,6 +21,36 @@ from fleet.audit.models import Actor, Chain
 from fleet.audit.search import words_of
 
 ANY = [("", _("any"))]
+THE_CONSOLE = _("the console itself")
+MOST_NAMED = 5
+
+
+class PersonField(forms.CharField):
+    """A person by name, by a part of it that only one has, or by identifier as in links. Shown by name."""
+
+    def prepare_value(self, value: Any) -> Any:
+        """Show the name of an identifier."""
+        if value == CONSOLE:
+            return str(THE_CONSOLE)
+        return (
+            Actor.objects.filter(pk=value).values_list("name", flat=True).first() or value if value else value
+        )
+
+    def clean(self, value: Any) -> str:
+        """Return the identifier; `ValidationError` if nobody, or more than one person, is called so."""
+        typed: str = super().clean(value)
+        if not typed or typed == CONSOLE or _is_identifier(typed):
+            return typed
+        if typed.casefold() == str(THE_CONSOLE).casefold():
+            return CONSOLE
+        found = people_named(typed, MOST_NAMED + 1)
+        exact = [pk for pk, name in found if name.casefold() == typed.casefold()]
+        if len(exact) == 1 or len(found) == 1:
+            return (exact or [found[0][0]])[0]
+        if not found:
+            raise ValidationError(_("Nobody in the log is called so."))
+        names = ", ".join(name for _pk, name in found[:MOST_NAMED])
+        raise ValidationError(_("Several people are called so: %(names)s."), params={"names": names})
 
 
 class FilterForm(forms.Form):
@@ -31,7 +63,7 @@ class FilterForm(forms.Form):
     since = forms.DateField(label=_("From"), required=False)
     until = forms.DateField(label=_("To"), required=False)
     robot = forms.ChoiceField(label=_("Robot"), required=False)
-    person = forms.ChoiceField(label=_("Person"), required=False)
+    person = PersonField(label=_("Person"), required=False)
     kind = forms.ChoiceField(label=_("What"), required=False)
     outcome = forms.ChoiceField(label=_("Outcome"), required=False)
     session = forms.UUIDField(required=False, widget=forms.HiddenInput)
@@ -50,7 +82,9 @@ class FilterForm(forms.Form):
             self.fields[name].widget = forms.DateInput(attrs={"type": "date"}, format="%Y-%m-%d")
         listed = list(KINDS if kinds is None else kinds)
         self.offer("robot", _robots())
-        self.offer("person", [(CONSOLE, _("the console itself")), *_people()])
+        self.fields["person"].widget = forms.TextInput(
+            attrs={"type": "search", "autocomplete": "off", "data-people": reverse("admin:audit_people")}
+        )
         self.offer("kind", [(kind, wording.label(kind)) for kind in that_begin(listed)])
         outcomes = dict.fromkeys(outcome for _kind, outcome in seen(with_ends(listed)))
         self.offer("outcome", sorted((outcome, wording.outcome(outcome)) for outcome in outcomes))
@@ -97,5 +131,12 @@ def _robots() -> list[tuple[str, Any]]:
     return [*((str(robot.pk), str(robot)) for robot in robots), (str(NO_ROBOT), _("none"))]
 
 
-def _people() -> list[tuple[str, Any]]:
-    return list(Actor.objects.order_by("name").values_list("pk", "name"))
+def _is_identifier(typed: str) -> bool:
+    with suppress(ValueError):
+        return str(UUID(typed)) == typed
+    return Actor.objects.filter(pk=typed).exists()
+
+
+def people_named(part: str, most: int) -> list[tuple[str, str]]:
+    """Return people whose name contains `part`: identifier and name."""
+    return list(Actor.objects.filter(name__icontains=part).order_by("name").values_list("pk", "name")[:most])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import Any, ClassVar
 
 from django import forms
 from django.conf import settings
@@ -11,7 +11,8 @@ from django.contrib import admin, messages
 from django.db import models
 from django.db.models import QuerySet
 from django.forms import ModelForm
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
 from django.urls import reverse
 from django.utils.html import format_html
 from django.utils.timezone import localtime
@@ -25,7 +26,7 @@ from robots.access.services import role_set
 from robots.registry import services, shipped
 from robots.registry.admin_entries import AllowanceInline, SpokenFormSet, save_entries
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
-from robots.registry.selectors import last_editor
+from robots.registry.selectors import last_editor, slug_for
 from robots.supervisor.keeper import LOCK, supervised
 
 
@@ -44,6 +45,12 @@ READABLE: dict[type[models.Field[Any, Any]], dict[str, Any]] = {
         ),
     }
 }
+
+
+def rows(kind: str, example: str) -> forms.Textarea:
+    """Return a box for JSON that a script shows as rows of name and value (static/js/admin/pairs.js)."""
+    extra = {"data-pairs": kind, "data-example": example, "rows": 4}
+    return forms.Textarea(attrs={"class": "vLargeTextField json", "spellcheck": "false", **extra})
 
 
 ENDED = {BridgeStatus.State.DISABLED, BridgeStatus.State.STOPPED}  # true without a supervisor, too
@@ -78,6 +85,30 @@ class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at ru
         return as_of
 
 
+class RobotForm(FreshForm):
+    """A robot needs a name, a profile and its ROS master; the slug follows from the name unless somebody types one."""
+
+    class Meta:
+        widgets: ClassVar[dict[str, Any]] = {
+            "host_aliases": rows("text", "tiago-42c=10.68.0.1"),
+            "overrides": rows("grouped", "limits.forward_mps=0.5"),
+        }
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        if "slug" in self.fields:
+            self.fields["slug"].required = False
+        if "master_uri" in self.fields:
+            self.fields["master_uri"].widget.attrs["placeholder"] = "http://tiago-42c:11311"
+        if "advertised_address" in self.fields:
+            self.fields["advertised_address"].widget.attrs["placeholder"] = "10.68.0.2"
+
+    def clean_slug(self) -> str:
+        """The typed slug, or one of the name that no other robot has."""
+        typed: str = self.cleaned_data["slug"]
+        return typed or slug_for(self.cleaned_data.get("name", ""))
+
+
 @admin.register(Robot)
 class RobotAdmin(RecordedAdmin):
     """Robots. They cannot be deleted, because sessions and records refer to them: clear "enabled" instead."""
@@ -97,7 +128,7 @@ class RobotAdmin(RecordedAdmin):
     search_fields = ["name", "slug", "master_uri"]
     prepopulated_fields = {"slug": ["name"]}
     readonly_fields = ["bridge_state", "check_link", "updated_at"]
-    form = FreshForm
+    form = RobotForm
     formfield_overrides = READABLE
     inlines = [RoleInline, AllowanceInline]
     fieldsets = [
@@ -108,8 +139,8 @@ class RobotAdmin(RecordedAdmin):
                     "name",
                     "slug",
                     "profile",
+                    "master_uri",
                     "enabled",
-                    "practice",
                     "bridge_state",
                     "check_link",
                     "as_of",
@@ -119,20 +150,24 @@ class RobotAdmin(RecordedAdmin):
         (
             _("Network"),
             {
-                "fields": ["master_uri", "advertised_address", "host_aliases", "bridge_address"],
+                "classes": ["collapse"],
+                "fields": ["advertised_address", "host_aliases", "bridge_address"],
                 "description": _(
                     "ROS nodes call each other back by name, so names must resolve both ways. Most faults in a lab "
-                    "are here. Save, then open the check."
+                    "are here; the check after saving finds them. Example: advertised address 10.68.0.2, host "
+                    "aliases tiago-42c with the value 10.68.0.1."
                 ),
             },
         ),
         (
-            _("Driving"),
+            _("Differences from its kind"),
             {
-                "fields": ["drive_topic", "default_share", "max_share", "stick", "overrides"],
+                "classes": ["collapse"],
+                "fields": ["practice", "drive_topic", "default_share", "max_share", "overrides", "stick"],
                 "description": _(
-                    "Differences from the profile. A change takes effect within 3 s; this robot stops for it, "
-                    "other robots do not."
+                    "Leave this as it is for a robot like all others of its profile. A change takes effect within "
+                    "3 s; this robot stops for it, other robots do not. Example of an override: "
+                    "limits.forward_mps with the value 0.5."
                 ),
             },
         ),
@@ -164,6 +199,23 @@ class RobotAdmin(RecordedAdmin):
     def save_model(self, request: HttpRequest, obj: Robot, form: ModelForm[Robot], change: bool) -> None:
         """Save by the service."""
         services.robot_save(robot=obj, actor=person_of(request))
+
+    def response_add(
+        self, request: HttpRequest, obj: Robot, post_url_continue: str | None = None
+    ) -> HttpResponse:
+        """Show what the check finds, with remedies."""
+        response = super().response_add(request, obj, post_url_continue)
+        return self._checked(request, obj) or response
+
+    def response_change(self, request: HttpRequest, obj: Robot) -> HttpResponse:
+        """Show what the check finds, with remedies."""
+        response = super().response_change(request, obj)
+        return self._checked(request, obj) or response
+
+    def _checked(self, request: HttpRequest, robot: Robot) -> HttpResponse | None:
+        """The check's page after *Save*; None if the person goes on here, or the robot is not in service."""
+        stays = {"_continue", "_addanother", "_popup", "_saveasnew"} & set(request.POST)
+        return None if stays or not robot.enabled else redirect("robot-check", robot.slug)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
         """Save roles and allow-list by the service."""

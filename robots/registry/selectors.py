@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from itertools import chain, count
 from typing import cast
 from urllib.parse import urlsplit
 
 from django.conf import settings
 from django.db.models import Q
+from django.utils.text import slugify
 
 from fleet.audit.models import Record
 from robots import wire
@@ -151,3 +153,10 @@ def _drawn(body: GateProfile) -> list[tuple[float, float]]:
     radius_m = body.radius_m or 0.0
     angles = [2.0 * math.pi * corner / DISC_CORNERS for corner in range(DISC_CORNERS)]
     return [(round(radius_m * math.cos(angle), 4), round(radius_m * math.sin(angle), 4)) for angle in angles]
+
+
+def slug_for(name: str) -> str:
+    """Return a slug of this name that no robot has: "tiago-1", or "tiago-1-2" if that is taken."""
+    begins = slugify(name)[:40] or "robot"
+    taken = set(Robot.objects.filter(slug__startswith=begins).values_list("slug", flat=True))
+    return next(slug for slug in chain([begins], (f"{begins}-{n}" for n in count(2))) if slug not in taken)

@@ -13,7 +13,7 @@ from django.views.decorators.http import require_safe
 
 from fleet.accounts.requests import person_of
 from robots.access.selectors import robot_seen_by
-from robots.registry.robot_check import run_checks
+from robots.registry.robot_check import FAIL, run_checks
 
 _probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # one probe of a robot at a time
 
@@ -30,4 +30,5 @@ def robot_check(request: HttpRequest, slug: str) -> HttpResponse:
         answers = run_checks(robot)
     finally:
         lock.release()
-    return render(request, "robots/check.html", {"robot": robot, "answers": answers})
+    failures = sum(answer.level == FAIL for answer in answers)
+    return render(request, "robots/check.html", {"robot": robot, "answers": answers, "failures": failures})

@@ -1,0 +1,26 @@
+/** Every page of the admin: rows in place of JSON, names that appear while one types, names of the admin's own fields. */
+
+import { showRows } from "./pairs.js";
+import { suggestPeople } from "./people.js";
+
+for (const box of document.querySelectorAll("textarea[data-pairs]")) showRows(box);
+for (const input of document.querySelectorAll("input[data-people]")) suggestPeople(input);
+
+/** The admin's fields that search while one types have no name for screen readers: they get their label's. */
+function nameFields() {
+  for (const select of document.querySelectorAll("select.admin-autocomplete")) {
+    const name = select.getAttribute("aria-label") ?? select.labels?.[0]?.textContent.trim();
+    const shown = select.nextElementSibling?.querySelector("[role=combobox]");
+    if (!name || !shown || shown.hasAttribute("aria-label")) continue;
+    const value = shown.querySelector(".select2-selection__rendered");
+    shown.setAttribute("aria-label", name.replace(/:$/, ""));
+    shown.removeAttribute("aria-labelledby");
+    if (value) shown.setAttribute("aria-describedby", value.id);
+  }
+  for (const search of document.querySelectorAll(".select2-search__field:not([aria-label])")) {
+    search.setAttribute("aria-label", gettext("Search"));
+  }
+}
+
+nameFields();
+new MutationObserver(nameFields).observe(document.body, { childList: true, subtree: true });
