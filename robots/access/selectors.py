@@ -10,8 +10,7 @@ from datetime import date, datetime
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from django.db.models import CharField, Q, QuerySet, Value
-from django.db.models.functions import Cast
+from django.db.models import Q, QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from django.utils.formats import date_format
@@ -19,12 +18,11 @@ from django.utils.translation import gettext
 from msgspec import Struct
 
 from robots.access.models import Course, Qualification, QualificationGrant, RobotGroup
-from robots.registry.models import Robot, RobotRole, Role
+from robots.access.sources import OWN, Given, demanded, given
+from robots.registry.models import Robot, Role
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User
-
-OWN = 0  # in place of a course's key: the role was given robot by robot
 
 
 def lab_date(moment: datetime | None = None) -> date:
@@ -32,54 +30,13 @@ def lab_date(moment: datetime | None = None) -> date:
     return timezone.localtime(moment, timezone.get_default_timezone()).date()
 
 
-def valid_courses(at: datetime | None = None) -> QuerySet[Course]:
-    """Return the courses that give roles now, or at that moment."""
-    day = lab_date(at)
-    return Course.objects.filter(archived=False, starts_on__lte=day, ends_on__gte=day)
-
-
 # --- roles ----------------------------------------------------------------------------------------
 
 
-class _Given(Struct, frozen=True):
-    """One source of a role."""
-
-    person: UUID
-    robot: UUID
-    role: Role
-    course: int  # `OWN` or the course's key
-
-
-def _given(people: Collection[UUID], robots: Collection[UUID], at: datetime | None) -> list[_Given]:
-    """Return every role of these people on these robots. One query."""
-    valid = valid_courses(at).values("pk")
-    own = RobotRole.objects.filter(user_id__in=people, robot_id__in=robots)
-    rows = own.values_list("user_id", "robot_id", Cast("role", CharField()), Value(OWN))
-    direct = Course.robots.through.objects.filter(course_id__in=valid, robot_id__in=robots)
-    grouped = RobotGroup.robots.through.objects.filter(
-        robotgroup__courses__in=valid_courses(at), robot_id__in=robots
-    )
-    parts = []
-    for found, course in ((direct, "course"), (grouped, "robotgroup__courses")):
-        enrolled = found.filter(**{f"{course}__enrolments__person_id__in": people})
-        parts.append(
-            enrolled.values_list(
-                f"{course}__enrolments__person_id",
-                "robot_id",
-                Cast(f"{course}__role", CharField()),
-                f"{course}__id",
-            )
-        )
-        supervised = found.filter(**{f"{course}__supervisors__in": people})
-        parts.append(
-            supervised.values_list(
-                f"{course}__supervisors__id",
-                "robot_id",
-                Value(Role.SUPERVISOR.value, output_field=CharField()),
-                f"{course}__id",
-            )
-        )
-    return [_Given(person, robot, Role(role), course) for person, robot, role, course in rows.union(*parts)]
+def _given(
+    people: Collection[UUID], robots: Collection[UUID] | None, at: datetime | None = None
+) -> list[Given]:
+    return given(people, robots, lab_date(at))
 
 
 def role_on(user: User, robot: Robot, at: datetime | None = None) -> Role | None:
@@ -95,8 +52,8 @@ def roles_of(user: User, robots: Iterable[Robot], at: datetime | None = None) ->
     if user.is_staff:
         return dict.fromkeys(ids, Role.STAFF)
     held: dict[UUID, Role] = {}
-    for given in _given([user.id], ids, at):
-        held[given.robot] = max(given.role, held.get(given.robot, given.role))
+    for one in _given([user.id], ids, at):
+        held[one.robot] = max(one.role, held.get(one.robot, one.role))
     return held
 
 
@@ -105,8 +62,8 @@ def roles_on(robot: Robot, users: Iterable[User], at: datetime | None = None) ->
     active = {user.id: user for user in users if user.is_active}
     others = [user.id for user in active.values() if not user.is_staff]
     held = {user.id: Role.STAFF for user in active.values() if user.is_staff}
-    for given in _given(others, [robot.id], at) if others else ():
-        held[given.person] = max(given.role, held.get(given.person, given.role))
+    for one in _given(others, [robot.id], at):
+        held[one.person] = max(one.role, held.get(one.person, one.role))
     return held
 
 
@@ -123,9 +80,7 @@ def robots_visible_to(user: User) -> QuerySet[Robot]:
         return robots.none()
     if user.is_staff:
         return robots
-    mine = Q(enrolments__person=user) | Q(supervisors=user)
-    courses = valid_courses().filter(mine).values("pk")
-    return robots.filter(Q(pk__in=RobotRole.objects.filter(user=user).values("robot")) | _of_courses(courses))
+    return robots.filter(pk__in={one.robot for one in _given([user.id], None)})
 
 
 def robot_seen_by(user: User, slug: str) -> Robot:
@@ -134,7 +89,7 @@ def robot_seen_by(user: User, slug: str) -> Robot:
 
 
 def _of_courses(courses: Any) -> Q:
-    """Return the condition by which a robot belongs to one of the courses, itself or by a group."""
+    """Return the condition by which a robot belongs to one of these courses, itself or by a group."""
     direct = Course.robots.through.objects.filter(course__in=courses)
     grouped = RobotGroup.robots.through.objects.filter(robotgroup__courses__in=courses)
     return Q(pk__in=direct.values("robot")) | Q(pk__in=grouped.values("robot"))
@@ -158,8 +113,10 @@ def courses_for(user: User, robot: Robot, now: datetime) -> list[Course]:
 
     A supervisor of a course is not enrolled in it, so no quota of it counts for them.
     """
-    on_robot = Q(robots=robot) | Q(groups__robots=robot)
-    return list(valid_courses(now).filter(on_robot, enrolments__person=user).distinct())
+    keys = {one.course for one in _given([user.id], [robot.id], now) if one.role is not Role.SUPERVISOR} - {
+        OWN
+    }
+    return list(Course.objects.filter(pk__in=keys)) if keys else []
 
 
 def may_manage(user: User, course: Course) -> bool:
@@ -179,11 +136,6 @@ def courses_managed_by(user: User) -> QuerySet[Course]:
 # --- qualifications -------------------------------------------------------------------------------
 
 
-def demanded_by(robot: Robot) -> QuerySet[Qualification]:
-    """Return the qualifications that the robot or one of its groups demands."""
-    return Qualification.objects.filter(Q(robots=robot) | Q(groups__robots=robot)).distinct()
-
-
 def demanded_in(course: Course) -> QuerySet[Qualification]:
     """Return the qualifications that the course's robots demand."""
     robots = robot_ids_of(course)
@@ -196,15 +148,19 @@ def missing_qualifications(user: User, robot: Robot, now: datetime) -> list[Qual
 
 
 def lacking(robot: Robot, users: Iterable[User], now: datetime) -> dict[UUID, list[Qualification]]:
-    """`missing_qualifications` of many people, in at most two queries; who lacks none is left out."""
+    """`missing_qualifications` of many people; who lacks none is left out.
+
+    One query, or three if the robot demands any.
+    """
     people = [user.id for user in users if not user.is_staff]
-    demanded = list(demanded_by(robot)) if people else []
-    if not demanded:
+    keys = demanded(robot.id) if people else []
+    if not keys:
         return {}
-    grants = QualificationGrant.objects.filter(qualification__in=demanded, person_id__in=people)
+    wanted = list(Qualification.objects.filter(pk__in=keys))
+    grants = QualificationGrant.objects.filter(qualification__in=keys, person_id__in=people)
     valid = grants.filter(Q(expires_at=None) | Q(expires_at__gt=now))
     held = set(valid.values_list("person_id", "qualification_id"))
-    lacks = {person: [one for one in demanded if (person, one.pk) not in held] for person in people}
+    lacks = {person: [one for one in wanted if (person, one.pk) not in held] for person in people}
     return {person: found for person, found in lacks.items() if found}
 
 
@@ -247,13 +203,13 @@ def reasons(user: User, now: datetime) -> list[Reason]:
     if user.is_staff:
         staff = (Source(Role.STAFF, None),)
         return [Reason(robot, Role.STAFF, staff, ()) for robot in robots]
-    given = _given([user.id], [robot.id for robot in robots], now)
-    courses = Course.objects.in_bulk({one.course for one in given})
-    found = []
+    found = _given([user.id], [robot.id for robot in robots], now)
+    courses = Course.objects.in_bulk({one.course for one in found})
+    told = []
     for robot in robots:
-        sources = [Source(one.role, courses.get(one.course)) for one in given if one.robot == robot.id]
+        sources = [Source(one.role, courses.get(one.course)) for one in found if one.robot == robot.id]
         sources.sort(key=lambda one: one.role.rank, reverse=True)
         if sources:
             missing = tuple(missing_qualifications(user, robot, now))
-            found.append(Reason(robot, sources[0].role, tuple(sources), missing))
-    return found
+            told.append(Reason(robot, sources[0].role, tuple(sources), missing))
+    return told

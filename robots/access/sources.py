@@ -1,0 +1,89 @@
+"""Every source of roles, and what robots demand, read by hand-written SQL.
+
+The rights of everybody who has a robot's page open are read twice a second. Django takes 10 ms to build the query of
+roles; the database answers it in 0.1 ms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from datetime import date
+from typing import Any
+from uuid import UUID
+
+from django.db import connection
+from msgspec import Struct
+
+from robots.registry.models import Role
+
+OWN = 0  # in place of a course's key: the role was given robot by robot
+
+_GIVEN = """
+WITH covered (course_id, robot_id) AS (
+    SELECT course_id, robot_id FROM access_course_robots
+    UNION
+    SELECT cg.course_id, gr.robot_id
+    FROM access_course_groups cg JOIN access_robotgroup_robots gr ON gr.robotgroup_id = cg.robotgroup_id
+), valid (id, role) AS (
+    SELECT id, role FROM access_course WHERE NOT archived AND starts_on <= {day} AND ends_on >= {day}
+)
+SELECT user_id, robot_id, role, 0 FROM robots_robotrole WHERE user_id IN ({people}) AND {on_robots}
+UNION ALL
+SELECT person_id, robot_id, role, valid.id
+FROM access_enrolment e JOIN valid ON valid.id = e.course_id JOIN covered ON covered.course_id = e.course_id
+WHERE person_id IN ({people}) AND {on_robots}
+UNION ALL
+SELECT user_id, robot_id, 'supervisor', valid.id
+FROM access_course_supervisors s JOIN valid ON valid.id = s.course_id JOIN covered ON covered.course_id = s.course_id
+WHERE user_id IN ({people}) AND {on_robots}
+"""
+
+_DEMANDED = """
+SELECT qualification_id FROM access_qualification_robots WHERE robot_id = %s
+UNION
+SELECT qualification_id
+FROM access_qualification_groups qg JOIN access_robotgroup_robots gr ON gr.robotgroup_id = qg.robotgroup_id
+WHERE gr.robot_id = %s
+"""
+
+
+class Given(Struct, frozen=True):
+    """One source of a role."""
+
+    person: UUID
+    robot: UUID
+    role: Role
+    course: int  # `OWN` or the course's key
+
+
+def given(people: Collection[UUID], robots: Collection[UUID] | None, day: date) -> list[Given]:
+    """Return every role of these people on these robots (None: on all) on that day. One query."""
+    if not people or (robots is not None and not robots):
+        return []
+    on_robots = "1 = 1" if robots is None else f"robot_id IN ({_marks(robots)})"
+    query = _GIVEN.format(day="%s", people=_marks(people), on_robots=on_robots)
+    members = [*map(_stored, people), *map(_stored, robots or ())]
+    today = connection.ops.adapt_datefield_value(day)
+    with connection.cursor() as cursor:
+        cursor.execute(query, [today, today, *members, *members, *members])
+        rows = cursor.fetchall()
+    return [Given(_key(person), _key(robot), Role(role), course) for person, robot, role, course in rows]
+
+
+def demanded(robot: UUID) -> list[int]:
+    """Return the keys of the qualifications that the robot or one of its groups demands. One query."""
+    with connection.cursor() as cursor:
+        cursor.execute(_DEMANDED, [_stored(robot)] * 2)
+        return [key for (key,) in cursor.fetchall()]
+
+
+def _marks(values: Collection[Any]) -> str:
+    return ", ".join(["%s"] * len(values))
+
+
+def _stored(key: UUID) -> UUID | str:
+    return key if connection.features.has_native_uuid_field else key.hex
+
+
+def _key(stored: UUID | str) -> UUID:
+    return stored if isinstance(stored, UUID) else UUID(hex=stored)
