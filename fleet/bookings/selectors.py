@@ -124,15 +124,27 @@ def _why(period: OutOfService) -> str:
     return f"{period.get_why_display()}: {period.note}" if period.note else str(period.get_why_display())
 
 
+def taken_between(
+    robot: Robot,
+    starts: datetime,
+    ends: datetime,
+    grace: timedelta,
+    now: datetime,
+    but: Booking | None = None,
+) -> list[Taken]:
+    """Return the bookings of a robot between two moments, apart from the one that is moved."""
+    held = held_between([robot], starts, ends)
+    if but is not None:
+        held = held.exclude(pk=but.pk)
+    return [Taken(held_slot(one, grace, now), one.person.display_name) for one in held]
+
+
 def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Booking | None = None) -> Wish:
     """Return the wish with the facts by which it is judged. `moved`: the booking that it replaces."""
     policy = policy_of(robot)
     grace = grace_of(policy)
     starts, ends = slot.starts_at, max(slot.ends_at, slot.starts_at)
-    others = held_between([robot], starts, ends)
-    if moved is not None:
-        others = others.exclude(pk=moved.pk)
-    taken = [Taken(held_slot(one, grace, now), one.person.display_name) for one in others]
+    taken = taken_between(robot, starts, ends, grace, now, moved)
     own = _own_slots(policy, person, slot, now, moved)
     course = course_of(robot, person, starts)
     return Wish(
@@ -142,7 +154,7 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
         policy=policy,
         lab=zone_of(""),
         zone=viewers(),
-        role=_role_throughout(person, robot, starts, ends),
+        role=_role_throughout(person, robot, starts, ends, course),
         missing=tuple(one.name for one in missing_qualifications(person, robot, starts)),
         quota=_quota_of(course, person, slot, now, moved) if course else None,
         own=tuple(one for one, _ in own),
@@ -152,11 +164,15 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
     )
 
 
-def _role_throughout(person: User, robot: Robot, starts: datetime, ends: datetime) -> Role | None:
+def _role_throughout(
+    person: User, robot: Robot, starts: datetime, ends: datetime, course: Course | None
+) -> Role | None:
     """Return the lower of the roles at the start and at the end: a course may end in between."""
-    roles = [role_on(person, robot, at) for at in (starts, ends)]
-    known = [role for role in roles if role is not None]
-    return min(known) if len(known) == len(roles) else None
+    role = role_on(person, robot, starts)
+    if role is None or course is None:
+        return role
+    at_end = role_on(person, robot, ends)
+    return min(role, at_end) if at_end is not None else None
 
 
 def course_of(robot: Robot, person: User, at: datetime) -> Course | None:
@@ -208,20 +224,26 @@ def free_slots(
     after: datetime,
     now: datetime,
     most: int = ALTERNATIVES,
+    wish: Wish | None = None,
 ) -> list[tuple[Robot, Slot]]:
-    """Return the next slots of this length that no rule refuses, earliest first."""
+    """Return the next slots of this length that no rule refuses, earliest first.
+
+    `wish`: facts about the person and the one robot that are known already.
+    """
     length = timedelta(minutes=minutes)
     found: list[tuple[Robot, Slot]] = []
     for robot in robots:
-        found += [(robot, slot) for slot in _free_on(robot, person, length, after, now, most)]
+        facts = wish or wish_of(robot=robot, person=person, slot=Slot(after, after + length), now=now)
+        found += [(robot, slot) for slot in _free_on(robot, facts, length, after, now, most)]
     return sorted(found, key=lambda one: one[1].starts_at)[:most]
 
 
 def _free_on(
-    robot: Robot, person: User, length: timedelta, after: datetime, now: datetime, most: int
+    robot: Robot, facts: Wish, length: timedelta, after: datetime, now: datetime, most: int
 ) -> list[Slot]:
-    whole = wish_of(robot=robot, person=person, slot=Slot(after, after + SEARCH), now=now)
-    busy = sorted((*whole.taken, *whole.out), key=lambda one: one.slot.starts_at)
+    taken = taken_between(robot, after, after + SEARCH, grace_of(facts.policy), now)
+    out = out_between(robot, after, after + SEARCH)
+    busy = sorted((*taken, *out), key=lambda one: one.slot.starts_at)
     found: list[Slot] = []
     starts = _rounded_up(max(after, now))
     for _ in range(TRIES):
@@ -231,7 +253,7 @@ def _free_on(
         in_the_way = next((one for one in busy if one.slot.overlaps(slot)), None)
         if in_the_way is not None:
             starts = _rounded_up(min(in_the_way.slot.ends_at, after + SEARCH))
-        elif refusals(structs.replace(whole, slot=slot, taken=(), out=())):
+        elif refusals(structs.replace(facts, slot=slot, taken=(), out=())):
             starts += STEP
         else:
             found.append(slot)

@@ -23,7 +23,7 @@ from fleet.audit.services import record
 from fleet.bookings import overlaps
 from fleet.bookings.letters import changed_by_another
 from fleet.bookings.models import Booking, State
-from fleet.bookings.rules import Slot, check_cancel, refusals
+from fleet.bookings.rules import Slot, Wish, check_cancel, refusals
 from fleet.bookings.selectors import (
     Stage,
     course_of,
@@ -44,11 +44,12 @@ changed = Signal()  # robot_id: the robot's bookings changed; sent after the com
 
 
 class BookingRefused(NotDone):
-    """A change of a booking is not allowed. `refusals` has every reason."""
+    """A change of a booking is not allowed. `refusals` has every reason, `wish` the facts, if a rule refused."""
 
-    def __init__(self, refusals: list[Refusal]) -> None:
+    def __init__(self, refusals: list[Refusal], wish: Wish | None = None) -> None:
         super().__init__(refusals[0])
         self.refusals = refusals
+        self.wish = wish
 
 
 _TAKEN = Refusal("taken", "Another person has just booked this time. Choose another one.", "booking")
@@ -255,7 +256,7 @@ def _check(
         wish = structs.replace(wish, now=wish.slot.starts_at)
     overridden = bool(override) and _supervises(actor, robot)
     if found := refusals(wish, override=overridden):
-        raise BookingRefused(found)
+        raise BookingRefused(found, wish)
 
 
 def _free_no_shows(robot: Robot, slot: Slot, now: datetime, but: Booking | None = None) -> None:

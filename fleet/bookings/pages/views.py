@@ -35,7 +35,6 @@ from fleet.bookings.selectors import (
     grace_of,
     held_between,
     policies_of,
-    policy_of,
     stage_of,
 )
 from fleet.bookings.services import BookingRefused
@@ -107,7 +106,7 @@ def booking_new(request: HttpRequest) -> HttpResponse:
             now=timezone.now(),
         )
     except BookingRefused as error:
-        return _refused(request, form, error.refusals, _alternatives(person, form, error.refusals))
+        return _refused(request, form, error.refusals, _alternatives(person, form, error))
     if wants_json(request):
         return JsonResponse({"id": str(booking.pk), "version": booking.version})
     messages.success(request, _("Booked: %(booking)s.") % {"booking": _in_words(booking)})
@@ -279,13 +278,14 @@ def _form_refusals(form: SlotForm) -> list[Refusal]:
     ]
 
 
-def _alternatives(person: User, form: SlotForm, refusals: list[Refusal]) -> list[tuple[Robot, Slot]]:
+def _alternatives(person: User, form: SlotForm, error: BookingRefused) -> list[tuple[Robot, Slot]]:
     """Return the next free slots of the same robot if the time is taken, as long as wished and allowed."""
-    if "taken" not in (refusal.code for refusal in refusals):
+    wish = error.wish
+    if wish is None or "taken" not in (refusal.code for refusal in error.refusals):
         return []
-    robot = form.cleaned_data["robot"]
-    minutes = min(form.slot.minutes, policy_of(robot).longest_min)
-    return free_slots([robot], person, minutes, after=form.slot.starts_at, now=timezone.now())
+    minutes = min(form.slot.minutes, wish.policy.longest_min)
+    robots, after = [form.cleaned_data["robot"]], form.slot.starts_at
+    return free_slots(robots, person, minutes, after=after, now=timezone.now(), wish=wish)
 
 
 def _refused(
