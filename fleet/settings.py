@@ -77,6 +77,7 @@ MIDDLEWARE = [
     "django.middleware.common.CommonMiddleware",
     "django.middleware.csrf.CsrfViewMiddleware",
     "django.contrib.auth.middleware.AuthenticationMiddleware",
+    "fleet.site.setup.leads_to_setup",
     "fleet.accounts.middleware.SignInRequired",
     "fleet.accounts.middleware.ViewersZone",
     "fleet.accounts.middleware.sign_in_seen",

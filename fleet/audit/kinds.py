@@ -133,6 +133,7 @@ KINDS: dict[str, Kind] = {
     "account.sign_in_failed": Kind(_("sign-in failed")),
     "account.sign_out": Kind(_("signed out")),
     "audit.export": Kind(_("log exported")),
+    "setup.admin": Kind(_("console set up with its one-time code")),
     "audit.verify": Kind(_("log verified")),
     "audit.expire": Kind(_("details expired")),
     "audit.checkpoint": Kind(_("checkpoint: what is older may be removed")),

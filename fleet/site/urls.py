@@ -7,7 +7,7 @@ from django.views.decorators.cache import cache_control
 from django.views.generic import RedirectView
 from django.views.i18n import JavaScriptCatalog
 
-from fleet.site import views
+from fleet.site import setup, views
 
 admin.site.site_title = admin.site.site_header = "Fleet console"
 
@@ -20,6 +20,7 @@ handler404 = "fleet.site.views.not_found"
 handler500 = "fleet.unavailable.error_page"
 
 urlpatterns = [
+    path("setup/", include(setup)),
     path("accounts/", include("fleet.accounts.urls")),
     path("admin/login/", views.admin_login),
     path("admin/password_change/", RedirectView.as_view(pattern_name="password")),

@@ -88,9 +88,30 @@ def serve(asked: argparse.Namespace) -> int:
         ):
             children.append(Child(name, line, env=os.environ))
         say(f"Serving on {asked.bind}:{asked.port}. Ctrl-C or SIGTERM ends it.")
+        introduce(asked)
         raise ChildDied(wait_for_any_end(children))
     finally:
         end_all(children)
+
+
+def introduce(asked: argparse.Namespace) -> None:
+    """Print the first-run page and its one-time code, while nobody has an account."""
+    made = subprocess.run(
+        [sys.executable, "manage.py", "setup_code"], check=False, stdout=subprocess.PIPE, text=True
+    )
+    if code := made.stdout.strip():
+        say(f"Nobody has an account yet. Set the console up at {setup_address(asked)}")
+        say(f"One-time code: {code}")
+
+
+def setup_address(asked: argparse.Namespace) -> str:
+    """Return the address of the first-run page, by a name that the console answers to."""
+    names = Environment(os.environ).names("FLEET_HOSTS") or ["localhost"]
+    near = [name for name in names if name in ("localhost", "127.0.0.1")]
+    host = near[0] if near and is_loopback(asked.bind) and not asked.behind_proxy else names[0]
+    if asked.behind_proxy:
+        return f"https://{host}/setup/"
+    return f"http{'s' if asked.certificate else ''}://{host}:{asked.port}/setup/"
 
 
 def require_one_mind_about_tls(asked: argparse.Namespace, env: Environment) -> None:

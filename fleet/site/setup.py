@@ -1,0 +1,158 @@
+"""The first-run pages: the first admin, the first robot, and the way to everybody else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+from django import forms
+from django.conf import settings
+from django.contrib.auth import login
+from django.contrib.auth.decorators import login_not_required
+from django.contrib.auth.forms import BaseUserCreationForm
+from django.core.exceptions import PermissionDenied, ValidationError
+from django.db import DatabaseError
+from django.http import HttpRequest, HttpResponse, HttpResponseBase
+from django.shortcuts import redirect, render
+from django.urls import path
+from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods, require_safe
+
+from fleet.accounts import first_run, throttle
+from fleet.accounts.hashing import HashingBusy
+from fleet.accounts.models import User
+from fleet.accounts.requests import person_of
+from robots.registry import services
+from robots.registry.models import Robot
+from robots.registry.robot_check import FAIL, run_checks
+from robots.registry.selectors import slug_for
+
+_OPEN = ("/setup/", "/texts.js", "/healthz", "/cookies/", "/privacy/", "/static/")
+
+
+class AdminForm(BaseUserCreationForm):  # type: ignore[type-arg]  # not subscriptable at run time
+    """The first account."""
+
+    code = forms.CharField(label=gettext_lazy("One-time code"), max_length=40)
+
+    class Meta:
+        model = User
+        fields = ("username", "full_name", "email")
+
+
+class RobotForm(forms.ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
+    """A robot by its name, kind and ROS master."""
+
+    class Meta:
+        model = Robot
+        fields = ("name", "profile", "master_uri")
+
+
+def leads_to_setup(
+    get_response: Callable[[HttpRequest], HttpResponseBase],
+) -> Callable[[HttpRequest], HttpResponseBase]:
+    """Middleware: while nobody has an account, every page leads to the first-run page."""
+
+    def middleware(request: HttpRequest) -> HttpResponseBase:
+        if request.method == "GET" and not request.path.startswith(_OPEN) and _is_waiting():
+            return redirect("setup")
+        return get_response(request)
+
+    return middleware
+
+
+def _is_waiting() -> bool:
+    try:
+        return first_run.is_waiting()
+    except DatabaseError:  # the page itself says so
+        return False
+
+
+@login_not_required
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def first_admin(request: HttpRequest) -> HttpResponse:
+    """Make the first admin, who then is signed in. Refused once there is an account."""
+    if not first_run.is_waiting():
+        return render(request, "setup/closed.html", {"nobody": not User.objects.exists()}, status=403)
+    form = AdminForm(request.POST or None)
+    status = 200
+    if form.is_valid():
+        status = _made(request, form)
+        if status == 302:
+            return redirect("setup-robot")
+    return render(request, "setup/admin.html", {"form": form}, status=status)
+
+
+def _made(request: HttpRequest, form: AdminForm) -> int:
+    """Make the account and sign in: 302. Otherwise the form has the reason."""
+    try:
+        user = cast(User, form.save(commit=False))  # the password is hashed before the transaction
+        refusal = first_run.admin_make(request, user, form.cleaned_data["code"])
+    except throttle.TooMany:
+        form.add_error("code", _("Too many wrong codes from this address. Try again in five minutes."))
+        return 429
+    except HashingBusy:
+        form.add_error(None, _("Many people sign in at this moment. Try again in a moment."))
+        return 503
+    if refusal:
+        form.add_error("code", refusal)
+        return 403
+    login(request, user, backend=settings.AUTHENTICATION_BACKENDS[0])
+    return 302
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def first_robot(request: HttpRequest) -> HttpResponse:
+    """Add a robot, then check it."""
+    person = _staff(request)
+    form = RobotForm(request.POST or None)
+    if form.is_valid():
+        robot = form.save(commit=False)
+        robot.slug = slug_for(robot.name)
+        try:
+            services.robot_save(robot=robot, actor=person)
+        except ValidationError as error:
+            form.add_error(None, error.messages)
+        else:
+            return redirect("setup-check", robot.slug)
+    return render(request, "setup/robot.html", {"form": form, "robots": Robot.objects.all()})
+
+
+@never_cache
+@require_safe
+def check(request: HttpRequest, slug: str) -> HttpResponse:
+    """Show what keeps the new robot from being driven, with remedies."""
+    _staff(request)
+    robot = Robot.objects.filter(slug=slug).first()
+    if robot is None:
+        return redirect("setup-robot")
+    answers = run_checks(robot)
+    failures = sum(answer.level == FAIL for answer in answers)
+    return render(request, "setup/check.html", {"robot": robot, "answers": answers, "failures": failures})
+
+
+@never_cache
+@require_safe
+def people(request: HttpRequest) -> HttpResponse:
+    """Show the ways to let other people in."""
+    _staff(request)
+    return render(request, "setup/people.html")
+
+
+def _staff(request: HttpRequest) -> Any:
+    person = person_of(request)
+    if not person.is_staff:
+        raise PermissionDenied("These pages are for staff.")
+    return person
+
+
+urlpatterns = [
+    path("", first_admin, name="setup"),
+    path("robot/", first_robot, name="setup-robot"),
+    path("robot/<slug:slug>/", check, name="setup-check"),
+    path("people/", people, name="setup-people"),
+]
