@@ -171,6 +171,22 @@ def test_people_are_taken_out(signed_in: SignIn, course: Course, teacher: User, 
     assert not Enrolment.objects.exists()
 
 
+def test_a_supervisor_cancels_a_booking_of_the_course(
+    signed_in: SignIn, course: Course, teacher: User, student: User, robot: Robot
+) -> None:
+    starts = (timezone.now() + timedelta(days=1)).replace(second=0, microsecond=0)
+    form = {"robot": robot.slug, "starts_at": f"{starts:%Y-%m-%dT%H:%M}"}
+    form["ends_at"] = f"{starts + timedelta(hours=1):%Y-%m-%dT%H:%M}"
+    assert signed_in(student).post("/bookings/new/", form).status_code == 200
+    client = signed_in(teacher)
+    page = client.get("/bookings/courses/hri-2026/")
+    assert "Stu Dent" in shown(page)
+    address = re.search(r'action="(/bookings/[^"]+)"', page.content.decode())[1]
+    client.post(address, {"action": "cancel", "version": "1"})
+    assert "The course has no bookings to come." in shown(client.get("/bookings/courses/hri-2026/"))
+    assert signed_in(student).get("/bookings/courses/hri-2026/").status_code == 404
+
+
 # --- joining --------------------------------------------------------------------------------------
 
 

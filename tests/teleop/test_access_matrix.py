@@ -182,6 +182,7 @@ COURSE_ACTIONS: dict[str, tuple[str, dict[str, str] | None]] = {
     "invitation": ("supervisor", None),
     "invitation-qr": ("supervisor", None),
     "invitation-revoke": ("supervisor", {}),
+    "bookings-course": ("supervisor", None),
     "course-edit": ("staff", None),
     "course-archive": ("staff", {"archived": "1"}),
     "course-new": ("staff", None),

@@ -13,6 +13,7 @@ urlpatterns = [
     path("bookings/ical/<str:token>.ics", views.ical, name="bookings-ical"),
     path("bookings/waiting/", views.waiting, name="bookings-waiting"),
     path("bookings/mine/", views.bookings_mine, name="bookings-mine"),
+    path("bookings/courses/<slug:slug>/", views.bookings_of_course, name="bookings-course"),
     path("bookings/policies/", policy_views.policies, name="booking-policies"),
     path("bookings/policies/all/", policy_views.policy, name="booking-policy-all"),
     path("bookings/policies/<slug:slug>/", policy_views.policy, name="booking-policy"),

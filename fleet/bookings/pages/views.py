@@ -40,11 +40,12 @@ from fleet.bookings.selectors import (
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
 from fleet.zones import viewers
-from robots.access.selectors import robots_visible_to, roles_of
+from robots.access.selectors import courses_managed_by, robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
 
 LISTED = 50  # of one's own bookings
+MOST = 500  # of a course's
 OPEN = (Stage.AWAITING, Stage.OFFERED, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
 
 
@@ -147,6 +148,25 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
         "robots": robots_visible_to(person_of(request)),
     }
     return render(request, "bookings/mine.html", context)
+
+
+@never_cache
+@require_safe
+def bookings_of_course(request: HttpRequest, slug: str) -> HttpResponse:
+    """List a course's bookings of its people, for its supervisors and staff: those to come, then the past."""
+    course = get_object_or_404(courses_managed_by(person_of(request)), slug=slug)
+    now = timezone.now()
+    found = list(
+        Booking.objects.filter(course=course).select_related("robot", "person").order_by("-starts_at")[:MOST]
+    )
+    rows = _rows(found, {one.robot for one in found}, now)
+    context = {
+        "course": course,
+        "to_come": [row for row in rows if row["stage"] in OPEN][::-1],
+        "past": [row for row in rows if row["stage"] not in OPEN],
+        "zone": viewers().key,
+    }
+    return render(request, "bookings/course.html", context)
 
 
 @never_cache
