@@ -21,6 +21,7 @@ from fleet.audit.services import lock_chain, record
 from robots.access import welcome
 from robots.access.models import Course, Enrolment, Invitation
 from robots.access.people_lists import Listed, PeopleList, Wrong
+from robots.access.selectors import lab_date
 from robots.wire import NotDone, Refusal
 
 if TYPE_CHECKING:
@@ -228,7 +229,7 @@ def check_invitation(invitation: Invitation | None, now: datetime) -> Refusal | 
         text = _("This invitation was for %(people)d people, and so many have joined.")
         figures = {"people": invitation.most_uses}
         return Refusal("invitation_used", f"{text % figures} {again}", "account", figures)
-    if invitation.course.archived:
+    if invitation.course.archived or invitation.course.ends_on < lab_date(now):
         return Refusal("course_over", _("This course is over."), "account")
     return None
 

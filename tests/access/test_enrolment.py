@@ -181,6 +181,8 @@ def test_an_invitation_ends(course: Course, teacher: User) -> None:
 
     assert code() is None
     assert code(now + timedelta(days=1)) == "invitation_expired"
+    Course.objects.update(starts_on="2020-01-01", ends_on="2020-02-01")
+    assert code() == "course_over"
     invitation_revoke(invitation=made, actor=teacher)
     assert code() == "invitation_revoked"
     assert invitation_of(str(made.pk)) is None
