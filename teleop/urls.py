@@ -20,6 +20,7 @@ urlpatterns = [
         report_views.control_session_map,
         name="control-session-map",
     ),
+    path("today/", report_views.today_page, name="today"),
     path("your-data/", report_views.your_data, name="your-data"),
     path("your-data/export/", report_views.your_data_export, name="your-data-export"),
     path("stop-all/", stop_views.page_stop_all, name="stop-all"),

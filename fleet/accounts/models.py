@@ -35,6 +35,12 @@ class User(RecordedUser):
         """The name to show: the full name, or the user name if there is none."""
         return self.full_name or self.username
 
+    @property
+    def supervised_robots(self) -> bool:
+        """Return whether the person is supervisor of a robot by a role of their own; for the menu."""
+        roles = getattr(self, "robot_roles", None)  # of robots.registry, which is above
+        return roles is not None and roles.filter(role="supervisor").exists()
+
     def get_full_name(self) -> str:
         """The full name; may be blank."""
         return self.full_name

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from datetime import datetime, timezone
+from datetime import date, datetime, timedelta, timezone
 from itertools import pairwise
 from typing import Any
 from uuid import UUID
@@ -13,7 +13,7 @@ from django.conf import settings
 from django.core.exceptions import BadRequest
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
-from django.utils.dateparse import parse_datetime
+from django.utils.dateparse import parse_date, parse_datetime
 from django.utils.dates import WEEKDAYS
 from django.utils.timezone import is_aware, now
 from django.utils.translation import gettext as _
@@ -22,6 +22,7 @@ from django.views.decorators.cache import cache_control, never_cache
 from django.views.decorators.http import require_POST, require_safe
 from msgspec import Struct
 
+from fleet import zones
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit import wording
@@ -29,7 +30,7 @@ from fleet.audit.addresses import number, session_url_of
 from fleet.audit.listing import Row
 from robots.access.selectors import robot_seen_by, supervises
 from teleop.control.selectors import end_notes
-from teleop.reports import own_data, path_plot, robot_report, session_report
+from teleop.reports import own_data, path_plot, robot_report, session_report, today
 from teleop.reports.session_maps import maps_of
 
 _AUTHORS = {
@@ -37,6 +38,7 @@ _AUTHORS = {
     own_data.Author.OTHER: gettext_lazy("by another person"),
     own_data.Author.UNKNOWN: gettext_lazy("by a person who failed to sign in"),
 }
+ONE_DAY = timedelta(days=1)
 MAP_CACHED_S = 60 * 60  # in the browser; the picture of a number never changes
 
 
@@ -115,6 +117,30 @@ def robot(request: HttpRequest, slug: str) -> HttpResponse:
         },
     }
     return render(request, "teleop/robot_report.html", context)
+
+
+@never_cache
+@require_safe
+def today_page(request: HttpRequest) -> HttpResponse:
+    """Show one day of all robots of which the person is supervisor; staff see every robot."""
+    robots = today.supervised_by(person_of(request))
+    if not robots and not person_of(request).is_staff:
+        raise Http404("This page is for supervisors and staff.")
+    moment = now()
+    current = zones.day_of(moment)
+    try:
+        day = parse_date(request.GET["day"]) if request.GET.get("day") else current
+    except ValueError:
+        day = None
+    if day is None or not 1970 <= day.year < date.max.year:
+        raise BadRequest("day is not a date such as 2026-11-23")
+    context = {
+        "report": today.day_of(robots, day, moment),
+        "is_today": day == current,
+        "previous": day - ONE_DAY,
+        "next": day + ONE_DAY,
+    }
+    return render(request, "teleop/today.html", context)
 
 
 @never_cache
