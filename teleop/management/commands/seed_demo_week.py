@@ -72,7 +72,7 @@ def seed_student(student: Student) -> User:
 
 
 def seed_course(people: list[User], robots: list[Robot], now: datetime) -> None:
-    """Create a course until the end of term, with a qualification that all but the last student hold."""
+    """Create a course until the end of term, with a qualification that all people but the last student hold."""
     course = Course.objects.create(
         name="Human-Robot Interaction",
         slug="hri",
@@ -86,7 +86,8 @@ def seed_course(people: list[User], robots: list[Robot], now: datetime) -> None:
     induction = Qualification.objects.create(name="safety induction", slug="safety-induction")
     induction.robots.set(robots[-1:])
     QualificationGrant.objects.bulk_create(
-        QualificationGrant(qualification=induction, person=person) for person in people[:-1]
+        QualificationGrant(qualification=induction, person=person)
+        for person in User.objects.exclude(pk=people[-1].pk)
     )
 
 
