@@ -245,7 +245,8 @@ def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, m
         cookie = sign_in(served, STAFF.role)
         tiago = Form.of(served.browse(cookie, ADD)[1]).options["PAL TIAGo"]
         entry = {"name": "TIAGo 42", "slug": ROBOT, "profile": tiago, "master_uri": master_uri}
-        assert served.submit(cookie, ADD, **entry, advertised_address="127.0.0.1") == "/admin/robots/robot/"
+        checked = served.submit(cookie, ADD, **entry, advertised_address="127.0.0.1")
+        assert checked == f"/robots/{ROBOT}/check/"
         asyncio.run(drive_stop_edit(served, cookie))
 
         family = Family(first.pid)
