@@ -193,6 +193,7 @@ def time_zone(env: Environment) -> str:
 
 def email(env: Environment) -> dict[str, Any]:
     """`FLEET_EMAIL_URL`: how e-mails leave, such as `smtp://user:password@host:587` (STARTTLS) or `smtps://` (TLS).
+    `smtp://host:25` without a user is a relay in one's own network: no TLS.
 
     Without it they are written to the log of the process that sends them.
     """

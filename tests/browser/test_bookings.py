@@ -85,6 +85,8 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
     operator.page.mouse.up()
     expect(operator.part("dialog-title")).to_have_text("Book this slot?")
     operator.part("dialog-yes").click()
+    expect(operator.part("refusals")).to_have_text("")  # a failure shows why
+    expect(operator.part("dialog")).to_be_hidden()
     expect(operator.page.locator(".ec-event.mine")).to_have_count(1)
 
     staff.open("/bookings/new/")
