@@ -77,7 +77,7 @@ def recorded_change() -> Iterator[None]:
 def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, now: datetime) -> LeaseState:
     """Take control of a robot that no other person controls. From the same person's other tab it moves here."""
     with recorded_change():
-        robot, user = _robot(robot_id), _user(user_id)
+        robot, user = _robot_locked(robot_id), _user(user_id)
         role, permit = _permit(user=user, robot=robot, now=now)
         _require(permit.over)
         before = lease_of(robot_id)
@@ -96,7 +96,7 @@ def lease_take_over(
 ) -> LeaseState:
     """Take control from its holder, or in another person's slot, as a supervisor or staff. The reason is recorded."""
     with recorded_change():
-        robot, user = _robot(robot_id), _user(user_id)
+        robot, user = _robot_locked(robot_id), _user(user_id)
         role, permit = _permit(user=user, robot=robot, now=now)
         before = lease_of(robot_id)
         if permit.over is None or (before is not None and before.user == user_id):
@@ -126,7 +126,7 @@ def lease_hand_over(
 ) -> LeaseState:
     """Hand control over to the person of an open request."""
     with recorded_change():
-        robot, user = _robot(robot_id), _user(user_id)
+        robot, user = _robot_locked(robot_id), _user(user_id)
         held = lease_of(robot_id)
         before = _allowed(held, rules.check_holder(held, tab=tab, now=now))
         request = _open_request(robot_id, request_id, now)
@@ -315,6 +315,12 @@ def _allowed(value: T | None, refusal: Refusal | None) -> T:
 
 def _robot(robot_id: UUID) -> Robot:
     return Robot.objects.select_related("profile").get(pk=robot_id)
+
+
+def _robot_locked(robot_id: UUID) -> Robot:
+    """Return the robot, locked as bookings lock it: first of all, since a record of an end locks the robot's log."""
+    robots = Robot.objects.select_for_update(of=("self",)).select_related("profile")
+    return robots.get(pk=robot_id)
 
 
 def _user(user_id: UUID) -> User:
