@@ -221,6 +221,30 @@ def email(env: Environment) -> dict[str, Any]:
     }
 
 
+def single_sign_on(env: Environment) -> dict[str, Any]:
+    """`FLEET_OIDC_URL`, `FLEET_OIDC_CLIENT_ID`, `FLEET_OIDC_SECRET`, `FLEET_OIDC_NAME`: an OpenID Connect provider.
+
+    The URL is that of the issuer, such as https://login.example.org/realms/lab. None set: no single sign-on.
+    """
+    url = env.text("FLEET_OIDC_URL")
+    if url is None:
+        return {}
+    parts = urlsplit(url)
+    if parts.scheme not in ("http", "https") or not parts.hostname:
+        raise ImproperlyConfigured(
+            f"FLEET_OIDC_URL is {url!r}; it looks like https://login.example.org/realms/lab."
+        )
+    why = "FLEET_OIDC_URL is. The provider gives it when the console is registered there."
+    app = {
+        "provider_id": "sso",
+        "name": env.text("FLEET_OIDC_NAME") or parts.hostname,
+        "client_id": env.required("FLEET_OIDC_CLIENT_ID", why),
+        "secret": env.required("FLEET_OIDC_SECRET", why),
+        "settings": {"server_url": url, "oauth_pkce_enabled": True},
+    }
+    return {"openid_connect": {"APPS": [app]}}
+
+
 def database(url: str) -> dict[str, Any]:
     """A `DATABASES` entry from `FLEET_DATABASE_URL`.
 

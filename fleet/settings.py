@@ -50,12 +50,18 @@ CSRF_TRUSTED_ORIGINS = FLEET_ORIGINS
 INSTALLED_APPS = [
     "django.contrib.admin",
     "django.contrib.auth",
+    "django.contrib.humanize",
     "django.contrib.contenttypes",
     "django.contrib.sessions",
     "django.contrib.messages",
     "django.contrib.staticfiles",
     "rest_framework",
     "csp",
+    "allauth",
+    "allauth.account",
+    "allauth.mfa",
+    "allauth.socialaccount",
+    "allauth.socialaccount.providers.openid_connect",
     "fleet",
     "fleet.audit",
     "fleet.accounts",
@@ -77,8 +83,10 @@ MIDDLEWARE = [
     "django.middleware.common.CommonMiddleware",
     "django.middleware.csrf.CsrfViewMiddleware",
     "django.contrib.auth.middleware.AuthenticationMiddleware",
+    "allauth.account.middleware.AccountMiddleware",
     "fleet.site.setup.leads_to_setup",
     "fleet.accounts.middleware.SignInRequired",
+    "fleet.accounts.sign_in.second_factor.required",
     "fleet.accounts.middleware.ViewersZone",
     "fleet.accounts.middleware.sign_in_seen",
     "django.contrib.messages.middleware.MessageMiddleware",
@@ -129,9 +137,9 @@ DEFAULT_FROM_EMAIL = _env.text("FLEET_EMAIL_FROM") or "fleet-console@localhost"
 # --- people -----------------------------------------------------------------------------------
 
 AUTH_USER_MODEL = "accounts.User"
-AUTHENTICATION_BACKENDS = ["fleet.accounts.backends.StaffBackend"]
+AUTHENTICATION_BACKENDS = ["fleet.accounts.sign_in.backends.StaffBackend"]
 PASSWORD_HASHERS = [
-    "fleet.accounts.hashing.QueuedBCrypt",
+    "fleet.accounts.sign_in.hashing.QueuedBCrypt",
     "django.contrib.auth.hashers.PBKDF2PasswordHasher",
 ]
 AUTH_PASSWORD_VALIDATORS = [
@@ -146,6 +154,38 @@ AUTH_PASSWORD_VALIDATORS = [
 LOGIN_URL = "sign-in"
 LOGIN_REDIRECT_URL = "fleet"
 LOGOUT_REDIRECT_URL = "sign-in"
+
+# Sign-in by django-allauth. Our own limits of failed sign-ins count (fleet.accounts.sign_in.throttle): allauth's would
+# lock a class out that sits behind one address. Its limits of e-mails to one address hold.
+FLEET_STAFF_TWO_FACTOR = _env.flag("FLEET_STAFF_TWO_FACTOR")
+ACCOUNT_ADAPTER = "fleet.accounts.sign_in.adapters.AccountAdapter"
+ACCOUNT_LOGIN_METHODS = {"username", "email"}
+ACCOUNT_SIGNUP_FIELDS = ["username*", "email", "password1*", "password2*"]  # of single sign-on alone
+ACCOUNT_EMAIL_VERIFICATION = "none"  # of addresses that staff entered; a change by its person is verified
+ACCOUNT_CHANGE_EMAIL = True
+ACCOUNT_REAUTHENTICATION_REQUIRED = True  # before a change of the address or of the second factor
+ACCOUNT_EMAIL_UNKNOWN_ACCOUNTS = False
+ACCOUNT_EMAIL_NOTIFICATIONS = True
+ACCOUNT_FORMS = {"add_email": "fleet.accounts.sign_in.forms.EmailForm"}
+ACCOUNT_RATE_LIMITS = {
+    **dict.fromkeys(
+        ("change_password", "login", "login_failed", "reauthenticate", "reset_password_from_key")
+    ),
+    "reset_password": "3/10m/key",
+}
+MFA_ADAPTER = "fleet.accounts.sign_in.adapters.SecondFactorAdapter"
+MFA_SUPPORTED_TYPES = ["totp", "webauthn", "recovery_codes"]
+MFA_PASSKEY_LOGIN_ENABLED = True
+MFA_ALLOW_UNVERIFIED_EMAIL = True
+MFA_TOTP_ISSUER = "Fleet console"
+MFA_RATE_LIMITS = False
+MFA_FORMS = {
+    "authenticate": "fleet.accounts.sign_in.second_factor.CodeForm",
+    "reauthenticate": "fleet.accounts.sign_in.second_factor.CodeAgainForm",
+}
+SOCIALACCOUNT_ADAPTER = "fleet.accounts.sign_in.adapters.SingleSignOnAdapter"
+SOCIALACCOUNT_LOGIN_ON_GET = True  # a link: the content security policy lets no form lead to another host
+SOCIALACCOUNT_PROVIDERS = environment.single_sign_on(_env)
 
 SESSION_COOKIE_AGE = 12 * 60 * 60  # seconds without a page opened: a working day
 SESSION_COOKIE_SECURE = CSRF_COOKIE_SECURE = FLEET_TLS

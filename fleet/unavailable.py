@@ -11,8 +11,8 @@ from django.http import HttpRequest, HttpResponse, HttpResponseBase, JsonRespons
 from django.shortcuts import render
 from django.views.defaults import server_error
 
-from fleet.accounts.hashing import HashingBusy
 from fleet.accounts.requests import wants_json
+from fleet.accounts.sign_in.hashing import HashingBusy
 from fleet.audit.errors import AuditUnavailable, cause_of
 
 logger = logging.getLogger(__name__)

@@ -5,11 +5,15 @@ from __future__ import annotations
 from typing import Any
 from urllib.parse import urlencode
 
-from django.contrib import admin
+from allauth.account.models import EmailAddress
+from allauth.mfa.models import Authenticator
+from allauth.socialaccount.models import SocialAccount, SocialApp, SocialToken
+from django.contrib import admin, messages
 from django.contrib.admin.utils import unquote
 from django.contrib.auth.admin import UserAdmin
 from django.contrib.auth.models import Group
 from django.db import transaction
+from django.db.models import QuerySet
 from django.forms import ModelForm, Select
 from django.http import HttpRequest, HttpResponse
 from django.urls import reverse
@@ -20,11 +24,13 @@ from fleet import zones
 from fleet.accounts import services
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.requests import person_of
+from fleet.accounts.sign_in import second_factor
 from fleet.audit.admin import ReadOnly
 from fleet.audit.recorded_admin import RecordedAdmin
 
-# Roles are given robot by robot, and staff may do everything: groups would be a second truth.
-admin.site.unregister(Group)
+# Roles are given robot by robot, and staff may do everything: groups would be a second truth. The other tables are
+# django-allauth's: people change their own second factor and address, and settings name the single sign-on.
+admin.site.unregister([Group, EmailAddress, Authenticator, SocialAccount, SocialApp, SocialToken])
 
 
 class ListedLookups(RecordedAdmin):
@@ -46,10 +52,11 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
     list_display = ["username", "full_name", "email", "is_staff", "is_active", "last_login"]
     list_filter = ["is_staff", "is_active"]
     search_fields = ["username", "full_name", "email"]
-    readonly_fields = ["roles", "last_login", "date_joined"]
+    readonly_fields = ["roles", "second_factor", "last_login", "date_joined"]
+    actions = ["remove_second_factors"]
     filter_horizontal = []
     fieldsets = [
-        (None, {"fields": ["username", "password", "full_name", "email", "time_zone"]}),
+        (None, {"fields": ["username", "password", "full_name", "email", "second_factor", "time_zone"]}),
         (_("Rights"), {"fields": ["is_active", "is_staff", "roles"]}),
         (_("Dates"), {"fields": ["last_login", "date_joined"]}),
     ]
@@ -63,6 +70,17 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         query = urlencode({"user__id__exact": str(user.pk)})
         url = reverse("admin:robots_robotrole_changelist")
         return format_html('<a href="{}?{}">{}</a>', url, query, _("Show"))
+
+    @admin.display(description=_("Second factor"), boolean=True)
+    def second_factor(self, user: User) -> bool:
+        """Return whether the person signs in with a second factor."""
+        return second_factor.has_second_factor(user)
+
+    @admin.action(description=_("Remove the second factor, since phone and codes are lost"))
+    def remove_second_factors(self, request: HttpRequest, people: QuerySet[User]) -> None:
+        """Let these people sign in by password again. Each removal is recorded."""
+        count = sum(second_factor.second_factors_remove(person) > 0 for person in people)
+        self.message_user(request, _("Second factors removed: %d.") % count, messages.SUCCESS)
 
     def formfield_for_dbfield(self, db_field: Any, request: HttpRequest, **options: Any) -> Any:
         """A time zone is chosen from the known ones."""

@@ -43,6 +43,10 @@ class RecordedUser(AbstractUser):
                 _record("account.create", self, changes)  # differences from a blank account
             elif changes:
                 _record("account.change", self, changes)
+                if "email" in {
+                    change["field"] for change in changes
+                }:  # allauth's list has what is verified of it
+                    self.emailaddress_set.exclude(email=self.email).delete()  # type: ignore[attr-defined]
                 if {"username", "full_name"} & {change["field"] for change in changes}:
                     actor_renamed(self)
 

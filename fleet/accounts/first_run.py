@@ -16,9 +16,9 @@ from django.db import transaction
 from django.http import HttpRequest
 from django.utils.translation import gettext as _
 
-from fleet.accounts import throttle
 from fleet.accounts.models import User
 from fleet.accounts.services import address_of
+from fleet.accounts.sign_in import throttle
 from fleet.audit.services import record
 
 ALPHABET = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"  # without what looks alike: 5 bits each

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import uuid
+from typing import Any
 
 from django.contrib.sessions.models import Session
 from django.db import models
+from django.db.models.functions import Lower
 from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
@@ -26,9 +28,22 @@ class User(RecordedUser):
 
     class Meta(RecordedUser.Meta):
         ordering = ["username"]
+        constraints = [
+            models.UniqueConstraint(
+                Lower("email"),
+                condition=~models.Q(email=""),
+                name="one_account_per_email",
+                violation_error_message=_("Another account has this e-mail address."),
+            )
+        ]
 
     def __str__(self) -> str:
         return self.display_name
+
+    def save(self, **options: Any) -> None:
+        """Save, with the e-mail address in lower case, as it is compared."""
+        self.email = self.email.lower()
+        super().save(**options)
 
     @property
     def display_name(self) -> str:

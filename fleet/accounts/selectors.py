@@ -30,3 +30,11 @@ def signed_in(people: Collection[tuple[UUID, str]]) -> dict[tuple[UUID, str], Us
 def sign_ins_of(user_id: UUID) -> QuerySet[SignIn]:
     """A person's sign-ins that have not expired, newest use first."""
     return SignIn.objects.filter(user_id=user_id, session__expire_date__gt=timezone.now())
+
+
+def username_of(typed: str) -> str:
+    """Return the user name of the person who signs in by it or by their e-mail address; unknown: as typed."""
+    if "@" not in typed or User.objects.filter(username=typed).exists():
+        return typed
+    found = User.objects.filter(email=typed.strip().lower()).values_list("username", flat=True).first()
+    return found or typed

@@ -5,6 +5,9 @@ from __future__ import annotations
 from datetime import timedelta
 from uuid import UUID
 
+from allauth.account.models import EmailAddress
+from allauth.mfa.models import Authenticator
+from allauth.socialaccount.models import SocialAccount
 from django.contrib.auth import HASH_SESSION_KEY
 from django.contrib.sessions.models import Session
 from django.db import transaction
@@ -97,6 +100,8 @@ def account_close(*, user: User) -> None:
     The changes are not recorded field by field, which would keep what is to be forgotten.
     """
     _end(user, sign_ins_of(user.pk), "account erased")
+    for table in (EmailAddress, Authenticator, SocialAccount):
+        table.objects.filter(user=user).delete()
     user.set_unusable_password()
     account = User.objects.filter(pk=user.pk)
     account.update(password=user.password, is_active=False, is_staff=False, is_superuser=False)

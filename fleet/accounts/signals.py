@@ -1,25 +1,37 @@
-"""Records Django's signals of sign-ins, sign-outs, failures and deleted accounts."""
+"""Records sign-ins, sign-outs and failures, deleted accounts, and changes of the ways to sign in."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from allauth.account.authentication import get_authentication_records
+from allauth.core import context
+from allauth.mfa.models import Authenticator
+from allauth.mfa.signals import authentication_failed
+from allauth.socialaccount.models import SocialAccount
 from django.contrib.auth.signals import user_logged_in, user_logged_out, user_login_failed
-from django.db.models.signals import pre_delete
+from django.db.models.signals import post_delete, post_save, pre_delete
 from django.dispatch import receiver
 from django.http import HttpRequest
 
-from fleet.accounts import services, throttle
+from fleet.accounts import services
 from fleet.accounts.models import User
+from fleet.accounts.sign_in import throttle
+from fleet.audit.command_line import SystemAccount, here
 from fleet.audit.services import record
 
 
 @receiver(user_logged_in)
 def _signed_in(*, request: HttpRequest, user: User, **_: Any) -> None:
     sign_in = services.sign_in_begun(request, user)
+    used = [
+        method["type"] if method["method"] == "mfa" else method["method"]
+        for method in get_authentication_records(request, user)
+    ]
     record(
         "account.sign_in",
         actor=user,
+        parameters={"by": used} if used else {},
         private={"address": sign_in.address, "browser": sign_in.user_agent},
     )
 
@@ -35,6 +47,56 @@ def _sign_in_failed(*, credentials: dict[str, Any], request: HttpRequest | None,
     throttle.failure_recorded(
         username=str(credentials.get("username", "")), address=services.address_of(request) if request else ""
     )
+
+
+@receiver(authentication_failed)
+def _wrong_code(*, user: User, **_: Any) -> None:
+    name = throttle.second_factor_of(user)
+    throttle.failure_recorded(username=name, address=name, person=user)
+
+
+@receiver(post_save, sender=Authenticator)
+def _second_factor_added(*, instance: Authenticator, created: bool, **_: Any) -> None:
+    if created:
+        _second_factor_recorded(instance, "added")
+
+
+@receiver(post_delete, sender=Authenticator)
+def _second_factor_removed(*, instance: Authenticator, **_: Any) -> None:
+    _second_factor_recorded(instance, "removed")
+
+
+@receiver(post_save, sender=SocialAccount)
+def _single_sign_on_joined(*, instance: SocialAccount, created: bool, **_: Any) -> None:
+    if created:
+        _single_sign_on_recorded(instance, "joined")
+
+
+@receiver(post_delete, sender=SocialAccount)
+def _single_sign_on_parted(*, instance: SocialAccount, **_: Any) -> None:
+    _single_sign_on_recorded(instance, "parted")
+
+
+def _second_factor_recorded(factor: Authenticator, outcome: str) -> None:
+    """Record a change in its transaction: one that cannot be recorded is not made."""
+    parameters = {"user": str(factor.user_id), "factor": str(factor.type)}
+    record("account.second_factor", actor=_actor(factor.user), outcome=outcome, parameters=parameters)
+
+
+def _single_sign_on_recorded(account: SocialAccount, outcome: str) -> None:
+    record(
+        "account.single_sign_on",
+        actor=_actor(account.user),
+        outcome=outcome,
+        parameters={"user": str(account.user_id)},
+    )
+
+
+def _actor(owner: User) -> User | SystemAccount:
+    """Return the signed-in person, else who signs in at this moment; at the command line, its account."""
+    if context.request is None:
+        return here()
+    return context.request.user if isinstance(context.request.user, User) else owner
 
 
 @receiver(pre_delete, sender=User)  # within the transaction of the deletion

@@ -1,19 +1,14 @@
-"""Sign-in, change of password, and a person's list of sign-ins."""
+"""A person's own pages: account, settings, list of sign-ins."""
 
 from __future__ import annotations
 
-from math import ceil
 from uuid import UUID
 
+from allauth.account.models import EmailAddress
+from allauth.socialaccount.models import SocialAccount
 from django.contrib import messages
-from django.contrib.auth import update_session_auth_hash
-from django.contrib.auth.forms import AuthenticationForm, PasswordChangeForm
-from django.contrib.auth.views import LoginView, PasswordChangeView
-from django.core.exceptions import NON_FIELD_ERRORS
-from django.db import transaction
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
-from django.urls import reverse_lazy
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
@@ -21,51 +16,30 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from fleet.accounts import services
-from fleet.accounts.forms import THROTTLED, SettingsForm, SignInForm
+from fleet.accounts.forms import SettingsForm
 from fleet.accounts.requests import person_of
 from fleet.accounts.selectors import sign_ins_of
+from fleet.accounts.sign_in import second_factor
+from fleet.accounts.sign_in.views import single_sign_on_name
 
 
-class SignInView(LoginView):
-    """The one door for people: pages and admin alike."""
-
-    template_name = "accounts/sign_in.html"
-    authentication_form = SignInForm
-
-    def form_valid(self, form: AuthenticationForm) -> HttpResponse:
-        """Sign in. Refused if it cannot be recorded."""
-        with transaction.atomic():
-            return super().form_valid(form)
-
-    def form_invalid(self, form: AuthenticationForm) -> HttpResponse:
-        """Show the form again; 429 while the name must wait, 503 while many others are being signed in."""
-        response = super().form_invalid(form)
-        if isinstance(form, SignInForm) and form.wait_s:
-            response.status_code = 429 if form.has_error(NON_FIELD_ERRORS, THROTTLED) else 503
-            response.headers["Retry-After"] = str(ceil(form.wait_s))
-        return response
-
-
-class PasswordView(PasswordChangeView):
-    """One's own password."""
-
-    template_name = "accounts/password.html"
-    success_url = reverse_lazy("sessions")
-
-    def form_valid(self, form: PasswordChangeForm) -> HttpResponse:
-        """Change the password. Refused if it cannot be recorded.
-
-        It is hashed first: that waits its turn, and within a transaction SQLite would keep everybody else from writing.
-        """
-        form.user.changed_by = person_of(self.request)
-        form.user.set_password(form.cleaned_data["new_password1"])
-        with transaction.atomic():
-            form.user.save()
-            update_session_auth_hash(self.request, form.user)
-            services.own_password_changed(self.request, person_of(self.request))
-        notice = _("Your password is changed. Every other browser has to sign in again.")
-        messages.success(self.request, notice)
-        return redirect(self.get_success_url())
+@never_cache
+@require_safe
+def account(request: HttpRequest) -> HttpResponse:
+    """Show how a person signs in, with links to change it."""
+    person = person_of(request)
+    addresses = EmailAddress.objects.filter(user=person)
+    context = {
+        "verified": addresses.filter(email=person.email, verified=True).exists(),
+        "pending": addresses.exclude(email=person.email).values_list("email", flat=True).first(),
+        "second_factor": second_factor.has_second_factor(person),
+        "second_factor_missing": second_factor.is_missing(person),
+        "single_sign_on": single_sign_on_name(),
+        "connected": SocialAccount.objects.filter(user=person).exists(),
+        "sign_ins": sign_ins_of(person.pk).count(),
+        "now": timezone.now(),
+    }
+    return render(request, "accounts/account.html", context)
 
 
 @never_cache

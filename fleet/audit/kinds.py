@@ -129,6 +129,8 @@ KINDS: dict[str, Kind] = {
     "account.create": Kind(_("account made")),
     "account.change": Kind(_("account changed")),
     "account.delete": Kind(_("account deleted")),
+    "account.second_factor": Kind(_("second factor added or removed")),
+    "account.single_sign_on": Kind(_("single sign-on joined with an account, or parted")),
     "account.sign_in": Kind(_("signed in")),
     "account.sign_in_failed": Kind(_("sign-in failed")),
     "account.sign_out": Kind(_("signed out")),

@@ -9,9 +9,11 @@ import logging
 from typing import Any
 
 from channels.auth import AuthMiddlewareStack
+from channels.db import database_sync_to_async
 from django.conf import settings
 from django.http.request import split_domain_port, validate_host
 
+from fleet.accounts.sign_in.second_factor import is_missing
 from teleop.live.message_socket import CloseCode
 
 logger = logging.getLogger(__name__)
@@ -36,20 +38,24 @@ class SameOrigin:
 
 
 class SignedIn:
-    """Accepts signed-in people. Others get close code 4401, on which a page can act."""
+    """Accepts signed-in people, staff with the second factor that they need.
+
+    Others get close code 4401, on which a page can act.
+    """
 
     def __init__(self, inner: Any) -> None:
         self._inner = inner
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
         """Run the ASGI application."""
+        reason = "Sign in first."
         if scope["user"].is_authenticated:
-            return await self._inner(scope, receive, send)
+            if not await database_sync_to_async(is_missing)(scope["user"]):
+                return await self._inner(scope, receive, send)
+            reason = "Set up your second factor first, on the page Your account."
         await receive()  # websocket.connect
         await send({"type": "websocket.accept"})
-        return await send(
-            {"type": "websocket.close", "code": CloseCode.SIGNED_OUT, "reason": "Sign in first."}
-        )
+        return await send({"type": "websocket.close", "code": CloseCode.SIGNED_OUT, "reason": reason})
 
 
 def guarded(inner: Any) -> Any:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, TypeVar
 from uuid import UUID
 
 from django.db import transaction
-from django.db.models.functions import Lower
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from msgspec import Struct
@@ -63,31 +62,21 @@ def plan_of(people: PeopleList, course: Course | None) -> Plan:
     new: list[Listed] = []
     wrong = list(people.wrong)
     for one in people.people:
-        accounts = found.get(one.email.lower(), [])
-        if len(accounts) > 1:
-            names = ", ".join(account.username for account in accounts)
-            wrong.append(
-                Wrong(
-                    one.line, one.email, _("Several accounts have this address: %s. Ask the staff.") % names
-                )
-            )
-        elif not accounts:
+        account = found.get(one.email.lower())
+        if account is None:
             new.append(one)
-        elif not accounts[0].is_active:
+        elif not account.is_active:
             wrong.append(Wrong(one.line, one.email, _("This account is closed. Ask the staff.")))
         else:
-            (enrolled if accounts[0].pk in inside else known).append(accounts[0])
+            (enrolled if account.pk in inside else known).append(account)
     wrong.sort(key=lambda one: one.line)
     return Plan(tuple(known), tuple(new), tuple(enrolled), tuple(wrong), people.notes)
 
 
-def accounts_by_address(addresses: Iterable[str]) -> dict[str, list[User]]:
+def accounts_by_address(addresses: Iterable[str]) -> dict[str, User]:
     """Return the accounts with these e-mail addresses, by the address in lower case."""
-    found: dict[str, list[User]] = {}
-    for part in _parts([address.lower() for address in addresses], 500):
-        for user in User.objects.alias(address=Lower("email")).filter(address__in=part):
-            found.setdefault(user.email.lower(), []).append(user)
-    return found
+    parts = _parts([address.lower() for address in addresses], 500)
+    return {user.email: user for part in parts for user in User.objects.filter(email__in=part)}
 
 
 def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) -> Plan:
@@ -156,7 +145,7 @@ def _make_accounts(people: Sequence[Listed], actor: User) -> list[User]:
     names = _free_usernames([NOT_IN_USERNAMES.sub("-", one.email.lower())[:140] for one in people])
     made = []
     for one, username in zip(people, names, strict=True):
-        user = User(username=username, email=one.email, full_name=one.name)
+        user = User(username=username, email=one.email.lower(), full_name=one.name)
         user.set_unusable_password()
         made.append(user)
     User.objects.bulk_create(made)

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import logging
-import threading
 from collections.abc import Sequence
-from functools import partial
 from uuid import UUID
 
 from django.core import signing
-from django.core.mail import EmailMessage, get_connection
-from django.db import transaction
+from django.core.mail import EmailMessage
 from django.urls import reverse
 from django.utils.crypto import constant_time_compare, salted_hmac
 from django.utils.translation import gettext as _
 
+from fleet.accounts import emails
 from fleet.accounts.models import User
 from robots.access.models import Course
 
-log = logging.getLogger(__name__)
-
 SALT = "robots.access.welcome"
 VALID_S = 30 * 24 * 3600
-SERVER_TIMEOUT_S = 20.0
 
 
 def token_of(user: User) -> str:
@@ -47,9 +41,7 @@ def _mark(user: User) -> str:
 
 def send_later(people: Sequence[User], *, course: Course, site: str) -> None:
     """Send each person their link once the transaction is committed. A slow mail server delays nobody."""
-    messages = [_message(person, course, site) for person in people if person.email]
-    if messages:
-        transaction.on_commit(partial(_in_background, messages))
+    emails.send_later([_message(person, course, site) for person in people if person.email])
 
 
 def _message(person: User, course: Course, site: str) -> EmailMessage:
@@ -70,17 +62,3 @@ def _message(person: User, course: Course, site: str) -> EmailMessage:
     }
     subject = _("Your account for the course %(course)s") % {"course": course.name}
     return EmailMessage(subject, text % facts, to=[person.email])
-
-
-def _in_background(messages: list[EmailMessage]) -> None:
-    threading.Thread(target=_send, args=[messages], name="welcome-mail", daemon=True).start()
-
-
-def _send(messages: list[EmailMessage]) -> None:
-    try:
-        with get_connection(timeout=SERVER_TIMEOUT_S) as connection:
-            for message in messages:
-                message.connection = connection
-                message.send()
-    except OSError as error:  # also SMTPException
-        log.warning("Invitations by e-mail were not sent: %s. The course's page can send them again.", error)

@@ -37,6 +37,8 @@ _TRIED = "account.sign_in_failed"
 _ABOUT = {
     "account.create": "user",
     "account.change": "user",
+    "account.second_factor": "user",
+    "account.single_sign_on": "user",
     "role.change": "user",
     "control.take_over": "holder",
     "audit.export": "person",

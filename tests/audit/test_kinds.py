@@ -24,7 +24,7 @@ KIND = re.compile(r"[a-z]+\.[a-z_]+|refusal|fault")
 
 # Calls without a literal kind: file, expression, and the kinds that it can be.
 INDIRECT = {
-    ("fleet/accounts/throttle.py", "KIND"): {"account.sign_in_failed"},
+    ("fleet/accounts/sign_in/throttle.py", "KIND"): {"account.sign_in_failed"},
     ("robots/registry/services.py", "f'{entry._meta.model_name}.{verb}'"): {
         "phrase.create",
         "phrase.delete",

@@ -13,8 +13,8 @@ from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
 
-from fleet.accounts.hashing import HashingBusy
 from fleet.accounts.models import User
+from fleet.accounts.sign_in.hashing import HashingBusy
 from robots.access import welcome as links
 from robots.access.enrolment import EnrolmentRefused, check_invitation, invitation_accept, invitation_of
 from robots.access.models import Invitation

@@ -9,7 +9,7 @@ from urllib.parse import urlencode
 
 import pytest
 
-from fleet.accounts import throttle
+from fleet.accounts.sign_in import throttle
 
 PAGE = "/accounts/sign-in/"
 GUESSES = 60

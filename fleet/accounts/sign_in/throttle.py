@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
+from math import ceil
 
 from django.db import connection, transaction
 from django.db.models import QuerySet
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
+from django.utils.translation import ngettext
 
 from fleet.accounts.models import SignInAttempt, User
 from fleet.audit.models import Record
@@ -29,12 +31,14 @@ LOOKED_AT = timedelta(minutes=1)  # an attempt older than this was left behind b
 KIND = "account.sign_in_failed"
 
 
-def failure_recorded(*, username: str, address: str) -> None:
-    """Record a failed sign-in.
+def failure_recorded(*, username: str, address: str, person: User | None = None) -> None:
+    """Record a failed sign-in: by password, or of a known `person` by a code, which is counted under another name.
 
     The name is kept as it was typed only if there is such an account: people type passwords into the wrong field.
     """
-    known = User.objects.filter(username=username).values_list("pk", flat=True).first()
+    known = (
+        person.pk if person else User.objects.filter(username=username).values_list("pk", flat=True).first()
+    )
     record(
         KIND,
         outcome="refused",
@@ -43,8 +47,16 @@ def failure_recorded(*, username: str, address: str) -> None:
             "name_digest": _digest(username),
             "address_digest": _digest(address),
         },
-        private={"username": username if known else None, "address": address},
+        private={
+            "username": (person.username if person else username) if known else None,
+            "address": address,
+        },
     )
+
+
+def second_factor_of(person: User) -> str:
+    """Return the name, and the address, under which a person's wrong codes are counted, from wherever they come."""
+    return f"second factor of {person.pk}"
 
 
 class TooMany(Exception):
@@ -53,6 +65,16 @@ class TooMany(Exception):
     def __init__(self, wait_s: float) -> None:
         super().__init__(wait_s)
         self.wait_s = wait_s
+
+
+def words(wait_s: float) -> str:
+    """Tell how long to wait, after `TooMany`."""
+    minutes = max(1, ceil(wait_s / 60))
+    return ngettext(
+        "Too many failed attempts for this name, or from this address. Try again in %(minutes)d minute.",
+        "Too many failed attempts for this name, or from this address. Try again in %(minutes)d minutes.",
+        minutes,
+    ) % {"minutes": minutes}
 
 
 @contextmanager

@@ -48,8 +48,12 @@ def test_hashing_a_password_blocks_no_other_writer(stranger, signed_in):
 
 
 @pytest.mark.django_db
-def test_the_menu_leads_there(stranger, signed_in):
-    assert f'href="{PAGE}"' in signed_in(stranger).get("/").content.decode()
+def test_the_account_page_leads_there(stranger, signed_in):
+    stranger.set_password("a long walk on the beach")
+    stranger.save()
+    client = signed_in(stranger)
+    assert 'href="/accounts/"' in client.get("/").content.decode()
+    assert f'href="{PAGE}"' in client.get("/accounts/").content.decode()
 
 
 @pytest.mark.django_db

@@ -12,8 +12,8 @@ from django.db import connection
 from django.test import Client
 from django.utils import timezone
 
-from fleet.accounts import throttle
 from fleet.accounts.models import SignIn, SignInAttempt, User
+from fleet.accounts.sign_in import throttle
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from tests.conftest import PASSWORD
@@ -58,8 +58,8 @@ def test_a_sign_in_is_recorded_and_listed(operator):
     _try("operator", PASSWORD, headers={"user-agent": "Browser/1"}, REMOTE_ADDR="10.0.0.7")
     (entry,) = _records("account.sign_in")
     assert entry.actor_id == str(operator.pk)
-    assert entry.details == {"address": "10.0.0.7", "browser": "Browser/1"}
-    assert entry.parameters == {}  # the address is in a part that may expire
+    assert entry.details == {"address": "10.0.0.7", "browser": "Browser/1", "by": ["password"]}
+    assert entry.parameters == {"by": ["password"]}  # the address is in a part that may expire
     sign_in = SignIn.objects.get(user=operator)
     assert (sign_in.address, sign_in.user_agent) == ("10.0.0.7", "Browser/1")
 
@@ -190,7 +190,7 @@ def test_without_a_record_no_sign_in_succeeds(operator):
 
 def test_a_failure_that_cannot_be_recorded_is_said_in_words(operator):
     full = AuditUnavailable("audit_disk_full", "Not done: the disk is full.")
-    with mock.patch("fleet.accounts.throttle.record", autospec=True, side_effect=full):
+    with mock.patch("fleet.accounts.sign_in.throttle.record", autospec=True, side_effect=full):
         response = _try("operator", "wrong")
     assert response.status_code == 503
     assert "Not done: the disk is full." in response.content.decode()

@@ -1,0 +1,148 @@
+"""How django-allauth works in this console: its hooks, by our limits, our records and our e-mails."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+from allauth.account.adapter import DefaultAccountAdapter
+from allauth.account.models import EmailAddress
+from allauth.core.exceptions import ImmediateHttpResponse
+from allauth.mfa.adapter import DefaultMFAAdapter
+from allauth.mfa.models import Authenticator
+from allauth.mfa.totp.internal.auth import generate_totp_secret
+from allauth.socialaccount.adapter import DefaultSocialAccountAdapter
+from allauth.socialaccount.models import SocialAccount, SocialLogin
+from cryptography.fernet import InvalidToken
+from django.contrib import messages
+from django.contrib.sites.shortcuts import get_current_site
+from django.core.exceptions import ValidationError
+from django.db import IntegrityError, transaction
+from django.http import HttpRequest
+from django.shortcuts import render
+from django.utils.translation import gettext as _
+
+from fleet.accounts import emails, services
+from fleet.accounts.models import User
+from fleet.accounts.sign_in import second_factor, secrets, throttle
+
+
+class AccountAdapter(DefaultAccountAdapter):
+    """Passwords and e-mail addresses."""
+
+    def is_open_for_signup(self, request: HttpRequest) -> bool:
+        """Return False: staff make accounts, invitations do, and single sign-on does."""
+        return False
+
+    def get_client_ip(self, request: HttpRequest) -> str:
+        """The address of the request; one name for all when the server listens on a Unix socket."""
+        return services.address_of(request) or "unknown"
+
+    def get_http_user_agent(self, request: HttpRequest) -> str:
+        """The browser's own description; it may be missing."""
+        return request.headers.get("User-Agent", "")
+
+    def add_message(self, request: HttpRequest, level: int, *arguments: Any, **options: Any) -> None:
+        """Show a message, but none that a person is signed in or out: the page shows it."""
+        template = options.get("message_template") or (arguments[0] if arguments else "")
+        if template not in ("account/messages/logged_in.txt", "account/messages/logged_out.txt"):
+            super().add_message(request, level, *arguments, **options)
+
+    def send_mail(self, template_prefix: str, email: str, context: dict[str, Any]) -> None:
+        """Send an e-mail in the background. Its time tells nobody whether an account has the address."""
+        site = get_current_site(self.request)
+        facts = {"email": email, "current_site": site, "request": self.request, **context}
+        emails.send_later([self.render_mail(template_prefix, email, facts)])
+
+    def reauthenticate(self, user: Any, password: str) -> bool:
+        """Return whether this is the person's password. Wrong ones count as those at the sign-in page."""
+        address = services.address_of(self.request)
+        try:
+            with throttle.attempt(username=user.username, address=address):
+                if user.check_password(password):
+                    return True
+                throttle.failure_recorded(username=user.username, address=address)
+                return False
+        except throttle.TooMany as error:
+            raise ValidationError(throttle.words(error.wait_s), code="throttled") from error
+
+    def set_password(self, user: Any, password: str) -> None:
+        """Set the password by a link that an e-mail brought. Every sign-in of the person ends."""
+        user.set_password(password)  # hashed before the transaction: in it, others would wait too
+        user.changed_by = user
+        with transaction.atomic():
+            user.save()
+            services.sign_ins_end_others(user=user, session_key="", why="password reset")
+
+    def confirm_email(self, request: HttpRequest, email_address: EmailAddress) -> bool:
+        """Make a verified address the person's. False, with a message, if another account has it by now."""
+        email_address.user.changed_by = email_address.user
+        try:
+            with transaction.atomic():
+                return bool(super().confirm_email(request, email_address))
+        except IntegrityError:
+            messages.error(request, _("Not done: another account has this e-mail address."))
+            return False
+
+
+class SecondFactorAdapter(DefaultMFAAdapter):
+    """Authenticator apps, passkeys, recovery codes."""
+
+    def encrypt(self, text: str) -> str:
+        """Encrypt what a code is made from: a copy of the database is not enough to make one."""
+        return secrets.encrypted(text)
+
+    def decrypt(self, encrypted_text: str) -> str:
+        """Return the secret. A random one, so that no code fits, if FLEET_SECRET_KEY is no longer the same."""
+        try:
+            return secrets.decrypted(encrypted_text)
+        except InvalidToken:
+            return str(generate_totp_secret())
+
+    def can_delete_authenticator(self, authenticator: Authenticator) -> bool:
+        """Return False for the last second factor of a person who must have one."""
+        return not second_factor.is_last_required(authenticator)
+
+
+class SingleSignOnAdapter(DefaultSocialAccountAdapter):
+    """People who sign in at the organisation's OpenID Connect provider."""
+
+    def is_open_for_signup(self, request: HttpRequest, sociallogin: SocialLogin) -> bool:
+        """Return True: the provider's people may have an account. It has no role until somebody gives one."""
+        return True
+
+    def pre_social_login(self, request: HttpRequest, sociallogin: SocialLogin) -> None:
+        """Join a newcomer with the account that has their e-mail address, if the provider verified it.
+
+        Accounts have addresses that staff entered or their owner verified, so the address identifies the person.
+        """
+        if sociallogin.is_existing or sociallogin.state.get("process") == "connect":
+            return
+        address = sociallogin.email_addresses[0] if sociallogin.email_addresses else None
+        known = User.objects.filter(email=address.email.lower()).first() if address else None
+        if known and address and address.verified:
+            sociallogin.connect(request, known)
+        elif known:
+            raise ImmediateHttpResponse(
+                render(request, "accounts/single_sign_on_unverified.html", status=403)
+            )
+
+    def validate_disconnect(self, account: SocialAccount, accounts: list[SocialAccount]) -> None:
+        """Refuse to part a person from their only way to sign in."""
+        if not account.user.has_usable_password():
+            text = _(
+                "Set a password first, by the link «Forgot your password?»: you could not sign in without it."
+            )
+            raise ValidationError(text, code="no_password")
+
+    def populate_user(self, request: HttpRequest, sociallogin: SocialLogin, data: dict[str, Any]) -> Any:
+        """Take the name as the provider has it."""
+        user = cast(User, super().populate_user(request, sociallogin, data))
+        parts = (data.get("first_name"), data.get("last_name"))
+        user.full_name = (data.get("name") or " ".join(filter(None, parts)))[:150]
+        return user
+
+    def save_user(self, request: HttpRequest, sociallogin: SocialLogin, form: Any = None) -> Any:
+        """Save a new account, recorded as made by its own person."""
+        sociallogin.user.changed_by = sociallogin.user
+        with transaction.atomic():
+            return super().save_user(request, sociallogin, form)

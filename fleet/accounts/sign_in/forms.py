@@ -1,0 +1,77 @@
+"""Forms of sign-in and of the e-mail address."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from allauth.account.forms import AddEmailForm
+from allauth.account.internal.flows.email_verification import send_verification_email_to_address
+from allauth.account.models import EmailAddress
+from django.contrib.auth.forms import AuthenticationForm
+from django.core.exceptions import ValidationError
+from django.db import transaction
+from django.http import HttpRequest
+from django.utils.translation import gettext as _
+
+from fleet.accounts import services
+from fleet.accounts.models import User
+from fleet.accounts.selectors import username_of
+from fleet.accounts.sign_in import hashing, throttle
+
+THROTTLED = "throttled"
+BUSY = "busy"
+
+
+class SignInForm(AuthenticationForm):
+    """User name or e-mail address, and password; it is not even looked at while the name must wait."""
+
+    wait_s = 0.0
+
+    def clean(self) -> dict[str, Any]:
+        """Refuse with code "throttled" or "busy", or check the password."""
+        typed = self.cleaned_data.get("username")
+        if not (typed and self.cleaned_data.get("password")):
+            return super().clean()
+        username = self.cleaned_data["username"] = username_of(typed)
+        address = services.address_of(self.request) if self.request else ""
+        try:
+            with throttle.attempt(username=username, address=address):
+                return super().clean()
+        except throttle.TooMany as error:
+            if error.wait_s:
+                self.wait_s = error.wait_s
+                raise self._throttled() from error
+            raise self._busy() from error
+        except hashing.HashingBusy as error:
+            raise self._busy() from error
+
+    def _throttled(self) -> ValidationError:
+        return ValidationError(throttle.words(self.wait_s), code=THROTTLED)
+
+    def _busy(self) -> ValidationError:
+        self.wait_s = hashing.RETRY_AFTER_S
+        return ValidationError(_("Many people sign in at this moment. Try again in a moment."), code=BUSY)
+
+
+class EmailForm(AddEmailForm):
+    """A new e-mail address of a person, before it is verified."""
+
+    def clean_email(self) -> str:
+        """Refuse the present address, and one that another account has."""
+        address: str = self.cleaned_data["email"].lower()
+        if address == self.user.email:
+            raise ValidationError(_("This is your present address."), code="same_email")
+        if User.objects.filter(email=address).exclude(pk=self.user.pk).exists():
+            raise ValidationError(_("Another account has this e-mail address."), code="email_taken")
+        return address
+
+    def save(self, request: HttpRequest) -> EmailAddress:
+        """Send a link to the new address. The present one stays until the link is opened, verified or not."""
+        with transaction.atomic():
+            waiting = EmailAddress.objects.filter(user=self.user, verified=False)
+            waiting.exclude(email=self.user.email).delete()
+            address, _new = EmailAddress.objects.get_or_create(
+                user=self.user, email=self.cleaned_data["email"]
+            )
+        send_verification_email_to_address(request, address)
+        return address

@@ -1,0 +1,89 @@
+"""Second factors: an authenticator app, passkeys, and recovery codes for the day when both are lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from allauth.mfa.base.forms import AuthenticateForm, ReauthenticateForm
+from allauth.mfa.models import Authenticator
+from django.conf import settings
+from django.core.exceptions import ValidationError
+from django.http import HttpRequest, HttpResponseBase, JsonResponse
+from django.shortcuts import redirect
+from django.utils.translation import gettext as _
+
+from fleet.accounts.models import User
+from fleet.accounts.requests import wants_json
+from fleet.accounts.sign_in import throttle
+
+KINDS = (Authenticator.Type.TOTP, Authenticator.Type.WEBAUTHN)  # recovery codes alone are none
+# Pages for people who must have a second factor and have none yet, by address. A stop needs none.
+OPEN = ("/accounts/", "/stop-all/", "/static/", "/texts.js", "/cookies/", "/privacy/", "/healthz")
+
+
+def has_second_factor(user: User) -> bool:
+    """Return whether the person signs in with a second factor."""
+    return bool(Authenticator.objects.filter(user=user, type__in=KINDS).exists())
+
+
+def is_missing(user: User) -> bool:
+    """Return whether the person must have a second factor and has none: staff, where FLEET_STAFF_TWO_FACTOR asks."""
+    return settings.FLEET_STAFF_TWO_FACTOR and user.is_staff and not has_second_factor(user)
+
+
+def is_last_required(authenticator: Authenticator) -> bool:
+    """Return whether its person must keep this second factor, because it is the only one."""
+    if not (settings.FLEET_STAFF_TWO_FACTOR and authenticator.user.is_staff and authenticator.type in KINDS):
+        return False
+    others = Authenticator.objects.filter(user_id=authenticator.user_id, type__in=KINDS)
+    return not others.exclude(pk=authenticator.pk).exists()
+
+
+def second_factors_remove(user: User) -> int:
+    """Remove a person's second factors and recovery codes, since they are lost. Returns how many there were."""
+    count: int = Authenticator.objects.filter(user=user).delete()[0]
+    return count
+
+
+def required(
+    get_response: Callable[[HttpRequest], HttpResponseBase],
+) -> Callable[[HttpRequest], HttpResponseBase]:
+    """Middleware: staff who must have a second factor set it up before anything else, besides a stop."""
+
+    def middleware(request: HttpRequest) -> HttpResponseBase:
+        if not settings.FLEET_STAFF_TWO_FACTOR or request.path.startswith(OPEN):
+            return get_response(request)
+        if not isinstance(request.user, User) or not is_missing(request.user):
+            return get_response(request)
+        text = _("Not done: staff sign in with a second factor here. Set yours up on the page Your account.")
+        if wants_json(request):
+            return JsonResponse(
+                {"code": "second_factor_missing", "text": text, "rule": "account"}, status=403
+            )
+        return redirect("mfa_index")
+
+    return middleware
+
+
+class _CountedCode:
+    """A form that takes a code. Wrong codes are counted for the person, from wherever they come."""
+
+    user: Any
+
+    def clean_code(self) -> str:
+        """Refuse after too many wrong codes, or check the code."""
+        name = throttle.second_factor_of(self.user)
+        try:
+            with throttle.attempt(username=name, address=name):
+                return super().clean_code()  # type: ignore[misc,no-any-return]  # of the form beside it
+        except throttle.TooMany as error:
+            raise ValidationError(throttle.words(error.wait_s), code="throttled") from error
+
+
+class CodeForm(_CountedCode, AuthenticateForm):
+    """The second step of a sign-in."""
+
+
+class CodeAgainForm(_CountedCode, ReauthenticateForm):
+    """The code once more, before a change of the account."""

@@ -1,0 +1,103 @@
+"""Sign-in by password, and the change of one's password."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from math import ceil
+from typing import Any, cast
+
+from allauth.account.internal.flows.login import record_authentication
+from allauth.account.utils import perform_login
+from allauth.socialaccount.providers.openid_connect import views as openid_connect
+from django.conf import settings
+from django.contrib import messages
+from django.contrib.auth import update_session_auth_hash
+from django.contrib.auth.decorators import login_not_required
+from django.contrib.auth.forms import AuthenticationForm, PasswordChangeForm
+from django.contrib.auth.views import LoginView, PasswordChangeView
+from django.core.exceptions import NON_FIELD_ERRORS
+from django.db import transaction
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect, render
+from django.urls import reverse_lazy
+from django.utils.translation import gettext as _
+from requests import RequestException
+
+from fleet.accounts import services
+from fleet.accounts.requests import person_of
+from fleet.accounts.sign_in.forms import THROTTLED, SignInForm
+
+log = logging.getLogger(__name__)
+
+
+class SignInView(LoginView):
+    """The one door for people: pages and admin alike."""
+
+    template_name = "accounts/sign_in.html"
+    authentication_form = SignInForm
+
+    def form_valid(self, form: AuthenticationForm) -> HttpResponse:
+        """Sign in, or ask for the second factor. Refused if it cannot be recorded."""
+        user = form.get_user()
+        record_authentication(self.request, user, method="password")
+        with transaction.atomic():
+            return cast(HttpResponse, perform_login(self.request, user, redirect_url=self.get_redirect_url()))
+
+    def get_context_data(self, **context: Any) -> dict[str, Any]:
+        """Which other ways to sign in there are."""
+        return super().get_context_data(single_sign_on=single_sign_on_name(), **context)
+
+    def form_invalid(self, form: AuthenticationForm) -> HttpResponse:
+        """Show the form again; 429 while the name must wait, 503 while many others are being signed in."""
+        response = super().form_invalid(form)
+        if isinstance(form, SignInForm) and form.wait_s:
+            response.status_code = 429 if form.has_error(NON_FIELD_ERRORS, THROTTLED) else 503
+            response.headers["Retry-After"] = str(ceil(form.wait_s))
+        return response
+
+
+class PasswordView(PasswordChangeView):
+    """One's own password."""
+
+    template_name = "accounts/password.html"
+    success_url = reverse_lazy("your-account")
+
+    def form_valid(self, form: PasswordChangeForm) -> HttpResponse:
+        """Change the password. Refused if it cannot be recorded.
+
+        It is hashed first: that waits its turn, and within a transaction SQLite would keep everybody else from writing.
+        """
+        form.user.changed_by = person_of(self.request)
+        form.user.set_password(form.cleaned_data["new_password1"])
+        with transaction.atomic():
+            form.user.save()
+            update_session_auth_hash(self.request, form.user)
+            services.own_password_changed(self.request, person_of(self.request))
+        notice = _("Your password is changed. Every other browser has to sign in again.")
+        messages.success(self.request, notice)
+        return redirect(self.get_success_url())
+
+
+def _provider_may_be_away(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponse]:
+    """Say in words that the provider does not answer, or answers nonsense: 502."""
+
+    def guarded(request: HttpRequest, provider_id: str) -> HttpResponse:
+        try:
+            return view(request, provider_id)
+        except (RequestException, KeyError) as error:
+            log.warning("Single sign-on: the provider did not answer as it should: %r", error)
+            return render(request, "socialaccount/authentication_error.html", status=502)
+
+    return login_not_required(guarded)
+
+
+single_sign_on_begin = _provider_may_be_away(openid_connect.login)
+single_sign_on_end = _provider_may_be_away(openid_connect.callback)
+
+
+def single_sign_on_name() -> str:
+    """Return the name of the provider by which people may sign in, blank without one."""
+    for provider in settings.SOCIALACCOUNT_PROVIDERS.values():
+        return str(provider["APPS"][0]["name"])
+    return ""

@@ -1,0 +1,137 @@
+"""Single sign-on at a real OpenID Connect provider."""
+
+from __future__ import annotations
+
+import html
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import requests
+from allauth.mfa.totp.internal.auth import TOTP, generate_totp_secret
+from allauth.socialaccount.models import SocialAccount
+from django.core.exceptions import ImproperlyConfigured
+from django.test import Client
+
+from fleet.accounts.models import User
+from fleet.audit.models import Record
+from fleet.environment import Environment, single_sign_on
+from tests.accounts.sign_in.provider import CLIENT, PASSWORD, SECRET
+from tests.conftest import PASSWORD as PASSWORD_HERE
+
+CONSOLE = "http://testserver"
+START = "/accounts/oidc/sso/login/"
+
+
+@pytest.fixture(scope="module")
+def provider(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Run the provider; return its address."""
+    command = [sys.executable, "-m", "tests.accounts.sign_in.provider"]
+    arguments = [str(tmp_path_factory.mktemp("provider")), f"{CONSOLE}{START}callback/"]
+    with subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True) as process:
+        yield f"http://127.0.0.1:{process.stdout.readline().strip()}"  # type: ignore[union-attr]
+        process.kill()
+
+
+@pytest.fixture
+def sign_in_there(provider: str, settings: Any) -> Callable[..., Any]:
+    """`sign_in_there("ada")`: follow the console's link, sign in at the provider, and come back."""
+    variables = {"FLEET_OIDC_URL": provider, "FLEET_OIDC_CLIENT_ID": CLIENT, "FLEET_OIDC_SECRET": SECRET}
+    settings.SOCIALACCOUNT_PROVIDERS = single_sign_on(
+        Environment({**variables, "FLEET_OIDC_NAME": "University"})
+    )
+
+    def go(name: str, client: Client, *, start: str = START) -> Any:
+        away = client.get(start)
+        assert away.status_code == 302, away.content
+        with requests.Session() as browser:
+            page = browser.get(away.headers["Location"])
+            form = dict(re.findall(r'name="(\w+)"\s+value="([^"]*)"', html.unescape(page.text)))
+            answer = browser.post(
+                page.url, {**form, "login": name, "password": PASSWORD}, allow_redirects=False
+            )
+            while not answer.headers["Location"].startswith(CONSOLE):
+                answer = browser.get(
+                    requests.compat.urljoin(page.url, answer.headers["Location"]), allow_redirects=False
+                )
+        return client.get(answer.headers["Location"].removeprefix(CONSOLE))
+
+    return go
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_newcomer_gets_an_account_without_roles(sign_in_there: Callable[..., Any]) -> None:
+    client = Client()
+    assert "Sign in with University" in client.get("/accounts/sign-in/").content.decode()
+    assert sign_in_there("ada", client).headers["Location"] == "/"
+    ada = User.objects.get(email="ada@lab.example")
+    assert (ada.full_name, ada.has_usable_password(), ada.is_staff) == ("Ada Lovelace", False, False)
+    kinds = list(Record.objects.filter(actor_id=str(ada.pk)).order_by("id").values_list("kind", flat=True))
+    assert kinds == ["account.create", "account.single_sign_on", "account.sign_in"]
+    assert Record.objects.get(kind="account.sign_in").parameters == {"by": ["socialaccount"]}
+    assert sign_in_there("ada", Client()).status_code == 302  # the second time it is the same account
+    assert User.objects.count() == 1
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_verified_address_leads_to_the_account(sign_in_there: Callable[..., Any], operator: User) -> None:
+    User.objects.filter(pk=operator.pk).update(email="ada@lab.example")
+    password = operator.password
+    client = Client()
+    sign_in_there("ada", client)
+    assert client.get("/accounts/").context["user"] == operator
+    operator.refresh_from_db()
+    assert operator.password == password  # it still works, too
+
+
+@pytest.mark.django_db(transaction=True)
+def test_an_unverified_address_takes_no_account(sign_in_there: Callable[..., Any], operator: User) -> None:
+    User.objects.filter(pk=operator.pk).update(email="eve@lab.example")
+    client = Client()
+    answer = sign_in_there("eve", client)
+    assert answer.status_code == 403
+    assert "Sign in with your password first" in answer.content.decode()
+    assert not SocialAccount.objects.exists()
+    assert client.get("/accounts/").status_code == 401
+
+
+@pytest.mark.django_db(transaction=True)
+def test_the_second_factor_is_asked_for_here_too(sign_in_there: Callable[..., Any], operator: User) -> None:
+    User.objects.filter(pk=operator.pk).update(email="ada@lab.example")
+    TOTP.activate(operator, generate_totp_secret())
+    client = Client()
+    assert sign_in_there("ada", client).headers["Location"] == "/accounts/second-factor/authenticate/"
+    assert client.get("/accounts/").status_code == 401
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_person_joins_the_two_and_parts_them(
+    sign_in_there: Callable[..., Any], operator: User, signed_in: Callable[[User], Client]
+) -> None:
+    client = signed_in(operator)
+    asked = sign_in_there("eve", client, start=f"{START}?process=connect").headers["Location"]
+    assert asked == "/accounts/again/"
+    client.post(asked, {"password": PASSWORD_HERE})
+    account = SocialAccount.objects.get(user=operator)
+    client.post("/accounts/single-sign-on/", {"account": account.pk})
+    assert not SocialAccount.objects.exists()
+    outcomes = Record.objects.filter(kind="account.single_sign_on").order_by("id")
+    assert [record.outcome for record in outcomes] == ["joined", "parted"]
+
+
+@pytest.mark.django_db
+def test_a_provider_that_is_away_is_said_in_words(sign_in_there: Callable[..., Any], settings: Any) -> None:
+    app = settings.SOCIALACCOUNT_PROVIDERS["openid_connect"]["APPS"][0]
+    app["settings"]["server_url"] = "http://127.0.0.1:9"
+    answer = Client().get(START)
+    assert "Single sign-on did not work" in answer.content.decode()
+
+
+def test_settings_that_are_incomplete_stop_the_start() -> None:
+    with pytest.raises(ImproperlyConfigured, match="FLEET_OIDC_CLIENT_ID is not set"):
+        single_sign_on(Environment({"FLEET_OIDC_URL": "https://login.example.org"}))
+    with pytest.raises(ImproperlyConfigured, match="FLEET_OIDC_URL is 'login"):
+        single_sign_on(Environment({"FLEET_OIDC_URL": "login.example.org"}))
