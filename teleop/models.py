@@ -78,36 +78,3 @@ class Lease(models.Model):
 
     def __str__(self) -> str:
         return f"lease of {self.robot}"
-
-
-class ControlRequest(models.Model):
-    """A request to the holder for control."""
-
-    class Outcome(models.TextChoices):
-        GRANTED = "granted", "got control"
-        FREED = "freed", "the robot became free"
-        CANCELLED = "cancelled", "withdrawn"
-        GONE = "gone", "the page was gone"
-        LAPSED = "lapsed", "nobody answered"
-
-    robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="control_requests")
-    user = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE)
-    tab = models.CharField(max_length=64)
-    sign_in = models.CharField(max_length=64)
-    connection = models.CharField(max_length=64)
-    asked_at = models.DateTimeField()
-    answered_at = models.DateTimeField(null=True, blank=True)
-    outcome = models.CharField(max_length=16, choices=Outcome, blank=True)
-
-    class Meta:
-        ordering = ["asked_at"]
-        constraints = [
-            models.UniqueConstraint(
-                fields=["robot", "user"],
-                condition=Q(answered_at=None),
-                name="one_open_request_per_person",
-            ),
-        ]
-
-    def __str__(self) -> str:
-        return f"{self.user} asks for {self.robot}"

@@ -65,6 +65,7 @@ KINDS: dict[str, Kind] = {
     "control.take": Kind(_("control taken")),
     "control.take_over": Kind(_("control taken over")),
     "control.hand_over": Kind(_("control handed over")),
+    "control.offer": Kind(_("control offered to the next in line")),
     "control.ask": Kind(_("control asked for")),
     "control.renew": Kind(_("control renewed")),
     "control.resume": Kind(_("control resumed")),

@@ -178,18 +178,30 @@ class OutOfService(models.Model):
 
 
 class Waiting(models.Model):
-    """A person who waits for a slot that is taken. The first who came gets the first offer."""
+    """A person in line for a robot: for a slot that is taken, or, without times, for control as soon as it is free.
+
+    The first who came gets the first offer. Who waits for control waits in one tab, and leaves with its page.
+    """
 
     robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="waiting")
     person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="waiting")
-    starts_at = models.DateTimeField()
-    ends_at = models.DateTimeField()
+    starts_at = models.DateTimeField(null=True, blank=True)
+    ends_at = models.DateTimeField(null=True, blank=True)
     since = models.DateTimeField()
+    # Of those who wait for control:
+    tab = models.CharField(max_length=64, blank=True)
+    sign_in = models.CharField(max_length=64, blank=True)
+    connection = models.CharField(max_length=64, blank=True)
+    seen_at = models.DateTimeField(null=True, blank=True)  # their page, by its web process
+    offer_until = models.DateTimeField(null=True, blank=True)  # control is theirs to take until then
 
     class Meta:
         ordering = ["since", "id"]
         constraints = [
-            models.UniqueConstraint(fields=["robot", "person", "starts_at"], name="wait_once_for_a_slot")
+            models.UniqueConstraint(fields=["robot", "person", "starts_at"], name="wait_once_for_a_slot"),
+            models.UniqueConstraint(
+                fields=["robot", "person"], condition=Q(starts_at=None), name="wait_once_for_control"
+            ),
         ]
 
     def __str__(self) -> str:

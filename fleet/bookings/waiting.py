@@ -1,4 +1,4 @@
-"""The waiting list of taken slots: join, leave, offer, accept.
+"""People in line for taken slots: join, leave, offer, accept. For control now: `teleop.control.queue`.
 
 An offer is a booking in state "offered": it holds the slot until its deadline. Housekeeping makes offers and ends those
 that lapsed, so several such processes, or none for a while, do no harm.
@@ -62,7 +62,7 @@ def keep_waiting_lists(now: datetime) -> None:
             if lapsed.state == State.OFFERED and lapsed.offer_until and lapsed.offer_until <= now:
                 _end_offer(lapsed)
     Waiting.objects.filter(starts_at__lte=now).delete()
-    for waiting in Waiting.objects.select_related("robot", "person"):
+    for waiting in Waiting.objects.exclude(starts_at=None).select_related("robot", "person"):
         _offer(waiting, now)
 
 
@@ -82,6 +82,8 @@ def offer_accept(*, booking_id: str, actor: User, now: datetime) -> Booking:
 
 def _offer(waiting: Waiting, now: datetime) -> None:
     """Offer a slot to the person who waits for it, if no rule refuses it now."""
+    if waiting.starts_at is None or waiting.ends_at is None:
+        return
     slot = Slot(waiting.starts_at, waiting.ends_at)
     if refusals(wish_of(robot=waiting.robot, person=waiting.person, slot=slot, now=now)):
         return

@@ -46,15 +46,15 @@ class Release(Struct, frozen=True, tag_field="t", tag="release"):
 
 
 class Ask(Struct, frozen=True, tag_field="t", tag="ask"):
-    """Ask the holder for control."""
+    """Wait in line for control; the holder sees it."""
 
 
 class AskCancel(Struct, frozen=True, tag_field="t", tag="ask_cancel"):
-    """Withdraw the question."""
+    """Leave the line."""
 
 
 class HandOver(Struct, frozen=True, tag_field="t", tag="hand_over"):
-    """Give control to the person behind request number `request`."""
+    """Give control to the person in line whose place has the number `request`."""
 
     request: int
 
@@ -160,7 +160,7 @@ class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):
 
 
 class Request(Struct, frozen=True):
-    """Somebody who asks for control."""
+    """Somebody who waits for control."""
 
     id: int
     name: str
@@ -191,8 +191,12 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     session: str | None = None  # control session id
     remaining_s: float | None = None  # of the term
     resumable_s: float | None = None
-    requests: list[Request] = []  # who asks for control: to the holder, and to those who may take over
-    asking: int | None = None  # this connection's own request
+    requests: list[
+        Request
+    ] = []  # who waits for control, in order: to the holder, and to those who may take over
+    asking: int | None = None  # this connection's own place in line
+    ahead: int | None = None  # how many wait before it
+    offer_s: float | None = None  # so long control is this person's to take, and nobody else's
     may_take_over: bool = False  # this person may say `TakeOver`
     may_clear: bool = False  # this person may say `Clear`
     refusal: Refusal | None = None  # why `Take` would be refused

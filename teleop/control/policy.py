@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Protocol
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.bookings.rules import FAR
@@ -14,6 +14,7 @@ from fleet.zones import zone_of
 from robots.access.models import Qualification
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
+from teleop.control.rules import OFFER_S, Waiter, offered
 
 ROLE_LOWERED = Refusal("role_lowered", "Your role on this robot is lower now. Take control again.", "account")
 ROBOT_DISABLED = Refusal("robot_disabled", "This robot is out of service: staff switched it off.", "robot")
@@ -57,6 +58,7 @@ class Subject(Struct, frozen=True):
     schedule: Schedule
     now: datetime
     missing: tuple[Qualification, ...] = ()  # those that the robot demands and the person does not hold
+    line: tuple[Waiter, ...] = ()  # who waits for control, while nobody has it
 
     @property
     def supervises(self) -> bool:
@@ -133,6 +135,24 @@ def require_booking(subject: Subject) -> Permit | Refusal:
     return Refusal("book_first", "This robot is for booked time only: book a slot first.", "booking")
 
 
+def require_turn(subject: Subject) -> Permit | Refusal:
+    """While nobody has control, permit the next person in line, and the owner of the present slot.
+
+    A supervisor may take over, with a reason.
+    """
+    current, me, now = subject.schedule.current, subject.user.id, subject.now
+    if not subject.line or (current is not None and current.person == me):
+        return Permit()
+    turn = offered(subject.line, now)
+    first = turn or subject.line[0]
+    if first.user == me:
+        return Permit()
+    left_s = (turn.offer_until - now).total_seconds() if turn and turn.offer_until else OFFER_S
+    text = f"{first.name} is next in line and has {left_s:.0f} s to take control. Ask for control to wait in line."
+    refusal = Refusal("next_in_line", text, "lease", {"next": first.name, "seconds": round(left_s, 1)})
+    return Permit(over=refusal) if subject.supervises else refusal
+
+
 def _own_end(current: Held, schedule: Schedule) -> datetime:
     """Return the end of the person's slot, with their slots that follow without a gap."""
     end = current.slot.ends_at
@@ -156,7 +176,14 @@ RULES: tuple[Rule, ...] = (
     require_role,
     require_qualification,
     require_booking,
+    require_turn,
 )
+
+
+def may_wait(subject: Subject) -> Refusal | None:
+    """Return why a person may not wait for control; a booking of another person or their turn is no reason."""
+    answer = permit_for(structs.replace(subject, schedule=Schedule(out=subject.schedule.out), line=()))
+    return answer if isinstance(answer, Refusal) else None
 
 
 def permit_for(subject: Subject) -> Permit | Refusal:

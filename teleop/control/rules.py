@@ -19,7 +19,8 @@ from robots.wire import Refusal
 
 GRACE_S = 10.0  # so long after its page was lost a lease may be resumed
 LOST_AFTER_S = 5.0  # a page that sent nothing for so long counts as lost
-REQUEST_S = 120.0  # a request for control lapses after so long without an answer
+OFFER_S = 30.0  # so long the next person in line may take control, and nobody else
+WAITS_S = 15.0  # without a sign of life of their page a person has left the line
 
 
 def fingerprint(session_key: str) -> str:
@@ -52,14 +53,14 @@ class LeaseState(Struct, frozen=True):
     seen_at: datetime  # last sign of life of the holder's page
 
 
-class OpenRequest(Struct, frozen=True):
-    """An open request for control."""
+class Waiter(Struct, frozen=True):
+    """A person in line for control."""
 
     id: int
     user: UUID
     name: str
     tab: Tab
-    asked_at: datetime
+    offer_until: datetime | None = None
 
 
 class Phase(Enum):
@@ -82,6 +83,11 @@ def phase(lease: LeaseState | None, now: datetime) -> Phase:
     return Phase.HELD
 
 
+def is_free(lease: LeaseState | None, now: datetime) -> bool:
+    """Return whether nobody has control; a page that is gone for a moment still has it."""
+    return lease is None or lapse_reason(lease, now) is not None
+
+
 def lapse_reason(lease: LeaseState, now: datetime) -> str | None:
     """Return why the lease is over by the clock: "term" or "away"; None while it is not."""
     if now >= lease.term_ends_at:
@@ -102,11 +108,9 @@ def term_end(now: datetime, term_s: float, until: datetime | None) -> datetime:
     return end if until is None else min(end, until)
 
 
-def open_requests(requests: Sequence[OpenRequest], now: datetime) -> list[OpenRequest]:
-    """Return the requests that have not lapsed, oldest first."""
-    since = now - timedelta(seconds=REQUEST_S)
-    still_open = [request for request in requests if request.asked_at > since]
-    return sorted(still_open, key=lambda request: request.asked_at)
+def offered(line: Sequence[Waiter], now: datetime) -> Waiter | None:
+    """Return the person to whom control is offered at this moment."""
+    return next((one for one in line if one.offer_until is not None and one.offer_until > now), None)
 
 
 NO_LEASE = Refusal("no_lease", "You do not have control: take it first.", "lease")
@@ -132,23 +136,23 @@ def check_resume(lease: LeaseState | None, *, user: UUID, tab: Tab, now: datetim
 
 
 def check_renew(
-    lease: LeaseState | None, *, tab: Tab, requests: Sequence[OpenRequest], now: datetime
+    lease: LeaseState | None, *, tab: Tab, line: Sequence[Waiter], now: datetime
 ) -> Refusal | None:
-    """Check starting a new term: only the holder may, and only while no other person asks for control."""
+    """Check starting a new term: only the holder may, and only while no other person waits for control."""
     if (refusal := check_holder(lease, tab=tab, now=now)) is not None:
         return refusal
-    if waiting := open_requests(requests, now):
+    if line:
         return Refusal(
             "somebody_asks",
-            f"{waiting[0].name} asks for control, so your term is not extended. Hand over, or drive until it ends.",
+            f"{line[0].name} waits for control, so your term is not extended. Hand over, or drive until it ends.",
             "lease",
-            {"waiting": len(waiting)},
+            {"waiting": len(line)},
         )
     return None
 
 
-def check_request(lease: LeaseState | None, *, user: UUID, now: datetime) -> Refusal | None:
-    """Check asking for control: another person must have it."""
+def check_other_holds(lease: LeaseState | None, *, user: UUID, now: datetime) -> Refusal | None:
+    """Check that another person has control."""
     if lease is None or lapse_reason(lease, now) is not None:
         return Refusal("free", "The robot is free: take control.", "lease")
     if lease.user == user:
@@ -156,10 +160,10 @@ def check_request(lease: LeaseState | None, *, user: UUID, now: datetime) -> Ref
     return None
 
 
-def check_still_open(request: OpenRequest | None, *, now: datetime) -> Refusal | None:
-    """Check handing over: the request must still be open."""
-    if request is None or not open_requests([request], now):
-        return Refusal("no_such_request", "The person no longer asks for control.", "lease")
+def check_waits(waiter: Waiter | None) -> Refusal | None:
+    """Check handing over: the person must still wait."""
+    if waiter is None:
+        return Refusal("no_such_request", "The person no longer waits for control.", "lease")
     return None
 
 
@@ -173,7 +177,7 @@ def check_take_over(
             "Only a supervisor of this robot or staff may take over. Ask for control instead.",
             "account",
         )
-    return check_request(lease, user=user, now=now)
+    return check_other_holds(lease, user=user, now=now)
 
 
 def check_clear(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from uuid import UUID
 
 from django.db.models.functions import Lower
@@ -11,16 +11,17 @@ from django.db.models.functions import Lower
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.audit.models import Record
+from fleet.bookings.models import Waiting
 from fleet.bookings.selectors import Schedule, schedule_of
 from robots.access.models import Qualification
-from robots.access.selectors import lacking, roles_on
+from robots.access.selectors import lacking, missing_qualifications, role_on, roles_on
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import allowed_on, link_address, robot_facts
 from robots.wire import Refusal
 from teleop.control.policy import Subject, out_of_service, permit_for
-from teleop.control.rules import LeaseState, OpenRequest, Tab
+from teleop.control.rules import WAITS_S, LeaseState, Tab, Waiter, is_free
 from teleop.control.status import ControlStatus, Rights, RobotEntry, SessionEnd
-from teleop.models import ControlRequest, ControlSession, Lease
+from teleop.models import ControlSession, Lease
 
 SignIn = tuple[UUID, str]  # user, session key
 
@@ -40,36 +41,44 @@ def held_leases() -> list[tuple[UUID, LeaseState]]:
     return [(lease.robot_id, _lease_state(lease)) for lease in leases]
 
 
-def open_requests_of(robot_id: UUID) -> list[OpenRequest]:
-    """Return the requests for the robot, oldest first; some may have lapsed (`rules.open_requests`)."""
-    requests = ControlRequest.objects.filter(robot_id=robot_id, answered_at=None).select_related("user")
+def line_of(robot_id: UUID, now: datetime) -> list[Waiter]:
+    """Return the people in line for control whose pages are still there, the first one first."""
+    seen = now - timedelta(seconds=WAITS_S)
+    waiting = Waiting.objects.filter(robot_id=robot_id, starts_at=None, seen_at__gt=seen)
     return [
-        OpenRequest(
-            id=request.pk,
-            user=request.user.id,
-            name=request.user.display_name,
-            tab=Tab(request.tab, request.sign_in, request.connection),
-            asked_at=request.asked_at,
+        Waiter(
+            id=one.pk,
+            user=one.person.id,
+            name=one.person.display_name,
+            tab=Tab(one.tab, one.sign_in, one.connection),
+            offer_until=one.offer_until,
         )
-        for request in requests.order_by("asked_at")
+        for one in waiting.select_related("person")
     ]
 
 
 def control_status(
     robot_id: UUID, *, people: Collection[SignIn], sessions: Collection[UUID], now: datetime
 ) -> ControlStatus:
-    """Read the robot's lease and requests, the rights of `people`, and the ends of `sessions`."""
+    """Read the robot's lease and its line, the rights of `people`, and the ends of `sessions`."""
     robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
     lease = lease_of(robot_id)
     schedule = schedule_of(robot, now) if robot else Schedule()
+    line = line_of(robot_id, now)
     return ControlStatus(
         read_at=now,
         lease=lease,
-        requests=open_requests_of(robot_id),
+        line=line,
         endings=_endings(set(sessions) - {lease.session} if lease else sessions),
-        rights=rights_of(people, robot, now, schedule),
+        rights=rights_of(people, robot, now, schedule, line if is_free(lease, now) else ()),
         schedule=schedule,
     )
+
+
+def subject_of(user: User, robot: Robot, now: datetime, line: Sequence[Waiter] = ()) -> Subject:
+    """Return the facts by which the rules judge whether a person may control a robot."""
+    missing = tuple(missing_qualifications(user, robot, now))
+    return Subject(user, robot, role_on(user, robot), schedule_of(robot, now), now, missing, tuple(line))
 
 
 def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
@@ -85,7 +94,11 @@ def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
 
 
 def rights_of(
-    people: Collection[SignIn], robot: Robot | None, now: datetime, schedule: Schedule | None = None
+    people: Collection[SignIn],
+    robot: Robot | None,
+    now: datetime,
+    schedule: Schedule | None = None,
+    line: Sequence[Waiter] = (),
 ) -> dict[SignIn, Rights]:
     """Return each sign-in's rights on the robot; no rights if the robot is None (it was deleted).
 
@@ -108,6 +121,7 @@ def rights_of(
             schedule,
             now,
             missing.get(user_id, ()),
+            line,
         )
         for user_id, key in set(people)
     }
@@ -121,6 +135,7 @@ def _rights(
     schedule: Schedule,
     now: datetime,
     missing: Sequence[Qualification],
+    line: Sequence[Waiter],
 ) -> Rights:
     if user is None or not user.is_active:
         return _no_rights(Refusal("account_inactive", "This account is closed; ask the staff.", "account"))
@@ -128,7 +143,7 @@ def _rights(
         return _no_rights(SIGNED_OUT)
     if robot is None or role is None:
         return Rights(True, None, Refusal("no_role", "You have no role on this robot.", "account"))
-    permit = permit_for(Subject(user, robot, role, schedule, now, tuple(missing)))
+    permit = permit_for(Subject(user, robot, role, schedule, now, tuple(missing), tuple(line)))
     return Rights(True, role, permit)
 
 

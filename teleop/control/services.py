@@ -8,67 +8,32 @@ from an older copy cannot assign a number twice.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from datetime import datetime, timedelta
+from collections.abc import Sequence
+from datetime import datetime
 from typing import Any, TypeVar
 from uuid import UUID, uuid4
 
 from django.conf import settings
-from django.db import DatabaseError, transaction
 from django.db.models import QuerySet
 
 from fleet.accounts.models import User
 from fleet.audit import services as audit
-from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.audit.models import Record
 from fleet.bookings.models import Booking
-from fleet.bookings.selectors import Schedule, schedule_of
-from fleet.bookings.services import (
-    BookingRefused,
-    booking_hand_running,
-    booking_lengthen_running,
-    booking_used,
-)
-from robots.access.selectors import missing_qualifications, role_on, supervises
+from fleet.bookings.selectors import schedule_of
+from fleet.bookings.services import booking_hand_running, booking_lengthen_running, booking_used
+from robots.access.selectors import supervises
 from robots.registry.models import Robot, Role
 from robots.registry.services import fence_next
-from robots.wire import NotDone, Refusal
-from teleop.control import rules
-from teleop.control.policy import Permit, Subject, permit_for
-from teleop.control.rules import LeaseState, OpenRequest, Tab
-from teleop.control.selectors import lease_of, open_requests_of
-from teleop.models import ControlRequest, ControlSession, EndReason, Lease
+from robots.wire import Refusal
+from teleop.control import queue, rules
+from teleop.control.changes import ControlRefused, recorded_change, robot_locked
+from teleop.control.policy import Permit, permit_for
+from teleop.control.rules import LeaseState, Tab, Waiter
+from teleop.control.selectors import lease_of, line_of, subject_of
+from teleop.models import ControlSession, EndReason, Lease
 
 T = TypeVar("T")
-
-
-class ControlRefused(NotDone):
-    """A change of control is not allowed."""
-
-
-class NotStored(ControlRefused):
-    """A change of control is allowed, but the database cannot store it."""
-
-
-def database_refusal(error: DatabaseError) -> Refusal:
-    """Return the refusal of a change that the database could not store."""
-    code, cause = cause_of(error)
-    return Refusal(f"database_{code}", f"Not done: {cause}. Try again.", "database")
-
-
-@contextmanager
-def recorded_change() -> Iterator[None]:
-    """Run one transaction. Raises NotStored if the change or its audit record cannot be stored."""
-    try:
-        with transaction.atomic():
-            yield
-    except BookingRefused as error:
-        raise ControlRefused(error.refusal) from error
-    except AuditUnavailable as error:
-        raise NotStored(Refusal(error.code, error.text, error.rule)) from error
-    except DatabaseError as error:
-        raise NotStored(database_refusal(error)) from error
 
 
 # --- take, take over, hand over --------------------------------------------------------------------------
@@ -77,10 +42,11 @@ def recorded_change() -> Iterator[None]:
 def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, now: datetime) -> LeaseState:
     """Take control of a robot that no other person controls. From the same person's other tab it moves here."""
     with recorded_change():
-        robot, user = _robot_locked(robot_id), _user(user_id)
-        role, permit = _permit(user=user, robot=robot, now=now)
-        _require(permit.over)
+        robot, user = robot_locked(robot_id), _user(user_id)
         before = lease_of(robot_id)
+        line = _line_if_free(before, robot_id, now)
+        role, permit = _permit(user=user, robot=robot, now=now, line=line)
+        _require(permit.over)
         _require(rules.check_take(before, user=user_id, tab=tab, now=now))
         if before is not None:
             lapsed = rules.lapse_reason(before, now)
@@ -96,9 +62,10 @@ def lease_take_over(
 ) -> LeaseState:
     """Take control from its holder, or in another person's slot, as a supervisor or staff. The reason is recorded."""
     with recorded_change():
-        robot, user = _robot_locked(robot_id), _user(user_id)
-        role, permit = _permit(user=user, robot=robot, now=now)
+        robot, user = robot_locked(robot_id), _user(user_id)
         before = lease_of(robot_id)
+        line = _line_if_free(before, robot_id, now)
+        role, permit = _permit(user=user, robot=robot, now=now, line=line)
         if permit.over is None or (before is not None and before.user == user_id):
             _require(rules.check_take_over(before, user=user_id, supervises=supervises(user, robot), now=now))
         if before is not None:
@@ -108,7 +75,14 @@ def lease_take_over(
             _end_session(before, ended, robot, None if lapsed else user, now, note=note)
         taken = _assign(robot, user, tab, role, permit, before, highest_fence, now)
         slot = schedule_of(robot, now).current
-        owner = (before.user, before.name) if before else (slot.person, slot.name) if slot else None
+        owner = next(
+            (
+                (one.user, one.name) if isinstance(one, LeaseState | Waiter) else (one.person, one.name)
+                for one in (before, slot, *line)
+                if one is not None
+            ),
+            None,
+        )
         _record(
             "control.take_over",
             taken,
@@ -124,18 +98,18 @@ def lease_take_over(
 def lease_hand_over(
     *, robot_id: UUID, user_id: UUID, tab: Tab, request_id: int, highest_fence: int, now: datetime
 ) -> LeaseState:
-    """Hand control over to the person of an open request."""
+    """Hand control over to a person in line."""
     with recorded_change():
-        robot, user = _robot_locked(robot_id), _user(user_id)
+        robot, user = robot_locked(robot_id), _user(user_id)
         held = lease_of(robot_id)
         before = _allowed(held, rules.check_holder(held, tab=tab, now=now))
-        request = _open_request(robot_id, request_id, now)
-        receiver = _user(request.user)
+        waiter = _waiter(robot_id, request_id, now)
+        receiver = _user(waiter.user)
         booking_hand_running(robot=robot, owner=before.user, to=receiver, actor=user, now=now)
         role, permit = _permit(user=receiver, robot=robot, now=now)
         note = f"You handed over to {receiver.display_name}."
         _end_session(before, EndReason.HANDED_OVER, robot, user, now, note=note)
-        given = _assign(robot, receiver, request.tab, role, permit, before, highest_fence, now)
+        given = _assign(robot, receiver, waiter.tab, role, permit, before, highest_fence, now)
         _record(
             "control.hand_over",
             given,
@@ -156,9 +130,7 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> No
         robot, user = _robot(robot_id), _user(user_id)
         _, permit = _permit(user=user, robot=robot, now=now)
         held = lease_of(robot_id)
-        before = _allowed(
-            held, rules.check_renew(held, tab=tab, requests=open_requests_of(robot_id), now=now)
-        )
+        before = _allowed(held, rules.check_renew(held, tab=tab, line=line_of(robot_id, now), now=now))
         if permit.whole_slot and permit.until is not None and before.term_ends_at >= permit.until:
             booking_lengthen_running(robot=robot, person=user, now=now)
             _, permit = _permit(user=user, robot=robot, now=now)
@@ -248,43 +220,6 @@ def leases_end_of_sign_in(sign_in: str, *, user_id: UUID, refusal: Refusal, now:
         )
 
 
-# --- ask ----------------------------------------------------------------------------------------
-
-
-def control_request(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
-    """Ask the holder for control. Asking again moves the request to this tab. Returns the request's number."""
-    with recorded_change():
-        robot, user = _robot(robot_id), _user(user_id)
-        held = lease_of(robot_id)
-        _permit(user=user, robot=robot, now=now, guest_of=held.user if held else None)
-        _require(rules.check_request(held, user=user_id, now=now))
-        requests_lapse(now=now)
-        seat = {"tab": tab.token, "sign_in": tab.sign_in, "connection": tab.connection}
-        request, _ = ControlRequest.objects.update_or_create(
-            robot_id=robot_id,
-            user_id=user_id,
-            answered_at=None,
-            defaults=seat,
-            create_defaults={**seat, "asked_at": now},
-        )
-        _record("control.ask", held, robot, user, parameters={"request": request.pk})
-    return int(request.pk)
-
-
-def control_request_withdraw(*, robot_id: UUID, connection: str, gone: bool, now: datetime) -> None:
-    """Close this connection's open request, if there is one: withdrawn, or its page is `gone`."""
-    outcome = ControlRequest.Outcome.GONE if gone else ControlRequest.Outcome.CANCELLED
-    with recorded_change():
-        _close_requests(now, outcome, robot_id=robot_id, connection=connection)
-
-
-def requests_lapse(*, now: datetime) -> None:
-    """Close the requests that got no answer in time."""
-    asked_until = now - timedelta(seconds=rules.REQUEST_S)
-    with transaction.atomic():
-        _close_requests(now, ControlRequest.Outcome.LAPSED, asked_at__lte=asked_until)
-
-
 # --- stop ---------------------------------------------------------------------------------------
 
 
@@ -317,35 +252,29 @@ def _robot(robot_id: UUID) -> Robot:
     return Robot.objects.select_related("profile").get(pk=robot_id)
 
 
-def _robot_locked(robot_id: UUID) -> Robot:
-    """Return the robot, locked as bookings lock it: first of all, since a record of an end locks the robot's log."""
-    robots = Robot.objects.select_for_update(of=("self",)).select_related("profile")
-    return robots.get(pk=robot_id)
-
-
 def _user(user_id: UUID) -> User:
     return User.objects.get(pk=user_id)
 
 
-def _open_request(robot_id: UUID, request_id: int, now: datetime) -> OpenRequest:
-    request = next((one for one in open_requests_of(robot_id) if one.id == request_id), None)
-    return _allowed(request, rules.check_still_open(request, now=now))
+def _waiter(robot_id: UUID, request_id: int, now: datetime) -> Waiter:
+    waiter = next((one for one in line_of(robot_id, now) if one.id == request_id), None)
+    return _allowed(waiter, rules.check_waits(waiter))
 
 
-def _permit(*, user: User, robot: Robot, now: datetime, guest_of: UUID | None = None) -> tuple[Role, Permit]:
+def _permit(*, user: User, robot: Robot, now: datetime, line: Sequence[Waiter] = ()) -> tuple[Role, Permit]:
     """Return the person's role and permit to control. Raises ControlRefused.
 
-    `guest_of`: the owner of the present slot, who may hand it to this person.
+    `line`: who waits for control, if nobody has it.
     """
-    role = role_on(user, robot)
-    schedule = schedule_of(robot, now)
-    if schedule.current is not None and schedule.current.person == guest_of:
-        schedule = Schedule(out=schedule.out)
-    missing = tuple(missing_qualifications(user, robot, now))
-    answer = permit_for(Subject(user, robot, role, schedule, now, missing))
+    subject = subject_of(user, robot, now, line)
+    answer = permit_for(subject)
     if isinstance(answer, Refusal):
         raise ControlRefused(answer)
-    return _allowed(role, None), answer
+    return _allowed(subject.role, None), answer
+
+
+def _line_if_free(before: LeaseState | None, robot_id: UUID, now: datetime) -> list[Waiter]:
+    return line_of(robot_id, now) if rules.is_free(before, now) else []
 
 
 def _term_end(permit: Permit, now: datetime) -> datetime:
@@ -400,12 +329,12 @@ def _assign(
     )
     ControlSession.objects.create(id=given.session, robot=robot, user=user, fence=given.fence, started_at=now)
     booking_used(robot_id=robot.id, person_id=user.id, now=now)
-    _close_requests(now, ControlRequest.Outcome.GRANTED, robot=robot, user=user)
+    queue.places_close(queue.GRANTED, robot=robot, person=user)
     return given
 
 
 def _free(robot_id: UUID, held: LeaseState, now: datetime, **still: Any) -> None:
-    """Empty the lease, if its columns still have the values in `still`. This closes the requests for control."""
+    """Empty the lease, if its columns still have the values in `still`. The next in line gets an offer, by the hub."""
     empty = {
         "session": None,
         "tab": "",
@@ -416,17 +345,6 @@ def _free(robot_id: UUID, held: LeaseState, now: datetime, **still: Any) -> None
         "seen_at": None,
     }
     _change_lease(robot_id, held, empty, **still)
-    _close_requests(now, ControlRequest.Outcome.FREED, robot_id=robot_id)
-
-
-def _close_requests(now: datetime, outcome: ControlRequest.Outcome, **which: Any) -> None:
-    """Close and record the open requests that match these filters."""
-    for request in ControlRequest.objects.filter(answered_at=None, **which).select_related("user", "robot"):
-        still_open = ControlRequest.objects.filter(pk=request.pk, answered_at=None)
-        if still_open.update(answered_at=now, outcome=outcome):
-            asks = Record.objects.filter(robot_id=request.robot.pk, kind="control.ask", of=None)
-            asked = asks.filter(parameters__request=request.pk).order_by("id").last()
-            _record("control.ask", None, request.robot, None, of=asked, outcome=outcome.value)
 
 
 def _change_lease(robot_id: UUID, before: LeaseState | None, to: dict[str, Any], **still: Any) -> None:

@@ -12,6 +12,7 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from teleop.control import services
+from teleop.control.changes import ControlRefused
 from teleop.control.rules import fingerprint
 from teleop.control.selectors import SIGNED_OUT
 
@@ -27,5 +28,5 @@ def _signed_out(*, request: HttpRequest, user: User | None, **_: Any) -> None:
         services.leases_end_of_sign_in(
             fingerprint(key), user_id=user.pk, refusal=SIGNED_OUT, now=timezone.now()
         )
-    except services.ControlRefused as refused:
+    except ControlRefused as refused:
         log.warning("Control of %s did not end at sign-out; it lapses by itself: %s", user.pk, refused)

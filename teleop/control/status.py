@@ -13,7 +13,7 @@ from robots.bridge.config import Allowed, LinkAddress
 from robots.registry.models import Role
 from teleop.control import rules
 from teleop.control.policy import Permit
-from teleop.control.rules import LeaseState, OpenRequest, Phase, Tab
+from teleop.control.rules import LeaseState, Phase, Tab, Waiter
 
 
 class SessionEnd(Struct, frozen=True):
@@ -37,11 +37,11 @@ class Rights(Struct, frozen=True):
 
 
 class ControlStatus(Struct, frozen=True):
-    """One robot's lease, the requests for it and people's rights, read at one moment."""
+    """One robot's lease, the people in line for it and people's rights, read at one moment."""
 
     read_at: datetime
     lease: LeaseState | None
-    requests: list[OpenRequest]
+    line: list[Waiter]  # who waits for control, the first one first
     endings: dict[UUID, SessionEnd]  # of the queried control sessions that are over
     rights: dict[tuple[UUID, str], Rights]  # of the queried people, by (user, session key)
     schedule: Schedule = Schedule()  # the robot's bookings
@@ -77,13 +77,19 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
     """Return the status of control as a message to the page in `tab`."""
     now, lease = status.read_at, status.lease
     phase = rules.phase(lease, now)
-    requests = rules.open_requests(status.requests, now)
     mine = lease is not None and lease.tab.connection == tab.connection
     free = lease is None or phase is Phase.LAPSED
     booked, next_booked = booked_slots(status.schedule, user, now)
+    place = next((n for n, one in enumerate(status.line) if one.tab.connection == tab.connection), None)
+    asking = None if place is None else status.line[place].id
+    names = [wire.Request(one.id, one.name) for one in status.line]
     if lease is None or free:
         return wire.Control(
             "free",
+            requests=names if rights.supervises else [],
+            asking=asking,
+            ahead=place,
+            offer_s=_offer_s(status, user),
             may_take_over=_take_over_only(rights) is not None,
             may_clear=rights.supervises,
             refusal=_refusal(rights) or _take_over_only(rights),
@@ -97,8 +103,9 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
         session=str(lease.session) if mine else None,
         remaining_s=round((lease.term_ends_at - now).total_seconds(), 1),
         resumable_s=round(rules.resumable_s(lease, now), 1) if phase is Phase.AWAY else None,
-        requests=[wire.Request(one.id, one.name) for one in requests] if mine or rights.supervises else [],
-        asking=next((one.id for one in requests if one.tab.connection == tab.connection), None),
+        requests=names if mine or rights.supervises else [],
+        asking=asking,
+        ahead=place,
         may_take_over=rules.check_take_over(lease, user=user, supervises=rights.supervises, now=now) is None
         and _refusal(rights) is None,
         may_clear=mine or rights.supervises,
@@ -122,6 +129,14 @@ def booked_slots(
 
 def _booked(held: Held, user: UUID, seconds: float) -> wire.Booked:
     return wire.Booked(held.name, held.person == user, round(seconds, 1))
+
+
+def _offer_s(status: ControlStatus, user: UUID) -> float | None:
+    """Return for how many seconds more control is this person's to take; None if it is not offered to them."""
+    turn = rules.offered(status.line, status.read_at)
+    if turn is None or turn.user != user or turn.offer_until is None:
+        return None
+    return round((turn.offer_until - status.read_at).total_seconds(), 1)
 
 
 def _take_over_only(rights: Rights) -> wire.Refusal | None:
@@ -152,6 +167,9 @@ def change_key(control: wire.Control, status: ControlStatus) -> tuple[object, ..
         next(iter(status.schedule.next), None),
         [request.id for request in control.requests],
         control.asking,
+        control.ahead,
+        control.offer_s is None,
+        rules.offered(status.line, status.read_at),
         control.may_take_over,
         control.may_clear,
         control.refusal and control.refusal.code,

@@ -20,10 +20,11 @@ from robots.registry.models import Role
 from robots.wire import Control, Notice, Refusal
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
-from teleop.control import services
+from teleop.control import queue, services
+from teleop.control.changes import ControlRefused, NotStored
 from teleop.control.policy import ROLE_LOWERED, Permit
-from teleop.control.rules import NO_LEASE, LeaseState, Phase, Tab, lapse_reason, open_requests, phase
-from teleop.control.services import ControlRefused
+from teleop.control.rules import NO_LEASE, LeaseState, Phase, Tab, lapse_reason, phase
+from teleop.control.rules import offered as offered_now
 from teleop.control.status import ControlStatus, Rights, SessionEnd, change_key, control_message
 from teleop.live import notices
 from teleop.live.lease_renewal import LeaseRenewer
@@ -65,9 +66,10 @@ class ControlHolder:
         self._store_end: Callable[[], None] | None = None  # stores the end of the session that was given up
         self._storing = asyncio.Lock()
         self._reported_key: tuple[object, ...] | None = None
-        self._requests: set[int] = set()  # open requests of other people for this control
-        self._requesting = False  # this connection has an open request
-        self._withdrew = False  # it withdrew its request itself, even if an older status still lists it
+        self._line: set[int] = set()  # places of other people who wait for this control
+        self.waits = False  # this connection waits in line
+        self._offered = False  # control is offered to it
+        self._withdrew = False  # it left the line itself, even if an older status still lists it
 
     @property
     def lease(self) -> LeaseState | None:
@@ -101,7 +103,7 @@ class ControlHolder:
         await self._change(services.lease_take_over, reason=reason, highest_fence=await self._highest_fence())
 
     async def hand_over(self, request_id: int) -> None:
-        """Hand control over to the person of an open request."""
+        """Hand control over to a person in line."""
         await self._change(
             services.lease_hand_over, request_id=request_id, highest_fence=await self._highest_fence()
         )
@@ -118,7 +120,7 @@ class ControlHolder:
         try:
             await in_database(services.lease_resume, **self._me(), now=timezone.now())
             await self._hub.lease_changed()
-        except services.NotStored:
+        except NotStored:
             raise
         except ControlRefused:
             pass  # the lease lapsed a moment ago, or the right to control ended
@@ -131,16 +133,16 @@ class ControlHolder:
         await self._end_lease()
 
     async def ask(self) -> None:
-        """Ask the holder for control."""
+        """Wait in line for control. The holder sees it."""
         self._withdrew = False
-        await self._change(services.control_request)
+        await self._change(queue.line_join)
 
     async def withdraw(self) -> None:
-        """Withdraw the request for control."""
+        """Leave the line."""
         self._withdrew = True
         now = timezone.now()
         await in_database(
-            services.control_request_withdraw,
+            queue.line_leave,
             robot_id=self._hub.robot_id,
             connection=self.tab.connection,
             gone=False,
@@ -176,7 +178,7 @@ class ControlHolder:
         await self._follow_lease(status, rights)
         await self._follow_permit(rights)
         await self._report_control()
-        await self._report_requests(status)
+        await self._report_line(status)
 
     def renew_soon(self) -> None:
         """Send the grant to the bridge again without delay: the link came up, or the bridge ended this control."""
@@ -208,7 +210,7 @@ class ControlHolder:
         if mine and self._renewer:
             self._renewer.follow(mine)
         if mine and self._renewer is None and not self._left and isinstance(rights.permit, Permit):
-            self._requesting = False  # control answers its request
+            self.waits = self._offered = False  # control answers its request
             self._renewer = LeaseRenewer(
                 self._hub,
                 mine,
@@ -315,17 +317,20 @@ class ControlHolder:
             self._reported_key = key
             await self._report(control)
 
-    async def _report_requests(self, status: ControlStatus) -> None:
-        requests = open_requests(status.requests, status.read_at)
+    async def _report_line(self, status: ControlStatus) -> None:
         if self._renewer:
-            for request in requests:
-                if request.id not in self._requests:
-                    await self._report(notices.request_received(request.name))
-        self._requests = {request.id for request in requests}
-        requesting = any(request.tab.connection == self.tab.connection for request in requests)
-        if self._requesting and not requesting and not self._withdrew:
-            await self._report(notices.request_closed(free=status.lease is None))
-        self._requesting = requesting
+            for one in status.line:
+                if one.id not in self._line and one.user != self._user_id:
+                    await self._report(notices.request_received(one.name))
+        self._line = {one.id for one in status.line}
+        mine = next((one for one in status.line if one.tab.connection == self.tab.connection), None)
+        if mine is None and self.waits and not self._withdrew:
+            await self._report(notices.LEFT_THE_LINE)
+        self.waits = mine is not None
+        offered = mine is not None and offered_now(status.line, status.read_at) == mine
+        if offered and not self._offered:
+            await self._report(notices.YOUR_TURN)
+        self._offered = offered
 
 
 def _leave(robot_id: UUID, connection: str, session: UUID | None) -> None:
@@ -333,7 +338,7 @@ def _leave(robot_id: UUID, connection: str, session: UUID | None) -> None:
     now = timezone.now()
     if session is not None:
         services.lease_lost(robot_id=robot_id, session=session, connection=connection, now=now)
-    services.control_request_withdraw(robot_id=robot_id, connection=connection, gone=True, now=now)
+    queue.line_leave(robot_id=robot_id, connection=connection, gone=True, now=now)
 
 
 def _end_lease(

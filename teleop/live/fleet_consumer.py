@@ -25,9 +25,9 @@ from robots.registry.selectors import link_address
 from robots.wire import Ended, FleetCard, NotDone, Offers, Refusal, Refused, State, fleet_message
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
+from teleop.control.changes import database_refusal
 from teleop.control.policy import out_of_service
 from teleop.control.selectors import SIGNED_OUT, SignIn
-from teleop.control.services import database_refusal
 from teleop.control.status import booked_slots
 from teleop.live.message_socket import BUSY, CloseCode, MessageSocket
 from teleop.recording.refusals import RefusedRequest

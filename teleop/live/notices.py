@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robots.wire import Level, Notice, Refusal
-from teleop.control.rules import GRACE_S
+from teleop.control.rules import GRACE_S, OFFER_S
 from teleop.control.status import SessionEnd
 from teleop.models import EndReason
 
@@ -49,16 +49,11 @@ def access_revoked(refusal: Refusal) -> Notice:
 
 
 def request_received(name: str) -> Notice:
-    """Tell the holder that another person asks for control."""
+    """Tell the holder that another person waits for control."""
     return Notice("info", "asked", f"{name} asks for control.")
 
 
-def request_closed(free: bool) -> Notice:
-    """Tell the person who asked that they did not get control."""
-    if free:
-        return Notice("info", "free", "The robot is free now: take control.")
-    return Notice(
-        "info",
-        "not_handed_over",
-        "Your request for control is closed. Ask again if you still need the robot.",
-    )
+YOUR_TURN = Notice("warning", "your_turn", f"It is your turn: take control within {OFFER_S:.0f} s.")
+LEFT_THE_LINE = Notice(
+    "info", "left_the_line", "You wait for control no more. Ask again if you still need the robot."
+)

@@ -23,9 +23,8 @@ from robots.wire import (
     kind_of,
 )
 from teleop.background.jobs import RequestQueue, run_in_background
-from teleop.control import services
+from teleop.control.changes import ControlRefused, NotStored, database_refusal
 from teleop.control.rules import Tab, check_fence, fingerprint
-from teleop.control.services import ControlRefused
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live import robot_hub
 from teleop.live.control_holder import ControlHolder
@@ -141,13 +140,13 @@ class RobotConsumer(RobotSocket):
                 raise ControlRefused(_HELLO_FIRST)
             else:
                 await self._change(message, self.control)
-        except services.NotStored as refused:
+        except NotStored as refused:
             await self._not_now(message, refused.refusal)
         except NotDone as refused:
             await self.refuse(kind_of(message), refused.refusal)
         except DatabaseError as error:
             log.error("%s on %s: %s", kind_of(message), self.scope["path"], error)
-            await self._not_now(message, services.database_refusal(error))
+            await self._not_now(message, database_refusal(error))
 
     async def _not_now(self, message: wire.BrowserMessage, refusal: Refusal) -> None:
         await self.refuse(kind_of(message), refusal)
@@ -204,6 +203,11 @@ class RobotConsumer(RobotSocket):
     def held_session(self) -> UUID | None:
         """The control session of this page; None without control."""
         return self.control.session if self.control else None
+
+    @property
+    def waits(self) -> bool:
+        """Return whether this page waits in line for control."""
+        return self.control is not None and self.control.waits
 
     @property
     def fence(self) -> int | None:

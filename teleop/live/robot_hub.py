@@ -22,11 +22,12 @@ from django.utils import timezone
 from robots.link.client import BridgeLink, links
 from robots.wire import Ended, Offers, Refresh, Refusal, Refused, State
 from teleop.background.database import in_database
-from teleop.control import rules
+from teleop.control import queue, rules
+from teleop.control.changes import ControlRefused
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import Phase
 from teleop.control.selectors import SignIn, control_status, robot_entry
-from teleop.control.services import ControlRefused, lease_expire, lease_fit_slot, lease_seen
+from teleop.control.services import lease_expire, lease_fit_slot, lease_seen
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live.picture_feed import PictureFeed
 from teleop.live.topic_feed import TopicFeed
@@ -52,6 +53,10 @@ class Member(Protocol):
     @property
     def held_session(self) -> UUID | None:
         """The control session that it has."""
+
+    @property
+    def waits(self) -> bool:
+        """Return whether it waits in line for control."""
 
     @property
     def checked_often(self) -> bool:
@@ -190,8 +195,10 @@ class RobotHub:
         status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
         lease = status.lease
         if rules.phase(lease, status.read_at) is not Phase.LAPSED:
+            if lease is None:
+                return (self._read_again(people, sessions) if self._offer(status) else status), confirmed_s
             until = status.slot_end()
-            if lease is None or until is None:
+            if until is None:
                 return status, confirmed_s
             with suppress(ControlRefused, DatabaseError):
                 lease_fit_slot(robot_id=self.robot_id, before=lease, until=until, now=status.read_at)
@@ -201,13 +208,25 @@ class RobotHub:
         with suppress(ControlRefused, DatabaseError):
             self._store_seen()
             lease_expire(robot_id=self.robot_id, now=status.read_at)
+        self._offer(status)
         return self._read_again(people, sessions), confirmed_s
+
+    def _offer(self, status: ControlStatus) -> bool:
+        """Offer the free robot to the next in line. Return whether that changed the line."""
+        if not status.line or rules.offered(status.line, status.read_at) is not None:
+            return False
+        with suppress(ControlRefused, DatabaseError):
+            return queue.offer_next(robot_id=self.robot_id, now=status.read_at)
+        return False
 
     def _read_again(self, people: Collection[SignIn], sessions: list[UUID]) -> ControlStatus:
         return control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
 
     def _store_seen(self) -> None:
-        """Store when the holder's page last sent a message: with a cut network the connection still looks open."""
+        """Store when the holder's page last sent a message: with a cut network the connection still looks open.
+
+        Store too which waiting pages are there.
+        """
         for member in list(self.members.values()):
             if session := member.held_session:
                 silent = timedelta(seconds=time.monotonic() - member.heard_s)
@@ -217,6 +236,8 @@ class RobotHub:
                     connection=member.id,
                     seen_at=timezone.now() - silent,
                 )
+        if waiting := [member.id for member in list(self.members.values()) if member.waits]:
+            queue.line_seen(robot_id=self.robot_id, connections=waiting, now=timezone.now())
 
     async def _keep_reading(self) -> None:
         reads = 0
@@ -244,7 +265,7 @@ class RobotHub:
             return
         await self._read_registry()
         await self.read_status()
-        if any(member.held_session for member in self.members.values()):
+        if any(member.held_session or member.waits for member in self.members.values()):
             await in_database(self._store_seen)
 
     async def _read_registry(self) -> None:

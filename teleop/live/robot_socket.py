@@ -79,6 +79,11 @@ class RobotSocket(MessageSocket):
         return None
 
     @property
+    def waits(self) -> bool:
+        """False: it does not wait for control."""
+        return False
+
+    @property
     def fence(self) -> int | None:
         """The fencing number of its control; None without control."""
         return None
@@ -86,7 +91,7 @@ class RobotSocket(MessageSocket):
     @property
     def checked_often(self) -> bool:
         """Return whether this person's rights are read every time."""
-        return self.held_session is not None
+        return self.held_session is not None or self.waits
 
     async def follow(self, status: ControlStatus) -> None:
         """Follow this person's rights."""

@@ -21,8 +21,8 @@ from robots.wire import CallService, Refusal, SetParameter
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.allow_list import check_role, required_role
+from teleop.control.changes import ControlRefused, recorded_change
 from teleop.control.selectors import lease_of
-from teleop.control.services import ControlRefused, recorded_change
 from teleop.control.status import Rights
 from teleop.live.robot_hub import RobotHub
 

@@ -199,7 +199,7 @@ def test_each_control_action_gives_one_notice(person: Arrive) -> None:
     supervisor.watch("tiago-2")
     operator.press("Keep")
     operator.until(lambda: "You keep control" in logged(operator)[0], "a fresh term")
-    for name in ("Ask for control", "Withdraw", "Ask for control"):
+    for name in ("Ask for control", "Leave the line", "Ask for control"):
         supervisor.press(name)
     operator.press("Hand over to Supervisor")
     supervisor.until_in_control()
@@ -208,8 +208,8 @@ def test_each_control_action_gives_one_notice(person: Arrive) -> None:
     assert logged(supervisor) == [
         "Control is given back.",
         "Control was handed to you.",
-        "Operator knows that you ask for control.",
-        "You ask for control no more.",
+        "You wait in line. Operator knows that you ask for control.",
+        "You wait in line no more.",
     ]
     assert [text.split(":")[0] for text in logged(operator)] == [
         "You handed over to Supervisor.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import pytest
@@ -73,6 +74,26 @@ def test_a_second_person_asks_for_control_and_gets_it(person: Arrive) -> None:
     supervisor.drive("w", metres=0.1)
     supervisor.let_go("w")
     supervisor.release()
+
+
+def test_a_released_robot_is_offered_to_the_next_in_line(person: Arrive) -> None:
+    operator, supervisor = person("operator"), person("supervisor")
+    operator.take("tiago-2")
+    supervisor.watch("tiago-2")
+    supervisor.press("Ask for control")
+    expect(supervisor.part("why")).to_have_text("You are the next in line.")
+    operator.release()
+    expect(operator.part("why")).to_contain_text("Supervisor is next in line")
+    expect(operator.page.get_by_role("button", name="Take control")).to_be_hidden()
+    operator.press("Ask for control")
+    expect(supervisor.part("who")).to_have_text("It is your turn")
+    expect(supervisor.part("why")).to_contain_text(re.compile(r"Take control within (30|2\d) s"))
+    supervisor.press("Take control")
+    supervisor.until_in_control()
+    expect(operator.part("why")).to_have_text("You are the next in line.")
+    supervisor.press("Hand over to Operator")
+    operator.until_in_control()
+    operator.release()
 
 
 def test_staff_take_over_with_a_reason(person: Arrive) -> None:

@@ -142,7 +142,9 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
     context = {
         "to_come": to_come[::-1],
         "past": past,
-        "waiting": Waiting.objects.filter(person=person_of(request)).select_related("robot"),
+        "waiting": Waiting.objects.filter(person=person_of(request))
+        .exclude(starts_at=None)
+        .select_related("robot"),
         "zone": viewers().key,
         "has_address": FeedAddress.objects.filter(person=person_of(request), robot=None).exists(),
         "robots": robots_visible_to(person_of(request)),

@@ -54,7 +54,8 @@ export class ControlPanel extends EventTarget {
     const now = performance.now();
     const left = remaining(this.#control.remaining_s, this.#heardMs, now);
     const resumable = remaining(this.#control.resumable_s, this.#heardMs, now);
-    const { headline, reason, actions } = controlWords(this.#control, resumable);
+    const offered = remaining(this.#control.offer_s, this.#heardMs, now);
+    const { headline, reason, actions } = controlWords(this.#control, resumable, offered);
     const yours = this.#control.state === "yours";
     const { who, why, lease } = this.#parts;
     say(who, headline);

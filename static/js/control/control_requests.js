@@ -12,7 +12,7 @@ function labels() {
     release: gettext("Release"),
     hand_over: gettext("Hand over"),
     ask: gettext("Ask for control"),
-    ask_cancel: gettext("Withdraw"),
+    ask_cancel: gettext("Leave the line"),
     clear: gettext("Clear stop"),
   };
 }
@@ -31,8 +31,10 @@ function doneText(t, { holder, remaining_s: remainingS }) {
     take_over: gettext("You have control."),
     renew: interpolate(gettext("You keep control: %s left."), [clockText(remainingS ?? 0)]),
     release: gettext("Control is given back."),
-    ask: interpolate(gettext("%s knows that you ask for control."), [holder]),
-    ask_cancel: gettext("You ask for control no more."),
+    ask: holder
+      ? interpolate(gettext("You wait in line. %s knows that you ask for control."), [holder])
+      : gettext("You wait in line."),
+    ask_cancel: gettext("You wait in line no more."),
     clear: gettext("The stop is cleared."),
   };
   return texts[t] ?? "";

@@ -13,10 +13,11 @@ function holder(control) {
 /**
  * @param {object} control the server's newest `control`
  * @param {number | null} resumableS seconds until a vanished holder loses control
+ * @param {number | null} offerS seconds for which a free robot is this person's to take
  * @returns {{headline: string, reason: string, actions: string[]}}
  *   actions: take, take_over, renew, release, ask, ask_cancel; the first is the most likely one
  */
-export function controlWords(control, resumableS = null) {
+export function controlWords(control, resumableS = null, offerS = null) {
   const reason = control.refusal?.text ?? "";
   const force = control.may_take_over ? ["take_over"] : [];
   const question = control.asking === null || control.asking === undefined ? "ask" : "ask_cancel";
@@ -24,10 +25,19 @@ export function controlWords(control, resumableS = null) {
     case "unknown":
       return { headline: gettext("Control is not known"), reason: "", actions: [] };
     case "free":
+      if (offerS !== null)
+        return {
+          headline: gettext("It is your turn"),
+          reason: interpolate(
+            gettext("Take control within %s s, or the next one in line gets it."),
+            [Math.ceil(offerS)],
+          ),
+          actions: ["take", "ask_cancel"],
+        };
       return {
         headline: gettext("Nobody has control"),
-        reason,
-        actions: reason ? force : ["take"],
+        reason: question === "ask_cancel" ? `${placeWords(control)} ${reason}`.trim() : reason,
+        actions: reason ? [...(mayWait(control) ? [question] : []), ...force] : ["take"],
       };
     case "yours":
       return { headline: gettext("You have control"), reason: "", actions: ["renew", "release"] };
@@ -49,10 +59,28 @@ export function controlWords(control, resumableS = null) {
     default:
       return {
         headline: interpolate(gettext("%s has control"), [holder(control)]),
-        reason: question === "ask_cancel" ? gettext("You asked for it.") : "",
+        reason: question === "ask_cancel" ? placeWords(control) : "",
         actions: [question, ...force],
       };
   }
+}
+
+/** Whether waiting in line helps: others may take control now, and this person later. */
+function mayWait({ refusal }) {
+  return ["next_in_line", "booked"].includes(refusal?.code);
+}
+
+/** This person's place in line. */
+function placeWords({ ahead }) {
+  if (!ahead) return gettext("You are the next in line.");
+  return interpolate(
+    ngettext(
+      "You wait in line: %s person is before you.",
+      "You wait in line: %s people are before you.",
+      ahead,
+    ),
+    [ahead],
+  );
 }
 
 /**

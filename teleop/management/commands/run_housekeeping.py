@@ -24,7 +24,8 @@ from fleet.audit.errors import AuditUnavailable
 from fleet.bookings import letters, waiting
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
-from teleop.control import rules, services
+from teleop.control import queue, rules, services
+from teleop.control.changes import ControlRefused
 from teleop.control.selectors import held_leases
 from teleop.recording import camera_audit
 from teleop.reports import session_maps
@@ -127,12 +128,11 @@ def daily_steps() -> Iterator[None]:
 
 
 def end_lapsed() -> None:
-    """End all leases and requests that are over now."""
+    """End all leases that are over now, and close places in line whose pages are gone."""
     now = timezone.now()
     for robot_id, lease in held_leases():
         if rules.lapse_reason(lease, now) is not None:
-            with suppress(
-                services.ControlRefused
-            ):  # another process was faster, or the next round tries again
+            with suppress(ControlRefused):  # another process was faster, or the next round tries again
                 services.lease_expire(robot_id=robot_id, now=now)
-    services.requests_lapse(now=now)
+    with suppress(ControlRefused):
+        queue.line_tidy(now=now)

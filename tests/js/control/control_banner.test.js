@@ -190,6 +190,18 @@ describe("the offered control actions", () => {
     expect(controlWords({ ...other, may_take_over: true }).actions).toEqual(["ask", "take_over"]);
   });
 
+  it("are to take a robot that is offered, or to wait for it", () => {
+    const offer = controlWords({ ...CONTROL, asking: 3, ahead: 0, offer_s: 29.5 }, null, 29.5);
+    expect(offer).toMatchObject({ headline: "It is your turn", actions: ["take", "ask_cancel"] });
+    expect(offer.reason).toContain("within 30 s");
+    const refusal = { code: "next_in_line", text: "Bo is next." };
+    const next = { ...CONTROL, refusal };
+    expect(controlWords(next)).toMatchObject({ actions: ["ask"], reason: "Bo is next." });
+    const waits = controlWords({ ...next, asking: 4, ahead: 2 });
+    expect(waits).toMatchObject({ actions: ["ask_cancel"] });
+    expect(waits.reason).toBe("You wait in line: 2 people are before you. Bo is next.");
+  });
+
   it("are to keep or release your own control", () => {
     expect(controlWords({ ...CONTROL, state: "yours" }).actions).toEqual(["renew", "release"]);
   });

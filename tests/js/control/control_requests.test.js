@@ -26,8 +26,12 @@ describe("control requests", () => {
     ["take_over", { state: "yours" }, "You have control."],
     ["renew", { state: "yours", remaining_s: 900 }, "You keep control: 15:00 left."],
     ["release", { state: "free" }, "Control is given back."],
-    ["ask", { state: "other", holder: "Ann", asking: 3 }, "Ann knows that you ask for control."],
-    ["ask_cancel", { state: "other", holder: "Ann" }, "You ask for control no more."],
+    [
+      "ask",
+      { state: "other", holder: "Ann", asking: 3 },
+      "You wait in line. Ann knows that you ask for control.",
+    ],
+    ["ask_cancel", { state: "other", holder: "Ann" }, "You wait in line no more."],
   ])("of kind %s are told of once, when they are done", (t, control, text) => {
     requests.send({ t });
     expect(sent).toEqual([{ t }]);

@@ -11,7 +11,7 @@ from fleet.bookings.selectors import schedule_of
 from fleet.bookings.services import booking_make
 from robots.registry.models import Role
 from robots.wire import Refusal
-from teleop.control import services
+from teleop.control import queue, services
 from teleop.control.policy import Subject, permit_for
 from teleop.control.rules import Tab
 from teleop.control.selectors import end_notes, lease_of
@@ -117,7 +117,7 @@ def test_handing_over_hands_the_rest_of_the_slot(robot, operator, second_operato
     book(robot, operator, 0)
     take(robot, operator, at(1))
     ask = {"robot_id": robot.id, "user_id": second_operator.id, "tab": tab(second_operator), "now": at(1.1)}
-    request = services.control_request(**ask)
+    request = queue.line_join(**ask)
     take(robot, operator, at(1.1), services.lease_hand_over, request_id=request)
     assert lease_of(robot.id).user == second_operator.id
     assert Booking.objects.get().person == second_operator

@@ -19,7 +19,7 @@ from robots.link.client import BridgeLink
 from robots.registry.models import Robot
 from robots.wire import Refusal
 from teleop.background.database import in_database
-from teleop.control import rules, services
+from teleop.control import queue, rules, services
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import Tab
 from teleop.live import control_holder, robot_hub
@@ -280,6 +280,24 @@ async def test_release_without_control_is_refused(open_page):
     await page.refused("no_lease")
 
 
+async def test_the_next_in_line_is_offered_the_free_robot(open_page):
+    holder, asker, third = await open_page("operator"), await open_page("second"), await open_page("operator")
+    await holder.take()
+    await asker.hears("control", state="other")
+    await asker.say("ask")
+    waiting = await asker.hears("control")
+    assert (waiting["ahead"], waiting.get("offer_s")) == (0, None)
+    await holder.say("release")
+    offer = await asker.hears("control", state="free")
+    assert 20.0 < offer["offer_s"] <= 30.0
+    assert offer["refusal"] is None
+    await asker.hears("notice", code="your_turn")
+    await third.say("take")
+    refusal = (await third.refused("next_in_line"))["refusal"]
+    assert "Olaf Operator is next in line" in refusal["text"]
+    await asker.take()
+
+
 async def test_second_person_asks_and_gets_control(open_page, bridge):
     holder, asker = await open_page("operator"), await open_page("second")
     old = (await holder.take())["fence"]
@@ -322,7 +340,7 @@ async def test_withdrawing_a_request_gives_no_notice(open_page, monkeypatch):
     looks, control_status, cancel = (
         threading.Semaphore(0),
         robot_hub.control_status,
-        services.control_request_withdraw,
+        queue.line_leave,
     )
 
     def looked(*args, **kwargs):
@@ -337,7 +355,7 @@ async def test_withdrawing_a_request_gives_no_notice(open_page, monkeypatch):
     monkeypatch.setattr(robot_hub, "STATUS_S", 0.02)
     monkeypatch.setattr(robot_hub, "FULL_EVERY", 1)
     monkeypatch.setattr(robot_hub, "control_status", looked)
-    monkeypatch.setattr(services, "control_request_withdraw", cancelled_after_a_look)
+    monkeypatch.setattr(queue, "line_leave", cancelled_after_a_look)
     await asker.say("ask_cancel")
     while (await asker.hears("control"))["asking"]:
         pass

@@ -9,12 +9,13 @@ from django.db import OperationalError, connection
 
 from fleet.audit import services as audit
 from fleet.audit.models import Record
+from fleet.bookings.models import Waiting
 from robots.registry.models import Robot, RobotRole
 from robots.wire import Refusal
-from teleop.control import services
+from teleop.control import queue, services
 from teleop.control.rules import Tab
-from teleop.control.selectors import end_notes, lease_of
-from teleop.models import ControlRequest, ControlSession, EndReason, Lease
+from teleop.control.selectors import end_notes, lease_of, line_of
+from teleop.models import ControlSession, EndReason, Lease
 from tests.teleop.support import unavailable
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -37,7 +38,7 @@ def take(robot, user, *, name=None, highest_fence=0, now=NOW):
 
 
 def ask(robot, user):
-    return services.control_request(robot_id=robot.id, user_id=user.id, tab=tab(user.username), now=NOW)
+    return queue.line_join(robot_id=robot.id, user_id=user.id, tab=tab(user.username), now=NOW)
 
 
 def hand_over(robot, holder, request):
@@ -229,21 +230,21 @@ def test_handover_gives_control_to_the_page_that_asked(robot, operator, second_o
     assert (given.user, given.tab) == (second_operator.id, tab("second"))
     assert given.fence > before.fence
     assert ControlSession.objects.get(pk=before.session).end_reason == EndReason.HANDED_OVER
-    assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.GRANTED
+    assert not line_of(robot.id, NOW)
 
 
 def test_handover_to_a_withdrawn_request_is_refused(robot, operator, second_operator):
     take(robot, operator)
     number = ask(robot, second_operator)
-    services.control_request_withdraw(robot_id=robot.id, connection="second-connection", gone=False, now=NOW)
+    queue.line_leave(robot_id=robot.id, connection="second-connection", gone=False, now=NOW)
     assert refused(hand_over, robot, operator, number).code == "no_such_request"
 
 
 def test_asking_twice_makes_one_request(robot, operator, second_operator):
     take(robot, operator)
     ask = {"robot_id": robot.id, "user_id": second_operator.id, "now": NOW}
-    assert services.control_request(tab=tab("one"), **ask) == services.control_request(tab=tab("two"), **ask)
-    assert ControlRequest.objects.get().tab == "two-tab"
+    assert queue.line_join(tab=tab("one"), **ask) == queue.line_join(tab=tab("two"), **ask)
+    assert [one.tab.token for one in line_of(robot.id, NOW)] == ["two-tab"]
 
 
 def test_takeover_records_its_reason(robot, operator, supervisor):
@@ -295,7 +296,7 @@ def test_session_ends_once_however_control_ends(robot, operator, second_operator
     held += [take(robot, operator), take(robot, operator, name="operator-elsewhere")]
     step(services.lease_take_over, supervisor, reason="fire drill", highest_fence=0)
     held.append(lease_of(robot.id))
-    asked = step(services.control_request, operator)
+    asked = step(queue.line_join, operator)
     held.append(step(services.lease_hand_over, supervisor, request_id=asked, highest_fence=0))
     services.lease_end(
         robot_id=robot.id, session=held[-1].session, reason=EndReason.RIGHT, refusal=refusal, now=NOW
@@ -328,29 +329,25 @@ def test_names_and_reasons_in_records_may_expire(robot, operator, supervisor):
     assert not [words for words in ("Olga", "Pervisor", "fire drill") if words in kept]
 
 
-def test_freeing_the_robot_closes_its_requests(robot, operator, second_operator):
-    held = take(robot, operator)
-    ask(robot, second_operator)
-    give_back(robot, held)
-    assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.FREED
-
-
-@pytest.mark.parametrize("outcome", ControlRequest.Outcome.values)
+@pytest.mark.parametrize("outcome", ["granted", "cancelled", "gone", "lapsed", "not_allowed"])
 def test_outcome_of_a_request_is_recorded(outcome, robot, operator, second_operator):
     held = take(robot, operator)
     asker, holder = tab("second"), {"robot_id": robot.id, "user_id": operator.id, "tab": tab("operator")}
-    asked = services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=asker, now=NOW)
+    asked = queue.line_join(robot_id=robot.id, user_id=second_operator.id, tab=asker, now=NOW)
     match outcome:
         case "granted":
             services.lease_hand_over(**holder, request_id=asked, highest_fence=0, now=NOW)
-        case "freed":
-            give_back(robot, held)
         case "lapsed":
-            services.requests_lapse(now=NOW + timedelta(hours=1))
+            give_back(robot, held)
+            queue.offer_next(robot_id=robot.id, now=NOW)
+            Waiting.objects.update(seen_at=NOW + timedelta(seconds=31))
+            queue.line_tidy(now=NOW + timedelta(seconds=31))
+        case "not_allowed":
+            give_back(robot, held)
+            RobotRole.objects.filter(user=second_operator).delete()
+            assert not queue.offer_next(robot_id=robot.id, now=NOW)
         case _:
-            services.control_request_withdraw(
-                robot_id=robot.id, connection=asker.connection, gone=outcome == "gone", now=NOW
-            )
+            queue.line_leave(robot_id=robot.id, connection=asker.connection, gone=outcome == "gone", now=NOW)
     ask, answer = Record.objects.filter(kind="control.ask").order_by("id")
     assert (ask.actor_id, ask.outcome) == (str(second_operator.pk), "")
     assert (answer.of_id, answer.outcome, answer.session_id) == (ask.pk, outcome, ask.session_id)

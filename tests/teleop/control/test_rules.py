@@ -8,7 +8,7 @@ import pytest
 
 from robots.registry.models import Role
 from teleop.control import rules
-from teleop.control.rules import LeaseState, OpenRequest, Phase, Tab
+from teleop.control.rules import LeaseState, Phase, Tab, Waiter
 
 NOW = datetime(2026, 1, 5, 12, 0, tzinfo=timezone.utc)
 OLGA, OLAF = UUID(int=1), UUID(int=2)
@@ -25,7 +25,7 @@ HELD = LeaseState(
     seen_at=NOW,
 )
 LOST = msgspec.structs.replace(HELD, tab=msgspec.structs.replace(HER_TAB, connection=""))
-HE_ASKS = OpenRequest(id=1, user=OLAF, name="Olaf", tab=HIS_TAB, asked_at=NOW)
+HE_ASKS = Waiter(id=1, user=OLAF, name="Olaf", tab=HIS_TAB)
 NEW_CONNECTION = msgspec.structs.replace(HER_TAB, connection="connection-3")
 
 
@@ -102,41 +102,36 @@ def test_another_person_does_not_resume_with_the_tabs_token():
 
 
 def test_holder_may_renew():
-    assert rules.check_renew(HELD, tab=HER_TAB, requests=[], now=NOW) is None
+    assert rules.check_renew(HELD, tab=HER_TAB, line=[], now=NOW) is None
 
 
 def test_holder_may_not_renew_while_another_person_asks():
-    refusal = rules.check_renew(HELD, tab=HER_TAB, requests=[HE_ASKS], now=NOW)
+    refusal = rules.check_renew(HELD, tab=HER_TAB, line=[HE_ASKS], now=NOW)
     assert refusal.code == "somebody_asks"
     assert "Olaf" in refusal.text
 
 
-def test_lapsed_request_does_not_block_the_renewal():
-    still_there = msgspec.structs.replace(HELD, seen_at=after(rules.REQUEST_S))
-    assert rules.check_renew(still_there, tab=HER_TAB, requests=[HE_ASKS], now=after(rules.REQUEST_S)) is None
-
-
 def test_only_the_page_in_control_renews():
-    assert code(rules.check_renew(HELD, tab=NEW_CONNECTION, requests=[], now=NOW)) == "not_holder"
-    assert code(rules.check_renew(None, tab=HER_TAB, requests=[], now=NOW)) == "no_lease"
-    assert code(rules.check_renew(HELD, tab=HER_TAB, requests=[], now=after(900))) == "lease_over"
+    assert code(rules.check_renew(HELD, tab=NEW_CONNECTION, line=[], now=NOW)) == "not_holder"
+    assert code(rules.check_renew(None, tab=HER_TAB, line=[], now=NOW)) == "no_lease"
+    assert code(rules.check_renew(HELD, tab=HER_TAB, line=[], now=after(900))) == "lease_over"
 
 
-def test_only_control_of_another_person_can_be_requested():
-    assert rules.check_request(HELD, user=OLAF, now=NOW) is None
-    assert code(rules.check_request(HELD, user=OLGA, now=NOW)) == "already_yours"
-    assert code(rules.check_request(None, user=OLAF, now=NOW)) == "free"
+def test_only_control_of_another_person_can_be_asked_for():
+    assert rules.check_other_holds(HELD, user=OLAF, now=NOW) is None
+    assert code(rules.check_other_holds(HELD, user=OLGA, now=NOW)) == "already_yours"
+    assert code(rules.check_other_holds(None, user=OLAF, now=NOW)) == "free"
 
 
-def test_handover_needs_an_open_request():
-    assert rules.check_still_open(HE_ASKS, now=NOW) is None
-    assert code(rules.check_still_open(HE_ASKS, now=after(rules.REQUEST_S))) == "no_such_request"
-    assert code(rules.check_still_open(None, now=NOW)) == "no_such_request"
+def test_handover_needs_a_person_who_waits():
+    assert rules.check_waits(HE_ASKS) is None
+    assert code(rules.check_waits(None)) == "no_such_request"
 
 
-def test_requests_are_sorted_by_time():
-    early = msgspec.structs.replace(HE_ASKS, id=2, asked_at=NOW - timedelta(seconds=30))
-    assert [ask.id for ask in rules.open_requests([HE_ASKS, early], NOW)] == [2, 1]
+def test_an_offer_holds_until_its_time():
+    offered = msgspec.structs.replace(HE_ASKS, offer_until=after(30))
+    assert rules.offered([HE_ASKS, offered], NOW) == offered
+    assert rules.offered([HE_ASKS, offered], after(30)) is None
 
 
 # --- take over, clear -----------------------------------------------------------------------------

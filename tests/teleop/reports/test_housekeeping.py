@@ -13,11 +13,13 @@ from django.core.management import call_command
 from django.db import connection
 from django.utils import timezone
 
-from teleop.control import rules, services
+from fleet.audit.models import Record
+from fleet.bookings.models import Waiting
+from teleop.control import queue, rules, services
 from teleop.control.rules import Tab
 from teleop.control.selectors import lease_of
 from teleop.management.commands import run_housekeeping
-from teleop.models import ControlRequest, ControlSession, EndReason, Lease
+from teleop.models import ControlSession, EndReason, Lease
 from tests.processes import until
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -52,11 +54,12 @@ def test_valid_lease_is_left_alone(robot, held):
     assert lease_of(robot.id).session == held.session
 
 
-def test_unanswered_request_lapses(robot, held, second_operator):
-    services.control_request(robot_id=robot.id, user_id=second_operator.id, tab=TAB, now=timezone.now())
-    ControlRequest.objects.update(asked_at=timezone.now() - timedelta(seconds=rules.REQUEST_S + 1))
+def test_a_page_that_died_loses_its_place_in_line(robot, held, second_operator):
+    queue.line_join(robot_id=robot.id, user_id=second_operator.id, tab=TAB, now=timezone.now())
+    Waiting.objects.update(seen_at=timezone.now() - timedelta(seconds=rules.WAITS_S + 1))
     call_command("run_housekeeping", "--once")
-    assert ControlRequest.objects.get().outcome == ControlRequest.Outcome.LAPSED
+    assert not Waiting.objects.exists()
+    assert Record.objects.filter(kind="control.ask").latest("id").outcome == "gone"
 
 
 def test_daily_work_runs_again_when_the_clock_was_set(monkeypatch):

@@ -1,0 +1,120 @@
+"""The line of people who wait for control of a robot: ask, leave, offer. For slots: `fleet.bookings.waiting`.
+
+Nothing runs by the clock here: the robot's hub sees that the robot is free, and offers control to the first in line.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import Any
+from uuid import UUID
+
+from fleet.accounts.models import User
+from fleet.audit import services as audit
+from fleet.audit.models import Record
+from fleet.bookings.models import Waiting
+from robots.wire import Refusal
+from teleop.control import rules
+from teleop.control.changes import ControlRefused, recorded_change, robot_locked
+from teleop.control.policy import Permit, may_wait, permit_for
+from teleop.control.rules import Tab
+from teleop.control.selectors import lease_of, line_of, subject_of
+
+GRANTED, LEFT, GONE, LAPSED, NOT_ALLOWED = "granted", "cancelled", "gone", "lapsed", "not_allowed"
+
+
+def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
+    """Wait for control. Who waits already keeps their place, in this tab. Returns the number of the place."""
+    with recorded_change():
+        robot, user = robot_locked(robot_id), User.objects.get(pk=user_id)
+        held = lease_of(robot_id)
+        line_tidy(robot_id=robot_id, now=now)
+        subject = subject_of(user, robot, now, line_of(robot_id, now))
+        if (refusal := may_wait(subject)) is not None:
+            raise ControlRefused(refusal)
+        if rules.is_free(held, now):
+            answer = permit_for(subject)
+            refusal = _FREE if isinstance(answer, Permit) and answer.over is None else None
+        else:
+            refusal = rules.check_other_holds(held, user=user_id, now=now)
+        if refusal is not None:
+            raise ControlRefused(refusal)
+        seat = {"tab": tab.token, "sign_in": tab.sign_in, "connection": tab.connection, "seen_at": now}
+        waiting, _ = Waiting.objects.update_or_create(
+            robot=robot, person=user, starts_at=None, defaults=seat, create_defaults={**seat, "since": now}
+        )
+        audit.record(
+            "control.ask",
+            actor=user,
+            robot_id=robot.id,
+            robot_name=robot.name,
+            session_id=held.session if held else None,
+            fence=held.fence if held else None,
+            parameters={"request": waiting.pk},
+        )
+    return int(waiting.pk)
+
+
+def line_leave(*, robot_id: UUID, connection: str, gone: bool, now: datetime) -> None:
+    """Give up this connection's place, if it has one: the person left, or their page is `gone`."""
+    with recorded_change():
+        places_close(GONE if gone else LEFT, robot_id=robot_id, connection=connection)
+
+
+def line_seen(*, robot_id: UUID, connections: list[str], now: datetime) -> None:
+    """Note that these pages are there: a web process that died leaves nobody in line for long."""
+    Waiting.objects.filter(robot_id=robot_id, starts_at=None, connection__in=connections).update(seen_at=now)
+
+
+def line_tidy(*, now: datetime, robot_id: UUID | None = None) -> None:
+    """Close the places of pages that are gone, and of offers that nobody took."""
+    which: dict[str, Any] = {"robot_id": robot_id} if robot_id else {}
+    with recorded_change():
+        places_close(GONE, seen_at__lte=now - timedelta(seconds=rules.WAITS_S), **which)
+        places_close(LAPSED, offer_until__lte=now, **which)
+
+
+def offer_next(*, robot_id: UUID, now: datetime) -> bool:
+    """Offer a free robot to the first in line who may take it. False: nobody may, or it is offered already."""
+    with recorded_change():
+        robot = robot_locked(robot_id)
+        line_tidy(robot_id=robot_id, now=now)
+        line = line_of(robot_id, now)
+        if not rules.is_free(lease_of(robot_id), now) or rules.offered(line, now) is not None:
+            return False
+        people = User.objects.in_bulk([one.user for one in line])
+        for place in line:
+            subject = subject_of(people[place.user], robot, now)
+            if may_wait(subject) is not None:  # a right that ended meanwhile
+                places_close(NOT_ALLOWED, pk=place.id)
+                continue
+            answer = permit_for(subject)
+            if isinstance(answer, Permit) and answer.over is None:
+                Waiting.objects.filter(pk=place.id).update(offer_until=now + timedelta(seconds=rules.OFFER_S))
+                audit.record(
+                    "control.offer",
+                    robot_id=robot.id,
+                    robot_name=robot.name,
+                    parameters={"to": str(place.user), "request": place.id, "seconds": rules.OFFER_S},
+                    private={"to_name": place.name},
+                )
+                return True
+    return False
+
+
+def places_close(outcome: str, **which: Any) -> None:
+    """Close and record the places in line that match these filters."""
+    for place in Waiting.objects.filter(starts_at=None, **which).select_related("robot"):
+        if Waiting.objects.filter(pk=place.pk).delete()[0]:
+            asks = Record.objects.filter(robot_id=place.robot.pk, kind="control.ask", of=None)
+            asked = asks.filter(parameters__request=place.pk).order_by("id").last()
+            audit.record(
+                "control.ask",
+                robot_id=place.robot.id,
+                robot_name=place.robot.name,
+                of=asked,
+                outcome=outcome,
+            )
+
+
+_FREE = Refusal("free", "The robot is free: take control.", "lease")
