@@ -11,8 +11,8 @@ class BookingsConfig(AppConfig):
     verbose_name = _("Bookings")
 
     def ready(self) -> None:
-        """Register the triggers."""
+        """Register the triggers and the receivers."""
         from fleet.audit import triggers
-        from fleet.bookings import overlaps
+        from fleet.bookings import overlaps, rights  # noqa: F401 - rights frees bookings when access changes
 
         triggers.expect("sqlite", overlaps.TRIGGERS)

@@ -10,7 +10,7 @@ from django.db import models
 from django.db.models import F, Q
 from django.utils.translation import gettext_lazy as _
 
-from robots.access.models import Course
+from robots.access.models import Course, RobotGroup
 from robots.registry.models import Robot
 
 WEEKDAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
@@ -58,6 +58,7 @@ class Booking(models.Model):
     )
     purpose = models.CharField(_("purpose"), max_length=120, blank=True)
     series = models.UUIDField(null=True, blank=True)  # common to the bookings of a weekly series
+    overridden = models.BooleanField(null=True)  # booked or moved against the policy, with a recorded reason
     used_at = models.DateTimeField(
         null=True, blank=True
     )  # the person took control in this slot for the first time
@@ -93,7 +94,10 @@ def _minutes(least: int, most: int) -> list[MinValueValidator | MaxValueValidato
 
 
 class Policy(models.Model):
-    """The booking policy of one robot, or of all robots without their own (`robot` empty)."""
+    """The booking policy of one robot, of a robot group, or of all robots (both empty).
+
+    A robot's own comes before that of a group, of several groups the first by name, and that before the one for all.
+    """
 
     robot = models.OneToOneField(
         Robot,
@@ -102,6 +106,14 @@ class Policy(models.Model):
         on_delete=models.CASCADE,
         related_name="booking_policy",
         verbose_name=_("robot"),
+    )
+    group = models.OneToOneField(
+        RobotGroup,
+        null=True,
+        blank=True,
+        on_delete=models.CASCADE,
+        related_name="booking_policy",
+        verbose_name=_("robot group"),
     )
     # By weekday in the lab's zone: {"mon": ["08:00", "20:00"]}. A weekday that is missing is closed; empty: always.
     opening = models.JSONField(_("opening hours"), default=dict, blank=True)
@@ -143,7 +155,7 @@ class Policy(models.Model):
         verbose_name_plural = _("booking policies")
 
     def __str__(self) -> str:
-        return str(self.robot or _("all robots"))
+        return str(self.robot or self.group or _("all robots"))
 
 
 class OutOfService(models.Model):

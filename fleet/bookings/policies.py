@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime
+from functools import partial
 from typing import Any
 from uuid import UUID
 
@@ -18,6 +19,7 @@ from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import FAR
 from fleet.bookings.selectors import held_between
 from fleet.bookings.services import changed
+from robots.access.models import RobotGroup
 from robots.registry.models import Robot
 
 POLICY_FIELDS = (
@@ -38,10 +40,12 @@ POLICY_FIELDS = (
 
 
 @transaction.atomic
-def policy_set(*, robot: Robot | None, values: Mapping[str, Any], actor: User) -> Policy:
-    """Set the booking policy of a robot, or of all robots without their own; `ValidationError` if it is not valid."""
-    stored = Policy.objects.select_for_update(of=("self",)).filter(robot=robot).first()
-    policy = stored or Policy(robot=robot)
+def policy_set(
+    *, robot: Robot | None = None, group: RobotGroup | None = None, values: Mapping[str, Any], actor: User
+) -> Policy:
+    """Set the booking policy of a robot, of a group, or of all robots; `ValidationError` if it is not valid."""
+    stored = Policy.objects.select_for_update(of=("self",)).filter(robot=robot, group=group).first()
+    policy = stored or Policy(robot=robot, group=group)
     before = {name: getattr(policy, name) for name in POLICY_FIELDS}
     for name in POLICY_FIELDS:
         setattr(policy, name, values[name])
@@ -53,17 +57,19 @@ def policy_set(*, robot: Robot | None, values: Mapping[str, Any], actor: User) -
     ]
     if stored is None or changes:
         policy.save()
-        record("policy.change", actor=actor, **_named(robot), parameters={"changes": changes})
-        _tell(robot)
+        parameters = {"changes": changes} | ({"group": group.slug} if group else {})
+        record("policy.change", actor=actor, **_named(robot), parameters=parameters)
+        _tell(robot, group)
     return policy
 
 
 @transaction.atomic
-def policy_remove(*, robot: Robot, actor: User) -> None:
-    """Let a robot follow the policy of all robots again."""
-    if Policy.objects.filter(robot=robot).delete()[0]:
-        record("policy.remove", actor=actor, **_named(robot))
-        _tell(robot)
+def policy_remove(*, robot: Robot | None = None, group: RobotGroup | None = None, actor: User) -> None:
+    """Let a robot follow the policy of its group or of all robots again; or a group that of all robots."""
+    if (robot or group) and Policy.objects.filter(robot=robot, group=group).delete()[0]:
+        parameters = {"group": group.slug} if group else {}
+        record("policy.remove", actor=actor, **_named(robot), parameters=parameters)
+        _tell(robot, group)
 
 
 @transaction.atomic
@@ -103,6 +109,7 @@ def _named(robot: Robot | None) -> dict[str, Any]:
     return {"robot_id": robot.id, "robot_name": robot.name} if robot else {}
 
 
-def _tell(robot: Robot | None) -> None:
-    if robot is not None:
-        transaction.on_commit(lambda: changed.send(sender=Booking, robot_id=robot.id))
+def _tell(robot: Robot | None, group: RobotGroup | None = None) -> None:
+    robots = [robot] if robot else group.robots.all() if group else Robot.objects.all()
+    for one in [each.id for each in robots]:
+        transaction.on_commit(partial(changed.send, sender=Booking, robot_id=one))

@@ -398,6 +398,11 @@ def refusals(wish: Wish, *, override: bool = False) -> list[Refusal]:
     return [refusal for refusal in found if refusal is not None]
 
 
+def lost_right(wish: Wish) -> Refusal | None:
+    """Return why the person may not use a booking that they have: role or qualification is gone."""
+    return has_role(wish) or qualified(wish)
+
+
 def check_cancel(slot: Slot, policy: Policy, now: datetime) -> Refusal | None:
     """Check cancelling: a slot that has begun is finished instead, and the policy may ask for notice."""
     if now >= slot.ends_at:

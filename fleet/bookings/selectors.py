@@ -15,7 +15,7 @@ from fleet.accounts.models import User
 from fleet.bookings.models import Booking, OutOfService, Policy, State
 from fleet.bookings.rules import FAR, LONGEST, Quota, Slot, Taken, Wish, refusals
 from fleet.zones import viewers, zone_of
-from robots.access.models import Course
+from robots.access.models import Course, RobotGroup
 from robots.access.selectors import courses_for, missing_qualifications, role_on
 from robots.registry.models import Robot, RobotRole, Role
 
@@ -82,16 +82,21 @@ def held_slot(booking: Row, grace: timedelta, now: datetime) -> Slot:
 
 
 def policy_of(robot: Robot) -> Policy:
-    """Return the robot's policy: its own, or that of all robots, or the one without any wish."""
-    own = Policy.objects.filter(Q(robot=robot) | Q(robot=None)).order_by(F("robot").desc(nulls_last=True))
-    return own.first() or Policy()
+    """Return the robot's policy: its own, that of a group, or that of all robots; else the one without any wish."""
+    return policies_of([robot])[robot.id]
 
 
 def policies_of(robots: Collection[Robot]) -> dict[UUID, Policy]:
-    """`policy_of` many robots, in one query."""
-    found = {policy.robot_id: policy for policy in Policy.objects.filter(Q(robot__in=robots) | Q(robot=None))}
-    common = found.get(None) or Policy()
-    return {robot.id: found.get(robot.id, common) for robot in robots}
+    """`policy_of` many robots, in one query; in two if a group has a policy."""
+    chosen = Q(robot__in=robots) | Q(group__isnull=False) | Q(robot=None, group=None)
+    found = list(Policy.objects.filter(chosen).select_related("group").order_by("group__name"))
+    common = next((one for one in found if one.robot_id is None and one.group_id is None), Policy())
+    policies = {robot.id: common for robot in robots}
+    if groups := {one.group_id: one for one in reversed(found) if one.group_id is not None}:
+        members = RobotGroup.robots.through.objects.filter(robotgroup__in=groups, robot__in=robots)
+        for group, robot in members.order_by("-robotgroup__name").values_list("robotgroup", "robot"):
+            policies[robot] = groups[group]
+    return policies | {one.robot_id: one for one in found if one.robot_id is not None}
 
 
 def grace_of(policy: Policy) -> timedelta:

@@ -108,6 +108,7 @@ def booking_make(
             series=series,
             course=course_of(robot, person, slot.starts_at),
             made_at=now,
+            overridden=bool(override) or None,
         )
         record_booking("booking.make", booking, actor, outcome=booking.state, text=override)
     return booking
@@ -124,6 +125,7 @@ def booking_move(
         _check(booking.robot, booking.person, slot, now, actor=actor, override=override, moved=booking)
         before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
+        booking.overridden = bool(override) or booking.overridden
         save_booking(booking)
         record_booking("booking.move", booking, actor, text=override, parameters={"before": before})
         changed_by_another(booking, actor, _("moved"), override, now)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from datetime import date, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
+from uuid import UUID
 
 from django.db import transaction
 
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
 from robots.access.models import Course, Qualification, QualificationGrant, RobotGroup
+from robots.access.signals import tell_access_changed
 from robots.registry.models import Robot, RobotRole, Role
 
 if TYPE_CHECKING:
@@ -39,6 +41,7 @@ def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> No
         parameters={"user": str(user.pk), "from": before, "to": after},
         private={"name": user.display_name},
     )
+    tell_access_changed([user.pk])
 
 
 # --- groups, courses, qualifications --------------------------------------------------------------
@@ -52,6 +55,7 @@ def group_save(*, group: RobotGroup, robots: Collection[Robot], actor: Actor) ->
         record("group.create", actor=actor, parameters={"group": group.slug, "changes": changes})
     elif changes:
         record("group.change", actor=actor, parameters={"group": group.slug, "changes": changes})
+        tell_access_changed(None)
     return group
 
 
@@ -60,6 +64,7 @@ def group_delete(*, group: RobotGroup, actor: Actor) -> None:
     """Delete a robot group: its courses no longer give its robots."""
     record("group.delete", actor=actor, parameters={"group": group.slug})
     group.delete()
+    tell_access_changed(None)
 
 
 @transaction.atomic
@@ -77,6 +82,7 @@ def course_save(
         record("course.create", actor=actor, parameters={"course": course.slug, "changes": changes})
     elif changes:
         record("course.change", actor=actor, parameters={"course": course.slug, "changes": changes})
+        tell_access_changed(_people_of(course))
     return course
 
 
@@ -85,6 +91,7 @@ def course_archive(*, course: Course, archived: bool, actor: Actor) -> None:
     """Archive a course, which ends its roles at once, or open it again."""
     if Course.objects.filter(pk=course.pk, archived=not archived).update(archived=archived):
         record("course.archive", actor=actor, parameters={"course": course.slug, "archived": archived})
+        tell_access_changed(_people_of(course))
 
 
 @transaction.atomic
@@ -102,6 +109,7 @@ def qualification_save(
         record("qualification.create", actor=actor, parameters=facts)
     elif changes:
         record("qualification.change", actor=actor, parameters=facts)
+    tell_access_changed(None)
     return qualification
 
 
@@ -145,6 +153,7 @@ def qualification_grant(
             "expires_at": expires_at.isoformat() if expires_at else None,
         },
     )
+    tell_access_changed(person.pk for person in changed)
     return len(changed)
 
 
@@ -159,7 +168,15 @@ def qualification_revoke(*, qualification: Qualification, people: Collection[Use
         held.delete()
         facts = {"qualification": qualification.slug, "people": gone}
         record("qualification.revoke", actor=actor, parameters=facts)
+        tell_access_changed(UUID(person) for person in gone)
     return len(gone)
+
+
+def _people_of(course: Course) -> list[UUID]:
+    return [
+        *course.enrolments.values_list("person", flat=True),
+        *course.supervisors.values_list("pk", flat=True),
+    ]
 
 
 Entry = TypeVar("Entry", RobotGroup, Course, Qualification)

@@ -12,6 +12,7 @@ from fleet.bookings.pages.forms import PolicyForm
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import policy_of
 from fleet.bookings.services import BookingRefused, booking_make
+from robots.access.models import RobotGroup
 from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db
@@ -87,10 +88,43 @@ def test_out_of_service_names_the_affected_and_ends(as_person, robot, supervisor
     slot = Slot(now + timedelta(hours=1), now + timedelta(hours=2))
     booking_make(robot_id=robot.id, person=operator, slot=slot, now=now)
     browser = as_person(supervisor)
-    period = {"robot": robot.slug, "starts_at": f"{now:%Y-%m-%dT%H:%M}", "why": "repair", "note": "wheel"}
+    period = {"robots": robot.slug, "starts_at": f"{now:%Y-%m-%dT%H:%M}", "why": "repair", "note": "wheel"}
     answer = browser.post(reverse("out-of-service"), period, follow=True)
     assert "1 booking is affected: Olga Operator" in answer.content.decode()
     browser.post(reverse("out-of-service-end", args=[OutOfService.objects.get().pk]))
     assert not OutOfService.objects.filter(ends_at__gt=timezone.now()).exists()
     kinds = Record.objects.filter(kind__in=["robot.out_of_service", "robot.back_in_service"]).order_by("id")
     assert [record.kind for record in kinds] == ["robot.out_of_service", "robot.back_in_service"]
+
+
+def test_a_policy_of_a_group_comes_before_that_of_all(as_person, robot, other_robot, staff, supervisor):
+    group = RobotGroup.objects.create(name="The TIAGos", slug="the-tiagos")
+    group.robots.set([robot, other_robot])
+    address = reverse("booking-policy-group", args=[group.slug])
+    assert as_person(supervisor).get(address).status_code == 403
+    browser = as_person(staff)
+    browser.post(reverse("booking-policy-all"), typed(longest_min=200))
+    browser.post(address, typed(longest_min=100))
+    browser.post(reverse("booking-policy", args=[other_robot.slug]), typed(longest_min=50))
+    assert (policy_of(robot).longest_min, policy_of(other_robot).longest_min) == (100, 50)
+    assert "as The TIAGos" in browser.get(reverse("booking-policies")).content.decode()
+    assert Record.objects.filter(kind="policy.change", parameters__group=group.slug).count() == 1
+    browser.post(address, {"action": "remove"})
+    assert policy_of(robot).longest_min == 200
+    assert Record.objects.get(kind="policy.remove").parameters["group"] == group.slug
+
+
+def test_of_two_groups_the_first_by_name_counts(robot):
+    for name, minutes in (("B", 20), ("A", 10)):
+        group = RobotGroup.objects.create(name=name, slug=name.lower())
+        group.robots.add(robot)
+        Policy.objects.create(group=group, longest_min=minutes)
+    assert policy_of(robot).longest_min == 10
+
+
+def test_a_group_goes_out_of_service_together(as_person, robot, other_robot, staff):
+    group = RobotGroup.objects.create(name="The TIAGos", slug="the-tiagos")
+    group.robots.set([robot, other_robot])
+    period = {"robots": "group:the-tiagos", "starts_at": "2030-01-05T08:00", "why": "repair"}
+    as_person(staff).post(reverse("out-of-service"), period)
+    assert {one.robot for one in OutOfService.objects.all()} == {robot, other_robot}

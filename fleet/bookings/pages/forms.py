@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from datetime import date, datetime
-from typing import Any
+from typing import Any, cast
 
 from django import forms
 from django.core.exceptions import ValidationError
@@ -15,6 +15,7 @@ from fleet.bookings.policies import POLICY_FIELDS
 from fleet.bookings.rules import Slot, to_utc
 from fleet.bookings.series import MOST_WEEKS
 from fleet.zones import viewers
+from robots.access.models import RobotGroup
 from robots.registry.models import Robot
 from robots.wire import Refusal
 
@@ -148,9 +149,9 @@ class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
 
 
 class OutOfServiceForm(forms.Form):
-    """A period in which a robot cannot be driven."""
+    """A period in which a robot, or each robot of a group, cannot be driven."""
 
-    robot = forms.ModelChoiceField(Robot.objects.none(), label=_("Robot"), to_field_name="slug")
+    robots = forms.ChoiceField(label=_("Robot or group"))
     starts_at = LocalTime(label=_("From"))
     ends_at = OptionalLocalTime(label=_("To (empty: until further notice)"), required=False)
     why = forms.ChoiceField(label=_("Reason"), choices=OutOfService.Why.choices)
@@ -158,9 +159,18 @@ class OutOfServiceForm(forms.Form):
 
     def __init__(self, *args: Any, robots: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        choice = self.fields["robot"]
-        if isinstance(choice, forms.ModelChoiceField):
-            choice.queryset, choice.empty_label = robots, None
+        self._chosen = {robot.slug: [robot] for robot in robots}
+        names = [(robot.slug, robot.name) for robot in robots]
+        for group in RobotGroup.objects.prefetch_related("robots"):
+            members = list(group.robots.all())
+            if members and all(robot.slug in self._chosen for robot in members):
+                self._chosen[f"group:{group.slug}"] = members
+                names.append((f"group:{group.slug}", group.name))
+        cast(forms.ChoiceField, self.fields["robots"]).choices = names
+
+    def clean_robots(self) -> list[Robot]:
+        """Return the robots that were chosen."""
+        return self._chosen[self.cleaned_data["robots"]]
 
     def clean(self) -> dict[str, Any]:
         """Check that the period ends after it begins."""

@@ -24,9 +24,10 @@ from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm
 from fleet.bookings.report import BY, lines, report
 from fleet.bookings.rules import Slot, day_of, shown
-from fleet.bookings.selectors import policy_of
+from fleet.bookings.selectors import policies_of, policy_of
 from fleet.bookings.series import Week, preview, series_make, weekly
 from fleet.zones import viewers
+from robots.access.models import RobotGroup
 from robots.access.selectors import robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
 
@@ -43,11 +44,12 @@ def robots_supervised_by(person: User) -> list[Robot]:
 def policies(request: HttpRequest) -> HttpResponse:
     """List the policies, and the out-of-service periods that are not over."""
     robots = _supervised(request)
-    own = {policy.robot_id for policy in Policy.objects.filter(robot__in=robots)}
+    found = policies_of(robots)
     now = timezone.now()
     periods = OutOfService.objects.filter(Q(ends_at=None) | Q(ends_at__gt=now), robot__in=robots)
     context = {
-        "rows": [{"robot": robot, "own": robot.id in own} for robot in robots],
+        "rows": [{"robot": robot, "policy": found[robot.id]} for robot in robots],
+        "groups": RobotGroup.objects.select_related("booking_policy") if person_of(request).is_staff else [],
         "periods": periods.select_related("robot"),
         "form": _out_form(robots),
         "zone": viewers().key,
@@ -58,25 +60,46 @@ def policies(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def policy(request: HttpRequest, slug: str = "") -> HttpResponse:
-    """Show and change the policy of one robot, or of all robots without their own (`slug` empty; staff only)."""
-    person = person_of(request)
-    if not slug and not person.is_staff:
-        raise PermissionDenied("Only staff change the policy of all robots.")
+    """Show and change the policy of one robot, or of all robots without another (`slug` empty; staff only)."""
+    if not slug:
+        return _policy_page(request)
     robot = next((one for one in _supervised(request) if one.slug == slug), None)
-    if slug and robot is None:
+    if robot is None:
         raise PermissionDenied("Only a supervisor of this robot or staff may change its policy.")
-    present = policy_of(robot) if robot else Policy.objects.filter(robot=None).first() or Policy()
-    form = PolicyForm(request.POST or None, instance=present)
-    if request.method == "POST" and request.POST.get("action") == "remove" and robot:
-        policy_services.policy_remove(robot=robot, actor=person)
-        messages.success(request, _("%(robot)s follows the policy of all robots.") % {"robot": robot.name})
+    return _policy_page(request, robot=robot)
+
+
+@never_cache
+@require_http_methods(["GET", "HEAD", "POST"])
+def group_policy(request: HttpRequest, slug: str) -> HttpResponse:
+    """Show and change the policy of a robot group. For staff: a group may have robots of several supervisors."""
+    return _policy_page(request, group=get_object_or_404(RobotGroup, slug=slug))
+
+
+def _policy_page(
+    request: HttpRequest, robot: Robot | None = None, group: RobotGroup | None = None
+) -> HttpResponse:
+    person = person_of(request)
+    if robot is None and not person.is_staff:
+        raise PermissionDenied("Only staff change the policy of several robots.")
+    stored = Policy.objects.filter(robot=robot, group=group).first()
+    followed = policy_of(robot) if robot else Policy.objects.filter(robot=None, group=None).first()
+    form = PolicyForm(request.POST or None, instance=stored or followed or Policy())
+    if request.method == "POST" and request.POST.get("action") == "remove":
+        policy_services.policy_remove(robot=robot, group=group, actor=person)
+        messages.success(request, _("%s follows the common policy again.") % (robot or group))
         return redirect("booking-policies")
     if request.method == "POST" and form.is_valid():
-        policy_services.policy_set(robot=robot, values=form.cleaned_data, actor=person)
+        policy_services.policy_set(robot=robot, group=group, values=form.cleaned_data, actor=person)
         messages.success(request, _("The booking policy is saved."))
         return redirect("booking-policies")
-    own = robot is not None and present.robot_id == robot.id
-    context = {"form": form, "robot": robot, "own": own}
+    context = {
+        "form": form,
+        "of": robot or group,
+        "robot": robot,
+        "own": stored is not None,
+        "followed": followed,
+    }
     return render(request, "bookings/policy.html", context, status=400 if form.errors else 200)
 
 
@@ -89,7 +112,13 @@ def out_of_service(request: HttpRequest) -> HttpResponse:
         for texts in form.errors.values():
             messages.error(request, str(texts[0]))
         return redirect("booking-policies")
-    affected = policy_services.out_of_service_add(**form.cleaned_data, actor=person_of(request))
+    period = {**form.cleaned_data}
+    chosen = period.pop("robots")
+    affected = [
+        booking
+        for robot in chosen
+        for booking in policy_services.out_of_service_add(robot=robot, **period, actor=person_of(request))
+    ]
     text = ngettext(
         "Out of service. %(number)d booking is affected: %(people)s.",
         "Out of service. %(number)d bookings are affected: %(people)s.",

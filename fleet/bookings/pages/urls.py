@@ -16,6 +16,7 @@ urlpatterns = [
     path("bookings/courses/<slug:slug>/", views.bookings_of_course, name="bookings-course"),
     path("bookings/policies/", policy_views.policies, name="booking-policies"),
     path("bookings/policies/all/", policy_views.policy, name="booking-policy-all"),
+    path("bookings/policies/group/<slug:slug>/", policy_views.group_policy, name="booking-policy-group"),
     path("bookings/policies/<slug:slug>/", policy_views.policy, name="booking-policy"),
     path("bookings/series/", policy_views.series, name="booking-series"),
     path("bookings/report/", policy_views.booking_report, name="booking-report"),

@@ -1,0 +1,100 @@
+"""Bookings to come whose person lost the right to drive the robot are freed."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Collection
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+from django.db.models import F, QuerySet
+from django.db.models.signals import post_save
+from django.dispatch import receiver
+from django.utils import timezone
+from django.utils.translation import gettext as _
+
+from fleet.accounts.models import User
+from fleet.audit.errors import AuditUnavailable
+from fleet.bookings.letters import changed_by_another
+from fleet.bookings.models import Booking, State
+from fleet.bookings.rules import Slot, lost_right
+from fleet.bookings.selectors import wish_of
+from fleet.bookings.services import BookingRefused, record_booking, robot_locked, save_booking
+from robots.access.selectors import lacking, roles_on
+from robots.access.signals import access_changed, tell_access_changed
+from robots.registry.models import Robot, Role
+
+log = logging.getLogger(__name__)
+
+_RIGHTS = ("is_active", "is_staff")
+
+
+def bookings_free_lost(people: Collection[UUID] | None, now: datetime) -> int:
+    """Cancel the bookings to come that these people (None: anybody) may not use any more. Returns how many.
+
+    Those that staff made against the policy, with a reason, stay: control is refused, unless the right comes in time.
+    Of everybody only those are looked at who have no right at this moment.
+    """
+    upcoming = Booking.objects.filter(
+        state__in=(State.BOOKED, State.AWAITING, State.OFFERED),
+        starts_at__gt=now,
+        held_until__gt=F("starts_at"),
+    ).exclude(overridden=True)
+    if people is not None:
+        upcoming = upcoming.filter(person_id__in=people)
+    freed = 0
+    for booking in _doubtful(upcoming, now) if people is None else upcoming.select_related("person", "robot"):
+        freed += _free_if_lost(booking, now)
+    return freed
+
+
+def _doubtful(upcoming: QuerySet[Booking], now: datetime) -> list[Booking]:
+    """Return the bookings of people who may not drive the robot at this moment, with three queries a robot."""
+    found: list[Booking] = []
+    for robot in Robot.objects.filter(pk__in=upcoming.values("robot")):
+        bookings = list(upcoming.filter(robot=robot).select_related("person", "robot"))
+        users = {booking.person_id: booking.person for booking in bookings}
+        roles, missing = roles_on(robot, users.values()), lacking(robot, users.values(), now)
+        able = {
+            user for user in users if roles.get(user, Role.OBSERVER) >= Role.OPERATOR and user not in missing
+        }
+        found += [booking for booking in bookings if booking.person_id not in able]
+    return found
+
+
+def _free_if_lost(seen: Booking, now: datetime) -> bool:
+    if _lost(seen, now) is None:
+        return False
+    try:
+        with robot_locked(seen.robot_id):
+            booking = Booking.objects.select_related("person", "robot").get(pk=seen.pk)
+            lost = _lost(booking, now) if booking.version == seen.version else None
+            if lost is None:
+                return False
+            booking.state, booking.held_until, booking.offer_until = State.CANCELLED, booking.starts_at, None
+            save_booking(booking)
+            record_booking("booking.cancel", booking, None, parameters={"why": lost.code})
+            changed_by_another(booking, None, _("cancelled"), lost.text, now)
+    except BookingRefused:
+        return False
+    return True
+
+
+def _lost(booking: Booking, now: datetime) -> Any:
+    slot = Slot(booking.starts_at, booking.ends_at)
+    return lost_right(wish_of(robot=booking.robot, person=booking.person, slot=slot, now=now, moved=booking))
+
+
+@receiver(access_changed)
+def _access_changed(*, people: frozenset[UUID] | None, **_options: Any) -> None:
+    try:
+        bookings_free_lost(people, timezone.now())
+    except AuditUnavailable as error:  # the change itself is stored; housekeeping frees the rest
+        log.warning("Bookings without a right are not freed yet: %s", error)
+
+
+@receiver(post_save, sender=User)
+def _account_changed(*, instance: User, created: bool, update_fields: Any, **_options: Any) -> None:
+    if not created and (update_fields is None or set(update_fields) & set(_RIGHTS)):
+        tell_access_changed([instance.pk])
