@@ -89,7 +89,7 @@ def require_robot_in_service(subject: Subject) -> Permit | Refusal:
     out = subject.schedule.out
     if out is None or subject.supervises:
         return Permit(max_share=subject.robot.max_share)
-    text = f"This robot is out of service {_until(out.slot.ends_at)} ({out.label}). Choose another robot."
+    text = f"This robot is out of service {_until(out.slot.ends_at, subject.user)} ({out.label}). Choose another robot."
     return Refusal("out_of_service", text, "robot")
 
 
@@ -127,7 +127,8 @@ def require_booking(subject: Subject) -> Permit | Refusal:
         return Permit(until=_own_end(current, schedule), whole_slot=True)
     if current is not None:
         until = current.slot.ends_at
-        text = f"{current.name} has booked this robot {_until(until)}. Book another time, or ask for control."
+        booked = f"{current.name} has booked this robot {_until(until, subject.user)}."
+        text = f"{booked} Book another time, or ask for control."
         refusal = Refusal("booked", text, "booking", {"holder": current.name, "until": until.isoformat()})
         return Permit(until=begins, over=refusal) if subject.supervises else refusal
     if schedule.free_time or subject.supervises:
@@ -163,11 +164,11 @@ def _own_end(current: Held, schedule: Schedule) -> datetime:
     return end
 
 
-def _until(moment: datetime) -> str:
-    """Return "until 15:00" in the lab's zone."""
+def _until(moment: datetime, user: User) -> str:
+    """Return "until 15:00" in the person's zone."""
     if moment == FAR:
         return "until further notice"
-    return f"until {moment.astimezone(zone_of('')):%H:%M}"
+    return f"until {moment.astimezone(zone_of(user.time_zone)):%H:%M}"
 
 
 RULES: tuple[Rule, ...] = (

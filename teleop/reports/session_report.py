@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from itertools import islice
 from typing import Any
 from uuid import UUID
 
+from django.db.models import Q
 from django.utils import timezone
 from msgspec import Struct
 
 from fleet.accounts.models import User
 from fleet.audit import wording
-from fleet.audit.listing import Row, Selection, Wanted
+from fleet.audit.listing import Row, Selection, Wanted, rows_of
 from fleet.audit.models import Record
+from fleet.bookings.models import Booking
 from robots.access.selectors import supervises
 from teleop.models import ControlSession
 from teleop.reports.durations import duration_text
@@ -23,6 +25,7 @@ from teleop.reports.session_maps import maps_of
 
 MOST_ENTRIES = 1000  # of a timeline; older ones are not shown
 _CHUNK = 250
+LINE_BEFORE = timedelta(hours=1)  # the wait for control that is shown with a session
 _MOST_ROBOT_EVENTS = 50
 # Events of the robot that do not depend on control and may name no control session.
 _ROBOT_EVENTS = ("fault", "stop.press", "stop.latch")
@@ -50,6 +53,16 @@ class Figures(Struct, frozen=True):
     stops: int
     interventions: int
     complete: bool  # the distance of each drive is known
+
+
+class BookingLife(Struct, frozen=True):
+    """The booking in which a session took place, and what came before the session: booking, moves, the line."""
+
+    id: UUID | None  # None: control was taken in free time
+    starts_at: datetime | None
+    ends_at: datetime | None
+    purpose: str
+    entries: list[TimelineEntry]
 
 
 class SessionReport(Struct, frozen=True):
@@ -103,6 +116,32 @@ def _with_robot_events(rows: list[Row], session: ControlSession) -> list[Row]:
     ).select_related("actor", "real_actor", "content")
     robot_events = [Row(record.pk, record, None) for record in meanwhile.order_by("-pk")[:_MOST_ROBOT_EVENTS]]
     return sorted([*rows, *robot_events], key=lambda row: row.number)
+
+
+# --- booking and line -----------------------------------------------------------------------------
+
+
+def booking_life(session: ControlSession) -> BookingLife | None:
+    """Return the booking of a session, with its records and those of the line in which its person waited."""
+    ended = session.ended_at or timezone.now()
+    slots = Booking.objects.filter(robot=session.robot, person=session.user, starts_at__lt=ended)
+    booking = slots.filter(held_until__gt=session.started_at).order_by("starts_at").first()
+    of_robot = Record.objects.filter(robot_id=session.robot_id, of=None)
+    line = of_robot.filter(
+        Q(actor_id=str(session.user_id)) | Q(parameters__to=str(session.user_id)),
+        kind__in=("control.ask", "control.offer"),
+        at__range=(session.started_at - LINE_BEFORE, session.started_at),
+    )
+    found = [*line.order_by("-pk")[:_MOST_ROBOT_EVENTS]]
+    if booking is not None:
+        of_booking = of_robot.filter(kind__startswith="booking.", parameters__booking=str(booking.pk))
+        found += of_booking.order_by("-pk")[:_MOST_ROBOT_EVENTS]
+    if not found and booking is None:
+        return None
+    entries = [_entry(row, session) for row in rows_of(sorted(record.pk for record in found))]
+    if booking is None:
+        return BookingLife(None, None, None, "", entries)
+    return BookingLife(booking.pk, booking.starts_at, booking.held_until, booking.purpose, entries)
 
 
 # --- timeline -------------------------------------------------------------------------------------

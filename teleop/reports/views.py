@@ -66,6 +66,7 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
     report = session_report.report_of(session)
     context = {
         "report": report,
+        "life": session_report.booking_life(session),
         "session": session,
         "note": end_notes([session.pk]).get(session.pk, ""),
         "supervises": supervises(person, session.robot),

@@ -9,7 +9,7 @@ from uuid import UUID
 from django.contrib import messages
 from django.contrib.auth.decorators import login_not_required
 from django.core.exceptions import ValidationError
-from django.db.models import QuerySet
+from django.db.models import Q, QuerySet
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
@@ -244,8 +244,15 @@ def _booking_page(
         "begun": now >= found.starts_at,
         "awaits": row["stage"] is Stage.AWAITING,
         "zone": viewers().key,
+        "sessions": _sessions_of(found) if supervises or found.person_id == person.pk else [],
     }
     return render(request, "bookings/booking.html", context, status=status)
+
+
+def _sessions_of(booking: Booking) -> Any:
+    """Return the control sessions of the booking's person in its slot (`teleop` is above: by the robot's relation)."""
+    sessions = booking.robot.control_sessions.filter(user=booking.person_id, started_at__lt=booking.ends_at)
+    return sessions.filter(Q(ended_at=None) | Q(ended_at__gt=booking.starts_at)).order_by("started_at")
 
 
 # --- helpers --------------------------------------------------------------------------------------

@@ -32,7 +32,7 @@ export function startCalendar(main, library) {
     eventContent: ({ event, timeText, view }) => ({
       domNodes: eventLines(event, timeText, view.type, names, oneUrl),
     }),
-    nowIndicator: true,
+    nowIndicator: sameClock(new Date()), // the library draws it by the browser's clock
     selectable: true,
     unselectAuto: true,
     allDaySlot: false,
@@ -121,9 +121,22 @@ function withoutNow(text) {
   return text ? JSON.stringify({ ...JSON.parse(text), now: "" }) : "";
 }
 
-/** Where the day view begins: two hours before now. @param {Date} now */
-function scrollTime(now) {
-  return `${String(Math.max(now.getHours() - 2, 0)).padStart(2, "0")}:00:00`;
+/** The hour in the page's zone, or in the browser's. @param {Date} now @param {string} [timeZone] */
+function clock(now, timeZone) {
+  const parts = { timeZone, day: "numeric", hour: "2-digit", minute: "2-digit", hourCycle: "h23" };
+  return new Intl.DateTimeFormat("en", parts).format(now);
+}
+
+/** Whether browser and page show the same time. @param {Date} now */
+export function sameClock(now, zone = document.documentElement.dataset.zone) {
+  return clock(now, zone || undefined) === clock(now);
+}
+
+/** Where the day view begins: two hours before now in the page's zone. @param {Date} now */
+export function scrollTime(now, zone = document.documentElement.dataset.zone) {
+  const options = { timeZone: zone || undefined, hour: "2-digit", hourCycle: "h23" };
+  const hour = Number(new Intl.DateTimeFormat("en", options).format(now));
+  return `${String(Math.max(hour - 2, 0)).padStart(2, "0")}:00:00`;
 }
 
 /** The lines of a booking: time, person, and the robot where its column does not name it. */

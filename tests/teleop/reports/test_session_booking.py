@@ -1,0 +1,55 @@
+"""Booking, line and control session are one life: each page leads to the others."""
+
+from datetime import timedelta
+
+import pytest
+from django.utils import timezone
+
+from fleet.bookings.models import Waiting
+from fleet.bookings.rules import Slot
+from fleet.bookings.services import booking_make, booking_move
+from teleop.control.changes import ControlRefused
+from teleop.control.queue import line_join
+from teleop.control.rules import Tab
+from teleop.control.services import lease_hand_over, lease_take
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+def test_a_session_shows_its_booking_and_its_line(robot, operator, second_operator, supervisor, signed_in):
+    now = timezone.now()
+    slot = Slot(now + timedelta(minutes=1), now + timedelta(minutes=61))
+    booked = booking_make(robot_id=robot.id, person=operator, slot=slot, now=now, purpose="wheel odometry")
+    slot = Slot(now, now + timedelta(minutes=60))
+    booking_move(
+        booking_id=booked.pk,
+        version=1,
+        slot=slot,
+        actor=supervisor,
+        now=now,
+        override="the lesson is earlier",
+    )
+    common = {"robot_id": robot.id, "tab": Tab("tab", "sign-in", "connection")}
+    with pytest.raises(ControlRefused):
+        lease_take(**common, user_id=second_operator.id, highest_fence=0, now=timezone.now())
+    taken = lease_take(**common, user_id=operator.id, highest_fence=0, now=timezone.now())
+    line_join(robot_id=robot.id, user_id=second_operator.id, tab=Tab("b", "b", "other"), now=timezone.now())
+    page = signed_in(operator).get(f"/sessions/{taken.session}/").content.decode()
+    for words in ("wheel odometry", "booking moved", "Sue Pervisor", "the lesson is earlier"):
+        assert words in page, words
+    assert f'href="/bookings/{booked.pk}/"' in page
+    booking = signed_in(operator).get(f"/bookings/{booked.pk}/").content.decode()
+    assert f'href="/sessions/{taken.session}/"' in booking
+    stranger = signed_in(second_operator).get(f"/bookings/{booked.pk}/").content.decode()
+    assert f"/sessions/{taken.session}/" not in stranger
+
+    given = lease_hand_over(
+        **common,
+        user_id=operator.id,
+        request_id=Waiting.objects.get().pk,
+        highest_fence=0,
+        now=timezone.now(),
+    )
+    later = signed_in(second_operator).get(f"/sessions/{given.session}/").content.decode()
+    assert "control asked for" in later
+    assert "booking handed to another person" in later
