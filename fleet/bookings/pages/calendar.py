@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from datetime import date, datetime, timedelta
 from typing import Any
+from uuid import UUID
 from zoneinfo import ZoneInfo
 
 from fleet.accounts.models import User
@@ -54,8 +55,9 @@ def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now
     graces = {robot.id: grace_of(policies[robot.id]) for robot in robots}
     supervised = {robot_id for robot_id, role in roles.items() if role >= Role.SUPERVISOR}
     held = held_between(robots, starts, ends).values_list(*_COLUMNS, named=True)
+    me = person.pk  # a request's user is a lazy object: slow in a loop
     events = [
-        _booked(row, slugs[row.robot_id], graces[row.robot_id], person, row.robot_id in supervised, zone, now)
+        _booked(row, slugs[row.robot_id], graces[row.robot_id], me, row.robot_id in supervised, zone, now)
         for row in held
     ]
     out = OutOfService.objects.filter(robot__in=robots, starts_at__lt=ends).select_related("robot")
@@ -75,11 +77,11 @@ def local(moment: datetime, zone: ZoneInfo) -> str:
 
 
 def _booked(
-    row: Any, slug: str, grace: timedelta, person: User, supervised: bool, zone: ZoneInfo, now: datetime
+    row: Any, slug: str, grace: timedelta, me: UUID, supervised: bool, zone: ZoneInfo, now: datetime
 ) -> dict[str, Any]:
     held = held_slot(row, grace, now)
     stage = stage_of(row, grace, now)
-    mine = row.person_id == person.id
+    mine = row.person_id == me
     may_change = (mine or supervised) and stage in _OPEN
     return {
         "id": str(row.id),
