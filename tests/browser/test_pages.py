@@ -146,7 +146,7 @@ def test_controls_fit_a_finger_and_do_not_jump(person: Arrive) -> None:
     operator.page.locator("summary").click()
     assert too_small(operator) == []
     operator.page.locator("summary").click()
-    staff.press("Withdraw")
+    staff.press("Leave the line")
     operator.release()
 
 
