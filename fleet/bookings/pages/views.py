@@ -113,20 +113,24 @@ def booking_new(request: HttpRequest) -> HttpResponse:
     robots = robots_visible_to(person)
     if request.method != "POST":
         return _form_page(request, SlotForm(initial=_initial(request), **_form_options(person, robots)))
+    with _in_turn():
+        return _book(request, person, robots)
+
+
+def _book(request: HttpRequest, person: User, robots: QuerySet[Robot]) -> HttpResponse:
     form = SlotForm(request.POST, **_form_options(person, robots))
     if not form.is_valid():
         return _refused(request, form, _form_refusals(form))
     try:
-        with _in_turn():
-            booking = services.booking_make(
-                robot_id=form.cleaned_data["robot"].id,
-                person=form.cleaned_data.get("person") or person,
-                actor=person,
-                slot=form.slot,
-                purpose=form.cleaned_data["purpose"],
-                override=form.cleaned_data.get("override", ""),
-                now=timezone.now(),
-            )
+        booking = services.booking_make(
+            robot_id=form.cleaned_data["robot"].id,
+            person=form.cleaned_data.get("person") or person,
+            actor=person,
+            slot=form.slot,
+            purpose=form.cleaned_data["purpose"],
+            override=form.cleaned_data.get("override", ""),
+            now=timezone.now(),
+        )
     except BookingRefused as error:
         return _refused(request, form, error.refusals, _alternatives(person, form, error))
     if wants_json(request):
