@@ -8,6 +8,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
+from django.db import DatabaseError
 from django.db.models import F, QuerySet
 from django.db.models.signals import post_save
 from django.dispatch import receiver
@@ -90,8 +91,10 @@ def _lost(booking: Booking, now: datetime) -> Any:
 def _access_changed(*, people: frozenset[UUID] | None, **_options: Any) -> None:
     try:
         bookings_free_lost(people, timezone.now())
-    except AuditUnavailable as error:  # the change itself is stored; housekeeping frees the rest
-        log.warning("Bookings without a right are not freed yet: %s", error)
+    except (AuditUnavailable, DatabaseError) as error:  # the change itself is stored
+        log.error(
+            "Bookings of people who lost a right were not freed, and hold until their grace time: %s", error
+        )
 
 
 @receiver(post_save, sender=User)
