@@ -55,10 +55,23 @@ def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
     return int(waiting.pk)
 
 
-def line_leave(*, robot_id: UUID, connection: str, gone: bool, now: datetime) -> None:
-    """Give up this connection's place, if it has one: the person left, or their page is `gone`."""
+def line_leave(*, robot_id: UUID, connection: str) -> None:
+    """Give up this connection's place, if it has one."""
     with recorded_change():
-        places_close(GONE if gone else LEFT, robot_id=robot_id, connection=connection)
+        places_close(LEFT, robot_id=robot_id, connection=connection)
+
+
+def line_away(*, robot_id: UUID, connection: str) -> None:
+    """Note that the page of this place is gone. It is kept for `rules.WAITS_S`: a reload loses no place."""
+    Waiting.objects.filter(robot_id=robot_id, starts_at=None, connection=connection).update(connection="")
+
+
+def line_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> bool:
+    """Move a place to the new connection of its tab. False: the tab has none."""
+    mine = Waiting.objects.filter(
+        robot_id=robot_id, person=user_id, starts_at=None, tab=tab.token, sign_in=tab.sign_in
+    )
+    return mine.update(connection=tab.connection, seen_at=now) == 1
 
 
 def line_seen(*, robot_id: UUID, connections: list[str], now: datetime) -> None:
@@ -84,6 +97,8 @@ def offer_next(*, robot_id: UUID, now: datetime) -> bool:
             return False
         people = User.objects.in_bulk([one.user for one in line])
         for place in line:
+            if not place.tab.connection:  # the page may come back, and keeps its place
+                continue
             subject = subject_of(people[place.user], robot, now)
             if may_wait(subject) is not None:  # a right that ended meanwhile
                 places_close(NOT_ALLOWED, pk=place.id)

@@ -257,7 +257,8 @@ def _user(user_id: UUID) -> User:
 
 
 def _waiter(robot_id: UUID, request_id: int, now: datetime) -> Waiter:
-    waiter = next((one for one in line_of(robot_id, now) if one.id == request_id), None)
+    here = (one for one in line_of(robot_id, now) if one.tab.connection)
+    waiter = next((one for one in here if one.id == request_id), None)
     return _allowed(waiter, rules.check_waits(waiter))
 
 

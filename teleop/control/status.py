@@ -82,7 +82,7 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
     booked, next_booked = booked_slots(status.schedule, user, now)
     place = next((n for n, one in enumerate(status.line) if one.tab.connection == tab.connection), None)
     asking = None if place is None else status.line[place].id
-    names = [wire.Request(one.id, one.name) for one in status.line]
+    names = [wire.Request(one.id, one.name) for one in status.line if one.tab.connection]
     if lease is None or free:
         return wire.Control(
             "free",

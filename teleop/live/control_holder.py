@@ -113,8 +113,13 @@ class ControlHolder:
         await self._change(services.lease_renew)
 
     async def resume(self) -> None:
-        """Go on with the lease of the same tab, after a reload or a network failure, if there is one."""
-        lease = self._status.lease if self._status else None
+        """Go on with the lease or the place in line of the same tab, after a reload or a network failure."""
+        status = self._status
+        places = status.line if status else []
+        waited = any(one.user == self._user_id and one.tab.is_same_tab(self.tab) for one in places)
+        if waited and await in_database(queue.line_resume, **self._me(), now=timezone.now()):
+            await self._hub.lease_changed()
+        lease = status.lease if status else None
         if lease is None or lease.user != self._user_id or not lease.tab.is_same_tab(self.tab):
             return
         try:
@@ -140,13 +145,10 @@ class ControlHolder:
     async def withdraw(self) -> None:
         """Leave the line."""
         self._withdrew = True
-        now = timezone.now()
         await in_database(
             queue.line_leave,
             robot_id=self._hub.robot_id,
             connection=self.tab.connection,
-            gone=False,
-            now=now,
         )
         await self._changed()
 
@@ -334,11 +336,11 @@ class ControlHolder:
 
 
 def _leave(robot_id: UUID, connection: str, session: UUID | None) -> None:
-    """Store that a connection is gone: its lease may be resumed for a while, its request is withdrawn."""
+    """Store that a connection is gone: its lease, or its place in line, may be resumed for a while."""
     now = timezone.now()
     if session is not None:
         services.lease_lost(robot_id=robot_id, session=session, connection=connection, now=now)
-    queue.line_leave(robot_id=robot_id, connection=connection, gone=True, now=now)
+    queue.line_away(robot_id=robot_id, connection=connection)
 
 
 def _end_lease(

@@ -322,6 +322,21 @@ async def test_second_person_asks_and_gets_control(open_page, bridge):
     assert (await bridge.hears(wire.Drive)).fence == given["fence"]
 
 
+async def test_a_reload_keeps_the_place_in_line(open_page):
+    holder, asker = await open_page("operator"), await open_page("second")
+    await holder.take()
+    await asker.say("ask")
+    await holder.hears("notice", code="asked")
+    await asker.close()
+    assert (await holder.hears("control"))["requests"] == []
+    again = await open_page("second")
+    assert again.control["asking"] or (await again.hears("control"))["asking"]
+    assert len((await holder.hears("control"))["requests"]) == 1
+    await holder.say("release")
+    while (await again.hears("control")).get("offer_s") is None:
+        pass
+
+
 async def test_closing_the_page_withdraws_its_request(open_page):
     holder, asker = await open_page("operator"), await open_page("second")
     await holder.take()

@@ -236,7 +236,7 @@ def test_handover_gives_control_to_the_page_that_asked(robot, operator, second_o
 def test_handover_to_a_withdrawn_request_is_refused(robot, operator, second_operator):
     take(robot, operator)
     number = ask(robot, second_operator)
-    queue.line_leave(robot_id=robot.id, connection="second-connection", gone=False, now=NOW)
+    queue.line_leave(robot_id=robot.id, connection="second-connection")
     assert refused(hand_over, robot, operator, number).code == "no_such_request"
 
 
@@ -342,12 +342,15 @@ def test_outcome_of_a_request_is_recorded(outcome, robot, operator, second_opera
             queue.offer_next(robot_id=robot.id, now=NOW)
             Waiting.objects.update(seen_at=NOW + timedelta(seconds=31))
             queue.line_tidy(now=NOW + timedelta(seconds=31))
+        case "gone":
+            queue.line_away(robot_id=robot.id, connection=asker.connection)
+            queue.line_tidy(now=NOW + timedelta(seconds=15))
         case "not_allowed":
             give_back(robot, held)
             RobotRole.objects.filter(user=second_operator).delete()
             assert not queue.offer_next(robot_id=robot.id, now=NOW)
         case _:
-            queue.line_leave(robot_id=robot.id, connection=asker.connection, gone=outcome == "gone", now=NOW)
+            queue.line_leave(robot_id=robot.id, connection=asker.connection)
     ask, answer = Record.objects.filter(kind="control.ask").order_by("id")
     assert (ask.actor_id, ask.outcome) == (str(second_operator.pk), "")
     assert (answer.of_id, answer.outcome, answer.session_id) == (ask.pk, outcome, ask.session_id)
