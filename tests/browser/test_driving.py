@@ -49,6 +49,7 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     # The finger that is still down does not drive, also after the clear.
     fingers.lift(2)
     operator.clear()
+    expect(operator.page.get_by_role("button", name="Clear stop…")).to_be_hidden()  # the page has heard it
     fingers.move(1, (x, y + 0.8 * operator.stick_reach))
     operator.part("banner").get_by_text("Let the stick return to the middle").wait_for()
     assert operator.last_drive == (0, 0, 0)
