@@ -158,6 +158,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
         slot = Slot(booking.starts_at, booking.ends_at)
         _check(booking.robot, to, slot, now, actor=to, moved=booking)
         before = booking.person
+        changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
         booking.person, booking.used_at = to, None
         booking.course = course_of(booking.robot, to, booking.starts_at)
         save_booking(booking)
@@ -165,6 +166,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
         record_booking(
             "booking.hand", booking, actor, parameters=parameters, private={"before": before.display_name}
         )
+        changed_by_another(booking, actor, _("handed to you"), "", now)
     return booking
 
 
@@ -207,7 +209,7 @@ def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, no
     )
     for booking in running.select_related("person", "robot"):
         before = booking.person
-        booking.person = to
+        booking.person, booking.course = to, course_of(robot, to, booking.starts_at)
         save_booking(booking)
         parameters = {"before": {"person": str(before.pk)}}
         record_booking(

@@ -3,6 +3,7 @@
 from datetime import timedelta
 
 import pytest
+from django.core.management import call_command
 from django.utils import timezone
 
 from fleet.accounts.models import User
@@ -118,3 +119,10 @@ def test_a_change_that_takes_nothing_frees_nothing(robot, operator, staff):
     access.role_set(robot=robot, user=operator, role=Role.SUPERVISOR, actor=staff)
     assert bookings_free_lost(None, timezone.now()) == 0
     assert state_of(booking) is State.BOOKED
+
+
+def test_housekeeping_frees_what_a_dead_process_left(robot, operator):
+    booking = book(robot, operator)
+    RobotRole.objects.filter(user=operator).delete()  # without the services: nobody was told
+    call_command("run_housekeeping", "--once")
+    assert state_of(booking) is State.CANCELLED

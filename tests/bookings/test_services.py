@@ -9,7 +9,7 @@ from django.db import IntegrityError, connection, transaction
 from fleet.audit.models import Record
 from fleet.audit.verify import verify_all
 from fleet.bookings import overlaps
-from fleet.bookings.models import Booking, Policy, State
+from fleet.bookings.models import Booking, Letter, Policy, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import free_slots, schedule_of
 from fleet.bookings.services import (
@@ -163,5 +163,10 @@ def test_a_booking_is_handed_to_a_colleague_who_may_drive(robot, operator, secon
     booking = book(robot, operator)
     to_observer = {"booking_id": booking.pk, "version": 1, "to": observer, "actor": operator, "now": NOW}
     assert refused(booking_hand, **to_observer) == ["role_too_low"]
+    for person in (operator, second_operator):
+        type(person).objects.filter(pk=person.pk).update(email=f"{person.username}@lab.example")
+        person.refresh_from_db()
     booking_hand(**(to_observer | {"to": second_operator}))
+    [letter] = Letter.objects.all()  # the owner handed it, and knows
+    assert (letter.person, letter.subject) == (second_operator, "Your booking of TIAGo 1: handed to you")
     assert Booking.objects.get(pk=booking.pk).person == second_operator

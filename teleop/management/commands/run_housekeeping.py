@@ -21,7 +21,7 @@ from django.utils import timezone
 
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
-from fleet.bookings import letters, waiting
+from fleet.bookings import letters, rights, waiting
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
 from teleop.control import queue, rules, services
@@ -122,6 +122,8 @@ def daily_steps() -> Iterator[None]:
     yield
     now = timezone.now()
     yield from camera_audit.close_abandoned(now)
+    rights.bookings_free_lost(None, now)  # a process may have died between a change of access and this
+    yield
     yield from retention.keep_house(now)
     if not retention.clock_is_doubted(now.date()):
         yield from session_maps.remove_unneeded(now)
