@@ -80,9 +80,10 @@ def test_a_forgotten_password_is_set_by_a_link(olga: User, signed_in: Callable[[
     page = client.get(link).headers["Location"]  # without the key, which no other site may see
     assert client.post(page, {"password1": "12345678", "password2": "12345678"}).status_code == 200
     assert client.post(page, {"password1": NEW, "password2": NEW}).status_code == 302
+    assert not SignIn.objects.filter(user=olga).exists()
+    assert Record.objects.get(kind="account.sign_out").outcome == "password reset"
     assert client.get("/accounts/").status_code == 401  # the link alone signs nobody in
     assert elsewhere.get("/accounts/").status_code == 401
-    assert not SignIn.objects.filter(user=olga).exists()
     assert "This link does not work" in Client().get(link).content.decode()
     changed = Record.objects.filter(kind="account.change").latest("id")
     assert (changed.actor_id, changed.parameters["changes"]) == (str(olga.pk), [{"field": "password"}])

@@ -90,6 +90,13 @@ def test_an_offer_that_nobody_takes_goes_to_the_next(robot, second_operator, thi
     assert not Waiting.objects.exists()
 
 
+def test_a_robot_that_somebody_drives_is_not_offered(robot, operator, second_operator):
+    take(robot, operator)
+    wait(robot, second_operator)
+    assert not queue.offer_next(robot_id=robot.id, now=at(1))
+    assert line_of(robot.id, at(1))[0].offer_until is None
+
+
 def test_people_wait_for_a_free_robot_that_is_offered(robot, operator, second_operator, free_with_a_line):
     wait(robot, operator, at(5))
     assert [one.user for one in line_of(robot.id, at(5))][-1] == operator.id
