@@ -31,7 +31,7 @@ def kept_secret(path: Path) -> str:
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
     """Only one process at a time is in this `with` block; others wait."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     with path.open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
