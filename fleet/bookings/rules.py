@@ -80,6 +80,7 @@ class Wish(Struct, frozen=True):
     quota: Quota | None = None  # of the course by which the person may drive the robot
     taken: tuple[Taken, ...] = ()  # bookings of the robot that overlap
     out: tuple[Taken, ...] = ()  # out-of-service periods that overlap
+    busy: tuple[Taken, ...] = ()  # both kinds, of the week from the slot's start on
 
     def local(self, moment: datetime) -> str:
         """Return a moment in the reader's zone, in words."""

@@ -16,8 +16,9 @@ from fleet.bookings.models import Booking, OutOfService, Policy, State
 from fleet.bookings.rules import FAR, LONGEST, Quota, Slot, Taken, Wish, refusals
 from fleet.zones import viewers, zone_of
 from robots.access.models import Course, RobotGroup
-from robots.access.selectors import courses_for, missing_qualifications, role_on
-from robots.registry.models import Robot, RobotRole, Role
+from robots.access.selectors import given_on, lab_date, missing_qualifications, role_on
+from robots.access.sources import OWN
+from robots.registry.models import Robot, Role
 
 ALTERNATIVES = 3
 NOT_YET = (State.AWAITING, State.OFFERED)  # hold a slot, and give no control
@@ -151,11 +152,14 @@ def taken_between(
 def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Booking | None = None) -> Wish:
     """Return the wish with the facts by which it is judged. `moved`: the booking that it replaces."""
     policy = policy_of(robot)
-    grace = grace_of(policy)
     starts, ends = slot.starts_at, max(slot.ends_at, slot.starts_at)
-    taken = taken_between(robot, starts, ends, grace, now, moved)
+    week = max(ends, min(starts, FAR - SEARCH) + SEARCH)
+    taken = taken_between(robot, starts, week, grace_of(policy), now, moved)
+    out = out_between(robot, starts, week)
     own = _own_slots(policy, person, slot, now, moved)
-    course = course_of(robot, person, starts)
+    role, course = _role_and_course(person, robot, starts)
+    if course is not None and lab_date(starts) != lab_date(ends):  # the course may end in between
+        role = min((role, role_on(person, robot, ends)), key=_rank)
     return Wish(
         robot=robot.name,
         slot=slot,
@@ -163,33 +167,35 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
         policy=policy,
         lab=zone_of(""),
         zone=viewers(),
-        role=_role_throughout(person, robot, starts, ends, course),
+        role=role,
         missing=tuple(one.name for one in missing_qualifications(person, robot, starts)),
         quota=_quota_of(course, person, slot, now, moved) if course else None,
         own=tuple(one for one, _ in own),
         own_here=tuple(one for one, robot_id in own if robot_id == robot.id),
         taken=tuple(one for one in taken if one.slot.overlaps(slot)),
-        out=tuple(out_between(robot, starts, ends)),
+        out=tuple(one for one in out if one.slot.overlaps(slot)),
+        busy=tuple(sorted((*taken, *out), key=lambda one: one.slot.starts_at)),
     )
 
 
-def _role_throughout(
-    person: User, robot: Robot, starts: datetime, ends: datetime, course: Course | None
-) -> Role | None:
-    """Return the lower of the roles at the start and at the end: a course may end in between."""
-    role = role_on(person, robot, starts)
-    if role is None or course is None:
-        return role
-    at_end = role_on(person, robot, ends)
-    return min(role, at_end) if at_end is not None else None
+def _rank(role: Role | None) -> int:
+    return -1 if role is None else role.rank
 
 
 def course_of(robot: Robot, person: User, at: datetime) -> Course | None:
     """Return the course for which a booking counts; None: the person may drive the robot without any."""
-    own = RobotRole.objects.filter(user=person, robot=robot, role__in=(Role.OPERATOR, Role.SUPERVISOR))
-    if person.is_staff or own.exists():
-        return None
-    return next(iter(courses_for(person, robot, at)), None)
+    return _role_and_course(person, robot, at)[1]
+
+
+def _role_and_course(person: User, robot: Robot, at: datetime) -> tuple[Role | None, Course | None]:
+    """Return the person's role, and the course for which a booking counts: not one that they supervise."""
+    if person.is_staff or not person.is_active:
+        return role_on(person, robot, at), None
+    found = given_on(person, robot, at)
+    role = max((one.role for one in found), default=None)
+    enrolled = [one.course for one in found if one.course != OWN and one.role is not Role.SUPERVISOR]
+    alone = any(one.course == OWN and one.role >= Role.OPERATOR for one in found)
+    return role, Course.objects.filter(pk__in=enrolled).first() if enrolled and not alone else None
 
 
 def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Booking | None) -> Quota:
@@ -237,29 +243,24 @@ def free_slots(
 ) -> list[tuple[Robot, Slot]]:
     """Return the next slots of this length that no rule refuses, earliest first.
 
-    `wish`: facts about the person and the one robot that are known already.
+    `wish`: the facts about the person and the one robot, of a slot at `after`, if they are known already.
     """
     length = timedelta(minutes=minutes)
     found: list[tuple[Robot, Slot]] = []
     for robot in robots:
         facts = wish or wish_of(robot=robot, person=person, slot=Slot(after, after + length), now=now)
-        found += [(robot, slot) for slot in _free_on(robot, facts, length, after, now, most)]
+        found += [(robot, slot) for slot in _free_on(facts, length, after, now, most)]
     return sorted(found, key=lambda one: one[1].starts_at)[:most]
 
 
-def _free_on(
-    robot: Robot, facts: Wish, length: timedelta, after: datetime, now: datetime, most: int
-) -> list[Slot]:
-    taken = taken_between(robot, after, after + SEARCH, grace_of(facts.policy), now)
-    out = out_between(robot, after, after + SEARCH)
-    busy = sorted((*taken, *out), key=lambda one: one.slot.starts_at)
+def _free_on(facts: Wish, length: timedelta, after: datetime, now: datetime, most: int) -> list[Slot]:
     found: list[Slot] = []
     starts = _rounded_up(max(after, now))
     for _ in range(TRIES):
         if starts >= after + SEARCH or len(found) >= most:
             break
         slot = Slot(starts, starts + length)
-        in_the_way = next((one for one in busy if one.slot.overlaps(slot)), None)
+        in_the_way = next((one for one in facts.busy if one.slot.overlaps(slot)), None)
         if in_the_way is not None:
             starts = _rounded_up(min(in_the_way.slot.ends_at, after + SEARCH))
         elif refusals(structs.replace(facts, slot=slot, taken=(), out=())):

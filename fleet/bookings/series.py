@@ -80,7 +80,7 @@ def series_make(
             continue
         try:
             booking = booking_make(
-                robot_id=robot.id,
+                robot=robot,
                 person=person,
                 actor=actor,
                 slot=slot,

@@ -79,7 +79,7 @@ def robot_locked(robot_id: UUID) -> Iterator[Robot]:
 
 def booking_make(
     *,
-    robot_id: UUID,
+    robot: Robot,
     person: User,
     slot: Slot,
     now: datetime,
@@ -91,8 +91,8 @@ def booking_make(
     """Book a slot for a person. `actor`: who books for them. `override`: the reason for which staff pass the rules."""
     actor = actor or person
     # First without the lock: the many who come too late for a slot must not wait for each other.
-    _check(_robot(robot_id), person, slot, now, actor=actor, override=override)
-    with robot_locked(robot_id) as robot:
+    _check(robot, person, slot, now, actor=actor, override=override)
+    with robot_locked(robot.id) as robot:
         _free_no_shows(robot, slot, now)
         _check(robot, person, slot, now, actor=actor, override=override)
         policy = policy_of(robot)
@@ -232,10 +232,6 @@ def _changeable(booking_id: UUID, actor: User, version: int | None, now: datetim
         if stage in (Stage.OVER, Stage.FINISHED, Stage.NO_SHOW, Stage.CANCELLED):
             raise BookingRefused([Refusal("over", f"This booking is {stage.value}.", "booking")])
         yield booking
-
-
-def _robot(robot_id: UUID) -> Robot:
-    return Robot.objects.select_related("profile").get(pk=robot_id)
 
 
 def save_booking(booking: Booking) -> None:

@@ -15,7 +15,7 @@ from django.db import connections  # noqa: E402 - Django's apps are ready only n
 from django.urls import resolve  # noqa: E402
 
 from fleet.environment import limit_queries  # noqa: E402
-from fleet.site.handler import OneThreadHandler  # noqa: E402
+from fleet.site.handler import OneThreadHandler, PagesHandler  # noqa: E402
 from fleet.site.websocket_access import guarded  # noqa: E402
 from robots.processes.shutdown import exit_within  # noqa: E402
 from teleop.live.routing import websocket_urlpatterns  # noqa: E402
@@ -23,8 +23,11 @@ from teleop.live.routing import websocket_urlpatterns  # noqa: E402
 limit_queries(connections.settings["default"])
 resolve("/stop-all/")  # loads the code of all addresses, so that the first stop does not wait 0.1 s for it
 
-# Drive input passes through the event loop. With Python's default of 5 ms it would wait for each database call.
-sys.setswitchinterval(0.0005)
+PAGES = "--life-line" in sys.argv  # as `fleet.server.pages` starts the process that answers pages
+if PAGES:
+    connections.settings["default"].update(CONN_MAX_AGE=60, CONN_HEALTH_CHECKS=True)
+else:  # Drive input passes through the event loop. With Python's default of 5 ms it would wait for each database call.
+    sys.setswitchinterval(0.0005)
 
 # WhiteNoise serves files from threads, and Django warns about that for each file.
 warnings.filterwarnings(
@@ -43,5 +46,8 @@ gc.collect()
 gc.freeze()
 
 application = ProtocolTypeRouter(
-    {"http": OneThreadHandler(), "websocket": guarded(URLRouter(websocket_urlpatterns))}
+    {
+        "http": PagesHandler() if PAGES else OneThreadHandler(),
+        "websocket": guarded(URLRouter(websocket_urlpatterns)),
+    }
 )

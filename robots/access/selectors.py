@@ -18,7 +18,7 @@ from django.utils.translation import gettext
 from msgspec import Struct
 
 from robots.access.models import Course, Qualification, QualificationGrant, RobotGroup
-from robots.access.sources import OWN, Given, demanded, given
+from robots.access.sources import Given, demanded, given
 from robots.registry.models import Robot, Role
 
 if TYPE_CHECKING:
@@ -73,14 +73,25 @@ def supervises(user: User, robot: Robot) -> bool:
     return role is not None and role >= Role.SUPERVISOR
 
 
+def given_on(user: User, robot: Robot, at: datetime) -> list[Given]:
+    """Return every source of a role of `user` on `robot` at that moment; staff need none."""
+    return _given([user.id], [robot.id], at)
+
+
 def robots_visible_to(user: User) -> QuerySet[Robot]:
     """Return the robots that `user` may view, also disabled ones, by name."""
+    return robots_and_role(user)[0]
+
+
+def robots_and_role(user: User) -> tuple[QuerySet[Robot], Role | None]:
+    """Return the robots that `user` may view, by name, and the highest role on any of them."""
     robots = Robot.objects.select_related("profile", "bridge")
     if not user.is_active:
-        return robots.none()
+        return robots.none(), None
     if user.is_staff:
-        return robots
-    return robots.filter(pk__in={one.robot for one in _given([user.id], None)})
+        return robots, Role.STAFF
+    found = _given([user.id], None)
+    return robots.filter(pk__in={one.robot for one in found}), max((one.role for one in found), default=None)
 
 
 def robot_seen_by(user: User, slug: str) -> Robot:
@@ -106,17 +117,6 @@ def robots_of(course: Course) -> QuerySet[Robot]:
 def robot_ids_of(course: Course) -> set[UUID]:
     """Return the keys of the course's robots, its own and those of its groups."""
     return set(robots_of(course).values_list("pk", flat=True))
-
-
-def courses_for(user: User, robot: Robot, now: datetime) -> list[Course]:
-    """Return the courses, with their quotas, in which `user` is enrolled and that give them this robot at `now`.
-
-    A supervisor of a course is not enrolled in it, so no quota of it counts for them.
-    """
-    keys = {one.course for one in _given([user.id], [robot.id], now) if one.role is not Role.SUPERVISOR} - {
-        OWN
-    }
-    return list(Course.objects.filter(pk__in=keys)) if keys else []
 
 
 def may_manage(user: User, course: Course) -> bool:

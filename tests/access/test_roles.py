@@ -14,7 +14,6 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.access.models import Course, Enrolment, Qualification, QualificationGrant, RobotGroup
 from robots.access.selectors import (
-    courses_for,
     missing_qualifications,
     reasons,
     robot_ids_of,
@@ -107,7 +106,6 @@ def test_both_days_of_a_course_count_in_the_labs_zone(
     outside = [datetime(2026, 3, 27, 23, 59, tzinfo=lab), datetime(2026, 3, 31, tzinfo=lab)]
     assert [role_on(student, robot, at) for at in inside] == [Role.OPERATOR, Role.OPERATOR]
     assert [role_on(student, robot, at) for at in outside] == [None, None]
-    assert [courses_for(student, robot, at) for at in (inside[0], outside[0])] == [[course], []]
 
 
 def test_an_archived_course_gives_nothing(course: Course, student: User, teacher: User, robot: Robot) -> None:

@@ -27,7 +27,7 @@ def course(robot, stranger):
 def book(robot, person, begins_h, hours=1.0):
     starts = NOW + timedelta(hours=begins_h)
     slot = Slot(starts, starts + timedelta(hours=hours))
-    return booking_make(robot_id=robot.id, person=person, slot=slot, now=NOW)
+    return booking_make(robot=robot, person=person, slot=slot, now=NOW)
 
 
 def refused(*args):

@@ -25,7 +25,7 @@ def at(hours):
 
 def book(robot, person, begins_h=3, now=NOW):
     slot = Slot(now + timedelta(hours=begins_h), now + timedelta(hours=begins_h + 1))
-    return booking_make(robot_id=robot.id, person=person, slot=slot, now=now)
+    return booking_make(robot=robot, person=person, slot=slot, now=now)
 
 
 @pytest.fixture

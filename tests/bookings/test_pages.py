@@ -51,7 +51,7 @@ def test_a_student_books_by_the_form_and_sees_it(as_person, robot, operator):
 
 def test_all_refusals_stand_on_the_page_with_alternatives(as_person, robot, operator, second_operator):
     booking_make(
-        robot_id=robot.id,
+        robot=robot,
         person=second_operator,
         slot=Slot(in_hours(2), in_hours(3)),
         now=django_timezone.now(),
@@ -128,7 +128,7 @@ def test_next_free_leads_to_the_filled_form(as_person, robot, operator):
 
 def test_only_people_who_may_see_the_robot_see_a_booking(as_person, robot, operator, stranger):
     booking = booking_make(
-        robot_id=robot.id,
+        robot=robot,
         person=operator,
         slot=Slot(in_hours(2), in_hours(3)),
         now=datetime.now(timezone.utc),

@@ -51,7 +51,7 @@ def test_a_supervisor_sets_the_rules_of_a_robot(as_person, robot, supervisor, op
     starts = timezone.now() + timedelta(hours=1)
     with pytest.raises(BookingRefused) as caught:
         booking_make(
-            robot_id=robot.id,
+            robot=robot,
             person=operator,
             slot=Slot(starts, starts + timedelta(hours=2)),
             now=timezone.now(),
@@ -86,7 +86,7 @@ def test_only_staff_see_the_policy_of_all_robots(as_person, request, robot, pers
 def test_out_of_service_names_the_affected_and_ends(as_person, robot, supervisor, operator):
     now = timezone.now()
     slot = Slot(now + timedelta(hours=1), now + timedelta(hours=2))
-    booking_make(robot_id=robot.id, person=operator, slot=slot, now=now)
+    booking_make(robot=robot, person=operator, slot=slot, now=now)
     browser = as_person(supervisor)
     period = {"robots": robot.slug, "starts_at": f"{now:%Y-%m-%dT%H:%M}", "why": "repair", "note": "wheel"}
     answer = browser.post(reverse("out-of-service"), period, follow=True)

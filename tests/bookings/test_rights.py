@@ -38,7 +38,7 @@ def student(robot):
 def book(robot, person, days=2, **options):
     starts = timezone.now().replace(microsecond=0) + timedelta(days=days)
     slot = Slot(starts, starts + timedelta(hours=1))
-    return booking_make(robot_id=robot.id, person=person, slot=slot, now=timezone.now(), **options)
+    return booking_make(robot=robot, person=person, slot=slot, now=timezone.now(), **options)
 
 
 def state_of(booking):

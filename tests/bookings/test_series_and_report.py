@@ -41,7 +41,7 @@ def test_a_series_shows_conflicts_and_books_the_rest(client, robot, supervisor, 
     starts = django_timezone.now().replace(minute=0, second=0, microsecond=0) + timedelta(hours=2)
     second = starts + timedelta(weeks=1)
     booking_make(
-        robot_id=robot.id,
+        robot=robot,
         person=operator,
         slot=Slot(second, second + timedelta(minutes=30)),
         now=django_timezone.now(),
@@ -89,6 +89,6 @@ def test_a_name_is_no_formula_in_a_spreadsheet(robot, operator):
     operator.save()
     starts = django_timezone.now()
     slot = Slot(starts, starts + timedelta(hours=1))
-    booking_make(robot_id=robot.id, person=operator, slot=slot, now=starts)
+    booking_make(robot=robot, person=operator, slot=slot, now=starts)
     rows = report([robot], starts - timedelta(days=1), starts + timedelta(days=1), "person", starts)
     assert lines(rows)[1][0] == "'=1+1"

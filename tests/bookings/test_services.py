@@ -32,7 +32,7 @@ def slot(begins_h, hours=1.0):
 
 
 def book(robot, person, when=None, *, now=NOW, **options):
-    return booking_make(robot_id=robot.id, person=person, slot=when or slot(1), now=now, **options)
+    return booking_make(robot=robot, person=person, slot=when or slot(1), now=now, **options)
 
 
 def refused(step, *args, **options):

@@ -24,7 +24,7 @@ def at(hours):
 
 @pytest.fixture
 def taken(robot, operator):
-    return booking_make(robot_id=robot.id, person=operator, slot=SLOT, now=NOW)
+    return booking_make(robot=robot, person=operator, slot=SLOT, now=NOW)
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_the_first_who_waits_gets_the_offer_and_accepts(robot, queue, operator, 
     letters.send_letters(at(1.1))
     assert "your turn" in mailoutbox[0].subject
     with pytest.raises(BookingRefused):  # the offer holds the slot
-        booking_make(robot_id=robot.id, person=operator, slot=SLOT, now=at(1))
+        booking_make(robot=robot, person=operator, slot=SLOT, now=at(1))
     assert schedule_of(robot, at(4.1)).current is None  # and gives no control
     offer_accept(booking_id=offer.pk, actor=second_operator, now=at(2))
     assert Booking.objects.get(pk=offer.pk).state == State.BOOKED

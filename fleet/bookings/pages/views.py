@@ -12,7 +12,7 @@ from uuid import UUID
 from django.contrib import messages
 from django.contrib.auth.decorators import login_not_required
 from django.core.exceptions import ValidationError
-from django.db.models import Q, QuerySet
+from django.db.models import Q
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
@@ -43,7 +43,13 @@ from fleet.bookings.selectors import (
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
 from fleet.zones import viewers
-from robots.access.selectors import courses_managed_by, robots_visible_to, roles_of
+from robots.access.selectors import (
+    courses_managed_by,
+    robots_and_role,
+    robots_visible_to,
+    role_on,
+    roles_of,
+)
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
 
@@ -110,20 +116,19 @@ def _in_turn() -> Iterator[None]:
 def booking_new(request: HttpRequest) -> HttpResponse:
     """Show the booking form, or book. A script gets all refusals and alternatives as JSON."""
     person = person_of(request)
-    robots = robots_visible_to(person)
     if request.method != "POST":
-        return _form_page(request, SlotForm(initial=_initial(request), **_form_options(person, robots)))
+        return _form_page(request, SlotForm(initial=_initial(request), **_form_options(person)))
     with _in_turn():
-        return _book(request, person, robots)
+        return _book(request, person)
 
 
-def _book(request: HttpRequest, person: User, robots: QuerySet[Robot]) -> HttpResponse:
-    form = SlotForm(request.POST, **_form_options(person, robots))
+def _book(request: HttpRequest, person: User) -> HttpResponse:
+    form = SlotForm(request.POST, **_form_options(person))
     if not form.is_valid():
         return _refused(request, form, _form_refusals(form))
     try:
         booking = services.booking_make(
-            robot_id=form.cleaned_data["robot"].id,
+            robot=form.cleaned_data["robot"],
             person=form.cleaned_data.get("person") or person,
             actor=person,
             slot=form.slot,
@@ -241,7 +246,7 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
     else:
         form = SlotForm(
             {**request.POST.dict(), "robot": found.robot.slug},
-            **_form_options(person, Robot.objects.filter(pk=found.robot_id)),
+            **_form_options(person, found.robot),
         )
         if not form.is_valid():
             raise ValidationError([text for texts in form.errors.values() for text in texts])
@@ -258,7 +263,7 @@ def _booking_page(
     role = roles_of(person, [found.robot]).get(found.robot_id)
     supervises = role is not None and role >= Role.SUPERVISOR
     initial = {"robot": found.robot.slug, "starts_at": found.starts_at, "ends_at": found.ends_at}
-    form = SlotForm(initial=initial, **_form_options(person, Robot.objects.filter(pk=found.robot_id)))
+    form = SlotForm(initial=initial, **_form_options(person, found.robot))
     context = {
         "row": row,
         "booking": found,
@@ -303,9 +308,13 @@ def _in_words(booking: Booking) -> str:
     return f"{booking.robot.name}, {shown(booking.starts_at, zone)} to {until}"
 
 
-def _form_options(person: User, robots: QuerySet[Robot]) -> dict[str, Any]:
-    roles = roles_of(person, robots).values()
-    return {"robots": robots, "supervises": any(role >= Role.SUPERVISOR for role in roles)}
+def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
+    """Return the robots to choose from, or the one, and whether the person supervises any of them."""
+    if robot is None:
+        robots, role = robots_and_role(person)
+    else:
+        robots, role = Robot.objects.filter(pk=robot.pk), role_on(person, robot)
+    return {"robots": robots, "supervises": role is not None and role >= Role.SUPERVISOR}
 
 
 def _initial(request: HttpRequest) -> dict[str, Any]:
@@ -410,7 +419,7 @@ def waiting(request: HttpRequest) -> HttpResponse:
         waiting_leave(person=person, waiting_id=_whole(leave, 0))
         messages.success(request, _("You no longer wait for this slot."))
         return redirect("bookings-mine")
-    form = SlotForm(request.POST, **_form_options(person, robots_visible_to(person)))
+    form = SlotForm(request.POST, **_form_options(person))
     if not form.is_valid():
         return _refused(request, form, _form_refusals(form))
     robot = form.cleaned_data["robot"]

@@ -144,4 +144,4 @@ def seed_bookings(people: list[User], robots: list[Robot], now: datetime) -> Non
         (robots[0], people[0], hour + 49 * HOUR, hour + 50 * HOUR),
     ]
     for robot, person, starts, ends in slots:
-        booking_make(robot_id=robot.id, person=person, slot=Slot(starts, ends), now=now, purpose="Exercise")
+        booking_make(robot=robot, person=person, slot=Slot(starts, ends), now=now, purpose="Exercise")

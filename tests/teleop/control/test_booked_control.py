@@ -33,7 +33,7 @@ def tab(person):
 
 def book(robot, person, begins_min, minutes=60):
     slot = Slot(at(begins_min), at(begins_min + minutes))
-    return booking_make(robot_id=robot.id, person=person, slot=slot, now=NOW)
+    return booking_make(robot=robot, person=person, slot=slot, now=NOW)
 
 
 def take(robot, person, now=NOW, step=services.lease_take, **options):

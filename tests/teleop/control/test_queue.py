@@ -115,7 +115,7 @@ def test_a_supervisor_takes_over_from_the_line_with_a_reason(
 def test_a_slots_owner_does_not_wait(robot, operator, second_operator, third):
     take(robot, operator)
     wait(robot, second_operator, at(1))
-    booking_make(robot_id=robot.id, person=third, slot=Slot(at(60), at(3660)), now=NOW)
+    booking_make(robot=robot, person=third, slot=Slot(at(60), at(3660)), now=NOW)
     give_back(robot, at(61))
     Waiting.objects.update(seen_at=at(61))
     assert not queue.offer_next(robot_id=robot.id, now=at(61))  # it is booked: nobody else may take it

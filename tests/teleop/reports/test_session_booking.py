@@ -19,7 +19,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 def test_a_session_shows_its_booking_and_its_line(robot, operator, second_operator, supervisor, signed_in):
     now = timezone.now()
     slot = Slot(now + timedelta(minutes=1), now + timedelta(minutes=61))
-    booked = booking_make(robot_id=robot.id, person=operator, slot=slot, now=now, purpose="wheel odometry")
+    booked = booking_make(robot=robot, person=operator, slot=slot, now=now, purpose="wheel odometry")
     slot = Slot(now, now + timedelta(minutes=60))
     booking_move(
         booking_id=booked.pk,
