@@ -6,11 +6,12 @@ from collections.abc import Collection, Iterable
 from datetime import datetime, timedelta
 from typing import Any
 
-from django.db.models import F, Q
+from django.db.models import F, Q, QuerySet
 from msgspec import Struct, structs
 
 from fleet.bookings.models import Booking, State
 from fleet.bookings.selectors import NOT_YET
+from robots.access.models import Course
 from robots.registry.models import Robot
 
 HOUR = timedelta(hours=1)
@@ -28,13 +29,23 @@ class Row(Struct):
     cancelled: int = 0
 
 
-def report(robots: Collection[Robot], starts: datetime, ends: datetime, by: str, now: datetime) -> list[Row]:
+def report(
+    robots: Collection[Robot] | QuerySet[Robot],
+    starts: datetime,
+    ends: datetime,
+    by: str,
+    now: datetime,
+    courses: Collection[Course] | QuerySet[Course] = (),
+) -> list[Row]:
     """Return the sums of the bookings that begin between two moments, by robot, person or course.
+
+    They are those of these robots, and of these courses on any robot.
 
     A slot counts as used from its start to its end, or to where it was given up, if its person took control in it. A
     past slot without control counts as not shown.
     """
-    found = Booking.objects.filter(robot__in=robots, starts_at__gte=starts, starts_at__lt=ends)
+    these = Q(robot__in=robots) | Q(course__in=courses)
+    found = Booking.objects.filter(these, starts_at__gte=starts, starts_at__lt=ends)
     found = found.exclude(Q(state__in=NOT_YET) & Q(held_until=F("starts_at")))
     columns = ("person__username", "starts_at", "ends_at", "held_until", "state", "used_at")
     rows = found.annotate(name=F(BY[by])).values_list("name", *columns, named=True)

@@ -21,6 +21,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from fleet.bookings import overlaps
+from fleet.bookings.authority import may_book_for, may_manage_booking
 from fleet.bookings.letters import changed_by_another
 from fleet.bookings.models import Booking, State
 from fleet.bookings.rules import Slot, Wish, check_cancel, refusals
@@ -34,8 +35,8 @@ from fleet.bookings.selectors import (
     stage_of,
     wish_of,
 )
-from robots.access.selectors import role_on
-from robots.registry.models import Robot, Role
+from robots.access.selectors import manages_robot, may_manage
+from robots.registry.models import Robot
 from robots.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)
@@ -59,7 +60,14 @@ _STALE = Refusal(
     "booking",
 )
 _NOT_YOURS = Refusal(
-    "not_yours", "Only its owner, a supervisor of the robot or staff may change it.", "account"
+    "not_yours",
+    "Only its owner, a supervisor of the robot or of the booking’s course, or staff may change it.",
+    "account",
+)
+_FOR_ANOTHER = Refusal(
+    "not_for_others",
+    "You may book this robot for people of your own courses only. Ask a supervisor of the robot, or staff.",
+    "account",
 )
 
 
@@ -90,13 +98,17 @@ def booking_make(
 ) -> Booking:
     """Book a slot for a person. `actor`: who books for them. `override`: the reason for which staff pass the rules."""
     actor = actor or person
+    if not may_book_for(actor, person, robot, slot.starts_at):
+        raise BookingRefused([_FOR_ANOTHER])
     # First without the lock: the many who come too late for a slot must not wait for each other.
     _check(robot, person, slot, now, actor=actor, override=override)
     with robot_locked(robot.id) as robot:
         _free_no_shows(robot, slot, now)
         _check(robot, person, slot, now, actor=actor, override=override)
         policy = policy_of(robot)
-        approved = not policy.needs_approval or _supervises(actor, robot)
+        course = course_of(robot, person, slot.starts_at)
+        trusted = manages_robot(actor, robot) or (course is not None and may_manage(actor, course))
+        approved = trusted or not policy.needs_approval
         booking = Booking.objects.create(
             robot=robot,
             person=person,
@@ -106,7 +118,7 @@ def booking_make(
             state=State.BOOKED if approved else State.AWAITING,
             purpose=purpose,
             series=series,
-            course=course_of(robot, person, slot.starts_at),
+            course=course,
             made_at=now,
             overridden=bool(override) or None,
         )
@@ -140,7 +152,7 @@ def booking_cancel(
         slot = Slot(booking.starts_at, booking.held_until)
         refusal = check_cancel(slot, policy_of(booking.robot), now)
         if refusal is not None and not (
-            refusal.code == "late_to_cancel" and _supervises(actor, booking.robot)
+            refusal.code == "late_to_cancel" and may_manage_booking(actor, booking)
         ):
             raise BookingRefused([refusal])
         begun = now > booking.starts_at
@@ -173,7 +185,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
 def booking_approve(*, booking_id: UUID, actor: User, now: datetime) -> Booking:
     """Approve a booking that awaits it."""
     with _changeable(booking_id, actor, None, now) as booking:
-        if not _supervises(actor, booking.robot):
+        if not may_manage_booking(actor, booking):
             raise BookingRefused([_NOT_YOURS])
         if booking.state == State.AWAITING:
             booking.state = State.BOOKED
@@ -222,9 +234,9 @@ def _changeable(booking_id: UUID, actor: User, version: int | None, now: datetim
     """Lock a booking's robot, and check that this person may change the booking, which is still as they saw it."""
     robot_id = Booking.objects.values_list("robot_id", flat=True).get(pk=booking_id)
     with robot_locked(robot_id) as robot:
-        booking = Booking.objects.select_related("person", "robot").get(pk=booking_id)
+        booking = Booking.objects.select_related("person", "robot", "course").get(pk=booking_id)
         booking.robot = robot
-        if booking.person_id != actor.pk and not _supervises(actor, robot):
+        if booking.person_id != actor.pk and not may_manage_booking(actor, booking):
             raise BookingRefused([_NOT_YOURS])
         if version is not None and booking.version != version:
             raise BookingRefused([_STALE])
@@ -250,11 +262,11 @@ def _check(
     override: str = "",
     moved: Booking | None = None,
 ) -> None:
-    """Raise BookingRefused with all refusals. A supervisor's reason overrides the policy."""
+    """Raise BookingRefused with all refusals. A reason by a person who manages the robot overrides the policy."""
     wish = wish_of(robot=robot, person=person, slot=slot, now=now, moved=moved)
     if moved is not None and now >= moved.starts_at:  # its start was judged when it was booked
         wish = structs.replace(wish, now=wish.slot.starts_at)
-    overridden = bool(override) and _supervises(actor, robot)
+    overridden = bool(override) and manages_robot(actor, robot)
     if found := refusals(wish, override=overridden):
         raise BookingRefused(found, wish)
 
@@ -269,11 +281,6 @@ def _free_no_shows(robot: Robot, slot: Slot, now: datetime, but: Booking | None 
             booking.held_until, booking.state = held.ends_at, State.NO_SHOW
             save_booking(booking)
             record_booking("booking.no_show", booking, None)
-
-
-def _supervises(person: User, robot: Robot) -> bool:
-    role = role_on(person, robot)
-    return role is not None and role >= Role.SUPERVISOR
 
 
 def record_booking(kind: str, booking: Booking, actor: User | None, **facts: Any) -> Record:

@@ -78,6 +78,19 @@ def given_on(user: User, robot: Robot, at: datetime) -> list[Given]:
     return _given([user.id], [robot.id], at)
 
 
+def manages_robot(user: User, robot: Robot) -> bool:
+    """Return whether `user` is staff, or a supervisor of the robot itself and not only by a course."""
+    return robots_managed_by(user).filter(pk=robot.pk).exists()
+
+
+def robots_managed_by(user: User) -> QuerySet[Robot]:
+    """Return the robots whose bookings and policy `user` manages, by name: staff all."""
+    robots = Robot.objects.select_related("profile")
+    if not user.is_active:
+        return robots.none()
+    return robots if user.is_staff else robots.filter(roles__user=user, roles__role=Role.SUPERVISOR)
+
+
 def robots_visible_to(user: User) -> QuerySet[Robot]:
     """Return the robots that `user` may view, also disabled ones, by name."""
     return robots_and_role(user)[0]

@@ -8,7 +8,7 @@ from typing import Protocol
 from msgspec import Struct, structs
 
 from fleet.accounts.models import User
-from fleet.bookings.rules import FAR
+from fleet.bookings.rules import FAR, shown
 from fleet.bookings.selectors import Held, Schedule
 from fleet.zones import zone_of
 from robots.access.models import Qualification
@@ -89,7 +89,8 @@ def require_robot_in_service(subject: Subject) -> Permit | Refusal:
     out = subject.schedule.out
     if out is None or subject.supervises:
         return Permit(max_share=subject.robot.max_share)
-    text = f"This robot is out of service {_until(out.slot.ends_at, subject.user)} ({out.label}). Choose another robot."
+    until = _until(out.slot.ends_at, subject.user, subject.now)
+    text = f"This robot is out of service {until} ({out.label}). Choose another robot."
     return Refusal("out_of_service", text, "robot")
 
 
@@ -127,7 +128,7 @@ def require_booking(subject: Subject) -> Permit | Refusal:
         return Permit(until=_own_end(current, schedule), whole_slot=True)
     if current is not None:
         until = current.slot.ends_at
-        booked = f"{current.name} has booked this robot {_until(until, subject.user)}."
+        booked = f"{current.name} has booked this robot {_until(until, subject.user, subject.now)}."
         text = f"{booked} Book another time, or ask for control."
         refusal = Refusal("booked", text, "booking", {"holder": current.name, "until": until.isoformat()})
         return Permit(until=begins, over=refusal) if subject.supervises else refusal
@@ -164,11 +165,17 @@ def _own_end(current: Held, schedule: Schedule) -> datetime:
     return end
 
 
-def _until(moment: datetime, user: User) -> str:
-    """Return "until 15:00" in the person's zone."""
+def _until(moment: datetime, user: User, now: datetime) -> str:
+    """Return "until 15:00" in the person's zone, with the date if that is not today."""
     if moment == FAR:
         return "until further notice"
-    return f"until {moment.astimezone(zone_of(user.time_zone)):%H:%M}"
+    zone = zone_of(user.time_zone)
+    local = moment.astimezone(zone)
+    return (
+        f"until {local:%H:%M}"
+        if local.date() == now.astimezone(zone).date()
+        else f"until {shown(moment, zone)}"
+    )
 
 
 RULES: tuple[Rule, ...] = (

@@ -8,7 +8,7 @@ from itertools import islice
 from typing import Any
 from uuid import UUID
 
-from django.db.models import Q
+from django.db.models import Case, F, Q, When
 from django.utils import timezone
 from msgspec import Struct
 
@@ -61,6 +61,7 @@ class BookingLife(Struct, frozen=True):
     id: UUID | None  # None: control was taken in free time
     starts_at: datetime | None
     ends_at: datetime | None
+    person: str  # whose booking it is, if not that of the session's person
     purpose: str
     entries: list[TimelineEntry]
 
@@ -124,8 +125,12 @@ def _with_robot_events(rows: list[Row], session: ControlSession) -> list[Row]:
 def booking_life(session: ControlSession) -> BookingLife | None:
     """Return the booking of a session, with its records and those of the line in which its person waited."""
     ended = session.ended_at or timezone.now()
-    slots = Booking.objects.filter(robot=session.robot, person=session.user, starts_at__lt=ended)
-    booking = slots.filter(held_until__gt=session.started_at).order_by("starts_at").first()
+    slots = Booking.objects.filter(
+        robot=session.robot, starts_at__lt=ended, held_until__gt=session.started_at
+    )
+    slots = slots.exclude(held_until=F("starts_at"))  # cancelled before it began
+    of_another = Case(When(person=session.user, then=0), default=1)  # taken over in it, or handed over since
+    booking = slots.select_related("person").order_by(of_another, "starts_at").first()
     of_robot = Record.objects.filter(robot_id=session.robot_id, of=None)
     line = of_robot.filter(
         Q(actor_id=str(session.user_id)) | Q(parameters__to=str(session.user_id)),
@@ -140,8 +145,9 @@ def booking_life(session: ControlSession) -> BookingLife | None:
         return None
     entries = [_entry(row, session) for row in rows_of(sorted(record.pk for record in found))]
     if booking is None:
-        return BookingLife(None, None, None, "", entries)
-    return BookingLife(booking.pk, booking.starts_at, booking.held_until, booking.purpose, entries)
+        return BookingLife(None, None, None, "", "", entries)
+    person = "" if booking.person_id == session.user_id else booking.person.display_name
+    return BookingLife(booking.pk, booking.starts_at, booking.held_until, person, booking.purpose, entries)
 
 
 # --- timeline -------------------------------------------------------------------------------------

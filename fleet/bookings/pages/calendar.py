@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from datetime import date, datetime, timedelta
 from typing import Any
-from uuid import UUID
 from zoneinfo import ZoneInfo
 
 from fleet.accounts.models import User
@@ -20,8 +19,8 @@ from fleet.bookings.selectors import (
     stage_of,
 )
 from fleet.zones import viewers, zone_of
-from robots.access.selectors import roles_of
-from robots.registry.models import Robot, Role
+from robots.access.selectors import courses_managed_by, robots_managed_by
+from robots.registry.models import Robot
 
 LONGEST = timedelta(days=45)  # of a view
 _OPEN = (Stage.AWAITING, Stage.OFFERED, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
@@ -36,7 +35,7 @@ _COLUMNS = (
     "state",
     "used_at",
     "version",
-    "purpose",
+    "course_id",
     "person__full_name",
     "person__username",
 )
@@ -45,19 +44,27 @@ _COLUMNS = (
 def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now: datetime) -> dict[str, Any]:
     """Return robots and events from `first` until `last` (not included), days of the viewer's zone.
 
-    Five queries for any number of robots.
+    Six queries for any number of robots.
     """
     zone, robots = viewers(), list(robots)
     starts, ends = day_of(first, zone).starts_at, day_of(min(last, first + LONGEST), zone).starts_at
     policies = policies_of(robots)
-    roles = roles_of(person, robots)
     slugs = {robot.id: robot.slug for robot in robots}
     graces = {robot.id: grace_of(policies[robot.id]) for robot in robots}
-    supervised = {robot_id for robot_id, role in roles.items() if role >= Role.SUPERVISOR}
+    managed = set(robots_managed_by(person).values_list("pk", flat=True))
+    courses = set(courses_managed_by(person).values_list("pk", flat=True))
     held = held_between(robots, starts, ends).values_list(*_COLUMNS, named=True)
     me = person.pk  # a request's user is a lazy object: slow in a loop
     events = [
-        _booked(row, slugs[row.robot_id], graces[row.robot_id], me, row.robot_id in supervised, zone, now)
+        _booked(
+            row,
+            slugs[row.robot_id],
+            graces[row.robot_id],
+            row.person_id == me,
+            row.robot_id in managed or row.course_id in courses,
+            zone,
+            now,
+        )
         for row in held
     ]
     out = OutOfService.objects.filter(robot__in=robots, starts_at__lt=ends).select_related("robot")
@@ -77,12 +84,11 @@ def local(moment: datetime, zone: ZoneInfo) -> str:
 
 
 def _booked(
-    row: Any, slug: str, grace: timedelta, me: UUID, supervised: bool, zone: ZoneInfo, now: datetime
+    row: Any, slug: str, grace: timedelta, mine: bool, manages: bool, zone: ZoneInfo, now: datetime
 ) -> dict[str, Any]:
     held = held_slot(row, grace, now)
     stage = stage_of(row, grace, now)
-    mine = row.person_id == me
-    may_change = (mine or supervised) and stage in _OPEN
+    may_change = (mine or manages) and stage in _OPEN
     # A week of ten robots has hundreds of events: the library's defaults are left out.
     changeable = {
         "editable": True,

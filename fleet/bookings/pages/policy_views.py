@@ -8,7 +8,7 @@ from uuid import UUID
 
 from django.contrib import messages
 from django.core.exceptions import PermissionDenied
-from django.db.models import Q
+from django.db.models import Q, QuerySet
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
@@ -28,22 +28,15 @@ from fleet.bookings.selectors import policies_of, policy_of
 from fleet.bookings.series import Week, preview, series_make, weekly
 from fleet.zones import viewers
 from robots.access.models import RobotGroup
-from robots.access.selectors import robots_visible_to, roles_of
+from robots.access.selectors import courses_managed_by, robots_managed_by, robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
-
-
-def robots_supervised_by(person: User) -> list[Robot]:
-    """Return the robots whose policy this person may change."""
-    robots = list(robots_visible_to(person))
-    roles = roles_of(person, robots)
-    return [robot for robot in robots if roles.get(robot.id, Role.OBSERVER) >= Role.SUPERVISOR]
 
 
 @never_cache
 @require_safe
 def policies(request: HttpRequest) -> HttpResponse:
     """List the policies, and the out-of-service periods that are not over."""
-    robots = _supervised(request)
+    robots = _managed(request)
     found = policies_of(robots)
     now = timezone.now()
     periods = OutOfService.objects.filter(Q(ends_at=None) | Q(ends_at__gt=now), robot__in=robots)
@@ -63,7 +56,7 @@ def policy(request: HttpRequest, slug: str = "") -> HttpResponse:
     """Show and change the policy of one robot, or of all robots without another (`slug` empty; staff only)."""
     if not slug:
         return _policy_page(request)
-    robot = next((one for one in _supervised(request) if one.slug == slug), None)
+    robot = next((one for one in _managed(request) if one.slug == slug), None)
     if robot is None:
         raise PermissionDenied("Only a supervisor of this robot or staff may change its policy.")
     return _policy_page(request, robot=robot)
@@ -106,7 +99,7 @@ def _policy_page(
 @require_POST
 def out_of_service(request: HttpRequest) -> HttpResponse:
     """Add an out-of-service period, and say whom it affects."""
-    robots = _supervised(request)
+    robots = _managed(request)
     form = _out_form(robots, request)
     if not form.is_valid():
         for texts in form.errors.values():
@@ -132,7 +125,7 @@ def out_of_service(request: HttpRequest) -> HttpResponse:
 @require_POST
 def out_of_service_end(request: HttpRequest, period_id: UUID) -> HttpResponse:
     """End an out-of-service period now."""
-    period = get_object_or_404(OutOfService, pk=period_id, robot__in=_supervised(request))
+    period = get_object_or_404(OutOfService, pk=period_id, robot__in=_managed(request))
     policy_services.out_of_service_end(period_id=period.pk, actor=person_of(request), now=timezone.now())
     messages.success(request, _("%(robot)s is back in service.") % {"robot": period.robot.name})
     return redirect("booking-policies")
@@ -143,7 +136,9 @@ def out_of_service_end(request: HttpRequest, period_id: UUID) -> HttpResponse:
 def series(request: HttpRequest) -> HttpResponse:
     """Preview a weekly series with its conflicts, then book it."""
     person, now = person_of(request), timezone.now()
-    choice = Robot.objects.filter(pk__in=[robot.pk for robot in _supervised(request)])
+    choice = _supervised(person)
+    if not choice:
+        raise PermissionDenied("Weekly series are for supervisors and staff.")
     form = SeriesForm(request.POST or None, robots=choice)
     if request.method != "POST" or not form.is_valid():
         return _series_page(request, form, status=400 if form.errors else 200)
@@ -179,14 +174,17 @@ def _series_page(
 @require_safe
 def booking_report(request: HttpRequest) -> HttpResponse:
     """Show the hours booked, used and not shown of a period, by robot, person or course; also as CSV."""
-    robots, zone, now = _supervised(request), viewers(), timezone.now()
+    person, zone, now = person_of(request), viewers(), timezone.now()
+    robots, courses = robots_managed_by(person), courses_managed_by(person)
+    if not (person.is_staff or robots or courses):
+        raise PermissionDenied("The report is for supervisors and staff.")
     today = now.astimezone(zone).date()
     first = _date(request.GET.get("from")) or today - timedelta(days=30)
     last = _date(request.GET.get("to")) or today
     by = request.GET.get("by", "robot")
     by = by if by in BY else "robot"
     starts, ends = day_of(min(first, last), zone).starts_at, day_of(max(first, last), zone).ends_at
-    rows = report(robots, starts, ends, by, now)
+    rows = report(robots, starts, ends, by, now, courses)
     if request.GET.get("as") == "csv":
         answer = HttpResponse(content_type="text/csv; charset=utf-8")
         answer["Content-Disposition"] = f'attachment; filename="bookings-{by}-{first}-{last}.csv"'
@@ -204,11 +202,18 @@ def _date(text: str | None) -> date | None:
     return found if 2000 <= found.year < 2200 else None
 
 
-def _supervised(request: HttpRequest) -> list[Robot]:
-    robots = robots_supervised_by(person_of(request))
+def _managed(request: HttpRequest) -> list[Robot]:
+    robots = list(robots_managed_by(person_of(request)))
     if not robots and not person_of(request).is_staff:
-        raise PermissionDenied("Booking policies are for supervisors and staff.")
+        raise PermissionDenied("Booking policies are for supervisors of a robot and staff.")
     return robots
+
+
+def _supervised(person: User) -> QuerySet[Robot]:
+    """Return the robots that the person supervises, also by a course only."""
+    robots = robots_visible_to(person)
+    roles = roles_of(person, robots)
+    return robots.filter(pk__in=[robot for robot, role in roles.items() if role >= Role.SUPERVISOR])
 
 
 def _out_form(robots: list[Robot], request: HttpRequest | None = None) -> OutOfServiceForm:

@@ -26,6 +26,7 @@ from msgspec.json import encode
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
 from fleet.bookings import services
+from fleet.bookings.authority import may_manage_booking
 from fleet.bookings.ical import address_make, address_revoke, feed_of
 from fleet.bookings.models import Booking, FeedAddress, Waiting
 from fleet.bookings.pages.calendar import calendar, local
@@ -45,10 +46,11 @@ from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
 from fleet.zones import viewers
 from robots.access.selectors import (
     courses_managed_by,
+    manages_robot,
     robots_and_role,
+    robots_managed_by,
     robots_visible_to,
-    role_on,
-    roles_of,
+    supervises,
 )
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
@@ -78,7 +80,7 @@ def bookings(request: HttpRequest) -> HttpResponse:
         "rows": _rows(held, robots, now),
         "zone": zone.key,
         "only": request.GET.get("robot", ""),
-        "manages": any(role >= Role.SUPERVISOR for role in roles_of(person_of(request), robots).values()),
+        "manages": robots_managed_by(person_of(request)).exists(),
     }
     return render(request, "bookings/calendar.html", context)
 
@@ -207,7 +209,7 @@ def booking(request: HttpRequest, booking_id: UUID) -> HttpResponse:
     """Show one booking, and change it: move, cancel or finish, hand to a colleague, approve."""
     person = person_of(request)
     robots = robots_visible_to(person)
-    found = get_object_or_404(Booking.objects.select_related("robot", "person"), pk=booking_id)
+    found = get_object_or_404(Booking.objects.select_related("robot", "person", "course"), pk=booking_id)
     if not robots.filter(pk=found.robot_id).exists():
         raise Http404
     if request.method != "POST":
@@ -260,8 +262,7 @@ def _booking_page(
     person = person_of(request)
     now = timezone.now()
     [row] = _rows([found], [found.robot], now)
-    role = roles_of(person, [found.robot]).get(found.robot_id)
-    supervises = role is not None and role >= Role.SUPERVISOR
+    manages = may_manage_booking(person, found)
     initial = {"robot": found.robot.slug, "starts_at": found.starts_at, "ends_at": found.ends_at}
     form = SlotForm(initial=initial, **_form_options(person, found.robot))
     context = {
@@ -269,20 +270,26 @@ def _booking_page(
         "booking": found,
         "form": form,
         "refusals": refusals,
-        "supervises": supervises,
-        "may_change": (supervises or found.person_id == person.pk) and row["stage"] in OPEN,
+        "manages": manages,
+        "may_change": (manages or found.person_id == person.pk) and row["stage"] in OPEN,
         "begun": now >= found.starts_at,
         "awaits": row["stage"] is Stage.AWAITING,
         "zone": viewers().key,
-        "sessions": _sessions_of(found) if supervises or found.person_id == person.pk else [],
+        "sessions": _sessions_of(found, person),
     }
     return render(request, "bookings/booking.html", context, status=status)
 
 
-def _sessions_of(booking: Booking) -> Any:
-    """Return the control sessions of the booking's person in its slot (`teleop` is above: by the robot's relation)."""
-    sessions = booking.robot.control_sessions.filter(user=booking.person_id, started_at__lt=booking.ends_at)
-    return sessions.filter(Q(ended_at=None) | Q(ended_at__gt=booking.starts_at)).order_by("started_at")
+def _sessions_of(booking: Booking, viewer: User) -> Any:
+    """Return the control sessions in a slot that the viewer may read: their own, or all as a supervisor of the robot.
+
+    `teleop` is above: they are read by the robot's relation.
+    """
+    sessions = booking.robot.control_sessions.filter(started_at__lt=booking.ends_at)
+    if not supervises(viewer, booking.robot):
+        sessions = sessions.filter(user=viewer)
+    sessions = sessions.filter(Q(ended_at=None) | Q(ended_at__gt=booking.starts_at))
+    return sessions.select_related("user").order_by("started_at")
 
 
 # --- helpers --------------------------------------------------------------------------------------
@@ -312,9 +319,8 @@ def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
     """Return the robots to choose from, or the one, and whether the person supervises any of them."""
     if robot is None:
         robots, role = robots_and_role(person)
-    else:
-        robots, role = Robot.objects.filter(pk=robot.pk), role_on(person, robot)
-    return {"robots": robots, "supervises": role is not None and role >= Role.SUPERVISOR}
+        return {"robots": robots, "supervises": role is not None and role >= Role.SUPERVISOR}
+    return {"robots": Robot.objects.filter(pk=robot.pk), "supervises": manages_robot(person, robot)}
 
 
 def _initial(request: HttpRequest) -> dict[str, Any]:

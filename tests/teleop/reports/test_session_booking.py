@@ -11,7 +11,7 @@ from fleet.bookings.services import booking_make, booking_move
 from teleop.control.changes import ControlRefused
 from teleop.control.queue import line_join
 from teleop.control.rules import Tab
-from teleop.control.services import lease_hand_over, lease_take
+from teleop.control.services import lease_hand_over, lease_take, lease_take_over
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -53,3 +53,26 @@ def test_a_session_shows_its_booking_and_its_line(robot, operator, second_operat
     later = signed_in(second_operator).get(f"/sessions/{given.session}/").content.decode()
     assert "control asked for" in later
     assert "booking handed to another person" in later
+
+
+def test_a_session_in_another_persons_slot_leads_to_it(robot, operator, supervisor, signed_in):
+    now = timezone.now()
+    slot = Slot(now, now + timedelta(minutes=60))
+    booked = booking_make(robot=robot, person=operator, slot=slot, now=now)
+    common = {"robot_id": robot.id, "highest_fence": 0}
+    own = lease_take(**common, user_id=operator.id, tab=Tab("a", "a", "a"), now=timezone.now())
+    over = lease_take_over(
+        **common,
+        user_id=supervisor.id,
+        tab=Tab("b", "b", "b"),
+        now=timezone.now(),
+        reason="the robot stands in the door",
+    )
+    page = signed_in(supervisor).get(f"/sessions/{over.session}/").content.decode()
+    assert f'href="/bookings/{booked.pk}/"' in page
+    assert operator.display_name in page
+    booking = signed_in(supervisor).get(f"/bookings/{booked.pk}/").content.decode()
+    assert all(f"/sessions/{one.session}/" in booking for one in (own, over))
+    mine = signed_in(operator).get(f"/bookings/{booked.pk}/").content.decode()
+    assert f"/sessions/{own.session}/" in mine
+    assert f"/sessions/{over.session}/" not in mine

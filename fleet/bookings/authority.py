@@ -1,0 +1,32 @@
+"""Whose bookings a person may change, beside their own.
+
+Staff, and supervisors who have this role on the robot itself, manage all bookings of the robot and its policy. The
+supervisors of a course manage those of the course: its robots serve other courses, too.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from fleet.accounts.models import User
+from fleet.bookings.models import Booking
+from fleet.bookings.selectors import course_of
+from robots.access.models import Course
+from robots.access.selectors import courses_managed_by, manages_robot
+from robots.registry.models import Robot
+
+
+def may_manage_booking(person: User, booking: Booking) -> bool:
+    """Return whether the person may change and approve a booking that is not theirs."""
+    return manages_robot(person, booking.robot) or _manages(person, booking.course)
+
+
+def may_book_for(person: User, owner: User, robot: Robot, at: datetime) -> bool:
+    """Return whether the person may book the robot for `owner`."""
+    if person == owner or manages_robot(person, robot):
+        return True
+    return _manages(person, course_of(robot, owner, at))
+
+
+def _manages(person: User, course: Course | None) -> bool:
+    return course is not None and courses_managed_by(person).filter(pk=course.pk).exists()
