@@ -44,6 +44,10 @@ class Slot(Struct, frozen=True):
         starts, ends = max(self.starts_at, other.starts_at), min(self.ends_at, other.ends_at)
         return max(0.0, (ends - starts).total_seconds() / 60.0)
 
+    def within(self, other: Slot) -> bool:
+        """Return whether it lies wholly in the other."""
+        return other.starts_at <= self.starts_at and self.ends_at <= other.ends_at
+
 
 class Taken(Struct, frozen=True):
     """Time in which the robot is not free: a booking with the person's name, or why it is out of service."""
@@ -73,6 +77,7 @@ class Wish(Struct, frozen=True):
     policy: Policy
     lab: ZoneInfo
     zone: ZoneInfo  # of the person who reads the refusals
+    start_kept: bool = False  # of a booking that is changed: its start was judged when it was booked
     role: Role | None = None  # from the slot's start to its end
     missing: tuple[str, ...] = ()  # qualifications that the person lacks
     own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot
@@ -122,7 +127,14 @@ def in_order(wish: Wish) -> Refusal | None:
 
 
 def not_in_past(wish: Wish) -> Refusal | None:
-    """A slot begins now or later. The present minute counts as now."""
+    """A slot begins now or later. The present minute counts as now. A slot that runs ends later than now."""
+    if wish.start_kept and wish.slot.ends_at > wish.now:
+        return None
+    if wish.start_kept:
+        now = wish.local(wish.now)
+        return _no(
+            "in_past", f"The slot ends in the past: it is {now} now. Choose a later end, or finish it."
+        )
     if wish.slot.starts_at > wish.now - timedelta(minutes=1):
         return None
     return _no(
@@ -272,7 +284,7 @@ def with_notice(wish: Wish) -> Refusal | None:
     """The slot begins after the notice that the policy asks for."""
     notice = wish.policy.notice_min
     first = wish.now + timedelta(minutes=notice)
-    if not notice or wish.slot.starts_at >= first:
+    if not notice or wish.start_kept or wish.slot.starts_at >= first:
         return None
     text = f"{wish.robot} is booked at least {duration(notice)} ahead: start at {wish.local(first)} or later."
     return _no("short_notice", text, notice_min=notice)
@@ -389,8 +401,9 @@ BINDING: tuple[Rule, ...] = (in_order, not_in_past, ends_some_day, is_free)
 
 def refusals(wish: Wish, *, override: bool = False) -> list[Refusal]:
     """Return all refusals of a wish. A slot that is no interval, or lies beyond all reason, gets only that one."""
-    if (first := in_order(wish)) is not None:
-        return [first]
+    for beyond in (in_order, ends_some_day):
+        if (first := beyond(wish)) is not None:
+            return [first]
     if wish.slot.ends_at - wish.now > timedelta(days=MOST_DAYS):
         return [
             _no("too_far", f"{wish.local(wish.slot.ends_at)} is more than ten years ahead: look at the year.")

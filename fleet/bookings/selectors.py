@@ -68,6 +68,8 @@ def stage_of(booking: Row, grace: timedelta, now: datetime) -> Stage:
         return _ENDED[state]
     if booking.used_at is None and now >= booking.starts_at + grace and state is State.BOOKED:
         return Stage.NO_SHOW
+    if state is State.AWAITING and now >= booking.starts_at + grace:
+        return Stage.OVER
     if state is State.OFFERED:
         return Stage.OFFERED
     if now >= booking.held_until:

@@ -13,6 +13,7 @@ from typing import Any
 from uuid import UUID
 
 from django.db import IntegrityError, transaction
+from django.db.models import QuerySet
 from django.dispatch import Signal
 from django.utils.translation import gettext as _
 from msgspec import structs
@@ -35,6 +36,7 @@ from fleet.bookings.selectors import (
     stage_of,
     wish_of,
 )
+from robots.access.models import Course
 from robots.access.selectors import manages_robot, may_manage
 from robots.registry.models import Robot
 from robots.wire import NotDone, Refusal
@@ -100,22 +102,20 @@ def booking_make(
     actor = actor or person
     if not may_book_for(actor, person, robot, slot.starts_at):
         raise BookingRefused([_FOR_ANOTHER])
+    override = _valid_reason(override, actor, robot)
     # First without the lock: the many who come too late for a slot must not wait for each other.
-    _check(robot, person, slot, now, actor=actor, override=override)
+    _check(robot, person, slot, now, override=override)
     with robot_locked(robot.id) as robot:
-        _free_no_shows(robot, slot, now)
-        _check(robot, person, slot, now, actor=actor, override=override)
-        policy = policy_of(robot)
+        free_unused(robot, slot, now)
+        _check(robot, person, slot, now, override=override)
         course = course_of(robot, person, slot.starts_at)
-        trusted = manages_robot(actor, robot) or (course is not None and may_manage(actor, course))
-        approved = trusted or not policy.needs_approval
         booking = Booking.objects.create(
             robot=robot,
             person=person,
             starts_at=slot.starts_at,
             ends_at=slot.ends_at,
             held_until=slot.ends_at,
-            state=State.BOOKED if approved else State.AWAITING,
+            state=state_for(actor, robot, course),
             purpose=purpose,
             series=series,
             course=course,
@@ -133,8 +133,16 @@ def booking_move(
     with _changeable(booking_id, actor, version, now) as booking:
         if now >= booking.starts_at:  # it runs: its start is history
             slot = Slot(booking.starts_at, slot.ends_at)
-        _free_no_shows(booking.robot, slot, now, but=booking)
-        _check(booking.robot, booking.person, slot, now, actor=actor, override=override, moved=booking)
+        override = _valid_reason(override, actor, booking.robot)
+        free_unused(booking.robot, slot, now, but=booking)
+        _check(booking.robot, booking.person, slot, now, override=override, moved=booking)
+        old = Slot(booking.starts_at, booking.ends_at)
+        if not old.within(slot):
+            _require_may_cancel(booking, actor, now)
+        if booking.state == State.BOOKED and now < old.starts_at and not slot.within(old):
+            booking.state = state_for(actor, booking.robot, booking.course)
+        if slot.starts_at != old.starts_at:
+            booking.reminded_at = None
         before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
         booking.overridden = bool(override) or booking.overridden
@@ -149,12 +157,7 @@ def booking_cancel(
 ) -> Booking:
     """Cancel a booking. One that has begun is finished: the rest is free at once."""
     with _changeable(booking_id, actor, version, now) as booking:
-        slot = Slot(booking.starts_at, booking.held_until)
-        refusal = check_cancel(slot, policy_of(booking.robot), now)
-        if refusal is not None and not (
-            refusal.code == "late_to_cancel" and may_manage_booking(actor, booking)
-        ):
-            raise BookingRefused([refusal])
+        _require_may_cancel(booking, actor, now)
         begun = now > booking.starts_at
         booking.state = State.FINISHED if begun else State.CANCELLED
         booking.held_until = now if begun else booking.starts_at
@@ -168,11 +171,13 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
     """Hand a booking to a colleague, for whom the rules must allow it."""
     with _changeable(booking_id, actor, version, now) as booking:
         slot = Slot(booking.starts_at, booking.ends_at)
-        _check(booking.robot, to, slot, now, actor=to, moved=booking)
+        _check(booking.robot, to, slot, now, moved=booking)
         before = booking.person
         changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
-        booking.person, booking.used_at = to, None
+        booking.person, booking.overridden = to, None
         booking.course = course_of(booking.robot, to, booking.starts_at)
+        if booking.state == State.BOOKED and now < booking.starts_at:
+            booking.state = state_for(actor, booking.robot, booking.course)
         save_booking(booking)
         parameters = {"before": {"person": str(before.pk)}}
         record_booking(
@@ -197,18 +202,24 @@ def booking_approve(*, booking_id: UUID, actor: User, now: datetime) -> Booking:
 
 def booking_used(*, robot_id: UUID, person_id: UUID, now: datetime) -> None:
     """Note that the owner of the present slot took control. Runs in the caller's transaction."""
-    mine = Booking.objects.filter(
-        robot_id=robot_id, person_id=person_id, used_at=None, starts_at__lte=now, held_until__gt=now
-    )
+    mine = _running(now).filter(robot=robot_id, person=person_id, used_at=None)
     mine.update(used_at=now)
 
 
 def booking_lengthen_running(*, robot: Robot, person: User, now: datetime) -> None:
-    """Lengthen a person's present slot by `LENGTHENED_BY`, if the rules allow it. In the caller's transaction."""
-    mine = Booking.objects.filter(robot=robot, person=person, starts_at__lte=now, held_until__gt=now)
-    for booking in mine:
-        slot = Slot(booking.starts_at, booking.ends_at + LENGTHENED_BY)
-        booking_move(booking_id=booking.pk, version=booking.version, slot=slot, actor=person, now=now)
+    """Lengthen a person's present slot by `LENGTHENED_BY`, if the rules allow it. In the caller's transaction.
+
+    Of their slots that follow each other without a gap, the last one.
+    """
+    mine = Booking.objects.filter(robot=robot, person=person, state=State.BOOKED, held_until__gt=now)
+    last: Booking | None = None
+    for booking in mine.order_by("starts_at"):
+        if booking.starts_at > (last.held_until if last else now):
+            break
+        last = booking
+    if last is not None:
+        slot = Slot(last.starts_at, last.ends_at + LENGTHENED_BY)
+        booking_move(booking_id=last.pk, version=last.version, slot=slot, actor=person, now=now)
 
 
 def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, now: datetime) -> None:
@@ -216,9 +227,7 @@ def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, no
 
     Runs in the caller's transaction.
     """
-    running = Booking.objects.select_for_update(of=("self",)).filter(
-        robot=robot, person_id=owner, starts_at__lte=now, held_until__gt=now
-    )
+    running = _running(now).filter(robot=robot, person=owner).select_for_update(of=("self",))
     for booking in running.select_related("person", "robot"):
         before = booking.person
         booking.person, booking.course = to, course_of(robot, to, booking.starts_at)
@@ -258,29 +267,59 @@ def _check(
     slot: Slot,
     now: datetime,
     *,
-    actor: User,
     override: str = "",
     moved: Booking | None = None,
 ) -> None:
-    """Raise BookingRefused with all refusals. A reason by a person who manages the robot overrides the policy."""
+    """Raise BookingRefused with all refusals. `override`: the reason of a person who may pass the policy."""
     wish = wish_of(robot=robot, person=person, slot=slot, now=now, moved=moved)
-    if moved is not None and now >= moved.starts_at:  # its start was judged when it was booked
-        wish = structs.replace(wish, now=wish.slot.starts_at)
-    overridden = bool(override) and manages_robot(actor, robot)
-    if found := refusals(wish, override=overridden):
+    if moved is not None and moved.starts_at == slot.starts_at:
+        wish = structs.replace(wish, start_kept=True)
+    if found := refusals(wish, override=bool(override)):
         raise BookingRefused(found, wish)
 
 
-def _free_no_shows(robot: Robot, slot: Slot, now: datetime, but: Booking | None = None) -> None:
-    """Store that the unused bookings in the way are free again, so that the constraint lets others in."""
+def _valid_reason(override: str, actor: User, robot: Robot) -> str:
+    """Return the reason to pass the policy; blank if this person may not."""
+    return override if override and manages_robot(actor, robot) else ""
+
+
+def _require_may_cancel(booking: Booking, actor: User, now: datetime) -> None:
+    """Refuse to give time up later than the policy allows. Supervisors may."""
+    slot = Slot(booking.starts_at, booking.held_until)
+    refusal = check_cancel(slot, policy_of(booking.robot), now)
+    if refusal is not None and (refusal.code != "late_to_cancel" or not may_manage_booking(actor, booking)):
+        raise BookingRefused([refusal])
+
+
+def state_for(actor: User, robot: Robot, course: Course | None) -> State:
+    """Return the state of a slot that this person chose: some robots ask for a supervisor's approval."""
+    if not policy_of(robot).needs_approval or manages_robot(actor, robot):
+        return State.BOOKED
+    return State.BOOKED if course is not None and may_manage(actor, course) else State.AWAITING
+
+
+def _running(now: datetime) -> QuerySet[Booking]:
+    return Booking.objects.filter(state=State.BOOKED, starts_at__lte=now, held_until__gt=now)
+
+
+def free_unused(robot: Robot, slot: Slot, now: datetime, but: Booking | None = None) -> None:
+    """Store that the unused bookings in the way are free again, so that the constraint lets others in.
+
+    One that nobody approved or accepted in time is cancelled.
+    """
     grace = grace_of(policy_of(robot))
-    in_the_way = held_between([robot], slot.starts_at, slot.ends_at).filter(state=State.BOOKED, used_at=None)
+    in_the_way = held_between([robot], slot.starts_at, slot.ends_at).filter(used_at=None)
     for booking in in_the_way.exclude(pk=but.pk) if but else in_the_way:
         held = held_slot(booking, grace, now)
-        if held.ends_at < booking.held_until:
-            booking.held_until, booking.state = held.ends_at, State.NO_SHOW
-            save_booking(booking)
+        if held.ends_at >= booking.held_until:
+            continue
+        unused, booking.held_until = booking.state == State.BOOKED, held.ends_at
+        booking.state = State.NO_SHOW if unused else State.CANCELLED
+        save_booking(booking)
+        if unused:
             record_booking("booking.no_show", booking, None)
+        else:
+            record_booking("booking.cancel", booking, None, parameters={"why": "not_approved"})
 
 
 def record_booking(kind: str, booking: Booking, actor: User | None, **facts: Any) -> Record:

@@ -16,7 +16,14 @@ from fleet.bookings.letters import in_words, letter_write
 from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import Slot, refusals
 from fleet.bookings.selectors import course_of, wish_of
-from fleet.bookings.services import BookingRefused, record_booking, robot_locked, save_booking
+from fleet.bookings.services import (
+    BookingRefused,
+    free_unused,
+    record_booking,
+    robot_locked,
+    save_booking,
+    state_for,
+)
 from fleet.zones import zone_of
 from robots.registry.models import Robot
 from robots.wire import Refusal
@@ -74,9 +81,9 @@ def offer_accept(*, booking_id: str, actor: User, now: datetime) -> Booking:
         over = offered.offer_until is None or offered.offer_until <= now
         if offered.state != State.OFFERED or offered.person_id != actor.pk or over:
             raise BookingRefused([_NO_OFFER])
-        offered.state, offered.offer_until = State.BOOKED, None
+        offered.state, offered.offer_until = state_for(actor, offered.robot, offered.course), None
         save_booking(offered)
-        record_booking("booking.accept", offered, actor)
+        record_booking("booking.accept", offered, actor, outcome=offered.state)
     return offered
 
 
@@ -91,6 +98,7 @@ def _offer(waiting: Waiting, now: datetime) -> None:
         with robot_locked(waiting.robot_id) as robot:
             if not Waiting.objects.filter(pk=waiting.pk).delete()[0]:
                 return  # another process was faster
+            free_unused(robot, slot, now)
             until = now + min(max((slot.starts_at - now) / 2, SHORTEST_OFFER), LONGEST_OFFER)
             offered = Booking.objects.create(
                 robot=robot,

@@ -20,6 +20,7 @@ from robots.registry.models import Robot
 from robots.wire import Refusal
 
 TIME_FORMAT = "%Y-%m-%dT%H:%M"
+YEARS = range(2000, 2200)  # that people may mean
 
 
 class LocalTime(forms.CharField):
@@ -38,6 +39,8 @@ class LocalTime(forms.CharField):
             local = datetime.fromisoformat(text)
         except ValueError as error:
             raise ValidationError(_("Write a date and a time, such as 2026-03-02 14:30.")) from error
+        if local.year not in YEARS:
+            raise ValidationError(_("Look at the year: it is before 2000 or after 2199."))
         if local.tzinfo is not None:
             raise ValidationError(_("Write the time without a zone: it counts in yours."))
         moment = to_utc(local, viewers())

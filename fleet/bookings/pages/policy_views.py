@@ -21,7 +21,7 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.bookings import policies as policy_services
 from fleet.bookings.models import OutOfService, Policy
-from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm
+from fleet.bookings.pages.forms import YEARS, OutOfServiceForm, PolicyForm, SeriesForm
 from fleet.bookings.report import BY, lines, report
 from fleet.bookings.rules import Slot, day_of, shown
 from fleet.bookings.selectors import policies_of, policy_of
@@ -199,7 +199,7 @@ def _date(text: str | None) -> date | None:
         found = date.fromisoformat(text or "")
     except ValueError:
         return None
-    return found if 2000 <= found.year < 2200 else None
+    return found if found.year in YEARS else None
 
 
 def _managed(request: HttpRequest) -> list[Robot]:

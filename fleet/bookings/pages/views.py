@@ -30,7 +30,7 @@ from fleet.bookings.authority import may_manage_booking
 from fleet.bookings.ical import address_make, address_revoke, feed_of
 from fleet.bookings.models import Booking, FeedAddress, Waiting
 from fleet.bookings.pages.calendar import calendar, local
-from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm
+from fleet.bookings.pages.forms import TIME_FORMAT, YEARS, SlotForm
 from fleet.bookings.rules import Slot, shown
 from fleet.bookings.selectors import (
     Stage,
@@ -405,9 +405,10 @@ def _form_address(robot: Robot, slot: Slot) -> str:
 
 def _day(text: str | None) -> date | None:
     try:
-        return date.fromisoformat((text or "")[:10])
+        found = date.fromisoformat((text or "")[:10])
     except ValueError:
         return None
+    return found if found.year in YEARS else None
 
 
 def _whole(text: str | None, otherwise: int) -> int:

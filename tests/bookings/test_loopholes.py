@@ -1,0 +1,225 @@
+"""Ways around the rules of booking, each tried at the page where a person would try it."""
+
+import time
+from datetime import timedelta
+
+import pytest
+from django.urls import reverse
+from django.utils import timezone
+
+from fleet.bookings.letters import write_reminders
+from fleet.bookings.models import Booking, Policy, State
+from fleet.bookings.rules import Slot
+from fleet.bookings.selectors import Stage, grace_of, policy_of, stage_of
+from fleet.bookings.services import booking_approve, booking_cancel, booking_make
+from fleet.bookings.waiting import keep_waiting_lists, offer_accept, waiting_join
+from robots.access.services import role_set
+from robots.registry.models import Role
+from tests.bookings.test_pages import JSON, fields, in_hours
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+def minutes(number):
+    """Return a full minute from now."""
+    return timezone.now().replace(second=0, microsecond=0) + timedelta(minutes=number)
+
+
+def typed(starts, ends, **others):
+    return {"starts_at": f"{starts:%Y-%m-%dT%H:%M}", "ends_at": f"{ends:%Y-%m-%dT%H:%M}", **others}
+
+
+def stored(robot, person, begins_min, ends_min, **values):
+    starts, ends = minutes(begins_min), minutes(ends_min)
+    times = {"starts_at": starts, "ends_at": ends, "held_until": ends, "made_at": starts}
+    return Booking.objects.create(robot=robot, person=person, **times, **values)
+
+
+def change(browser, booking, action="move", **posted):
+    posted = {"action": action, "version": booking.version, **posted}
+    answer = browser.post(reverse("booking", args=[booking.pk]), posted, **JSON)
+    booking.refresh_from_db()
+    return [refusal["code"] for refusal in answer.json().get("refusals", [])]
+
+
+def stage(booking):
+    return stage_of(booking, grace_of(policy_of(booking.robot)), timezone.now())
+
+
+# --- for others ------------------------------------------------------------------------------------
+
+
+def test_only_supervisors_of_the_robot_book_it_for_others(
+    signed_in, robot, other_robot, supervisor, second_operator
+):
+    role_set(robot=other_robot, user=supervisor, role=Role.OBSERVER, actor=None)
+    role_set(robot=other_robot, user=second_operator, role=Role.OPERATOR, actor=None)
+    browser, whom = signed_in(supervisor), second_operator.username
+    answer = browser.post(reverse("booking-new"), fields(other_robot, person=whom), **JSON)
+    assert [refusal["code"] for refusal in answer.json()["refusals"]] == ["not_for_others"]
+    assert browser.post(reverse("booking-new"), fields(robot, person=whom), **JSON).status_code == 200
+    assert [one.robot for one in Booking.objects.all()] == [robot]
+
+
+def test_a_reason_counts_only_from_supervisors_of_the_robot(signed_in, robot, other_robot, supervisor):
+    role_set(robot=other_robot, user=supervisor, role=Role.OPERATOR, actor=None)
+    signed_in(supervisor).post(reverse("booking-new"), fields(other_robot, override="because"), **JSON)
+    booking = Booking.objects.get()
+    assert not booking.overridden  # else it would stay when the right to it is lost
+    change(signed_in(supervisor), booking, **fields(other_robot, 4, override="because"))
+    assert not booking.overridden
+
+
+# --- a slot that runs ------------------------------------------------------------------------------
+
+
+def test_a_slot_that_runs_does_not_end_in_the_past(signed_in, robot, operator):
+    booking = stored(robot, operator, -110, 10, used_at=minutes(-110))
+    times = typed(booking.starts_at, minutes(-80))
+    assert change(signed_in(operator), booking, **times) == ["in_past"]
+    assert booking.held_until == minutes(10)  # the quota counts the time that was used
+
+
+def test_notice_is_asked_for_the_start_only(signed_in, robot, operator):
+    Policy.objects.create(robot=robot, notice_min=60)
+    booking = stored(robot, operator, -30, 10, used_at=minutes(-30))
+    assert change(signed_in(operator), booking, **typed(booking.starts_at, minutes(25))) == []
+    assert change(
+        signed_in(operator), stored(robot, operator, 30, 40), **typed(minutes(35), minutes(50))
+    ) == ["short_notice"]
+
+
+def test_a_slot_in_use_is_handed_to_a_colleague_who_can_use_it(signed_in, robot, operator, second_operator):
+    booking = stored(robot, operator, -60, 60, used_at=minutes(-60))
+    assert change(signed_in(operator), booking, "hand", to=second_operator.username) == []
+    assert (booking.person, stage(booking)) == (second_operator, Stage.IN_USE)
+
+
+# --- notice to cancel ------------------------------------------------------------------------------
+
+
+def test_moving_is_no_way_to_cancel_late(signed_in, robot, operator, supervisor):
+    Policy.objects.create(robot=robot, cancel_notice_min=24 * 60)
+    booking = stored(robot, operator, 60, 120)
+    browser = signed_in(operator)
+    assert change(browser, booking, "cancel") == ["late_to_cancel"]
+    assert change(browser, booking, **typed(minutes(3000), minutes(3060))) == ["late_to_cancel"]
+    assert change(browser, booking, **typed(minutes(60), minutes(80))) == ["late_to_cancel"]
+    assert change(browser, booking, **typed(minutes(60), minutes(150))) == []  # nothing is given up
+    assert change(signed_in(supervisor), booking, **typed(minutes(3000), minutes(3060))) == []
+
+
+# --- approval --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def approved(robot, operator, supervisor):
+    Policy.objects.create(robot=robot, needs_approval=True)
+    slot = Slot(in_hours(5), in_hours(6))
+    booking = booking_make(robot=robot, person=operator, slot=slot, now=timezone.now())
+    assert booking.state == State.AWAITING
+    booking_approve(booking_id=booking.pk, actor=supervisor, now=timezone.now())
+    booking.refresh_from_db()
+    return booking
+
+
+def test_a_moved_booking_awaits_approval_again(signed_in, robot, approved, operator, supervisor):
+    browser = signed_in(operator)
+    change(browser, approved, **typed(in_hours(5), in_hours(5) + timedelta(minutes=30)))
+    assert approved.state == State.BOOKED  # a part of what was approved
+    change(browser, approved, **fields(robot, 8))
+    assert (approved.starts_at, approved.state) == (in_hours(8), State.AWAITING)
+    change(signed_in(supervisor), approved, "approve")
+    change(signed_in(supervisor), approved, **fields(robot, 9))
+    assert approved.state == State.BOOKED
+
+
+def test_a_booking_in_other_hands_awaits_approval_again(signed_in, approved, operator, second_operator):
+    change(signed_in(operator), approved, "hand", to=second_operator.username)
+    assert (approved.person, approved.state) == (second_operator, State.AWAITING)
+
+
+def test_an_accepted_offer_awaits_approval(robot, approved, operator, second_operator):
+    slot, now = Slot(in_hours(5), in_hours(6)), timezone.now()
+    waiting_join(robot=robot, person=second_operator, slot=slot, now=now)
+    booking_cancel(booking_id=approved.pk, version=approved.version, actor=operator, now=now)
+    keep_waiting_lists(now)
+    offer = Booking.objects.get(state=State.OFFERED)
+    offer_accept(booking_id=offer.pk, actor=second_operator, now=now)
+    offer.refresh_from_db()
+    assert offer.state == State.AWAITING
+
+
+def test_an_unapproved_booking_blocks_nobody_after_the_grace(signed_in, robot, operator, second_operator):
+    forgotten = stored(robot, second_operator, -20, 100, state=State.AWAITING)
+    times = typed(minutes(20), minutes(60), robot=robot.slug)
+    assert signed_in(operator).post(reverse("booking-new"), times, **JSON).status_code == 200
+    forgotten.refresh_from_db()
+    assert (forgotten.state, forgotten.held_until) == (State.CANCELLED, minutes(-5))
+
+
+# --- no-show, waiting list, reminder ---------------------------------------------------------------
+
+
+def test_who_waits_gets_the_rest_of_a_slot_that_nobody_used(robot, operator, second_operator):
+    now = timezone.now()
+    unused = stored(robot, operator, -5, 120)
+    waiting_join(robot=robot, person=second_operator, slot=Slot(minutes(60), minutes(120)), now=now)
+    keep_waiting_lists(now + timedelta(minutes=20))
+    assert Booking.objects.get(state=State.OFFERED).person == second_operator
+    unused.refresh_from_db()
+    assert unused.state == State.NO_SHOW
+
+
+def test_a_moved_booking_is_reminded_of_again(signed_in, robot, operator):
+    slot = Slot(in_hours(3), in_hours(4))
+    booking = booking_make(robot=robot, person=operator, slot=slot, now=timezone.now())
+    write_reminders(in_hours(2.5))
+    booking.refresh_from_db()
+    assert booking.reminded_at
+    change(signed_in(operator), booking, **fields(robot, 30))
+    assert booking.reminded_at is None
+
+
+# --- times beyond all reason -----------------------------------------------------------------------
+
+
+@pytest.fixture(params=["Europe/Berlin", "America/New_York"])
+def browser(request, signed_in, robot, operator):
+    """A browser of a person in this zone; the robot has all kinds of limits."""
+    operator.time_zone = request.param
+    operator.save()
+    limits = {"day_min": 600, "week_min": 600, "at_once": 5, "gap_min": 5}
+    Policy.objects.create(robot=robot, opening={"mon": ["08:00", "20:00"]}, **limits)
+    return signed_in(operator)
+
+
+@pytest.mark.parametrize("days", [("0001-01-01", "0001-01-08"), ("9999-12-25", "9999-12-31")])
+def test_days_at_the_ends_of_the_calendar(browser, days):
+    assert browser.get(reverse("bookings"), {"day": days[0]}).status_code == 200
+    assert browser.get(reverse("bookings"), {"day": days[1]}).status_code == 200
+    assert (
+        browser.get(reverse("bookings-feed"), dict(zip(("start", "end"), days, strict=True))).status_code
+        == 400
+    )
+
+
+@pytest.mark.parametrize(
+    ("starts", "ends"),
+    [
+        ("0001-01-01T00:00", "2026-01-01T00:00"),
+        ("9999-12-31T20:00", "9999-12-31T23:59"),
+        ("0001-01-01T00:00", "0001-01-01T01:00"),
+        ("0001-01-09T00:00", "9999-12-30T00:00"),
+        ("2000-01-01T00:00", "2030-01-01T00:00"),
+        ("2199-01-01T00:00", "2199-12-31T23:59"),
+    ],
+)
+def test_times_beyond_all_reason_are_refused_in_words_and_soon(browser, robot, starts, ends):
+    begun_s = time.monotonic()
+    for page in ("booking-new", "bookings-waiting"):
+        answer = browser.post(
+            reverse(page), {"robot": robot.slug, "starts_at": starts, "ends_at": ends}, **JSON
+        )
+        assert (answer.status_code, len(answer.json()["refusals"]) > 0) == (409, True)
+    assert time.monotonic() - begun_s < 1.0
