@@ -33,8 +33,11 @@ def sign_ins_of(user_id: UUID) -> QuerySet[SignIn]:
 
 
 def username_of(typed: str) -> str:
-    """Return the user name of the person who signs in by it or by their e-mail address; unknown: as typed."""
-    if "@" not in typed or User.objects.filter(username=typed).exists():
+    """Return the user name of the person who signs in by it or by their e-mail address; unknown: as typed.
+
+    The address comes first: a user name that is another person's address must not lock that person out.
+    """
+    if "@" not in typed:
         return typed
     found = User.objects.filter(email=typed.strip().lower()).values_list("username", flat=True).first()
     return found or typed

@@ -8,10 +8,12 @@ from django.urls import include, path, re_path
 from django.views.generic import RedirectView
 
 from fleet.accounts import views
+from fleet.accounts.sign_in.forms import ForgottenPasswordForm
 from fleet.accounts.sign_in.views import PasswordView, SignInView, single_sign_on_begin, single_sign_on_end
 
 _sign_in = SignInView.as_view()
 _sign_out = LogoutView.as_view()
+_forgotten = allauth.PasswordResetView.as_view(form_class=ForgottenPasswordForm)
 
 urlpatterns = [
     path("", views.account, name="your-account"),
@@ -28,7 +30,7 @@ urlpatterns = [
     path("again/", allauth.reauthenticate, name="account_reauthenticate"),
     path("email/", allauth.email, name="account_email"),
     re_path(r"^email/(?P<key>[-:\w]+)/$", allauth.confirm_email, name="account_confirm_email"),
-    path("password/forgotten/", allauth.password_reset, name="account_reset_password"),
+    path("password/forgotten/", _forgotten, name="account_reset_password"),
     path("password/forgotten/sent/", allauth.password_reset_done, name="account_reset_password_done"),
     re_path(
         r"^password/new/(?P<uidb36>[0-9A-Za-z]+)-(?P<key>.+)/$",

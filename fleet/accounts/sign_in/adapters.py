@@ -18,7 +18,7 @@ from django.contrib.sites.shortcuts import get_current_site
 from django.core.exceptions import ValidationError
 from django.db import IntegrityError, transaction
 from django.http import HttpRequest
-from django.shortcuts import render
+from django.shortcuts import redirect, render
 from django.utils.translation import gettext as _
 
 from fleet.accounts import emails, services
@@ -113,18 +113,29 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
     def pre_social_login(self, request: HttpRequest, sociallogin: SocialLogin) -> None:
         """Join a newcomer with the account that has their e-mail address, if the provider verified it.
 
-        Accounts have addresses that staff entered or their owner verified, so the address identifies the person.
+        Accounts have addresses that staff entered or their owner verified, so the address identifies the person. A
+        newcomer's address that nobody verified is left out: lists of courses would take them for its owner.
         """
+        for one in sociallogin.email_addresses:  # some providers write the truth as a text
+            one.verified = str(one.verified).lower() == "true"
         if sociallogin.is_existing or sociallogin.state.get("process") == "connect":
             return
         address = sociallogin.email_addresses[0] if sociallogin.email_addresses else None
         known = User.objects.filter(email=address.email.lower()).first() if address else None
+        if known and not known.is_active:
+            raise ImmediateHttpResponse(redirect("account_inactive"))
         if known and address and address.verified:
             sociallogin.connect(request, known)
         elif known:
             raise ImmediateHttpResponse(
                 render(request, "accounts/single_sign_on_unverified.html", status=403)
             )
+        elif (
+            address and address.verified
+        ):  # others may have typed it, and wait for a link that they cannot get
+            EmailAddress.objects.filter(email__iexact=address.email, verified=False).delete()
+        elif address:
+            sociallogin.email_addresses, sociallogin.user.email = [], ""
 
     def validate_disconnect(self, account: SocialAccount, accounts: list[SocialAccount]) -> None:
         """Refuse to part a person from their only way to sign in."""
@@ -138,7 +149,8 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
         """Take the name as the provider has it."""
         user = cast(User, super().populate_user(request, sociallogin, data))
         parts = (data.get("first_name"), data.get("last_name"))
-        user.full_name = (data.get("name") or " ".join(filter(None, parts)))[:150]
+        name = data.get("name") or " ".join(filter(None, parts))
+        user.full_name = " ".join(name.split())[:150]  # in one line: it stands in subjects of e-mails
         return user
 
     def save_user(self, request: HttpRequest, sociallogin: SocialLogin, form: Any = None) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from allauth.account.forms import AddEmailForm
+from allauth.account.forms import AddEmailForm, ResetPasswordForm
 from allauth.account.internal.flows.email_verification import send_verification_email_to_address
 from allauth.account.models import EmailAddress
 from django.contrib.auth.forms import AuthenticationForm
@@ -51,6 +51,17 @@ class SignInForm(AuthenticationForm):
     def _busy(self) -> ValidationError:
         self.wait_s = hashing.RETRY_AFTER_S
         return ValidationError(_("Many people sign in at this moment. Try again in a moment."), code=BUSY)
+
+
+class ForgottenPasswordForm(ResetPasswordForm):
+    """The address of an account whose password was forgotten."""
+
+    def clean_email(self) -> str:
+        """Leave out people who typed this address and did not verify it: its owner would get their account."""
+        email: str = super().clean_email()
+        found: list[User] = self.users  # type: ignore[has-type]
+        self.users = [person for person in found if person.email == email.lower()]
+        return email
 
 
 class EmailForm(AddEmailForm):

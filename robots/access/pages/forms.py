@@ -243,6 +243,8 @@ class JoinForm(BaseUserCreationForm):  # type: ignore[type-arg]
     def clean_username(self) -> str:
         """Refused: a name that an account has, in capitals or not."""
         username: str = self.cleaned_data["username"]
+        if "@" in username:  # it could be another person's address, by which colleagues would name them
+            raise ValidationError(_("Choose a user name without @."))
         if User.objects.filter(username__iexact=username).exists():
             raise ValidationError(_("Another account has this user name: choose another one, or sign in."))
         return username

@@ -93,6 +93,22 @@ def test_a_forgotten_password_is_set_by_a_link(olga: User, signed_in: Callable[[
     )
 
 
+def test_a_mistyped_address_does_not_get_the_account(olga: User, signed_in: Callable[[User], Client]) -> None:
+    client = signed_in(olga)
+    client.post("/accounts/again/", {"password": PASSWORD})
+    client.post("/accounts/email/", {"action_add": "", "email": "someone-else@lab.example"})
+    letter()
+    Client().post(FORGOTTEN, {"email": "someone-else@lab.example"})
+    Client().post(FORGOTTEN, {"email": "olga@lab.example"})
+    assert letter(2).to == ["olga@lab.example"]  # letters leave in order
+
+
+def test_a_user_name_that_is_anothers_address_locks_nobody_out(olga: User) -> None:
+    User.objects.create_user("olga@lab.example", password="not the one of Olga")
+    answer = Client().post("/accounts/sign-in/", {"username": "olga@lab.example", "password": PASSWORD})
+    assert answer.headers["Location"] == "/"
+
+
 def test_nobody_learns_which_addresses_there_are(olga: User) -> None:
     known, unknown = (
         Client().post(FORGOTTEN, {"email": address}) for address in ("olga@lab.example", "x@lab.example")

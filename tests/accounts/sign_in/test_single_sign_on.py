@@ -11,12 +11,15 @@ from typing import Any
 
 import pytest
 import requests
+from allauth.account.models import EmailAddress
+from allauth.core.exceptions import ImmediateHttpResponse
 from allauth.mfa.totp.internal.auth import TOTP, generate_totp_secret
-from allauth.socialaccount.models import SocialAccount
+from allauth.socialaccount.models import SocialAccount, SocialLogin
 from django.core.exceptions import ImproperlyConfigured
-from django.test import Client
+from django.test import Client, RequestFactory
 
 from fleet.accounts.models import User
+from fleet.accounts.sign_in.adapters import SingleSignOnAdapter
 from fleet.audit.models import Record
 from fleet.environment import Environment, single_sign_on
 from tests.accounts.sign_in.provider import CLIENT, PASSWORD, SECRET
@@ -96,6 +99,40 @@ def test_an_unverified_address_takes_no_account(sign_in_there: Callable[..., Any
     assert "Sign in with your password first" in answer.content.decode()
     assert not SocialAccount.objects.exists()
     assert client.get("/accounts/").status_code == 401
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_newcomers_unverified_address_is_not_taken_over(sign_in_there: Callable[..., Any]) -> None:
+    sign_in_there("eve", Client())
+    eve = User.objects.get()
+    assert (eve.username, eve.email) == ("eve", "")  # a course's list enrols people by their address
+    assert not EmailAddress.objects.exists()
+
+
+@pytest.mark.django_db(transaction=True)
+def test_an_address_that_another_person_typed_stops_no_newcomer(
+    sign_in_there: Callable[..., Any], operator: User
+) -> None:
+    EmailAddress.objects.create(user=operator, email="ada@lab.example", verified=False)
+    assert sign_in_there("ada", Client()).headers["Location"] == "/"
+    assert User.objects.get(email="ada@lab.example") != operator
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_closed_account_is_not_joined(sign_in_there: Callable[..., Any], operator: User) -> None:
+    User.objects.filter(pk=operator.pk).update(email="ada@lab.example", is_active=False)
+    assert sign_in_there("ada", Client()).headers["Location"] == "/accounts/closed/"
+    assert not SocialAccount.objects.exists()
+
+
+@pytest.mark.parametrize("word", ["false", "False", 0, None, "no"])
+@pytest.mark.django_db
+def test_a_provider_that_writes_false_as_a_text_verifies_nothing(word: Any, operator: User) -> None:
+    User.objects.filter(pk=operator.pk).update(email="ada@lab.example")
+    addresses = [EmailAddress(email="ada@lab.example", verified=word)]
+    login = SocialLogin(User(), SocialAccount(provider="sso", uid="1"), email_addresses=addresses)
+    with pytest.raises(ImmediateHttpResponse):
+        SingleSignOnAdapter().pre_social_login(RequestFactory().get("/"), login)
 
 
 @pytest.mark.django_db(transaction=True)
