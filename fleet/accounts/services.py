@@ -12,6 +12,7 @@ from django.contrib.auth import HASH_SESSION_KEY
 from django.contrib.sessions.models import Session
 from django.db import transaction
 from django.db.models import QuerySet
+from django.dispatch import Signal
 from django.http import HttpRequest
 from django.utils import timezone
 
@@ -25,6 +26,8 @@ from fleet.audit.services import record
 FROM_THE_LIST = "ended from the session list"
 NAMES = ("username", "full_name", "email")  # the fields of an account that say who it is
 SEEN_EVERY = timedelta(minutes=1)
+
+erased = Signal()  # user: their account is erased; sent in the transaction, so that other apps forget with it
 
 
 def sign_in_begun(request: HttpRequest, user: User) -> SignIn:
@@ -112,11 +115,16 @@ def account_erase(*, user: User, actor: User | SystemAccount) -> Record:
     account_close(user=user)
     account = User.objects.filter(pk=user.pk)
     nobody = {"username": f"erased-{user.pk}", "full_name": pseudonym(str(user.pk)), "email": ""}
+
+    def forget() -> None:
+        account.update(**nobody)
+        erased.send(sender=User, user=user)
+
     return erase(
         str(user.pk),
         names=_names_of(user) - set(nobody.values()),
         actor=actor,
-        forget=lambda: account.update(**nobody),
+        forget=forget,
     )
 
 

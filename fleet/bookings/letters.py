@@ -1,4 +1,4 @@
-"""E-mails about bookings: written with the change that they tell, sent by housekeeping.
+"""News about bookings: written with the change that they tell, shown on the pages, sent by e-mail by housekeeping.
 
 Several housekeeping processes may run: one claims a letter before it sends it. If a process dies in between, or the
 mail server does not answer, the letter is tried again after `AGAIN`, and given up after `GIVEN_UP`.
@@ -9,14 +9,17 @@ from __future__ import annotations
 import logging
 from datetime import datetime, timedelta
 from smtplib import SMTPException
+from typing import Any
 from zoneinfo import ZoneInfo
 
 from django.core.mail import send_mail
-from django.db.models import F, Q
+from django.db.models import F, Q, QuerySet
+from django.dispatch import receiver
 from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
-from fleet.bookings.models import Booking, Letter, State
+from fleet.accounts.services import erased
+from fleet.bookings.models import Booking, FeedAddress, Letter, State, Waiting
 from fleet.bookings.rules import shown
 from fleet.zones import zone_of
 
@@ -26,12 +29,38 @@ AHEAD = timedelta(hours=1)  # of a reminder before its slot
 AGAIN = timedelta(minutes=5)
 GIVEN_UP = timedelta(days=1)
 AT_ONCE = 20  # letters of one round
+SHOWN = timedelta(days=7)
+MOST_SHOWN = 3
+KEPT = timedelta(days=30)
 
 
 def letter_write(*, to: User, subject: str, text: str, now: datetime) -> None:
-    """Store a letter, in the caller's transaction. People without an e-mail address get none."""
-    if to.email:
-        Letter.objects.create(person=to, subject=subject[:200], text=text, made_at=now)
+    """Store a letter, in the caller's transaction. People without an e-mail address see it on the pages only."""
+    Letter.objects.create(person=to, subject=subject[:200], text=text, made_at=now)
+
+
+def letters_unseen(person: User, now: datetime) -> QuerySet[Letter]:
+    """Return a person's newest letters that they have not seen, without old ones."""
+    unseen = Letter.objects.filter(person=person, seen_at=None, made_at__gt=now - SHOWN)
+    return unseen.order_by("-made_at", "-pk")[:MOST_SHOWN]
+
+
+def letters_seen(person: User, newest: int, now: datetime) -> None:
+    """Note that a person has seen their letters up to this one."""
+    Letter.objects.filter(person=person, seen_at=None, pk__lte=newest).update(seen_at=now)
+
+
+def remove_old_letters(now: datetime) -> None:
+    """Remove letters after `KEPT`."""
+    Letter.objects.filter(made_at__lt=now - KEPT).delete()
+
+
+@receiver(erased)
+def _forget(*, user: User, **_options: Any) -> None:
+    """Remove what names an erased person or is only for them. Their bookings stay, without the purpose."""
+    for table in (Letter, Waiting, FeedAddress):
+        table.objects.filter(person=user).delete()
+    Booking.objects.filter(person=user).update(purpose="")
 
 
 def changed_by_another(booking: Booking, actor: User | None, what: str, reason: str, now: datetime) -> None:
@@ -68,7 +97,7 @@ def send_letters(now: datetime) -> int:
         Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN), sent_at=None, made_at__gt=now - GIVEN_UP
     )
     sent = 0
-    for letter in waiting.select_related("person").order_by("made_at")[:AT_ONCE]:
+    for letter in waiting.exclude(person__email="").select_related("person").order_by("made_at")[:AT_ONCE]:
         mine = Letter.objects.filter(pk=letter.pk, claimed_at=letter.claimed_at, sent_at=None)
         if not mine.update(claimed_at=now):
             continue

@@ -240,7 +240,10 @@ class FeedAddress(models.Model):
 
 
 class Letter(models.Model):
-    """An e-mail to a person. It is stored with the change that it tells, and housekeeping sends it."""
+    """News for a person: a notice on the pages until they have seen it, and an e-mail.
+
+    It is stored with the change that it tells; housekeeping sends the e-mail.
+    """
 
     person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="letters")
     subject = models.CharField(max_length=200)
@@ -248,9 +251,13 @@ class Letter(models.Model):
     made_at = models.DateTimeField()
     claimed_at = models.DateTimeField(null=True, blank=True)  # by the process that sends it
     sent_at = models.DateTimeField(null=True, blank=True)
+    seen_at = models.DateTimeField(null=True, blank=True)  # the person closed the notice
 
     class Meta:
-        indexes = [models.Index(fields=["made_at"], condition=Q(sent_at=None), name="letters_to_send")]
+        indexes = [
+            models.Index(fields=["made_at"], condition=Q(sent_at=None), name="letters_to_send"),
+            models.Index(fields=["person"], condition=Q(seen_at=None), name="letters_to_show"),
+        ]
 
     def __str__(self) -> str:
         return self.subject

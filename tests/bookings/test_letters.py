@@ -7,8 +7,10 @@ from django.urls import reverse
 from django.utils import timezone as django_timezone
 from icalendar import Calendar
 
+from fleet.accounts.services import account_erase
+from fleet.audit.command_line import here
 from fleet.bookings import letters
-from fleet.bookings.models import FeedAddress, Letter
+from fleet.bookings.models import Booking, FeedAddress, Letter
 from fleet.bookings.policies import out_of_service_add
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_cancel, booking_make
@@ -61,6 +63,34 @@ def test_changes_by_others_are_told_with_the_reason(robot, olga, supervisor, mai
     [mail] = mailoutbox  # the cancelled booking is not affected by the repair
     assert "cancelled" in mail.subject
     assert "Sue Pervisor" in mail.body and "demo day" in mail.body
+
+
+def test_news_stand_on_the_pages_until_they_are_seen(robot, operator, supervisor, signed_in, mailoutbox):
+    now = django_timezone.now()
+    booking = book(robot, operator, now=now)
+    booking_cancel(booking_id=booking.pk, version=1, actor=supervisor, now=now, reason="demo day")
+    page = signed_in(operator)
+    shown = page.get("/")
+    assert "Your booking of TIAGo 1: cancelled" in shown.content.decode()
+    assert "Your booking of TIAGo 1" not in signed_in(supervisor).get("/").content.decode()
+    assert "Your booking of TIAGo 1" not in page.get(f"/robots/{robot.slug}/").content.decode()
+    letters.send_letters(now)
+    assert not mailoutbox  # no address
+    later = Letter.objects.create(person=operator, subject="Meanwhile", text="", made_at=now)
+    seen = {"newest": shown.context["news"][0].pk, "next": "/bookings/"}
+    assert page.post("/bookings/news/seen/", seen).url == "/bookings/"
+    assert list(letters.letters_unseen(operator, now)) == [later]
+    letters.remove_old_letters(now + timedelta(days=31))
+    assert not Letter.objects.exists()
+
+
+def test_an_erased_persons_letters_and_purposes_are_gone(robot, operator, supervisor):
+    booking = book(robot, operator, now=django_timezone.now())
+    Booking.objects.update(purpose="my thesis")
+    booking_cancel(booking_id=booking.pk, version=1, actor=supervisor, now=NOW)
+    account_erase(user=operator, actor=here())
+    assert not Letter.objects.exists()
+    assert Booking.objects.get().purpose == ""
 
 
 def test_ones_own_cancel_sends_nothing(robot, olga):

@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from fleet.bookings.pages import policy_views, views
+from fleet.bookings.pages import news, policy_views, views
 
 urlpatterns = [
     path("bookings/", views.bookings, name="bookings"),
@@ -12,6 +12,7 @@ urlpatterns = [
     path("bookings/address/", views.feed_address, name="bookings-address"),
     path("bookings/ical/<str:token>.ics", views.ical, name="bookings-ical"),
     path("bookings/waiting/", views.waiting, name="bookings-waiting"),
+    path("bookings/news/seen/", news.seen, name="bookings-news-seen"),
     path("bookings/mine/", views.bookings_mine, name="bookings-mine"),
     path("bookings/courses/<slug:slug>/", views.bookings_of_course, name="bookings-course"),
     path("bookings/policies/", policy_views.policies, name="booking-policies"),

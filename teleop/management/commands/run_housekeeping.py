@@ -124,6 +124,7 @@ def daily_steps() -> Iterator[None]:
     yield from camera_audit.close_abandoned(now)
     rights.bookings_free_lost(None, now)  # a process may have died between a change of access and this
     yield
+    letters.remove_old_letters(now)
     yield from retention.keep_house(now)
     if not retention.clock_is_doubted(now.date()):
         yield from session_maps.remove_unneeded(now)
