@@ -295,6 +295,7 @@ class Held(Struct, frozen=True):
     person: UUID
     name: str
     slot: Slot
+    holds_from: datetime  # its start, or later the moment in which it was booked
     used: bool = True  # its person has had control in it
 
 
@@ -313,7 +314,14 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
     for one in held_between(robots, now, now + AHEAD).exclude(state__in=NOT_YET).order_by("starts_at"):
         slot = held_slot(one, grace_of(policies[one.robot_id]), now)
         held[one.robot_id].append(
-            Held(one.id, one.person_id, one.person.display_name, slot, one.used_at is not None)
+            Held(
+                one.id,
+                one.person_id,
+                one.person.display_name,
+                slot,
+                max(one.starts_at, one.made_at),
+                one.used_at is not None,
+            )
         )
     out = _out_now(robots, now)
     return {

@@ -51,6 +51,7 @@ class LeaseState(Struct, frozen=True):
     fence: int
     term_ends_at: datetime
     seen_at: datetime  # last sign of life of the holder's page
+    started_at: datetime  # begin of the control session
 
 
 class Waiter(Struct, frozen=True):

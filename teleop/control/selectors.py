@@ -181,4 +181,5 @@ def _lease_state(lease: Lease) -> LeaseState:
         fence=session.fence,
         term_ends_at=lease.term_ends_at,
         seen_at=lease.seen_at,
+        started_at=session.started_at,
     )

@@ -313,6 +313,7 @@ def _assign(
         fence=fence_next(robot, at_least=highest_fence),
         term_ends_at=_term_end(permit, now),
         seen_at=now,
+        started_at=now,
     )
     # The lease first: the loser of a race waits here for the winner, and then finds the lease changed.
     _change_lease(

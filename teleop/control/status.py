@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from uuid import UUID
 
+from django.conf import settings
 from msgspec import Struct
 
 from fleet.bookings.selectors import Held, Schedule
@@ -49,19 +50,26 @@ class ControlStatus(Struct, frozen=True):
     def slot_end(self) -> datetime | None:
         """Return when the term must end instead, because of a slot; None if it may stay as it is, or is not known.
 
-        The present slot counts as used from its holder's control on: the lease is stored again for that, too.
+        The present slot counts as used from its holder's control on: the lease is stored again for that, too. Control
+        of a supervisor ends when the slot of another person begins: to go on, they take over with a reason.
         """
         lease = self.lease
         if lease is None:
             return None
         permits = [rights.permit for (person, _), rights in self.rights.items() if person == lease.user]
-        permit = next((one for one in permits if isinstance(one, Permit) and one.until), None)
-        if permit is None or permit.until is None:
+        permit = next((one for one in permits if isinstance(one, Permit)), None)
+        if permit is None:
             return None
         current = self.schedule.current
+        if permit.over is not None and current is not None and lease.started_at < current.holds_from:
+            return self.read_at
+        if (
+            not permit.whole_slot or permit.until is None
+        ):  # a slot that was given up leaves a term of free time
+            latest = rules.term_end(self.read_at, settings.FLEET_CONTROL_TERM_S, permit.until)
+            return latest if lease.term_ends_at > latest else None
         unused = current is not None and current.person == lease.user and not current.used
-        fits = permit.until == lease.term_ends_at if permit.whole_slot else permit.until >= lease.term_ends_at
-        return None if fits and not unused else permit.until
+        return None if permit.until == lease.term_ends_at and not unused else permit.until
 
 
 class RobotEntry(Struct, frozen=True):

@@ -8,7 +8,7 @@ from fleet.audit.models import Record
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import schedule_of
-from fleet.bookings.services import booking_make
+from fleet.bookings.services import booking_cancel, booking_make
 from robots.registry.models import Role
 from robots.wire import Refusal
 from teleop.control import queue, services
@@ -131,17 +131,17 @@ def test_an_out_of_service_period_stops_all_but_supervisors(robot, operator, sup
     take(robot, supervisor)
 
 
-def read_as_the_hub_does(robot, person, now):
+def read_as_the_hub_does(robot, person, now, role=Role.OPERATOR):
     """Read the status of control for the holder's page, and fit the lease as the hub does."""
     lease = lease_of(robot.id)
-    rights = Rights(True, Role.OPERATOR, permit(robot, person, now))
+    rights = Rights(True, role, permit(robot, person, now, role))
     status = ControlStatus(now, lease, [], {}, {(person.id, "key"): rights}, schedule_of(robot, now))
     if (until := status.slot_end()) is not None:
         services.lease_fit_slot(robot_id=robot.id, before=lease, until=until, now=now)
 
 
-def permit(robot, person, now):
-    return permit_for(Subject(person, robot, Role.OPERATOR, schedule_of(robot, now), now))
+def permit(robot, person, now, role=Role.OPERATOR):
+    return permit_for(Subject(person, robot, role, schedule_of(robot, now), now))
 
 
 def test_a_driver_whose_slot_begins_keeps_control_for_it(robot, operator, second_operator):
@@ -158,3 +158,32 @@ def test_a_slot_booked_during_control_shortens_the_term(robot, operator, second_
     book(robot, second_operator, 5)
     read_as_the_hub_does(robot, operator, at(1))
     assert lease_of(robot.id).term_ends_at == at(5)
+
+
+def test_control_does_not_outlive_a_slot_that_is_given_up(robot, operator):
+    booking = book(robot, operator, 0, 240)
+    assert take(robot, operator, at(1)).term_ends_at == at(240)
+    booking_cancel(booking_id=booking.pk, version=booking.version, actor=operator, now=at(2))
+    read_as_the_hub_does(robot, operator, at(2))
+    assert lease_of(robot.id).term_ends_at == at(17)  # a term of free time
+
+
+def test_a_slot_that_is_booked_for_now_ends_a_supervisors_free_time(robot, operator, supervisor):
+    taken = take(robot, supervisor)
+    book(robot, operator, 2)
+    Booking.objects.update(starts_at=at(2))
+    read_as_the_hub_does(robot, supervisor, at(2.01), Role.SUPERVISOR)
+    services.lease_expire(robot_id=robot.id, now=at(2.02))
+    assert lease_of(robot.id) is None
+    assert end_notes([taken.session])[taken.session] == f"{operator.display_name}’s slot began."
+    take(robot, supervisor, at(3), services.lease_take_over, reason="fire drill")
+    read_as_the_hub_does(robot, supervisor, at(4), Role.SUPERVISOR)
+    assert lease_of(robot.id).term_ends_at == at(18)
+
+
+def test_keeping_control_lengthens_the_last_of_slots_that_touch(robot, operator):
+    book(robot, operator, 0)
+    book(robot, operator, 60)
+    take(robot, operator, at(1))
+    services.lease_renew(robot_id=robot.id, user_id=operator.id, tab=tab(operator), now=at(1.1))
+    assert lease_of(robot.id).term_ends_at == at(135)

@@ -23,6 +23,7 @@ HELD = LeaseState(
     fence=5,
     term_ends_at=NOW + timedelta(minutes=15),
     seen_at=NOW,
+    started_at=NOW,
 )
 LOST = msgspec.structs.replace(HELD, tab=msgspec.structs.replace(HER_TAB, connection=""))
 HE_ASKS = Waiter(id=1, user=OLAF, name="Olaf", tab=HIS_TAB)
