@@ -9,6 +9,7 @@ from typing import Protocol
 from uuid import UUID
 
 from django.db.models import F, Q, QuerySet
+from django.utils.translation import gettext
 from msgspec import Struct, structs
 
 from fleet.accounts.models import User
@@ -128,7 +129,8 @@ def out_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
     """Return the out-of-service periods of a robot between two moments."""
     open_ended = Q(ends_at=None) | Q(ends_at__gt=starts)
     periods = OutOfService.objects.filter(open_ended, robot=robot, starts_at__lt=ends)
-    return [Taken(Slot(one.starts_at, one.ends_at or FAR), _why(one)) for one in periods]
+    switched_off = [] if robot.enabled else [Taken(Slot(starts, FAR), gettext("staff switched it off"))]
+    return switched_off + [Taken(Slot(one.starts_at, one.ends_at or FAR), _why(one)) for one in periods]
 
 
 def _why(period: OutOfService) -> str:

@@ -12,7 +12,7 @@ from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
 
-from django.db import IntegrityError, transaction
+from django.db import IntegrityError, connection, transaction
 from django.db.models import QuerySet
 from django.dispatch import Signal
 from django.utils.translation import gettext as _
@@ -107,8 +107,8 @@ def booking_make(
     _check(robot, person, slot, now, override=override)
     with robot_locked(robot.id) as robot:
         free_unused(robot, slot, now)
+        course = quotas_locked(robot, person, slot)
         _check(robot, person, slot, now, override=override)
-        course = course_of(robot, person, slot.starts_at)
         booking = Booking.objects.create(
             robot=robot,
             person=person,
@@ -135,6 +135,7 @@ def booking_move(
             slot = Slot(booking.starts_at, slot.ends_at)
         override = _valid_reason(override, actor, booking.robot)
         free_unused(booking.robot, slot, now, but=booking)
+        course = quotas_locked(booking.robot, booking.person, slot)
         _check(booking.robot, booking.person, slot, now, override=override, moved=booking)
         old = Slot(booking.starts_at, booking.ends_at)
         if not old.within(slot):
@@ -142,7 +143,7 @@ def booking_move(
         if booking.state == State.BOOKED and now < old.starts_at and not slot.within(old):
             booking.state = state_for(actor, booking.robot, booking.course)
         if slot.starts_at != old.starts_at:
-            booking.reminded_at = None
+            booking.reminded_at, booking.course = None, course
         before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
         booking.overridden = bool(override) or booking.overridden
@@ -171,11 +172,12 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
     """Hand a booking to a colleague, for whom the rules must allow it."""
     with _changeable(booking_id, actor, version, now) as booking:
         slot = Slot(booking.starts_at, booking.ends_at)
+        course = quotas_locked(booking.robot, to, slot)
         _check(booking.robot, to, slot, now, moved=booking)
         before = booking.person
         changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
         booking.person, booking.overridden = to, None
-        booking.course = course_of(booking.robot, to, booking.starts_at)
+        booking.course = course
         if booking.state == State.BOOKED and now < booking.starts_at:
             booking.state = state_for(actor, booking.robot, booking.course)
         save_booking(booking)
@@ -259,6 +261,22 @@ def save_booking(booking: Booking) -> None:
     """Save a change: its version grows. For a robot that is locked."""
     booking.version += 1
     booking.save()
+
+
+def quotas_locked(robot: Robot, person: User, slot: Slot) -> Course | None:
+    """Return the course for which a slot counts. Until the commit, no other slot is counted for its quotas.
+
+    A person, and a course, may book several robots at the same moment. SQLite has one writer at a time anyway.
+    """
+    course = course_of(robot, person, slot.starts_at)
+    if connection.vendor == "postgresql":
+        keys = [f"bookings of person {person.pk}"]
+        if course is not None and course.course_week_min is not None:
+            keys.append(f"bookings of course {course.pk}")
+        with connection.cursor() as cursor:
+            for key in keys:
+                cursor.execute("SELECT pg_advisory_xact_lock(hashtext(%s))", [key])
+    return course
 
 
 def _check(

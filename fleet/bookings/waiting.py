@@ -15,10 +15,11 @@ from fleet.accounts.models import User
 from fleet.bookings.letters import in_words, letter_write
 from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import Slot, refusals
-from fleet.bookings.selectors import course_of, wish_of
+from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import (
     BookingRefused,
     free_unused,
+    quotas_locked,
     record_booking,
     robot_locked,
     save_booking,
@@ -99,11 +100,14 @@ def _offer(waiting: Waiting, now: datetime) -> None:
             if not Waiting.objects.filter(pk=waiting.pk).delete()[0]:
                 return  # another process was faster
             free_unused(robot, slot, now)
+            course = quotas_locked(robot, waiting.person, slot)
+            if found := refusals(wish_of(robot=robot, person=waiting.person, slot=slot, now=now)):
+                raise BookingRefused(found)
             until = now + min(max((slot.starts_at - now) / 2, SHORTEST_OFFER), LONGEST_OFFER)
             offered = Booking.objects.create(
                 robot=robot,
                 person=waiting.person,
-                course=course_of(robot, waiting.person, slot.starts_at),
+                course=course,
                 starts_at=slot.starts_at,
                 ends_at=slot.ends_at,
                 held_until=slot.ends_at,
@@ -121,7 +125,7 @@ def _offer(waiting: Waiting, now: datetime) -> None:
             subject = _("%(robot)s: your turn") % {"robot": robot.name}
             letter_write(to=waiting.person, subject=subject, text=text, now=now)
     except BookingRefused:
-        return  # somebody booked it in this moment: the person goes on waiting
+        return  # something changed in this moment: the person goes on waiting
 
 
 def _end_offer(booking: Booking) -> None:

@@ -14,7 +14,7 @@ from fleet.bookings.selectors import Stage, grace_of, policy_of, stage_of
 from fleet.bookings.services import booking_approve, booking_cancel, booking_make
 from fleet.bookings.waiting import keep_waiting_lists, offer_accept, waiting_join
 from robots.access.services import role_set
-from robots.registry.models import Role
+from robots.registry.models import Robot, Role
 from tests.bookings.test_pages import JSON, fields, in_hours
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -68,6 +68,16 @@ def test_a_reason_counts_only_from_supervisors_of_the_robot(signed_in, robot, ot
     assert not booking.overridden  # else it would stay when the right to it is lost
     change(signed_in(supervisor), booking, **fields(other_robot, 4, override="because"))
     assert not booking.overridden
+
+
+def test_a_robot_that_staff_switched_off_is_not_booked(signed_in, robot, operator):
+    Robot.objects.update(enabled=False)
+    answer = signed_in(operator).post(reverse("booking-new"), fields(robot), **JSON)
+    [refusal] = answer.json()["refusals"]
+    assert (refusal["code"], "until further notice (staff switched it off)" in refusal["text"]) == (
+        "out_of_service",
+        True,
+    )
 
 
 # --- a slot that runs ------------------------------------------------------------------------------

@@ -1,0 +1,87 @@
+"""Changes of bookings at the same moment, on several robots. Run on SQLite and, with FLEET_DATABASE_URL, PostgreSQL."""
+
+import threading
+from datetime import datetime, timedelta, timezone
+
+import pytest
+from django.db import connection
+
+from fleet.bookings.models import Booking, Policy
+from fleet.bookings.rules import Slot
+from fleet.bookings.services import BookingRefused, booking_make
+from robots.access.models import Course, Enrolment
+from robots.access.services import role_set
+from robots.registry.models import Robot, Role
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+NOW = datetime(2026, 3, 2, 9, 0, tzinfo=timezone.utc)
+SLOT = Slot(NOW + timedelta(hours=1), NOW + timedelta(hours=2))
+
+
+@pytest.fixture
+def robots(tiago):
+    return [
+        Robot.objects.create(
+            slug=f"r{number}", name=f"R{number}", profile=tiago, master_uri="http://127.0.0.1:9"
+        )
+        for number in range(6)
+    ]
+
+
+def all_at_once(steps):
+    """Run each step in a thread of its own; return their errors."""
+    errors = []
+    begin = threading.Barrier(len(steps))
+
+    def run(step):
+        begin.wait()
+        try:
+            step()
+        except Exception as error:  # noqa: BLE001  # the test looks at them
+            errors.append(error)
+        finally:
+            connection.close()
+
+    threads = [threading.Thread(target=run, args=[step]) for step in steps]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return errors
+
+
+def codes(errors):
+    assert all(isinstance(error, BookingRefused) for error in errors), errors
+    return {refusal.code for error in errors for refusal in error.refusals}
+
+
+def test_a_quota_holds_over_several_robots(robots, stranger):
+    Policy.objects.create(at_once=1)
+    for robot in robots:
+        role_set(robot=robot, user=stranger, role=Role.OPERATOR, actor=None)
+    errors = all_at_once(
+        [
+            lambda robot=robot: booking_make(robot=robot, person=stranger, slot=SLOT, now=NOW)
+            for robot in robots
+        ]
+    )
+    assert codes(errors) == {"quota_open"}
+    assert Booking.objects.count() == 1
+
+
+def test_a_courses_common_quota_holds_over_several_robots(robots, django_user_model):
+    days = {"starts_on": NOW.date(), "ends_on": NOW.date() + timedelta(days=30)}
+    course = Course.objects.create(name="HRI", slug="hri", role=Role.OPERATOR, course_week_min=60, **days)
+    course.robots.set(robots)
+    people = [django_user_model.objects.create_user(f"s{number}") for number in range(len(robots))]
+    for person in people:
+        Enrolment.objects.create(course=course, person=person)
+    errors = all_at_once(
+        [
+            lambda robot=robot, person=person: booking_make(robot=robot, person=person, slot=SLOT, now=NOW)
+            for robot, person in zip(robots, people, strict=True)
+        ]
+    )
+    assert codes(errors) == {"quota_common_week"}
+    assert Booking.objects.count() == 1
