@@ -13,6 +13,6 @@ class BookingsConfig(AppConfig):
     def ready(self) -> None:
         """Register the triggers and the receivers."""
         from fleet.audit import triggers
-        from fleet.bookings import overlaps, rights  # noqa: F401 - rights frees bookings when access changes
+        from fleet.bookings import overlaps, policies, rights  # noqa: F401 - they hear of changes
 
         triggers.expect("sqlite", overlaps.TRIGGERS)

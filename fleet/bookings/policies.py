@@ -9,6 +9,8 @@ from typing import Any
 from uuid import UUID
 
 from django.db import transaction
+from django.db.models.signals import post_save
+from django.dispatch import receiver
 from django.utils import timezone
 from django.utils.translation import gettext as _
 
@@ -17,7 +19,7 @@ from fleet.audit.services import record
 from fleet.bookings.letters import changed_by_another
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import FAR
-from fleet.bookings.selectors import held_between
+from fleet.bookings.selectors import SWITCHED_OFF, held_between
 from fleet.bookings.services import changed
 from robots.access.models import RobotGroup
 from robots.registry.models import Robot
@@ -103,6 +105,17 @@ def out_of_service_end(*, period_id: UUID, actor: User, now: datetime) -> None:
     parameters = {"period": str(period_id)}
     record("robot.back_in_service", actor=actor, **_named(period.robot), parameters=parameters)
     _tell(period.robot)
+
+
+@receiver(post_save, sender=Robot)
+def _robot_changed(*, instance: Robot, created: bool, update_fields: Any, **_options: Any) -> None:
+    """Tell the people whose bookings a robot cannot keep that was switched off. The bookings stay: it may come back."""
+    if created or "enabled" not in (update_fields or ()):  # `robot_save` names what it changes
+        return
+    now = timezone.now()
+    for booking in held_between([instance], now, FAR) if not instance.enabled else ():
+        changed_by_another(booking, None, _("the robot is out of service"), str(SWITCHED_OFF), now)
+    _tell(instance)
 
 
 def _named(robot: Robot | None) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Bookings to come whose person lost the right to drive the robot are freed."""
+"""Bookings whose person lost the right to drive the robot are freed."""
 
 from __future__ import annotations
 
@@ -32,16 +32,21 @@ _RIGHTS = ("is_active", "is_staff")
 
 
 def bookings_free_lost(people: Collection[UUID] | None, now: datetime) -> int:
-    """Cancel the bookings to come that these people (None: anybody) may not use any more. Returns how many.
+    """Free the bookings that these people (None: anybody) may not use any more. Returns how many.
+
+    Those to come are cancelled; of one that runs, the rest is free.
 
     Those that staff made against the policy, with a reason, stay: control is refused, unless the right comes in time.
     Of everybody only those are looked at who have no right at this moment.
     """
-    upcoming = Booking.objects.filter(
-        state__in=(State.BOOKED, State.AWAITING, State.OFFERED),
-        starts_at__gt=now,
-        held_until__gt=F("starts_at"),
-    ).exclude(overridden=True)
+    upcoming = (
+        Booking.objects.filter(
+            state__in=(State.BOOKED, State.AWAITING, State.OFFERED),
+            held_until__gt=now,
+        )
+        .filter(held_until__gt=F("starts_at"))
+        .exclude(overridden=True)
+    )
     if people is not None:
         upcoming = upcoming.filter(person_id__in=people)
     freed = 0
@@ -73,17 +78,22 @@ def _free_if_lost(seen: Booking, now: datetime) -> bool:
             lost = _lost(booking, now) if booking.version == seen.version else None
             if lost is None:
                 return False
-            booking.state, booking.held_until, booking.offer_until = State.CANCELLED, booking.starts_at, None
+            begun = now > booking.starts_at
+            booking.state, booking.offer_until = State.FINISHED if begun else State.CANCELLED, None
+            booking.held_until = now if begun else booking.starts_at
             save_booking(booking)
-            record_booking("booking.cancel", booking, None, parameters={"why": lost.code})
-            changed_by_another(booking, None, _("cancelled"), lost.text, now)
+            record_booking(
+                "booking.cancel", booking, None, outcome=booking.state, parameters={"why": lost.code}
+            )
+            changed_by_another(booking, None, _("ended") if begun else _("cancelled"), lost.text, now)
     except BookingRefused:
         return False
     return True
 
 
 def _lost(booking: Booking, now: datetime) -> Any:
-    slot = Slot(booking.starts_at, booking.ends_at)
+    runs = now > booking.starts_at
+    slot = Slot(now, now) if runs else Slot(booking.starts_at, booking.ends_at)
     return lost_right(wish_of(robot=booking.robot, person=booking.person, slot=slot, now=now, moved=booking))
 
 

@@ -450,7 +450,8 @@ def _weeks(wish: Wish) -> list[Slot]:
 
 def _dates(slot: Slot, lab: ZoneInfo) -> Iterator[date]:
     day = slot.starts_at.astimezone(lab).date()
-    while day_of(day, lab).starts_at < slot.ends_at:
+    ends = min(slot.ends_at, slot.starts_at + LONGEST)  # a longer slot is refused anyway
+    while day_of(day, lab).starts_at < ends:
         yield day
         day += timedelta(days=1)
 

@@ -9,7 +9,7 @@ from typing import Protocol
 from uuid import UUID
 
 from django.db.models import F, Q, QuerySet
-from django.utils.translation import gettext
+from django.utils.translation import gettext_lazy
 from msgspec import Struct, structs
 
 from fleet.accounts.models import User
@@ -27,7 +27,7 @@ STEP = timedelta(minutes=15)  # between the starts of slots that are proposed
 SEARCH = timedelta(days=7)  # for the next free slot
 TRIES = 200  # starts of one robot
 WEEK = timedelta(days=7)
-
+SWITCHED_OFF = gettext_lazy("staff switched it off")
 
 _TAKEN = ("starts_at", "held_until", "state", "used_at", "person__full_name", "person__username")
 
@@ -126,11 +126,12 @@ def bookings_of(person: User) -> QuerySet[Booking]:
 
 
 def out_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
-    """Return the out-of-service periods of a robot between two moments."""
+    """Return the out-of-service periods of a robot between two moments; a robot that is disabled has no end of it."""
+    if not robot.enabled:
+        return [Taken(Slot(starts, FAR), str(SWITCHED_OFF))]
     open_ended = Q(ends_at=None) | Q(ends_at__gt=starts)
     periods = OutOfService.objects.filter(open_ended, robot=robot, starts_at__lt=ends)
-    switched_off = [] if robot.enabled else [Taken(Slot(starts, FAR), gettext("staff switched it off"))]
-    return switched_off + [Taken(Slot(one.starts_at, one.ends_at or FAR), _why(one)) for one in periods]
+    return [Taken(Slot(one.starts_at, one.ends_at or FAR), _why(one)) for one in periods]
 
 
 def _why(period: OutOfService) -> str:

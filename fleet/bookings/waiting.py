@@ -31,6 +31,7 @@ from robots.wire import Refusal
 
 SHORTEST_OFFER = timedelta(minutes=5)
 LONGEST_OFFER = timedelta(hours=12)
+KEPT = timedelta(days=7)  # in line, after the slot began
 MOST = 20  # slots for which one person waits
 
 _NO_OFFER = Refusal("offer_over", "This offer is over. Look at the calendar for another time.", "booking")
@@ -63,15 +64,19 @@ def waiting_leave(*, person: User, waiting_id: int) -> None:
 
 
 def keep_waiting_lists(now: datetime) -> None:
-    """End the offers that lapsed, forget those who wait for slots that began, and offer what became free."""
+    """End the offers that lapsed, and offer what became free."""
     for booking in Booking.objects.filter(state=State.OFFERED, offer_until__lte=now).select_related("robot"):
         with robot_locked(booking.robot_id):
             lapsed = Booking.objects.select_related("robot", "person").get(pk=booking.pk)
             if lapsed.state == State.OFFERED and lapsed.offer_until and lapsed.offer_until <= now:
                 _end_offer(lapsed)
-    Waiting.objects.filter(starts_at__lte=now).delete()
-    for waiting in Waiting.objects.exclude(starts_at=None).select_related("robot", "person"):
+    for waiting in Waiting.objects.filter(starts_at__gt=now).select_related("robot", "person"):
         _offer(waiting, now)
+
+
+def forget_past(now: datetime) -> None:
+    """Forget who waited for slots that began long ago; not at once: a clock that jumped ahead may come back."""
+    Waiting.objects.filter(starts_at__lte=now - KEPT).delete()
 
 
 def offer_accept(*, booking_id: str, actor: User, now: datetime) -> Booking:

@@ -10,7 +10,7 @@ from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import schedule_of
 from fleet.bookings.services import BookingRefused, booking_cancel, booking_make
-from fleet.bookings.waiting import keep_waiting_lists, offer_accept, waiting_join
+from fleet.bookings.waiting import KEPT, forget_past, keep_waiting_lists, offer_accept, waiting_join
 
 pytestmark = pytest.mark.django_db
 
@@ -91,6 +91,17 @@ def test_only_its_person_accepts_an_offer(queue, operator, supervisor):
         offer_accept(booking_id=offered().pk, actor=supervisor, now=at(1))
 
 
-def test_a_slot_that_began_is_waited_for_no_more(queue):
+def test_a_slot_that_began_is_waited_for_no_more(queue, operator):
+    cancel(queue, operator, at(3.9))
     keep_waiting_lists(at(4))
+    assert not Booking.objects.filter(state=State.OFFERED).exists()
+    forget_past(at(4) + KEPT)
     assert not Waiting.objects.exists()
+
+
+def test_a_clock_that_jumped_ahead_and_back_loses_no_place(queue, operator, second_operator):
+    keep_waiting_lists(at(24))
+    forget_past(at(24))
+    cancel(queue, operator)
+    keep_waiting_lists(at(1))
+    assert offered().person == second_operator

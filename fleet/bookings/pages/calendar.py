@@ -11,6 +11,7 @@ from fleet.accounts.models import User
 from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
 from fleet.bookings.rules import day_of, opening_of
 from fleet.bookings.selectors import (
+    SWITCHED_OFF,
     Stage,
     grace_of,
     held_between,
@@ -69,6 +70,7 @@ def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now
     ]
     out = OutOfService.objects.filter(robot__in=robots, starts_at__lt=ends).select_related("robot")
     events += [_out(one, ends, zone) for one in out if one.ends_at is None or one.ends_at > starts]
+    events += [_off(robot, starts, ends, zone) for robot in robots if not robot.enabled]
     for robot in robots:
         events += _closed(robot, policies[robot.id], first, last, zone)
     return {
@@ -113,6 +115,18 @@ def _out(period: OutOfService, ends: datetime, zone: ZoneInfo) -> dict[str, Any]
         "start": local(period.starts_at, zone),
         "end": local(period.ends_at or ends, zone),
         "title": str(period.get_why_display()),
+        "display": "background",
+        "classNames": ["out"],
+    }
+
+
+def _off(robot: Robot, starts: datetime, ends: datetime, zone: ZoneInfo) -> dict[str, Any]:
+    return {
+        "id": f"off-{robot.slug}",
+        "resourceIds": [robot.slug],
+        "start": local(starts, zone),
+        "end": local(ends, zone),
+        "title": str(SWITCHED_OFF),
         "display": "background",
         "classNames": ["out"],
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import date, datetime
 from typing import Any, cast
 
@@ -21,6 +22,16 @@ from robots.wire import Refusal
 
 TIME_FORMAT = "%Y-%m-%dT%H:%M"
 YEARS = range(2000, 2200)  # that people may mean
+LONG_YEAR = re.compile(r"\s*\d{5,}-")  # a browser's field takes six digits
+
+
+def typed_day(text: str | None) -> date | None:
+    """Return the day that a text such as 2026-03-02 begins with; None if there is none, or in no year of use."""
+    try:
+        found = date.fromisoformat((text or "")[:10])
+    except ValueError:
+        return None
+    return found if found.year in YEARS else None
 
 
 class LocalTime(forms.CharField):
@@ -33,14 +44,17 @@ class LocalTime(forms.CharField):
         return value.astimezone(viewers()).strftime(TIME_FORMAT) if isinstance(value, datetime) else value
 
     def clean(self, value: Any) -> datetime:
-        """Return the moment in UTC. Refused: no time, or one that the clock skips."""
+        """Return the moment in UTC. Refused: no time, one that the clock skips, or a wrong year."""
         text = super().clean(value)
+        wrong_year = ValidationError(_("Look at the year: it is before 2000 or after 2199."), "wrong_year")
+        if LONG_YEAR.match(text):
+            raise wrong_year
         try:
             local = datetime.fromisoformat(text)
         except ValueError as error:
             raise ValidationError(_("Write a date and a time, such as 2026-03-02 14:30.")) from error
         if local.year not in YEARS:
-            raise ValidationError(_("Look at the year: it is before 2000 or after 2199."))
+            raise wrong_year
         if local.tzinfo is not None:
             raise ValidationError(_("Write the time without a zone: it counts in yours."))
         moment = to_utc(local, viewers())

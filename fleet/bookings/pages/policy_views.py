@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from datetime import date, timedelta
+from datetime import timedelta
 from uuid import UUID
 
 from django.contrib import messages
@@ -21,7 +21,7 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.bookings import policies as policy_services
 from fleet.bookings.models import OutOfService, Policy
-from fleet.bookings.pages.forms import YEARS, OutOfServiceForm, PolicyForm, SeriesForm
+from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm, typed_day
 from fleet.bookings.report import BY, lines, report
 from fleet.bookings.rules import Slot, day_of, shown
 from fleet.bookings.selectors import policies_of, policy_of
@@ -179,8 +179,8 @@ def booking_report(request: HttpRequest) -> HttpResponse:
     if not (person.is_staff or robots or courses):
         raise PermissionDenied("The report is for supervisors and staff.")
     today = now.astimezone(zone).date()
-    first = _date(request.GET.get("from")) or today - timedelta(days=30)
-    last = _date(request.GET.get("to")) or today
+    first = typed_day(request.GET.get("from")) or today - timedelta(days=30)
+    last = typed_day(request.GET.get("to")) or today
     by = request.GET.get("by", "robot")
     by = by if by in BY else "robot"
     starts, ends = day_of(min(first, last), zone).starts_at, day_of(max(first, last), zone).ends_at
@@ -192,14 +192,6 @@ def booking_report(request: HttpRequest) -> HttpResponse:
         return answer
     context = {"rows": rows, "by": by, "choices": BY, "first": first, "last": last, "zone": zone.key}
     return render(request, "bookings/report.html", context)
-
-
-def _date(text: str | None) -> date | None:
-    try:
-        found = date.fromisoformat(text or "")
-    except ValueError:
-        return None
-    return found if found.year in YEARS else None
 
 
 def _managed(request: HttpRequest) -> list[Robot]:

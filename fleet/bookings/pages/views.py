@@ -5,13 +5,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import date, datetime, timedelta
+from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
 
 from django.contrib import messages
 from django.contrib.auth.decorators import login_not_required
-from django.core.exceptions import ValidationError
 from django.db.models import Q
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, redirect, render
@@ -30,7 +29,7 @@ from fleet.bookings.authority import may_manage_booking
 from fleet.bookings.ical import address_make, address_revoke, feed_of
 from fleet.bookings.models import Booking, FeedAddress, Waiting
 from fleet.bookings.pages.calendar import calendar, local
-from fleet.bookings.pages.forms import TIME_FORMAT, YEARS, SlotForm
+from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm, typed_day
 from fleet.bookings.rules import Slot, shown
 from fleet.bookings.selectors import (
     Stage,
@@ -58,6 +57,7 @@ from robots.wire import Refusal
 LISTED = 50  # of one's own bookings
 MOST = 500  # of a course's
 TURN_S = 1.0
+_NO_ACCOUNT = Refusal("no_account", "There is no open account with this user name.", "booking")
 OPEN = (Stage.AWAITING, Stage.OFFERED, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
 
 _turn = threading.Lock()
@@ -69,7 +69,7 @@ def bookings(request: HttpRequest) -> HttpResponse:
     """Show the calendar of all robots that this person may see, and the day's bookings as a list."""
     robots = list(robots_visible_to(person_of(request)))
     now, zone = timezone.now(), viewers()
-    day = _day(request.GET.get("day")) or now.astimezone(zone).date()
+    day = typed_day(request.GET.get("day")) or now.astimezone(zone).date()
     start = datetime.combine(day, datetime.min.time(), tzinfo=zone)
     held = held_between(robots, start, start + timedelta(days=1)).order_by("robot__name", "starts_at")
     context = {
@@ -89,7 +89,7 @@ def bookings(request: HttpRequest) -> HttpResponse:
 @require_safe
 def feed(request: HttpRequest) -> HttpResponse:
     """Return robots and events between the days `start` and `end`, for the calendar's script."""
-    first, last = _day(request.GET.get("start")), _day(request.GET.get("end"))
+    first, last = typed_day(request.GET.get("start")), typed_day(request.GET.get("end"))
     if first is None or last is None or last <= first:
         return JsonResponse({"text": "Name two days: start=2026-03-02&end=2026-03-09."}, status=400)
     robots = robots_visible_to(person_of(request))
@@ -174,9 +174,9 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
     context = {
         "to_come": to_come[::-1],
         "past": past,
-        "waiting": Waiting.objects.filter(person=person_of(request))
-        .exclude(starts_at=None)
-        .select_related("robot"),
+        "waiting": Waiting.objects.filter(person=person_of(request), starts_at__gt=now).select_related(
+            "robot"
+        ),
         "zone": viewers().key,
         "has_address": FeedAddress.objects.filter(person=person_of(request), robot=None).exists(),
         "robots": robots_visible_to(person_of(request)),
@@ -216,9 +216,6 @@ def booking(request: HttpRequest, booking_id: UUID) -> HttpResponse:
         return _booking_page(request, found, [])
     try:
         _change(request, found, person)
-    except ValidationError as error:
-        refusals = [Refusal("invalid", text, "booking") for text in error.messages]
-        return _booking_page(request, found, refusals, status=400)
     except BookingRefused as error:
         if wants_json(request):
             return JsonResponse(_refusals_json(error.refusals, []), status=409)
@@ -243,7 +240,7 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
     elif action == "hand":
         to = User.objects.filter(username=request.POST.get("to", "").strip(), is_active=True).first()
         if to is None:
-            raise ValidationError(_("There is no open account with this user name."))
+            raise BookingRefused([_NO_ACCOUNT])
         services.booking_hand(version=version, to=to, **common)
     else:
         form = SlotForm(
@@ -251,7 +248,7 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
             **_form_options(person, found.robot),
         )
         if not form.is_valid():
-            raise ValidationError([text for texts in form.errors.values() for text in texts])
+            raise BookingRefused(_form_refusals(form))
         override = form.cleaned_data.get("override", "")
         services.booking_move(version=version, slot=form.slot, override=override, **common)
 
@@ -401,14 +398,6 @@ def _form_address(robot: Robot, slot: Slot) -> str:
         "to": slot.ends_at.astimezone(zone).strftime(TIME_FORMAT),
     }
     return f"{reverse('booking-new')}?{urlencode({'robot': robot.slug, **times})}"
-
-
-def _day(text: str | None) -> date | None:
-    try:
-        found = date.fromisoformat((text or "")[:10])
-    except ValueError:
-        return None
-    return found if found.year in YEARS else None
 
 
 def _whole(text: str | None, otherwise: int) -> int:

@@ -127,6 +127,7 @@ def daily_steps() -> Iterator[None]:
     letters.remove_old_letters(now)
     yield from retention.keep_house(now)
     if not retention.clock_is_doubted(now.date()):
+        waiting.forget_past(now)
         yield from session_maps.remove_unneeded(now)
 
 

@@ -1,0 +1,171 @@
+"""Wrong times at every door that takes a time: each is refused in words with a code, and nothing is stored."""
+
+from datetime import datetime, timedelta, timezone
+from zoneinfo import ZoneInfo
+
+import pytest
+from django.contrib.messages import get_messages
+from django.urls import reverse
+from django.utils import timezone as django_timezone
+
+from fleet.bookings.models import Booking, OutOfService, Policy, Waiting
+from fleet.bookings.rules import Slot
+from fleet.bookings.services import booking_make
+from robots.access.models import Course, Enrolment
+
+pytestmark = pytest.mark.django_db
+
+ZONE = "Europe/Madrid"
+SKIPPED = "2027-03-28T02:30"  # clocks go from 02:00 to 03:00 that night
+TWICE = "2027-10-31T02:30"  # and from 03:00 back to 02:00
+JSON = {"HTTP_ACCEPT": "application/json"}
+HTML = {"HTTP_ACCEPT": "text/html"}
+
+# Code and times; numbers are hours from the next full hour.
+WRONG = {
+    "in_past": (-2, -1),
+    "zero_length": (2, 2),
+    "backwards": (3, 2),
+    "too_long": (2, 24 * 9),
+    "too_far": (24 * 4000, 24 * 4000 + 1),
+    "time_gap": (SKIPPED, "2027-03-28T04:00"),
+    "wrong_year": ("12026-03-02T10:00", "12026-03-02T11:00"),
+}
+EXTREMES = ["0001-01-01T00:00", "9999-12-31T23:59", "275760-09-13T00:00"]
+wrong_times = pytest.mark.parametrize(("code", "times"), WRONG.items())
+
+
+@pytest.fixture(params=["operator", "supervisor"])
+def browser(request, robot, signed_in):
+    """The browser of a person who lives in Madrid."""
+    person = request.getfixturevalue(request.param)
+    person.time_zone = ZONE
+    person.save()
+    return signed_in(person)
+
+
+@pytest.fixture
+def booking(robot, browser, operator):
+    """A booking of the operator, tomorrow."""
+    starts = hour() + timedelta(days=1)
+    slot = Slot(starts, starts + timedelta(hours=1))
+    return booking_make(robot=robot, person=operator, slot=slot, now=django_timezone.now())
+
+
+def hour():
+    now = django_timezone.now().replace(minute=0, second=0, microsecond=0)
+    return now.astimezone(ZoneInfo(ZONE)) + timedelta(hours=1)
+
+
+def typed(time):
+    return time if isinstance(time, str) else f"{hour() + timedelta(hours=time):%Y-%m-%dT%H:%M}"
+
+
+def fields(robot, times, **others):
+    return {"robot": robot.slug, "starts_at": typed(times[0]), "ends_at": typed(times[1]), **others}
+
+
+def codes(answer):
+    return [refusal["code"] for refusal in answer.json()["refusals"]]
+
+
+@wrong_times
+def test_booking_by_form_and_by_script(browser, robot, code, times):
+    page = browser.post(reverse("booking-new"), fields(robot, times), **HTML)
+    assert (page.status_code, f'data-code="{code}"' in page.content.decode()) == (409, True)
+    assert code in codes(browser.post(reverse("booking-new"), fields(robot, times), **JSON))
+    assert not Booking.objects.exists()
+
+
+@wrong_times
+def test_moving_by_form_and_by_script(browser, robot, booking, code, times):
+    address = reverse("booking", args=[booking.pk])
+    move = fields(robot, times, action="move", version=booking.version)
+    page = browser.post(address, move, **HTML)
+    assert (page.status_code, f'data-code="{code}"' in page.content.decode()) == (409, True)
+    assert code in codes(browser.post(address, move, **JSON))
+    unchanged = Booking.objects.get()
+    assert (unchanged.starts_at, unchanged.version) == (booking.starts_at, booking.version)
+
+
+@wrong_times
+def test_waiting_for_a_slot(browser, robot, code, times):
+    assert code in codes(browser.post(reverse("bookings-waiting"), fields(robot, times), **JSON))
+    assert not Waiting.objects.exists()
+
+
+@wrong_times
+def test_a_series_shows_each_refusal_and_books_nothing(client, supervisor, robot, code, times):
+    supervisor.time_zone = ZONE
+    supervisor.save()
+    client.force_login(supervisor)
+    form = fields(robot, times, weeks=1, purpose="HRI")
+    page = client.post(reverse("booking-series"), {**form, "action": "preview"}).content.decode()
+    words = {
+        "in_past": "begins in the past",
+        "zero_length": "has no length",
+        "backwards": "ends before it begins",
+        "too_long": "lasts at most",
+        "too_far": "more than ten years ahead",
+        "time_gap": "02:30 does not exist on 28 Mar 2027",
+        "wrong_year": "Look at the year",
+    }
+    assert words[code] in page
+    client.post(reverse("booking-series"), {**form, "action": "book"})
+    assert not Booking.objects.exists()
+
+
+@pytest.mark.parametrize("times", [(3, 2), (2, 2), (SKIPPED, 1), (2, SKIPPED), ("12026-03-02T10:00", "")])
+def test_an_out_of_service_period(client, supervisor, robot, times):
+    supervisor.time_zone = ZONE
+    supervisor.save()
+    client.force_login(supervisor)
+    answer = client.post(reverse("out-of-service"), fields(robot, times, why="repair"))
+    said = " ".join(str(message) for message in get_messages(answer.wsgi_request))
+    words = ("ends before it begins", "does not exist on 28 Mar 2027", "Look at the year")
+    assert any(part in said for part in words)
+    assert not OutOfService.objects.exists()
+
+
+def test_a_time_that_the_clock_shows_twice_is_the_first_and_lasts_two_hours(browser, robot):
+    Policy.objects.create(horizon_days=730)
+    browser.post(reverse("booking-new"), fields(robot, (TWICE, "2027-10-31T03:30")))
+    booking = Booking.objects.get()
+    assert booking.starts_at == datetime(2027, 10, 31, 0, 30, tzinfo=timezone.utc)
+    assert booking.ends_at - booking.starts_at == timedelta(hours=2)  # as the clock on the wall goes round
+
+
+@pytest.mark.parametrize("zone", ["Pacific/Kiritimati", "America/Los_Angeles"])
+def test_the_ends_of_the_calendar_break_no_page(client, robot, stranger, zone):
+    """Sums of such times overflow; and with quotas, a slot of a thousand years once took minutes and gigabytes."""
+    Policy.objects.create(
+        robot=robot, day_min=60, week_min=60, gap_min=60, opening={"mon": ["08:00", "20:00"]}
+    )
+    days = {"starts_on": "2026-01-01", "ends_on": "9999-12-31"}
+    course = Course.objects.create(name="HRI", slug="hri", day_min=60, course_week_min=60, **days)
+    course.robots.add(robot)
+    Enrolment.objects.create(course=course, person=stranger)
+    stranger.time_zone = zone
+    stranger.save()
+    client.force_login(stranger)
+    for starts in EXTREMES:
+        for ends in (*EXTREMES, typed(1)):
+            form = fields(robot, (starts, ends))
+            assert client.post(reverse("booking-new"), form).status_code == 409
+            assert client.post(reverse("bookings-waiting"), form).status_code == 409
+            assert client.get(reverse("bookings-feed"), {"start": starts, "end": ends}).status_code == 400
+        assert client.get(reverse("bookings"), {"day": starts}).status_code == 200
+        assert client.get(reverse("booking-new"), {"from": starts, "to": starts}).status_code == 200
+    assert (
+        client.post(
+            reverse("booking-new"), fields(robot, ("2000-01-01T00:00", "2199-12-31T00:00"))
+        ).status_code
+        == 409
+    )
+
+
+def test_handing_to_nobody_has_a_code(browser, booking):
+    answer = browser.post(
+        reverse("booking", args=[booking.pk]), {"action": "hand", "version": 1, "to": "nobody"}, **JSON
+    )
+    assert (answer.status_code, codes(answer)) == (409, ["no_account"])
