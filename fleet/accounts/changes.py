@@ -36,7 +36,10 @@ class RecordedUser(AbstractUser):
             return
         with transaction.atomic():
             new = self._state.adding
-            before = type(self)() if new else type(self).objects.select_for_update().get(pk=self.pk)
+            # no_key: others may still store what refers to this account, such as a booking, and need not wait
+            before = (
+                type(self)() if new else type(self).objects.select_for_update(no_key=True).get(pk=self.pk)
+            )
             changes = _changes(before, self, fields)
             super().save(**options)
             if new:

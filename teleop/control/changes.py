@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from uuid import UUID
 
-from django.db import DatabaseError, transaction
+from django.db import DatabaseError, connection, transaction
 
 from fleet.audit.errors import AuditUnavailable, cause_of
 from fleet.bookings.services import BookingRefused
 from robots.registry.models import Robot
 from robots.wire import NotDone, Refusal
+from teleop.models import Lease
 
 
 class ControlRefused(NotDone):
@@ -43,6 +44,11 @@ def recorded_change() -> Iterator[None]:
 
 
 def robot_locked(robot_id: UUID) -> Robot:
-    """Return the robot, locked as bookings lock it: first of all, since a record of an end locks the robot's log."""
-    robots = Robot.objects.select_for_update(of=("self",)).select_related("profile")
-    return robots.get(pk=robot_id)
+    """Return the robot, locked as bookings lock it, and its lease.
+
+    Every change locks in this order, or two would wait for each other: robot, lease, control session or booking, log.
+    """
+    robot = Robot.objects.select_for_update(of=("self",)).select_related("profile").get(pk=robot_id)
+    if connection.features.has_select_for_update:
+        Lease.objects.select_for_update(of=("self",)).filter(robot=robot).first()
+    return robot

@@ -127,7 +127,7 @@ def lease_hand_over(
 def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> None:
     """Start a new term. In one's own slot, lengthen the slot, while no other person has booked."""
     with recorded_change():
-        robot, user = _robot(robot_id), _user(user_id)
+        robot, user = robot_locked(robot_id), _user(user_id)
         _, permit = _permit(user=user, robot=robot, now=now)
         held = lease_of(robot_id)
         before = _allowed(held, rules.check_renew(held, tab=tab, line=line_of(robot_id, now), now=now))
