@@ -130,6 +130,31 @@ def test_a_supervisor_enrols_by_csv_after_a_preview(signed_in: SignIn, course: C
     assert Enrolment.objects.count() == 2
 
 
+def test_a_file_of_5000_lines_is_enrolled_and_a_longer_one_refused(
+    signed_in: SignIn, course: Course, teacher: User
+) -> None:
+    """The page's second request brings the whole list back: it must pass the limits on forms, too."""
+    client, address = signed_in(teacher), "/courses/hri-2026/enrol/"
+    lines = [
+        f"{number};Jürgen {'Müller-Lüdenscheidt ' * 5}{number};s{number}@example.org"
+        for number in range(5000)
+    ]
+
+    def sent(lines: list[str]) -> Any:
+        content = "\r\n".join(["Nr;Name;E-Mail", *lines]).encode("latin-1")
+        return client.post(address, {"file": SimpleUploadedFile("class.csv", content)})
+
+    assert "at most 5000 are read. Divide it." in shown(sent([*lines, "1;a;a@example.org"]))
+    assert "larger than 2 MB" in shown(sent([line + "x" * 400 for line in lines]))
+    preview = sent(lines)
+    assert "5000 people get an account" in shown(preview)
+    typed = re.search(r"<textarea[^>]*>\s?(.*?)</textarea>", preview.content.decode(), re.DOTALL)[1]
+    done = client.post(address, {"people": typed, "seen": seen_in(preview)})
+    assert done.status_code == 302
+    assert Enrolment.objects.count() == 5001
+    assert User.objects.get(email="s4999@example.org").full_name.endswith("4999")
+
+
 def test_a_supervisor_grants_the_courses_qualifications_only(
     signed_in: SignIn, course: Course, teacher: User, student: User, robot: Robot, other_robot: Robot
 ) -> None:

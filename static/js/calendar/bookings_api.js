@@ -27,7 +27,7 @@ export async function send(url, fields) {
     return { ok: true, texts: [], alternatives: [] };
   }
   const texts = body?.refusals?.map(({ text }) => text) ?? [
-    gettext("The console does not answer. Nothing was changed; try again."),
+    body?.text ?? gettext("The console does not answer. Nothing was changed; try again."),
   ];
   return { ok: false, texts, alternatives: body?.alternatives ?? [] };
 }

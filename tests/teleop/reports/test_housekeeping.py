@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -9,18 +10,20 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
+from django.core import mail
 from django.core.management import call_command
 from django.db import connection
 from django.utils import timezone
 
 from fleet.audit.models import Record
-from fleet.bookings.models import Waiting
+from fleet.bookings import letters
+from fleet.bookings.models import Letter, Waiting
 from teleop.control import queue, rules, services
 from teleop.control.rules import Tab
 from teleop.control.selectors import lease_of
 from teleop.management.commands import run_housekeeping
 from teleop.models import ControlSession, EndReason, Lease
-from tests.processes import until
+from tests.processes import PATIENCE_S, until
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -94,3 +97,33 @@ def test_process_runs_until_signal_or_end_of_its_parent(how, robot, held):
             assert process.wait(10) == 0
         finally:
             process.kill()
+
+
+@pytest.mark.skipif(connection.vendor != "sqlite", reason="names the test database by its file")
+def test_a_mail_server_that_hangs_delays_no_end_of_control_and_loses_no_letter(robot, held, second_operator):
+    second_operator.email = "second@lab.example"
+    second_operator.save()
+    letter = Letter.objects.create(person=second_operator, subject="Slot", text="", made_at=timezone.now())
+    with socket.create_server(("127.0.0.1", 0)) as server:  # it accepts and says nothing
+        environment = os.environ | {
+            "DJANGO_SETTINGS_MODULE": "fleet.settings",
+            "FLEET_DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",
+            "FLEET_EMAIL_URL": f"smtp://127.0.0.1:{server.getsockname()[1]}",
+        }
+        with subprocess.Popen(
+            [sys.executable, MANAGE, "run_housekeeping"], stdin=subprocess.PIPE, env=environment
+        ) as process:
+            try:
+                server.settimeout(PATIENCE_S)
+                caller, _ = server.accept()
+                with caller:
+                    Lease.objects.update(term_ends_at=timezone.now())
+                    until(lambda: lease_of(robot.id) is None, "the lease to end", 5.0)
+                    process.send_signal(signal.SIGTERM)
+                    process.wait(10)
+            finally:
+                process.kill()
+    letter.refresh_from_db()
+    assert (letter.sent_at, letter.claimed_at is None) == (None, False)
+    assert letters.send_letters(letter.claimed_at + letters.AGAIN + timedelta(seconds=1)) == 1
+    assert mail.outbox[0].subject == "Slot"
