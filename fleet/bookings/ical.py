@@ -14,6 +14,7 @@ from icalendar import Calendar, Event
 from fleet.accounts.models import User
 from fleet.audit.services import record
 from fleet.bookings.models import Booking, FeedAddress, State
+from fleet.bookings.selectors import NOT_YET
 from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
 
@@ -63,7 +64,7 @@ def _calendar(name: str, bookings: QuerySet[Booking]) -> bytes:
         event.add("dtend", booking.held_until)
         event.add("dtstamp", booking.made_at)
         event.add("sequence", booking.version)
-        event.add("status", "TENTATIVE" if booking.state == State.AWAITING else "CONFIRMED")
+        event.add("status", "TENTATIVE" if booking.state in NOT_YET else "CONFIRMED")
         calendar.add_component(event)
     return bytes(calendar.to_ical())
 

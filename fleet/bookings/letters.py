@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from datetime import datetime, timedelta
-from smtplib import SMTPException
+from smtplib import SMTPDataError, SMTPException, SMTPRecipientsRefused
 from typing import Any
 from zoneinfo import ZoneInfo
 
@@ -103,6 +103,15 @@ def send_letters(now: datetime) -> int:
             continue
         try:
             send_mail(letter.subject, letter.text, None, [letter.person.email])
+        except (
+            SMTPRecipientsRefused,
+            SMTPDataError,
+            ValueError,
+        ) as error:  # the others must not wait for this one
+            log.warning(
+                "An e-mail to %s was refused and is tried again in 5 minutes: %s", letter.person_id, error
+            )
+            continue
         except (OSError, SMTPException) as error:
             log.warning("An e-mail was not sent and is tried again in 5 minutes: %s", error)
             break

@@ -47,16 +47,16 @@ def report(
     these = Q(robot__in=robots) | Q(course__in=courses)
     found = Booking.objects.filter(these, starts_at__gte=starts, starts_at__lt=ends)
     found = found.exclude(Q(state__in=NOT_YET) & Q(held_until=F("starts_at")))
-    columns = ("person__username", "starts_at", "ends_at", "held_until", "state", "used_at")
+    columns = (f"{by}_id", "person__username", "starts_at", "ends_at", "held_until", "state", "used_at")
     rows = found.annotate(name=F(BY[by])).values_list("name", *columns, named=True)
     return sorted(_sums(rows, by, now), key=lambda row: row.name.lower())
 
 
 def _sums(rows: Iterable[Any], by: str, now: datetime) -> Iterable[Row]:
-    sums: dict[str, Row] = {}
+    sums: dict[object, Row] = {}  # by key: two people may have one name
     for row in rows:
         shown = row.name or (row.person__username if by == "person" else "-")
-        total = sums.setdefault(shown, Row(shown))
+        total = sums.setdefault(getattr(row, f"{by}_id"), Row(shown))
         if row.state == State.CANCELLED:
             total.cancelled += 1
             continue
@@ -64,7 +64,7 @@ def _sums(rows: Iterable[Any], by: str, now: datetime) -> Iterable[Row]:
         total.booked_h += (row.ends_at - row.starts_at) / HOUR
         if row.used_at is not None:
             total.used_h += (min(row.held_until, max(now, row.starts_at)) - row.starts_at) / HOUR
-        elif row.state == State.NO_SHOW or row.ends_at <= now:
+        elif row.state == State.NO_SHOW or (row.ends_at <= now and row.state not in NOT_YET):
             total.not_shown += 1
     return sums.values()
 

@@ -16,6 +16,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
+from fleet.accounts.services import erased
 from fleet.audit.errors import AuditUnavailable
 from fleet.bookings.letters import changed_by_another
 from fleet.bookings.models import Booking, State
@@ -105,6 +106,11 @@ def _access_changed(*, people: frozenset[UUID] | None, **_options: Any) -> None:
         log.error(
             "Bookings of people who lost a right were not freed, and hold until their grace time: %s", error
         )
+
+
+@receiver(erased)
+def _account_erased(*, user: User, **_options: Any) -> None:
+    tell_access_changed([user.pk])
 
 
 @receiver(post_save, sender=User)

@@ -9,12 +9,13 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 
 from django.db import transaction
+from django.db.models import Exists, F, OuterRef, Q, QuerySet
 from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
 from fleet.bookings.letters import in_words, letter_write
 from fleet.bookings.models import Booking, State, Waiting
-from fleet.bookings.rules import Slot, refusals
+from fleet.bookings.rules import LONGEST, Slot, refusals
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import (
     BookingRefused,
@@ -70,8 +71,19 @@ def keep_waiting_lists(now: datetime) -> None:
             lapsed = Booking.objects.select_related("robot", "person").get(pk=booking.pk)
             if lapsed.state == State.OFFERED and lapsed.offer_until and lapsed.offer_until <= now:
                 _end_offer(lapsed)
-    for waiting in Waiting.objects.filter(starts_at__gt=now).select_related("robot", "person"):
+    for waiting in _perhaps_free(now).select_related("robot", "person"):
         _offer(waiting, now)
+
+
+def _perhaps_free(now: datetime) -> QuerySet[Waiting]:
+    """Return those who wait for a slot that no booking holds, or only one that may be a no-show. One query for all."""
+    holds = Booking.objects.filter(
+        robot=OuterRef("robot"),
+        starts_at__gt=now - LONGEST,
+        starts_at__lt=OuterRef("ends_at"),
+        held_until__gt=OuterRef("starts_at"),
+    ).exclude(Q(held_until=F("starts_at")) | Q(used_at=None, starts_at__lte=now))
+    return Waiting.objects.filter(~Exists(holds), starts_at__gt=now)
 
 
 def forget_past(now: datetime) -> None:

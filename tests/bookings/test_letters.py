@@ -1,6 +1,7 @@
 """E-mails about bookings, and calendar feeds."""
 
 from datetime import datetime, timedelta, timezone
+from smtplib import SMTPRecipientsRefused
 
 import pytest
 from django.urls import reverse
@@ -10,7 +11,7 @@ from icalendar import Calendar
 from fleet.accounts.services import account_erase
 from fleet.audit.command_line import here
 from fleet.bookings import letters
-from fleet.bookings.models import Booking, FeedAddress, Letter
+from fleet.bookings.models import Booking, FeedAddress, Letter, State
 from fleet.bookings.policies import out_of_service_add
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_cancel, booking_make
@@ -138,3 +139,30 @@ def test_a_robots_feed_ends_with_the_right_to_see_it(client, robot, operator, st
     assert client.get(address).status_code == 200
     role_set(robot=robot, user=operator, role=None, actor=staff)
     assert client.get(address).status_code == 404
+
+
+def test_one_address_that_is_refused_keeps_no_other_letter_back(
+    robot, olga, second_operator, monkeypatch, mailoutbox
+):
+    second_operator.email = "olaf@example.org"
+    second_operator.save()
+    for person in (olga, second_operator):
+        letters.letter_write(to=person, subject="A slot", text="yours", now=NOW)
+    send = letters.send_mail
+
+    def refuse_olga(subject, text, sender, to):
+        if to == ["olga@example.org"]:
+            raise SMTPRecipientsRefused({to[0]: (550, b"no such mailbox")})
+        return send(subject, text, sender, to)
+
+    monkeypatch.setattr(letters, "send_mail", refuse_olga)
+    assert letters.send_letters(NOW) == 1
+    assert [one.to for one in mailoutbox] == [["olaf@example.org"]]
+
+
+@pytest.mark.django_db(transaction=True)
+def test_an_erased_persons_bookings_are_freed_at_once(robot, operator):
+    booking = book(robot, operator, now=django_timezone.now())
+    account_erase(user=operator, actor=here())
+    booking.refresh_from_db()
+    assert booking.state == State.CANCELLED

@@ -92,3 +92,18 @@ def test_a_name_is_no_formula_in_a_spreadsheet(robot, operator):
     booking_make(robot=robot, person=operator, slot=slot, now=starts)
     rows = report([robot], starts - timedelta(days=1), starts + timedelta(days=1), "person", starts)
     assert lines(rows)[1][0] == "'=1+1"
+
+
+def test_two_people_of_one_name_are_two_rows(client, robot, operator, second_operator, supervisor):
+    second_operator.full_name = operator.full_name
+    second_operator.save()
+    for number, person in enumerate((operator, second_operator)):
+        starts = django_timezone.now() + timedelta(hours=number)
+        slot = Slot(starts, starts + timedelta(hours=1))
+        booking_make(robot=robot, person=person, slot=slot, now=starts)
+    client.force_login(supervisor)
+    answer = client.get(reverse("booking-report"), {"as": "csv", "by": "person", "to": "2199-01-01"})
+    assert [line.split(",")[:2] for line in answer.content.decode().splitlines()[1:]] == [
+        ["Olga Operator", "1"],
+        ["Olga Operator", "1"],
+    ]

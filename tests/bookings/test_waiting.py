@@ -10,7 +10,7 @@ from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import schedule_of
 from fleet.bookings.services import BookingRefused, booking_cancel, booking_make
-from fleet.bookings.waiting import KEPT, forget_past, keep_waiting_lists, offer_accept, waiting_join
+from fleet.bookings.waiting import KEPT, MOST, forget_past, keep_waiting_lists, offer_accept, waiting_join
 
 pytestmark = pytest.mark.django_db
 
@@ -105,3 +105,13 @@ def test_a_clock_that_jumped_ahead_and_back_loses_no_place(queue, operator, seco
     cancel(queue, operator)
     keep_waiting_lists(at(1))
     assert offered().person == second_operator
+
+
+def test_who_waits_for_a_taken_slot_costs_nothing(
+    robot, taken, second_operator, django_assert_max_num_queries
+):
+    for number in range(MOST):
+        slot = Slot(SLOT.starts_at + timedelta(minutes=number), SLOT.ends_at)
+        waiting_join(robot=robot, person=second_operator, slot=slot, now=NOW)
+    with django_assert_max_num_queries(3):  # it is done every second, by hundreds
+        keep_waiting_lists(at(0.5))
