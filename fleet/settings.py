@@ -62,6 +62,8 @@ INSTALLED_APPS = [
     "allauth.mfa",
     "allauth.socialaccount",
     "allauth.socialaccount.providers.openid_connect",
+    "drf_spectacular",
+    "django_filters",
     "fleet",
     "fleet.audit",
     "fleet.accounts",
@@ -204,6 +206,19 @@ REST_FRAMEWORK = {
     "DEFAULT_PERMISSION_CLASSES": ["rest_framework.permissions.IsAuthenticated"],
     "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
     "DEFAULT_PARSER_CLASSES": ["rest_framework.parsers.JSONParser"],
+    "DEFAULT_SCHEMA_CLASS": "drf_spectacular.openapi.AutoSchema",
+    "EXCEPTION_HANDLER": "teleop.api.v1.door.problems.response_of",
+}
+SPECTACULAR_SETTINGS = {
+    "TITLE": "Fleet console",
+    "DESCRIPTION": "Robots, control, bookings and the log: the chain of the pages, for programs.",
+    "VERSION": "1",
+    "OAS_VERSION": "3.1.1",
+    "SCHEMA_PATH_PREFIX": r"/api/v1",
+    "SERVE_INCLUDE_SCHEMA": False,
+    "SERVE_PERMISSIONS": ["rest_framework.permissions.AllowAny"],
+    "SERVE_AUTHENTICATION": [],
+    "POSTPROCESSING_HOOKS": ["teleop.api.v1.door.schema.with_stops"],
 }
 
 # --- headers for browsers ---------------------------------------------------------------------

@@ -7,5 +7,6 @@ class TeleopConfig(AppConfig):
     verbose_name = _("Control")
 
     def ready(self) -> None:
-        """Import the module that connects the signal receiver."""
+        """Import the modules that connect the signal receiver and extend the schema."""
+        from teleop.api.v1.door import schema  # noqa: F401
         from teleop.control import signals  # noqa: F401

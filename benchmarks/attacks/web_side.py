@@ -113,7 +113,7 @@ async def _guess(target: Target, source: str, cookie: str, token: str, number: i
 
 async def bodies(target: Target) -> None:
     """Send 500 MB to one URL after the other, as far as the console accepts them; two at once."""
-    paths = ("/accounts/sign-in/", "/api/stop/", "/", "/robots/tiago-1/stop/", "/nowhere/", "/static/x.js")
+    paths = ("/accounts/sign-in/", "/api/v1/stop/", "/", "/robots/tiago-1/stop/", "/nowhere/", "/static/x.js")
     turns = cycle(paths)
 
     async def send(source: str) -> None:
@@ -210,9 +210,9 @@ async def pages(target: Target) -> None:
     paths = (
         "/",
         "/accounts/sign-in/",
-        "/api/robots/",
+        "/api/v1/robots",
         "/robots/tiago-1/",
-        "/api/robots/tiago-1/",
+        "/api/v1/robots/tiago-1",
         "/healthz",
     )
     under_way: set[asyncio.Task[None]] = set()
@@ -263,7 +263,13 @@ async def _refused_messages(target: Target) -> None:
 
 
 async def _refused_requests(target: Target) -> None:
-    paths = ("/api/robots/nobody/", "/api/nowhere/", "/robots/tiago-1/report/", "/admin/", "/ws/nowhere/")
+    paths = (
+        "/api/v1/robots/nobody/",
+        "/api/v1/nowhere/",
+        "/robots/tiago-1/report/",
+        "/admin/",
+        "/ws/nowhere/",
+    )
     for number, path in zip(count(), cycle(paths)):
         with suppress(*FAULTS):
             await target.ask(ADDRESSES[0], target.head("GET", f"{path}?{number}", CLOSE) + b"\r\n")

@@ -26,6 +26,13 @@ class User(RecordedUser):
         _("time zone"), max_length=64, blank=True, help_text=_("In which pages show times. Blank: the lab's.")
     )
 
+    project = models.CharField(
+        _("project"),
+        max_length=80,
+        blank=True,
+        help_text=_("Of a service account, which belongs to no person and signs in by tokens only."),
+    )
+
     class Meta(RecordedUser.Meta):
         ordering = ["username"]
         constraints = [
@@ -113,3 +120,7 @@ class SignInAttempt(models.Model):
 
     def __str__(self) -> str:
         return self.at.isoformat()
+
+
+# The app's other models.
+from fleet.accounts.tokens.models import Token  # noqa: E402, F401 - after User, which it names

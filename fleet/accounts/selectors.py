@@ -10,15 +10,18 @@ from django.utils import timezone
 from django.utils.crypto import constant_time_compare
 
 from fleet.accounts.models import SignIn, User
+from fleet.accounts.tokens.services import valid_tokens
 
 
 def signed_in(people: Collection[tuple[UUID, str]]) -> dict[tuple[UUID, str], User]:
-    """People of those sign-ins (user, session key) that are still valid. One query for all."""
+    """People of those sign-ins (user, session key) that are still valid. One query for all, one more for tokens."""
     asked = set(people)
+    tokens = valid_tokens([key for _user, key in asked])
     sign_ins = SignIn.objects.filter(
         session_id__in={key for _user, key in asked}, session__expire_date__gt=timezone.now()
     ).select_related("user")
-    return {
+    by_token = {(token.user.id, key): token.user for key, token in tokens.items()}
+    return {person: user for person, user in by_token.items() if person in asked} | {
         person: sign_in.user
         for sign_in in sign_ins
         if (person := (sign_in.user.id, sign_in.session_id)) in asked

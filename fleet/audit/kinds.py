@@ -130,6 +130,8 @@ KINDS: dict[str, Kind] = {
     "account.create": Kind(_("account made")),
     "account.change": Kind(_("account changed")),
     "account.delete": Kind(_("account deleted")),
+    "token.make": Kind(_("token made")),
+    "token.end": Kind(_("token ended")),
     "account.second_factor": Kind(_("second factor added or removed")),
     "account.single_sign_on": Kind(_("single sign-on joined with an account, or parted")),
     "account.sign_in": Kind(_("signed in")),

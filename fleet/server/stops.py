@@ -6,7 +6,7 @@ import re
 
 from twisted.web.http_headers import Headers
 
-_ADDRESSES = re.compile(rb"/(api/)?(robots/[^/]+/stop|stop|stop-all)/?")
+_ADDRESSES = re.compile(rb"/(api/(v1/)?)?(robots/[^/]+/stop|stop|stop-all)/?")
 
 
 def is_stop(method: bytes, path: bytes) -> bool:

@@ -22,6 +22,9 @@ from django.views.decorators.csrf import csrf_exempt
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
+from fleet.accounts.services import address_of
+from fleet.accounts.tokens.models import Token
+from fleet.accounts.tokens.services import TokenInvalid, token_of
 from robots.access.selectors import robot_seen_by, robots_visible_to
 from robots.registry.models import Robot
 from robots.stop.presses import Pending
@@ -80,6 +83,10 @@ def _stop_view(view: View) -> View:
     def checked(request: HttpRequest, **parameters: Any) -> HttpResponse:
         if request.method != "POST":
             return _refused(_NOT_POST, 405, Allow="POST")
+        token = _token(request)
+        if token is not None:
+            request.user, parameters["token"] = token.user, token
+            return view(request, **parameters)
         if not isinstance(request.user, User):
             return _refused(SIGNED_OUT, 401)
         return _csrf.check(request) or view(request, **parameters)
@@ -87,12 +94,25 @@ def _stop_view(view: View) -> View:
     return csrf_exempt(checked)
 
 
+def _token(request: HttpRequest) -> Token | None:
+    """Return the token of a program that is not signed in: it stops what it may see, whatever its scopes."""
+    if isinstance(request.user, User) or not request.path.startswith("/api/"):
+        return None
+    scheme, _space, text = request.headers.get("Authorization", "").partition(" ")
+    try:
+        return token_of(text.strip(), address_of(request)) if scheme.lower() == "bearer" else None
+    except TokenInvalid:
+        return None
+
+
 @login_not_required
 @_stop_view
-def rest_stop(request: HttpRequest, slug: str) -> HttpResponse:
+def rest_stop(request: HttpRequest, slug: str, token: Token | None = None) -> HttpResponse:
     """Stop one robot, for a program. The answer is JSON, whatever the request accepts."""
     try:
         robot = robot_seen_by(person_of(request), slug)
+        if token is not None and not token.serves(robot.id):
+            raise Http404
     except Http404:
         refusals.record_soon(
             RefusedRequest(person_of(request), "rest", "POST robots/<slug:slug>/stop/", _NO_ROBOT)
@@ -103,9 +123,10 @@ def rest_stop(request: HttpRequest, slug: str) -> HttpResponse:
 
 @login_not_required
 @_stop_view
-def rest_stop_all(request: HttpRequest) -> HttpResponse:
+def rest_stop_all(request: HttpRequest, token: Token | None = None) -> HttpResponse:
     """Stop every robot in service that this person may see, for a program."""
-    return _by_rest(request, _all_seen(request))
+    robots = [robot for robot in _all_seen(request) if token is None or token.serves(robot.id)]
+    return _by_rest(request, robots)
 
 
 @_stop_view

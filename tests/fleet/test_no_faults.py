@@ -49,7 +49,7 @@ def _addresses(robot):
     """Two addresses for each URL pattern: of an existing and of a missing object."""
     there = {"slug": robot.slug, "uuid": str(robot.pk), "int": "0", "object_id": str(robot.pk), "str": "x"}
     not_there = {"slug": "nowhere", "uuid": str(uuid4()), "int": "9" * 20, "object_id": "_5F_", "str": "%00"}
-    found = {"/nowhere", "/nowhere/", "/api/nowhere", "/api/robots", "/admin/nowhere/", "/%00", "/%ff/"}
+    found = {"/nowhere", "/nowhere/", "/api/v1/nowhere", "/api/v1/robots", "/admin/nowhere/", "/%00", "/%ff/"}
     for pieces in _patterns(get_resolver()):
         found |= {"/" + "".join(_filled(piece, with_) for piece in pieces) for with_ in (there, not_there)}
     return sorted(found)
@@ -104,7 +104,9 @@ def test_no_request_fails_at_any_address(person, robot, caplog, request):
 @pytest.mark.django_db(transaction=True)
 def test_the_walk_meets_every_kind_of_address(robot):
     addresses = _addresses(robot)
-    assert {"/", f"/api/robots/{robot.slug}/stop/", "/api/stop/", "/your-data/export/"} <= set(addresses)
+    assert {"/", f"/api/v1/robots/{robot.slug}/stop/", "/api/v1/stop/", "/your-data/export/"} <= set(
+        addresses
+    )
     for model in admin.site._registry:
         assert f"/admin/{model._meta.app_label}/{model._meta.model_name}/" in addresses
 

@@ -70,7 +70,7 @@ async def test_a_stop_of_a_frozen_robot_is_pending_then_holds(stack: Stack) -> N
         for process in frozen:
             os.kill(process, signal.SIGSTOP)
         try:
-            status, told = await asyncio.to_thread(post, stack, watching, f"/api/robots/{ROBOT}/stop/")
+            status, told = await asyncio.to_thread(post, stack, watching, f"/api/v1/robots/{ROBOT}/stop/")
         finally:
             for process in frozen:
                 os.kill(process, signal.SIGCONT)
@@ -98,7 +98,7 @@ async def hold(driver: Driver) -> None:
 def test_no_form_of_a_stop_is_refused_by_the_real_server(stack: Stack) -> None:
     cookie = sign_in(stack, "observer")
     kinds = {"Accept": "application/xml"}, {"Content-Type": "text/plain; charset=none"}, {"Accept": ";;/"}
-    for path in ("/api/stop", "/api/stop/?format=xml", f"/api/robots/{ROBOT}/stop"):
+    for path in ("/api/v1/stop", "/api/v1/stop/?format=xml", f"/api/v1/robots/{ROBOT}/stop"):
         for headers in kinds:
             status, told = post(stack, cookie, path, b"{", **headers)
             assert (status, list(told["robots"])) == (200, [ROBOT]), (path, headers)  # type: ignore[call-overload]

@@ -111,8 +111,11 @@ def _book(client: Client, robot: Robot) -> Any:
 # Action: the lowest role that may, how it is asked for.
 ROBOT_ACTIONS: dict[str, tuple[Role, Ask]] = {
     "page": (Role.OBSERVER, lambda client, robot: client.get(f"/robots/{robot.slug}/")),
-    "REST state": (Role.OBSERVER, lambda client, robot: client.get(f"/api/robots/{robot.slug}/")),
-    "REST phrases": (Role.OBSERVER, lambda client, robot: client.get(f"/api/robots/{robot.slug}/phrases/")),
+    "REST state": (Role.OBSERVER, lambda client, robot: client.get(f"/api/v1/robots/{robot.slug}")),
+    "REST phrases": (
+        Role.OBSERVER,
+        lambda client, robot: client.get(f"/api/v1/robots/{robot.slug}/phrases"),
+    ),
     "report": (Role.SUPERVISOR, lambda client, robot: client.get(f"/robots/{robot.slug}/report/")),
     "book": (Role.OPERATOR, _book),
     "policy": (Role.SUPERVISOR, lambda client, robot: client.get(f"/bookings/policies/{robot.slug}/")),
@@ -202,7 +205,7 @@ def test_who_may_book_for_whom(lab: Lab) -> None:
 @pytest.mark.parametrize("who", ROLES)
 def test_lists_of_robots_show_those_with_a_role(who: str, lab: Lab) -> None:
     client = lab.browser(who)
-    page, listed = client.get("/"), client.get("/api/robots/")
+    page, listed = client.get("/"), client.get("/api/v1/robots")
     for name in ROBOTS:
         assert (f'href="/robots/{name}/"' in page.content.decode()) is (name in ROLES[who]), name
         assert (f'"{name}"' in listed.content.decode()) is (name in ROLES[who]), name

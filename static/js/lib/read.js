@@ -8,6 +8,6 @@
 export async function readJson(url, failed) {
   const answer = await fetch(url, { headers: { Accept: "application/json" } }).catch(() => null);
   const body = await answer?.json().catch(() => null);
-  if (!answer?.ok || body === null) throw new Error(body?.text ?? failed);
+  if (!answer?.ok || body === null) throw new Error(body?.detail ?? body?.text ?? failed);
   return body;
 }

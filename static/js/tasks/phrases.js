@@ -45,7 +45,7 @@ export class Phrases {
   async load() {
     const failed = gettext("The phrases could not be read. Load the page again.");
     try {
-      this.#show(await readJson(this.#url, failed));
+      this.#show((await readJson(this.#url, failed)).phrases);
     } catch (error) {
       this.#say(error.message);
     }

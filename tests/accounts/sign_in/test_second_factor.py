@@ -110,9 +110,9 @@ def test_staff_must_have_one_where_the_setting_asks(
     settings.FLEET_STAFF_TWO_FACTOR = True
     for page in ("/", "/admin/", "/bookings/"):
         assert client.get(page, **HTML).headers["Location"] == "/accounts/second-factor/"
-    assert client.get("/api/robots/").json()["code"] == "second_factor_missing"
+    assert client.get("/api/v1/robots").json()["code"] == "second_factor_missing"
     assert client.get("/accounts/second-factor/").status_code == 200
-    for stop in ("/stop-all/", "/api/stop/", "/api/robots/tiago-9/stop/"):
+    for stop in ("/stop-all/", "/api/v1/stop/", "/api/v1/robots/tiago-9/stop/"):
         assert client.post(stop, **HTML).status_code in (200, 202, 404, 503)  # a stop needs no second factor
     assert signed_in(operator).get("/", **HTML).status_code == 200
     app = auth.TOTP.activate(staff, SECRET).instance

@@ -20,7 +20,7 @@ def told(answer):
 
 
 @pytest.mark.parametrize(
-    "path", [b"/", b"/accounts/sign-in/", b"/api/robots/", b"/robots/x/stop/", b"/nowhere"]
+    "path", [b"/", b"/accounts/sign-in/", b"/api/v1/robots", b"/robots/x/stop/", b"/nowhere"]
 )
 def test_a_huge_body_is_refused_before_it_is_sent(web, path):
     declared = b"POST %s HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: %d\r\n\r\n" % (path, 500 * MEGABYTE)
@@ -82,7 +82,7 @@ def test_bytes_that_trickle_in_do_not_buy_time(web):
 def test_several_requests_go_by_one_connection(web):
     connection = http.client.HTTPConnection("127.0.0.1", web.port)
     for _ in range(3):
-        connection.request("POST", "/api/robots/", body=b"x" * 1000)
+        connection.request("POST", "/api/v1/robots", body=b"x" * 1000)
         answer = connection.getresponse()
         assert (answer.status, answer.getheader("Connection")) == (401, None)
         answer.read()

@@ -5,7 +5,7 @@ import json
 import pytest
 
 MEGABYTE = 1024 * 1024
-PATHS = [b"/stop-all/", b"/api/stop/?format=xml", b"/robots/x/stop", b"/api/robots/x/stop/"]
+PATHS = [b"/stop-all/", b"/api/v1/stop/?format=xml", b"/robots/x/stop", b"/api/v1/robots/x/stop/"]
 
 
 @pytest.fixture
@@ -94,19 +94,19 @@ def test_a_stop_is_not_refused_for_its_head(web, head, path, lines):
 
 
 def test_a_stop_with_a_line_that_does_not_end_is_a_stop(web, head):
-    whole = head(b"/api/stop/", b"X-CSRFToken: x", LONG)
+    whole = head(b"/api/v1/stop/", b"X-CSRFToken: x", LONG)
     assert b"signed_out" in web.say(whole.removesuffix(b"\r\n\r\n"))
 
 
 def test_the_query_of_a_stop_may_be_long(web, head):
     assert b"signed_out" in web.say(
-        head(b"/api/stop/?format=" + b"x" * 8000, b"X-CSRFToken: x", b"Connection: close")
+        head(b"/api/v1/stop/?format=" + b"x" * 8000, b"X-CSRFToken: x", b"Connection: close")
     )
 
 
 @pytest.mark.parametrize("line", [b"Content-Length: ten", LONG, b"a line without a colon"])
 def test_other_requests_are_refused_for_their_head(web, head, line):
     code = b"headers_too_large" if line is LONG else b"malformed"
-    assert code in web.say(head(b"/api/robots/", b"X-CSRFToken: x", line))
+    assert code in web.say(head(b"/api/v1/robots", b"X-CSRFToken: x", line))
     if line is LONG:  # the token of the form is in the body, which is missing
         assert code in web.say(head(b"/stop-all/", line))

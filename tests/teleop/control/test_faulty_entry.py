@@ -83,9 +83,9 @@ async def test_another_robot_of_the_profile_can_be_driven(own_lasers, open_page,
 
 async def test_rest_shows_the_reason(own_lasers, browsers, robot):
     await in_database(gain_a_laser)
-    listed = await in_database(browsers["operator"].get, "/api/robots/")
+    listed = await in_database(browsers["operator"].get, "/api/v1/robots")
     assert listed.status_code == 200
-    one = (await in_database(browsers["operator"].get, f"/api/robots/{robot.slug}/")).json()
+    one = (await in_database(browsers["operator"].get, f"/api/v1/robots/{robot.slug}")).json()
     assert one["refusal"]["code"] == "robot_misdescribed"
     assert one["facts"]["limits"]["forward_mps"] == 1.0
 

@@ -246,7 +246,7 @@ async def test_refusal_on_the_fleet_page_is_recorded(robot, browsers, websocket_
 
 @pytest.mark.django_db(transaction=True)
 async def test_refusal_by_rest_is_recorded(browsers, robot, stranger):
-    asked = await in_database(browsers["stranger"].post, f"/api/robots/{robot.slug}/stop/")
+    asked = await in_database(browsers["stranger"].post, f"/api/v1/robots/{robot.slug}/stop/")
     assert asked.status_code == 404
     who, _, through, of = await on_record("not_found")
     assert (who, through) == (str(stranger.pk), "rest")

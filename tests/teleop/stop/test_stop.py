@@ -155,7 +155,7 @@ async def test_stop_after_a_clear_is_no_repeat(open_page, bridge, robot, monkeyp
 async def test_presses_by_form_share_found_pressestoo(browsers, bridge, monkeypatch):
     monkeypatch.setattr(emergency_stop, "GAP_S", 1.0)
     for _ in range(10):
-        assert (await post(browsers["observer"], "/api/stop/")).status_code == 200
+        assert (await post(browsers["observer"], "/api/v1/stop/")).status_code == 200
     assert len(bridge.all(wire.LinkStop)) == 10
     found_presses = await recorded_presses(10)
     assert sum(times for times, _ in found_presses) == 10

@@ -11,10 +11,10 @@ from teleop.background.database import in_database
 pytestmark = pytest.mark.django_db(transaction=True)
 
 ADDRESSES = [
-    "/api/stop/",
-    "/api/stop",
-    "/api/robots/tiago-1/stop/",
-    "/api/robots/tiago-1/stop",
+    "/api/v1/stop/",
+    "/api/v1/stop",
+    "/api/v1/robots/tiago-1/stop/",
+    "/api/v1/robots/tiago-1/stop",
     "/robots/tiago-1/stop/",
     "/robots/tiago-1/stop",
     "/stop-all/",

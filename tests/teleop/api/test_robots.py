@@ -22,46 +22,46 @@ def post(browser, address):
 
 
 async def test_list_names_the_robots_the_person_may_see(browsers, robot, other_robot):
-    answer = await get(browsers["operator"], "/api/robots/")
-    assert [(entry["slug"], entry["role"]) for entry in answer.json()] == [("tiago-1", "operator")]
-    assert len((await get(browsers["staff"], "/api/robots/")).json()) == 2
+    answer = await get(browsers["operator"], "/api/v1/robots")
+    assert [(entry["slug"], entry["role"]) for entry in answer.json()["robots"]] == [("tiago-1", "operator")]
+    assert len((await get(browsers["staff"], "/api/v1/robots")).json()["robots"]) == 2
 
 
 def test_list_reads_roles_twice_for_any_number_of_robots(operator, robot, other_robot, signed_in):
     RobotRole.objects.create(user=operator, robot=other_robot, role="observer")
     with CaptureQueriesContext(connection) as asked:
-        answer = signed_in(operator).get("/api/robots/").json()
+        answer = signed_in(operator).get("/api/v1/robots").json()["robots"]
     assert [entry["role"] for entry in answer] == ["operator", "observer"]
     roles = [query for query in asked if "robots_robotrole" in query["sql"]]
     assert len(roles) == 2  # which robots are visible, and the role on each
 
 
 async def test_robot_address_returns_its_state(browsers, robot, bridge):
-    answer = (await get(browsers["observer"], f"/api/robots/{robot.slug}/")).json()
+    answer = (await get(browsers["observer"], f"/api/v1/robots/{robot.slug}")).json()
     assert answer["state"]["phase"] == "online"
     assert answer["facts"]["slug"] == robot.slug
     assert (answer["holder"], answer["refusal"]) == (None, None)
 
 
 async def test_robot_address_says_why_the_state_is_unknown(browsers, robot):
-    answer = (await get(browsers["observer"], f"/api/robots/{robot.slug}/")).json()
+    answer = (await get(browsers["observer"], f"/api/v1/robots/{robot.slug}")).json()
     assert answer["state"] is None
     assert answer["refusal"]["code"] == "bridge_down"
 
 
 async def test_rest_stops_one_robot(browsers, robot, bridge):
-    answer = await post(browsers["observer"], f"/api/robots/{robot.slug}/stop/")
+    answer = await post(browsers["observer"], f"/api/v1/robots/{robot.slug}/stop/")
     assert answer.status_code == 200
     assert (await bridge.hears(wire.LinkStop)).by == "Obi Observer"
 
 
 async def test_rest_stops_all_robots(browsers, robot, bridge):
-    assert (await post(browsers["observer"], "/api/stop/")).status_code == 200
+    assert (await post(browsers["observer"], "/api/v1/stop/")).status_code == 200
     await bridge.hears(wire.LinkStop)
 
 
 async def test_stop_all_names_a_robot_out_of_reach(browsers, robot):
-    answer = await post(browsers["observer"], "/api/stop/")
+    answer = await post(browsers["observer"], "/api/v1/stop/")
     assert answer.status_code == 202
     result = answer.json()["robots"][robot.slug]
     assert (result["pending"], result["code"], result["figures"]) == (
@@ -69,38 +69,38 @@ async def test_stop_all_names_a_robot_out_of_reach(browsers, robot):
         "pending",
         {"because": "bridge_down"},
     )
-    shown = (await get(browsers["observer"], f"/api/robots/{robot.slug}/")).json()
+    shown = (await get(browsers["observer"], f"/api/v1/robots/{robot.slug}")).json()
     assert (shown["pending_stop"]["by"], shown["pending_stop"]["reason"]) == ("Obi Observer", "")
 
 
 async def test_unknown_robot_gets_a_refusal(browsers, robot):
-    answer = await get(browsers["stranger"], f"/api/robots/{robot.slug}/")
+    answer = await get(browsers["stranger"], f"/api/v1/robots/{robot.slug}")
     assert answer.status_code == 404
     assert answer.json()["code"] == "not_found"
-    assert "may not see" in answer.json()["text"]
+    assert "may not see" in answer.json()["detail"]
 
 
 async def test_unknown_address_gets_a_refusal(client, browsers):
-    for address in ("/api/", "/api/robot/", "/api/robots/tiago-1/motions/"):
+    for address in ("/api/", "/api/v1/robot", "/api/v1/robots/tiago-1/nothing"):
         answer = await get(browsers["operator"], address)
         assert (answer.status_code, answer.json()["code"]) == (404, "not_found"), address
-        assert "address" in answer.json()["text"]
-    assert (await post(browsers["operator"], "/api/stops/")).json()["code"] == "not_found"
-    assert (await get(client, "/api/robot/")).status_code == 401
+        assert "address" in answer.json()["detail"]
+    assert (await post(browsers["operator"], "/api/v1/stops")).json()["code"] == "not_found"
+    assert (await get(client, "/api/v1/robot")).status_code == 401
 
 
-async def test_address_without_last_slash_redirects(browsers):
-    answer = await get(browsers["operator"], "/api/robots")
-    assert (answer.status_code, answer["location"]) == (301, "/api/robots/")
+async def test_address_with_a_last_slash_redirects(browsers):
+    answer = await get(browsers["operator"], "/api/v1/robots/")
+    assert (answer.status_code, answer["location"]) == (308, "/api/v1/robots")
 
 
 async def test_wrong_method_gets_a_refusal(browsers):
-    answer = await post(browsers["operator"], "/api/robots/")
+    answer = await post(browsers["operator"], "/api/v1/robots")
     assert (answer.status_code, answer.json()["code"]) == (405, "method_not_allowed")
 
 
 async def test_signed_out_request_gets_401(client, robot):
-    answer = await get(client, "/api/robots/")
+    answer = await get(client, "/api/v1/robots")
     assert (answer.status_code, answer.json()["code"]) == (401, "signed_out")
     assert answer.json()["rule"] == "account"
 
@@ -117,7 +117,7 @@ def said(robot, who, text, outcome=None):
 
 
 async def spoken(browser, robot, query=""):
-    return (await get(browser, f"/api/robots/{robot.slug}/speech/{query}")).json()
+    return (await get(browser, f"/api/v1/robots/{robot.slug}/speech/history{query}")).json()
 
 
 async def test_phrases_of_the_profile_come_before_the_robots_own(browsers, robot, other_robot):
@@ -125,7 +125,7 @@ async def test_phrases_of_the_profile_come_before_the_robots_own(browsers, robot
         Phrase.objects.create, robot=robot, text="I am number one.", language="en-GB", tags="own, me"
     )
     await in_database(Phrase.objects.create, robot=other_robot, text="I am not.", language="en-GB")
-    answer = (await get(browsers["observer"], f"/api/robots/{robot.slug}/phrases/")).json()
+    answer = (await get(browsers["observer"], f"/api/v1/robots/{robot.slug}/phrases")).json()["phrases"]
     assert len(answer) == 25
     assert answer[0]["text"] == "Hello! It is nice to meet you."
     number = answer[-1].pop("id")
@@ -134,8 +134,8 @@ async def test_phrases_of_the_profile_come_before_the_robots_own(browsers, robot
 
 
 async def test_phrases_of_an_invisible_robot_are_refused(browsers, robot):
-    assert (await get(browsers["stranger"], f"/api/robots/{robot.slug}/phrases/")).status_code == 404
-    assert (await get(browsers["stranger"], f"/api/robots/{robot.slug}/speech/")).status_code == 404
+    assert (await get(browsers["stranger"], f"/api/v1/robots/{robot.slug}/phrases")).status_code == 404
+    assert (await get(browsers["stranger"], f"/api/v1/robots/{robot.slug}/speech/history")).status_code == 404
 
 
 async def test_expired_text_leaves_its_entry_in_the_history(browsers, robot, operator):
@@ -201,6 +201,6 @@ async def test_history_is_read_page_by_page(browsers, robot, operator):
     "query", ["limit=0", "limit=201", "limit=ten", "before=-1", "before=9223372036854775808"]
 )
 async def test_invalid_page_parameters_get_a_refusal(browsers, robot, query):
-    answer = await get(browsers["operator"], f"/api/robots/{robot.slug}/speech/?{query}")
+    answer = await get(browsers["operator"], f"/api/v1/robots/{robot.slug}/speech/history?{query}")
     assert (answer.status_code, answer.json()["code"]) == (400, "invalid")
-    assert "must be a whole number from 1 to" in answer.json()["text"]
+    assert "must be a whole number from 1 to" in answer.json()["detail"]

@@ -1,0 +1,1 @@
+"""Tokens with which programs sign in: made, listed and ended by people; bound to scopes and robots."""

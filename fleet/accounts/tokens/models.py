@@ -1,0 +1,64 @@
+"""Tokens of programs."""
+
+from __future__ import annotations
+
+import uuid
+
+from django.conf import settings
+from django.db import models
+from django.utils.translation import gettext_lazy as _
+
+
+class Scope(models.TextChoices):
+    """A part of the API that a token opens."""
+
+    READ = "read", _("read robots, bookings and what is on record")
+    DRIVE = "drive", _("take control and drive")
+    SPEAK = "speak", _("let robots speak")
+    MOTIONS = "motions", _("play motions")
+    TOPICS = "topics", _("read and publish topics, call services, set parameters")
+    BOOK = "book", _("book robots")
+    MANAGE = "manage", _("manage courses, robots and policies")
+
+
+class Token(models.Model):
+    """A token of a person or a service account. Only its SHA-256 is stored: the token is 256 random bits.
+
+    It opens its scopes, on its robots, and never more than its person may.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    digest = models.CharField(max_length=64, unique=True, editable=False)
+    user = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        on_delete=models.CASCADE,
+        related_name="tokens",
+        verbose_name=_("person"),
+    )
+    name = models.CharField(_("name"), max_length=40)
+    scopes = models.JSONField(_("scopes"), default=list)  # of `Scope`
+    # Keys of robots, which are above this app; empty: all that the person may see.
+    robots = models.JSONField(_("robots"), default=list, blank=True)
+    made_by = models.ForeignKey(
+        settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="made_tokens", editable=False
+    )
+    made_at = models.DateTimeField(_("made"))
+    expires_at = models.DateTimeField(_("expires"))
+    used_at = models.DateTimeField(_("last used"), null=True, blank=True)
+    used_from = models.CharField(_("last used from"), max_length=64, blank=True)
+
+    class Meta:
+        ordering = ["name", "id"]
+        verbose_name = _("token")
+        verbose_name_plural = _("tokens")
+
+    def __str__(self) -> str:
+        return self.name
+
+    def opens(self, scope: Scope) -> bool:
+        """Return whether it has this scope."""
+        return scope in self.scopes
+
+    def serves(self, robot_id: uuid.UUID) -> bool:
+        """Return whether it may be used for this robot."""
+        return not self.robots or str(robot_id) in self.robots

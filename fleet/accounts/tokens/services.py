@@ -1,0 +1,127 @@
+"""Make, find and end tokens. Each change is on record."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Collection, Sequence
+from datetime import datetime, timedelta
+from hashlib import sha256
+from uuid import UUID
+
+from django.db import transaction
+from django.db.models import QuerySet
+from django.utils import timezone
+
+from fleet.accounts.models import User
+from fleet.accounts.tokens.models import Scope, Token
+from fleet.audit.services import record
+
+LONGEST = timedelta(days=366)
+PREFIX = "fleet_"  # by which a token is found in a file where it should not be
+MOST = 20  # of one person
+USED_EVERY = timedelta(minutes=1)
+LISTED = timedelta(days=30)  # after they expired
+KEY = "token:"  # of a token in place of a session key, where sign-ins are compared
+
+
+class TokenInvalid(Exception):
+    """A text is not a valid token. `code` and `text` say why."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(text)
+        self.code, self.text = code, text
+
+
+class TooManyTokens(Exception):
+    """A person has `MOST` tokens."""
+
+
+@transaction.atomic
+def token_make(
+    *,
+    user: User,
+    name: str,
+    scopes: Collection[Scope],
+    expires_at: datetime,
+    actor: User,
+    robots: Sequence[UUID] = (),
+) -> tuple[Token, str]:
+    """Make a token, and return it with its text, which is shown once."""
+    User.objects.select_for_update().get(pk=user.pk)
+    if Token.objects.filter(user=user).count() >= MOST:
+        raise TooManyTokens
+    now = timezone.now()
+    expires_at = min(expires_at, now + LONGEST)
+    text = PREFIX + secrets.token_urlsafe(32)
+    token = Token.objects.create(
+        user=user,
+        digest=_digest(text),
+        made_at=now,
+        expires_at=expires_at,
+        name=name,
+        scopes=[scope.value for scope in Scope if scope in scopes],
+        robots=[str(robot) for robot in robots],
+        made_by=actor,
+    )
+    facts = {
+        "user": str(user.pk),
+        "token": str(token.id),
+        "scopes": token.scopes,
+        "robots": token.robots,
+        "expires": expires_at.isoformat(),
+    }
+    record("token.make", actor=actor, parameters=facts, private={"name": name})
+    return token, text
+
+
+@transaction.atomic
+def token_end(*, token: Token, actor: User) -> None:
+    """End a token: its streams and its control end within a second."""
+    if Token.objects.filter(pk=token.pk).delete()[0]:
+        parameters = {"user": str(token.user_id), "token": str(token.id)}
+        record("token.end", actor=actor, parameters=parameters, private={"name": token.name})
+
+
+def tokens_of(user: User) -> QuerySet[Token]:
+    """Return a person's tokens that are valid, or expired a while ago only."""
+    return Token.objects.filter(user=user, expires_at__gt=timezone.now() - LISTED)
+
+
+def remove_expired_tokens(now: datetime) -> None:
+    """Remove tokens that are no longer listed."""
+    Token.objects.filter(expires_at__lt=now - LISTED).delete()
+
+
+def token_of(text: str, address: str = "") -> Token:
+    """Return the token with this text, and note its use. Raises `TokenInvalid`."""
+    found = Token.objects.select_related("user").filter(digest=_digest(text)).first()
+    if found is None:
+        raise TokenInvalid(
+            "token_invalid", "There is no such token: it was mistyped, or ended. Make another one."
+        )
+    now = timezone.now()
+    if found.expires_at <= now:
+        raise TokenInvalid("token_expired", f"The token “{found.name}” has expired. Make another one.")
+    if not found.user.is_active:
+        raise TokenInvalid("account_inactive", "This account is closed; ask the staff.")
+    if found.used_at is None or found.used_at < now - USED_EVERY:
+        Token.objects.filter(pk=found.pk).update(used_at=now, used_from=address[:64])
+    return found
+
+
+def valid_tokens(keys: Collection[str]) -> dict[str, Token]:
+    """Return the tokens of these keys (`KEY` and the token's id) that are valid now. One query, or none."""
+    ids = [key.removeprefix(KEY) for key in keys if key.startswith(KEY)]
+    if not ids:
+        return {}
+    valid = Token.objects.filter(expires_at__gt=timezone.now(), id__in=ids).select_related("user")
+    return {f"{KEY}{token.id}": token for token in valid if token.user.is_active}
+
+
+def key_of(token: Token) -> str:
+    """Return a token's key, which stands where a browser has its session key."""
+    return f"{KEY}{token.id}"
+
+
+def _digest(text: str) -> str:
+    return sha256(text.encode(errors="replace")).hexdigest()

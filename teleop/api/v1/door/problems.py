@@ -1,0 +1,147 @@
+"""Errors as problem details (RFC 9457), which carry the refusal of the chain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+from django.core.exceptions import PermissionDenied
+from django.http import Http404
+from msgspec import Struct
+from rest_framework.exceptions import (
+    APIException,
+    AuthenticationFailed,
+    MethodNotAllowed,
+    NotAcceptable,
+    NotAuthenticated,
+    UnsupportedMediaType,
+)
+from rest_framework.response import Response
+from rest_framework.views import set_rollback
+
+from robots.wire import NotDone, Refusal, Rule
+
+CONTENT_TYPE = "application/problem+json"
+_BY_RULE: dict[str, int] = {"account": 403, "wire": 400, "robot": 503, "audit": 503, "database": 503}
+_BY_CODE = {
+    "signed_out": 401,
+    "token_invalid": 401,
+    "token_expired": 401,
+    "account_inactive": 401,
+    "not_found": 404,
+    "too_large": 413,
+    "busy": 429,
+    "flood": 429,
+}
+_CONFLICT = 409
+RETRY_S = 5
+
+NOT_FOUND = Refusal("not_found", "There is nothing at this address, or you may not see it.", "wire")
+SIGNED_OUT = Refusal(
+    "signed_out", "Not done: send a token in the header Authorization (Bearer ...), or sign in.", "account"
+)
+
+
+class ProblemDetails(Struct, frozen=True):
+    """Why a request was not carried out."""
+
+    title: str  # the HTTP status in words
+    status: int
+    detail: str  # for people: one sentence, with what to do
+    code: str  # for programs: stable
+    rule: Rule  # the link of the chain that refused
+    figures: Mapping[str, float | int | str | None]
+    refusals: list[Refusal]  # all, where several rules refuse
+    type: str = "about:blank"
+
+
+class Problem(Exception):
+    """A request that is not carried out."""
+
+    def __init__(
+        self, refusal: Refusal, status: int | None = None, *, others: list[Refusal] | None = None
+    ) -> None:
+        super().__init__(refusal.text)
+        self.refusal = refusal
+        self.status = status or status_of(refusal)
+        self.others = others or []
+
+
+def status_of(refusal: Refusal) -> int:
+    """Return the HTTP status of a refusal."""
+    return _BY_CODE.get(refusal.code) or _BY_RULE.get(refusal.rule, _CONFLICT)
+
+
+def problem_of(error: Exception) -> Problem | None:
+    """Return an error as a problem; None: it is a fault of the console."""
+    if isinstance(error, Problem):
+        return error
+    if isinstance(error, NotDone):
+        return Problem(error.refusal, others=getattr(error, "refusals", None))
+    if isinstance(error, Http404):
+        return Problem(NOT_FOUND)
+    if isinstance(error, PermissionDenied):
+        return Problem(Refusal("permission_denied", str(error) or "You may not do this.", "account"))
+    if isinstance(error, NotAuthenticated):
+        return Problem(SIGNED_OUT)
+    if isinstance(error, AuthenticationFailed):
+        codes = error.get_codes()
+        code = codes if isinstance(codes, str) else "signed_out"
+        return Problem(Refusal(code, str(error.detail), "account"), 401)
+    if isinstance(error, MethodNotAllowed):
+        return Problem(Refusal("method_not_allowed", str(error.detail), "wire"), 405)
+    if isinstance(error, NotAcceptable | UnsupportedMediaType):
+        return Problem(Refusal(error.default_code, str(error.detail), "wire"), error.status_code)
+    if isinstance(error, APIException):
+        rule: Rule = "account" if error.status_code == 403 else "wire"
+        return Problem(Refusal(error.default_code, str(error.detail), rule), error.status_code)
+    return None
+
+
+def response_of(error: Exception, context: dict[str, Any]) -> Response | None:
+    """Answer an error (DRF's exception handler)."""
+    problem = problem_of(error)
+    if problem is None:
+        return None
+    set_rollback()
+    response = Response(body_of(problem), status=problem.status, content_type=CONTENT_TYPE)
+    if problem.status == 401:
+        response["WWW-Authenticate"] = 'Bearer realm="fleet"'
+    if problem.status in (429, 503):
+        response["Retry-After"] = str(RETRY_S)
+    if problem.status == 405:
+        response["Allow"] = ", ".join(context["view"].allowed_methods)
+    return response
+
+
+def body_of(problem: Problem) -> Any:
+    """Return a problem's body."""
+    refusal = problem.refusal
+    details = ProblemDetails(
+        title=_TITLES.get(problem.status, "Not done"),
+        status=problem.status,
+        detail=refusal.text,
+        code=refusal.code,
+        rule=refusal.rule,
+        figures=refusal.figures,
+        refusals=problem.others or [refusal],
+    )
+    return msgspec.to_builtins(details)
+
+
+_TITLES = {
+    400: "The request is not valid",
+    401: "Not signed in",
+    403: "Not permitted",
+    404: "Not found",
+    405: "Method not allowed",
+    406: "Not acceptable",
+    409: "Refused",
+    412: "Changed meanwhile",
+    413: "Too large",
+    415: "Unsupported media type",
+    428: "A condition is needed",
+    429: "Too many requests",
+    503: "Not possible now",
+}

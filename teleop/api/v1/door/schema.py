@@ -1,0 +1,90 @@
+"""OpenAPI of what REST framework does not know: our structs, and the sign-in by token."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+from drf_spectacular.extensions import OpenApiAuthenticationExtension, OpenApiSerializerExtension
+from drf_spectacular.plumbing import ResolvedComponent
+from msgspec import Struct
+
+from teleop.api.v1.door.problems import ProblemDetails
+
+REFERENCE = "#/components/schemas/{name}"
+
+
+class StructSchema(OpenApiSerializerExtension):  # type: ignore[no-untyped-call]
+    """The schema of a msgspec struct, and of those that it names: JSON Schema as OpenAPI 3.1 takes it."""
+
+    target_class = "msgspec.Struct"
+    match_subclasses = True
+
+    def get_name(self, auto_schema: Any, direction: Any) -> str:
+        """Return the component's name."""
+        return str(self.target.__name__)
+
+    def map_serializer(self, auto_schema: Any, direction: Any) -> Any:
+        """Return its schema; others become components of their own."""
+        _, found = msgspec.json.schema_components([self.target], ref_template=REFERENCE)
+        own = found.pop(self.target.__name__)
+        for name, schema in found.items():
+            component = ResolvedComponent(  # type: ignore[no-untyped-call]
+                name=name, type=ResolvedComponent.SCHEMA, object=name, schema=schema
+            )
+            auto_schema.registry.register_on_missing(component)
+        return own
+
+
+class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call]
+    """The header with the token."""
+
+    target_class = "teleop.api.v1.door.authentication.TokenAuthentication"
+    name = "token"
+
+    def get_security_definition(self, auto_schema: Any) -> dict[str, str]:
+        """Return the scheme."""
+        return {"type": "http", "scheme": "bearer", "description": "Made on the page Your account."}
+
+
+class StopResults(Struct, frozen=True):
+    """What came of a stop, by robot: the stop, or a refusal; with `pending` it is delivered as soon as possible."""
+
+    robots: dict[str, dict[str, Any]]
+
+
+def with_stops(result: dict[str, Any], generator: Any, **_options: Any) -> dict[str, Any]:
+    """Add the stops, which REST framework does not serve: nothing but sign-in and origin may refuse them."""
+    _, found = msgspec.json.schema_components([StopResults, ProblemDetails], ref_template=REFERENCE)
+    result["components"]["schemas"] |= found
+    one = {"name": "slug", "in": "path", "required": True, "schema": {"type": "string"}}
+    addresses: list[tuple[str, str, list[Any]]] = [
+        ("/stop", "stop_all", []),
+        ("/robots/{slug}/stop", "stop", [one]),
+    ]
+    for address, name, parameters in addresses:
+        answers = {
+            "200": _answer("Stopped.", "StopResults"),
+            "202": _answer("Some are pending: the stop is delivered as soon as possible.", "StopResults"),
+            "502": _answer("One or more robots were not reached.", "StopResults"),
+            **{code: _answer("refused", "Refusal") for code in ("401", "403", "404", "405")},
+        }
+        result["paths"][f"/api/v1{address}"] = {
+            "post": {
+                "operationId": name,
+                "summary": "Emergency stop: latched",
+                "description": "No body is read. Any token of a person who may see the robot.",
+                "tags": ["stop"],
+                "parameters": parameters,
+                "security": [{"token": []}, {"cookieAuth": []}],
+                "responses": answers,
+            }
+        }
+    return result
+
+
+def _answer(words: str, name: str) -> dict[str, Any]:
+    return {
+        "description": words,
+        "content": {"application/json": {"schema": {"$ref": REFERENCE.format(name=name)}}},
+    }

@@ -1,0 +1,172 @@
+"""Robots: the list, one with its state, its phrases, the history of its speech."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import Any
+
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiParameter
+from msgspec import Struct
+from rest_framework.request import Request
+
+from fleet.accounts.tokens.models import Scope
+from robots.access.selectors import role_on, roles_of
+from robots.link.client import LinkRefused, state_once
+from robots.registry.models import Robot, Role
+from robots.registry.selectors import link_address, phrases_of, robot_facts
+from robots.stop import courier
+from robots.stop.pending_stops import name_of
+from robots.wire import PendingStop, Refusal, RobotFacts, State
+from teleop.api.v1.door.operation import ApiView, operation
+from teleop.api.v1.door.parameters import whole_number
+from teleop.control import rules
+from teleop.control.policy import out_of_service
+from teleop.control.selectors import lease_of
+from teleop.reports.history import SpeechHistory, speech_history
+
+LONGEST_PAGE = 200  # entries of history at once
+HIGHEST_NUMBER = 2**63 - 1
+
+
+class RobotEntry(Struct, frozen=True):
+    """A robot in a list, with your role on it."""
+
+    slug: str
+    name: str
+    profile: str
+    practice: bool  # a simulated one
+    enabled: bool
+    role: str | None
+
+
+class RobotList(Struct, frozen=True):
+    """Robots, by name."""
+
+    robots: list[RobotEntry]
+
+
+class RobotDetail(RobotEntry, frozen=True):
+    """A robot and its state, as far as its bridge knows it; `refusal` says why the state is unknown."""
+
+    facts: RobotFacts
+    holder: str | None  # of control
+    state: State | None
+    seen_at: datetime | None  # when the robot was last heard
+    refusal: Refusal | None
+    pending_stop: PendingStop | None
+
+
+class PhraseEntry(Struct, frozen=True):
+    """A sentence that staff wrote for a robot."""
+
+    id: int
+    text: str
+    language: str
+    tags: list[str]
+
+
+class PhraseList(Struct, frozen=True):
+    """Phrases, in their order."""
+
+    phrases: list[PhraseEntry]
+
+
+class RobotsView(ApiView):
+    """`/robots`."""
+
+    @operation("robots_list", "List the robots that you may see", scope=Scope.READ, answer=RobotList)
+    def get(self, _request: Request) -> RobotList:
+        """The state of a robot is at its own address."""
+        robots = self.robots()
+        roles = roles_of(self.person, robots)
+        return RobotList([RobotEntry(**_entry(robot, roles.get(robot.id))) for robot in robots])
+
+
+class RobotView(ApiView):
+    """`/robots/{slug}`."""
+
+    @operation(
+        "robots_read", "Read one robot and its state", scope=Scope.READ, answer=RobotDetail, refuses=(404,)
+    )
+    def get(self, _request: Request, slug: str) -> RobotDetail:
+        """State, sensors and their ages, battery, stop, gate's verdict, limits."""
+        robot = self.robot(slug)
+        lease = lease_of(robot.id)
+        held = lease is not None and rules.lapse_reason(lease, timezone.now()) is None
+        state, refusal = _state(robot)
+        return RobotDetail(
+            **_entry(robot, role_on(self.person, robot)),
+            facts=robot_facts(robot),
+            holder=lease.name if lease and held else None,
+            state=state,
+            seen_at=_seen_at(state),
+            refusal=refusal,
+            pending_stop=_pending(robot),
+        )
+
+
+class PhrasesView(ApiView):
+    """`/robots/{slug}/phrases`."""
+
+    @operation("phrases_list", "List a robot’s phrases", scope=Scope.READ, answer=PhraseList, refuses=(404,))
+    def get(self, _request: Request, slug: str) -> PhraseList:
+        """Sentences that staff wrote for this robot."""
+        lines = [(phrase.pk, phrase.line) for phrase in phrases_of(self.robot(slug))]
+        return PhraseList([PhraseEntry(key, one.text, one.language, list(one.tags)) for key, one in lines])
+
+
+class SpeechHistoryView(ApiView):
+    """`/robots/{slug}/speech/history`."""
+
+    @operation(
+        "speech_history",
+        "Read what a robot said",
+        scope=Scope.READ,
+        answer=SpeechHistory,
+        refuses=(400, 404),
+        parameters=[
+            OpenApiParameter("before", int, description="Entries with a number below this one."),
+            OpenApiParameter(
+                "limit", int, description=f"At most so many, 1 to {LONGEST_PAGE}; 50 if left out."
+            ),
+        ],
+    )
+    def get(self, request: Request, slug: str) -> SpeechHistory:
+        """Newest first, from the audit log. Only supervisors of the robot and staff get entries of other people."""
+        robot = self.robot(slug)
+        before = whole_number(request, "before", HIGHEST_NUMBER, HIGHEST_NUMBER)
+        return speech_history(
+            robot, self.person, before=before, limit=whole_number(request, "limit", 50, LONGEST_PAGE)
+        )
+
+
+def _entry(robot: Robot, role: Role | None) -> dict[str, Any]:
+    return {
+        "slug": robot.slug,
+        "name": robot.name,
+        "profile": robot.profile.slug,
+        "practice": robot.practice,
+        "enabled": robot.enabled,
+        "role": role.value if role else None,
+    }
+
+
+def _seen_at(state: State | None) -> datetime | None:
+    """Return when the robot was last heard, as far as its bridge knows; REST has no link of its own that knows more."""
+    if state is None or state.unseen_s is None:
+        return None
+    return timezone.now() - timedelta(seconds=state.unseen_s)
+
+
+def _pending(robot: Robot) -> PendingStop | None:
+    """Return the newest pending stop."""
+    waiting = courier.pending_stops().of(name_of(robot.id))
+    return waiting[-1].on_wire() if waiting else None
+
+
+def _state(robot: Robot) -> tuple[State | None, Refusal | None]:
+    try:
+        return state_once(robot.id, link_address(robot)), None
+    except LinkRefused as refused:
+        return None, out_of_service(robot) or refused.refusal

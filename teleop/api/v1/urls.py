@@ -1,0 +1,24 @@
+"""Addresses of the API, under /api/v1/. None ends with a slash; with one, they lead to the address without it."""
+
+from __future__ import annotations
+
+from django.contrib.auth.decorators import login_not_required
+from django.urls import path, re_path
+from drf_spectacular.views import SpectacularJSONAPIView
+
+from teleop.api.v1 import other, robots
+from teleop.stop import views as stop_views
+
+urlpatterns = [
+    path("openapi.json", login_not_required(SpectacularJSONAPIView.as_view()), name="api-schema"),
+    path("robots", robots.RobotsView.as_view(), name="api-robots"),
+    path("robots/<slug:slug>", robots.RobotView.as_view(), name="api-robot"),
+    path("robots/<slug:slug>/phrases", robots.PhrasesView.as_view(), name="api-phrases"),
+    path("robots/<slug:slug>/speech/history", robots.SpeechHistoryView.as_view(), name="api-speech"),
+    path("robots/<slug:slug>/stop", stop_views.rest_stop, name="api-stop"),
+    path("stop", stop_views.rest_stop_all, name="api-stop-all"),
+    # A stop is not led elsewhere because of a slash.
+    path("robots/<slug:slug>/stop/", stop_views.rest_stop),
+    path("stop/", stop_views.rest_stop_all),
+    re_path(r"^(?P<address>.*)$", other.OtherAddress.as_view(schema=None)),
+]
