@@ -76,9 +76,19 @@ def policy_remove(*, robot: Robot | None = None, group: RobotGroup | None = None
 
 @transaction.atomic
 def out_of_service_add(
-    *, robot: Robot, starts_at: datetime, ends_at: datetime | None, why: str, note: str, actor: User
+    *,
+    robot: Robot,
+    starts_at: datetime,
+    ends_at: datetime | None,
+    why: str,
+    note: str,
+    actor: User,
+    now: datetime,
 ) -> list[Booking]:
-    """Take a robot out of service for a period; `ends_at` None: until further notice. Returns the affected bookings."""
+    """Take a robot out of service for a period; `ends_at` None: until further notice.
+
+    Returns the affected bookings, which are not over.
+    """
     period = OutOfService(robot=robot, starts_at=starts_at, ends_at=ends_at, why=why, note=note)
     period.full_clean()
     period.save()
@@ -86,10 +96,10 @@ def out_of_service_add(
     parameters = {"period": str(period.pk), "from": starts_at.isoformat(), "to": until, "why": why}
     record("robot.out_of_service", actor=actor, **_named(robot), parameters=parameters, text=note)
     _tell(robot)
-    affected = list(held_between([robot], starts_at, ends_at or FAR))
+    affected = list(held_between([robot], max(starts_at, now), ends_at or FAR))
     for booking in affected:
         reason = f"{period.get_why_display()} {note}".strip()
-        changed_by_another(booking, actor, _("the robot is out of service"), reason, timezone.now())
+        changed_by_another(booking, actor, _("the robot is out of service"), reason, now)
     return affected
 
 
@@ -97,6 +107,8 @@ def out_of_service_add(
 def out_of_service_end(*, period_id: UUID, actor: User, now: datetime) -> None:
     """End a period now; one that has not begun is removed."""
     period = OutOfService.objects.select_related("robot").select_for_update(of=("self",)).get(pk=period_id)
+    if period.ends_at is not None and period.ends_at <= now:
+        return  # it is over, since the page was opened
     if period.starts_at >= now:
         period.delete()
     else:

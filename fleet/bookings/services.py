@@ -189,9 +189,9 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
     return booking
 
 
-def booking_approve(*, booking_id: UUID, actor: User, now: datetime) -> Booking:
-    """Approve a booking that awaits it."""
-    with _changeable(booking_id, actor, None, now) as booking:
+def booking_approve(*, booking_id: UUID, version: int, actor: User, now: datetime) -> Booking:
+    """Approve a booking that awaits it, at the times that the approver saw."""
+    with _changeable(booking_id, actor, version, now) as booking:
         if not may_manage_booking(actor, booking):
             raise BookingRefused([_NOT_YOURS])
         if booking.state == State.AWAITING:
@@ -241,7 +241,7 @@ def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, no
 
 
 @contextmanager
-def _changeable(booking_id: UUID, actor: User, version: int | None, now: datetime) -> Iterator[Booking]:
+def _changeable(booking_id: UUID, actor: User, version: int, now: datetime) -> Iterator[Booking]:
     """Lock a booking's robot, and check that this person may change the booking, which is still as they saw it."""
     robot_id = Booking.objects.values_list("robot_id", flat=True).get(pk=booking_id)
     with robot_locked(robot_id) as robot:
@@ -249,7 +249,7 @@ def _changeable(booking_id: UUID, actor: User, version: int | None, now: datetim
         booking.robot = robot
         if booking.person_id != actor.pk and not may_manage_booking(actor, booking):
             raise BookingRefused([_NOT_YOURS])
-        if version is not None and booking.version != version:
+        if booking.version != version:
             raise BookingRefused([_STALE])
         stage = stage_of(booking, grace_of(policy_of(robot)), now)
         if stage in (Stage.OVER, Stage.FINISHED, Stage.NO_SHOW, Stage.CANCELLED):

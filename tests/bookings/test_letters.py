@@ -59,9 +59,11 @@ def test_a_slot_booked_a_moment_before_needs_no_reminder(robot, olga):
 def test_changes_by_others_are_told_with_the_reason(robot, olga, supervisor, mailoutbox):
     booking = book(robot, olga)
     booking_cancel(booking_id=booking.pk, version=1, actor=supervisor, now=NOW, reason="demo day")
-    out_of_service_add(robot=robot, starts_at=NOW, ends_at=None, why="repair", note="wheel", actor=supervisor)
+    book(robot, olga, now=at(-24))
+    period = {"starts_at": at(-48), "ends_at": None, "why": "repair", "note": "wheel"}
+    out_of_service_add(robot=robot, **period, actor=supervisor, now=NOW)
     letters.send_letters(NOW + timedelta(seconds=1))
-    [mail] = mailoutbox  # the cancelled booking is not affected by the repair
+    [mail] = mailoutbox  # the repair affects neither the cancelled booking nor one that is over
     assert "cancelled" in mail.subject
     assert "Sue Pervisor" in mail.body and "demo day" in mail.body
 

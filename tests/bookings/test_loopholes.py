@@ -1,7 +1,8 @@
 """Ways around the rules of booking, each tried at the page where a person would try it."""
 
 import time
-from datetime import timedelta
+from datetime import datetime, timedelta
+from datetime import timezone as dt_timezone
 
 import pytest
 from django.urls import reverse
@@ -128,7 +129,7 @@ def approved(robot, operator, supervisor):
     slot = Slot(in_hours(5), in_hours(6))
     booking = booking_make(robot=robot, person=operator, slot=slot, now=timezone.now())
     assert booking.state == State.AWAITING
-    booking_approve(booking_id=booking.pk, actor=supervisor, now=timezone.now())
+    booking_approve(booking_id=booking.pk, version=1, actor=supervisor, now=timezone.now())
     booking.refresh_from_db()
     return booking
 
@@ -142,6 +143,15 @@ def test_a_moved_booking_awaits_approval_again(signed_in, robot, approved, opera
     change(signed_in(supervisor), approved, "approve")
     change(signed_in(supervisor), approved, **fields(robot, 9))
     assert approved.state == State.BOOKED
+
+
+def test_a_booking_that_moved_meanwhile_is_not_approved(signed_in, robot, approved, operator, supervisor):
+    change(signed_in(operator), approved, **fields(robot, 8))
+    seen = approved.version
+    change(signed_in(operator), approved, **fields(robot, 9))
+    approved.version, page = seen, signed_in(supervisor)
+    assert change(page, approved, "approve") == ["changed"]
+    assert change(page, approved, "approve") == []
 
 
 def test_a_booking_in_other_hands_awaits_approval_again(signed_in, approved, operator, second_operator):
@@ -166,6 +176,24 @@ def test_an_unapproved_booking_blocks_nobody_after_the_grace(signed_in, robot, o
     assert signed_in(operator).post(reverse("booking-new"), times, **JSON).status_code == 200
     forgotten.refresh_from_db()
     assert (forgotten.state, forgotten.held_until) == (State.CANCELLED, minutes(-5))
+
+
+# --- the hour that the clock shows twice ---
+
+
+def test_lengthening_in_the_hour_that_comes_twice_keeps_the_start(signed_in, robot, operator):
+    Policy.objects.create(robot=robot, horizon_days=730)
+    operator.time_zone = "Europe/Berlin"
+    operator.save()
+    sunday = datetime(2027, 10, 31, tzinfo=dt_timezone.utc)  # 03:00 becomes 02:00 at 01:00 UTC
+    starts, ends = sunday + timedelta(minutes=75), sunday + timedelta(minutes=105)
+    times = {"starts_at": starts, "ends_at": ends, "held_until": ends, "made_at": timezone.now()}
+    booking = Booking.objects.create(robot=robot, person=operator, **times)
+    browser = signed_in(operator)
+    assert change(browser, booking, starts_at="2027-10-31T02:15", ends_at="2027-10-31T03:30") == []
+    assert (booking.starts_at, booking.ends_at) == (starts, sunday + timedelta(minutes=150))
+    assert change(browser, booking, starts_at="2027-10-31T02:15", ends_at="2027-10-31T03:00") == []
+    assert (booking.starts_at, booking.ends_at) == (starts, sunday + timedelta(minutes=120))
 
 
 # --- no-show, waiting list, reminder ---------------------------------------------------------------

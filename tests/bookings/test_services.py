@@ -155,7 +155,7 @@ def test_a_booking_that_awaits_approval_holds_the_slot(robot, operator, second_o
     booking = book(robot, operator)
     assert refused(book, robot, second_operator) == ["taken"]
     assert schedule_of(robot, slot(1.1).starts_at).current is None
-    booking_approve(booking_id=booking.pk, actor=supervisor, now=NOW)
+    booking_approve(booking_id=booking.pk, version=1, actor=supervisor, now=NOW)
     assert schedule_of(robot, slot(1.1).starts_at).current.person == operator.id
 
 

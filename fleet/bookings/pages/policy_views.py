@@ -106,11 +106,13 @@ def out_of_service(request: HttpRequest) -> HttpResponse:
             messages.error(request, str(texts[0]))
         return redirect("booking-policies")
     period = {**form.cleaned_data}
-    chosen = period.pop("robots")
+    chosen, now = period.pop("robots"), timezone.now()
     affected = [
         booking
         for robot in chosen
-        for booking in policy_services.out_of_service_add(robot=robot, **period, actor=person_of(request))
+        for booking in policy_services.out_of_service_add(
+            robot=robot, **period, actor=person_of(request), now=now
+        )
     ]
     text = ngettext(
         "Out of service. %(number)d booking is affected: %(people)s.",

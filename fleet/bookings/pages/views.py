@@ -232,7 +232,7 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
     version = _whole(request.POST.get("version"), 0)
     action = request.POST.get("action")
     if action == "approve":
-        services.booking_approve(**common)
+        services.booking_approve(version=version, **common)
     elif action == "accept":
         offer_accept(**common)
     elif action == "cancel":
@@ -250,7 +250,15 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
         if not form.is_valid():
             raise BookingRefused(_form_refusals(form))
         override = form.cleaned_data.get("override", "")
-        services.booking_move(version=version, slot=form.slot, override=override, **common)
+        slot = Slot(_kept(form.slot.starts_at, found.starts_at), _kept(form.slot.ends_at, found.ends_at))
+        services.booking_move(version=version, slot=slot, override=override, **common)
+
+
+def _kept(typed: datetime, old: datetime) -> datetime:
+    """Return the old moment if its time on the clock was typed again: the clock may show that time twice."""
+    zone = viewers()
+    same = f"{typed.astimezone(zone):{TIME_FORMAT}}" == f"{old.astimezone(zone):{TIME_FORMAT}}"
+    return old if same else typed
 
 
 def _booking_page(
