@@ -55,15 +55,7 @@ class AccountAdapter(DefaultAccountAdapter):
 
     def reauthenticate(self, user: Any, password: str) -> bool:
         """Return whether this is the person's password. Wrong ones count as those at the sign-in page."""
-        address = services.address_of(self.request)
-        try:
-            with throttle.attempt(username=user.username, address=address):
-                if user.check_password(password):
-                    return True
-                throttle.failure_recorded(username=user.username, address=address)
-                return False
-        except throttle.TooMany as error:
-            raise ValidationError(throttle.words(error.wait_s), code="throttled") from error
+        return throttle.password_fits(user, password, address=services.address_of(self.request))
 
     def set_password(self, user: Any, password: str) -> None:
         """Set the password by a link that an e-mail brought. Every sign-in of the person ends."""

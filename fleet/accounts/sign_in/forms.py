@@ -7,7 +7,7 @@ from typing import Any
 from allauth.account.forms import AddEmailForm, ResetPasswordForm
 from allauth.account.internal.flows.email_verification import send_verification_email_to_address
 from allauth.account.models import EmailAddress
-from django.contrib.auth.forms import AuthenticationForm
+from django.contrib.auth.forms import AuthenticationForm, PasswordChangeForm
 from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.http import HttpRequest
@@ -51,6 +51,21 @@ class SignInForm(AuthenticationForm):
     def _busy(self) -> ValidationError:
         self.wait_s = hashing.RETRY_AFTER_S
         return ValidationError(_("Many people sign in at this moment. Try again in a moment."), code=BUSY)
+
+
+class OwnPasswordForm(PasswordChangeForm):
+    """A new password, with the present one."""
+
+    def __init__(self, *arguments: Any, address: str, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._address = address
+
+    def clean_old_password(self) -> str:
+        """Refuse a wrong one, and any one after too many: a page that was left open is no place to guess."""
+        password: str = self.cleaned_data["old_password"]
+        if not throttle.password_fits(self.user, password, address=self._address):
+            raise ValidationError(self.error_messages["password_incorrect"], code="password_incorrect")
+        return password
 
 
 class ForgottenPasswordForm(ResetPasswordForm):

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from datetime import datetime, timedelta
 from math import ceil
 
+from django.core.exceptions import ValidationError
 from django.db import connection, transaction
 from django.db.models import QuerySet
 from django.utils import timezone
@@ -85,6 +86,21 @@ def attempt(*, username: str, address: str) -> Iterator[None]:
         yield
     finally:  # the failure is recorded by now
         begun.delete()
+
+
+def password_fits(person: User, password: str, *, address: str) -> bool:
+    """Return whether this is the password of a signed-in person. Wrong ones count as those at the sign-in page.
+
+    Raises `ValidationError` while the person must wait.
+    """
+    try:
+        with attempt(username=person.username, address=address):
+            if person.check_password(password):
+                return True
+            failure_recorded(username=person.username, address=address)
+            return False
+    except TooMany as error:
+        raise ValidationError(words(error.wait_s), code="throttled") from error
 
 
 @transaction.atomic

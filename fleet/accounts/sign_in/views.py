@@ -26,7 +26,7 @@ from requests import RequestException
 
 from fleet.accounts import services
 from fleet.accounts.requests import person_of
-from fleet.accounts.sign_in.forms import THROTTLED, SignInForm
+from fleet.accounts.sign_in.forms import THROTTLED, OwnPasswordForm, SignInForm
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +61,12 @@ class PasswordView(PasswordChangeView):
     """One's own password."""
 
     template_name = "accounts/password.html"
+    form_class = OwnPasswordForm
     success_url = reverse_lazy("your-account")
+
+    def get_form_kwargs(self) -> dict[str, Any]:
+        """Give the form the address of the request."""
+        return {**super().get_form_kwargs(), "address": services.address_of(self.request)}
 
     def form_valid(self, form: PasswordChangeForm) -> HttpResponse:
         """Change the password. Refused if it cannot be recorded.

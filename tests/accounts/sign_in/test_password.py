@@ -77,6 +77,15 @@ def test_errors_are_shown_and_nothing_is_changed(change, said, stranger, signed_
     assert not Record.objects.filter(kind="account.change").exists()
 
 
+@pytest.mark.django_db
+def test_nobody_guesses_it_at_a_page_that_was_left_open(stranger, signed_in):
+    desk = signed_in(stranger)
+    for _ in range(10):
+        desk.post(PAGE, FORM | {"old_password": "wrong"})
+    assert "Too many failed attempts" in desk.post(PAGE, FORM).content.decode()
+    assert _has(stranger, PASSWORD)
+
+
 @pytest.mark.django_db(transaction=True)
 def test_ones_own_is_not_changed_without_a_record(stranger, signed_in):
     desk = signed_in(stranger)
