@@ -54,6 +54,7 @@ KINDS: dict[str, Kind] = {
     "speech.cancel": _speech(_("speech cancelled")),
     "drive.start": _motion(_("drive began")),
     "drive.end": _motion(_("drive ended")),
+    "drive.by": _motion(_("drive by a distance or angle")),
     "motion.start": _motion(_("motion asked for")),
     "motion.end": _motion(_("end of motion")),
     "motion.cancel": _motion(_("motion cancelled")),

@@ -337,6 +337,7 @@ class Core:
         skew_s, steadied_s = stamp_s - wall_s, self._reported.skew_s
         self._reported.skew_s = skew_s if steadied_s is None else steadied_s + 0.1 * (skew_s - steadied_s)
         self._drives.moved(pose, velocity, arrival_s)
+        self.tasks.drives_by.moved(pose)
         self._tell_news()
 
     def laser(self, scan: LaserScan) -> None:
@@ -404,6 +405,8 @@ class Core:
             tasks.motions.last,
             speech and (speech.number, speech.status, speech.word),
             tasks.speech.last,
+            tasks.drives_by.running,
+            tasks.drives_by.last,
             tasks.routing.chosen,
             dict(tasks.routing.gone),
             tasks.publications.view,
@@ -470,6 +473,7 @@ class Core:
         self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
         self._send(STILL, now_s)
+        self.tasks.drives_by.halted(code, reason, now_s)
 
     # --- inside -----------------------------------------------------------------------------------
 
@@ -481,14 +485,21 @@ class Core:
             self._stop_until_neutral(*self._explain_silence(self._asking, now_s))
         awaited = self._awaited(now_s)
         self._asking, asked = self._inputs.wanted(grant, awaited is None, now_s) if grant else (None, STILL)
-        refusal = self._why_not(grant, self._asking, now_s) if grant and self._asking else None
+        by, refusal = self.tasks.drives_by, None
+        if grant and self._asking:
+            by.end("replaced", "The holder’s own drive input took over.", now_s)
+            refusal = self._why_not(grant, self._asking, now_s)
+        elif grant and (requester := by.running):
+            refusal, asked = self._drive_by(grant, requester, awaited, now_s)
         self._passed = asked if refusal is None else STILL
         verdict = self._gate.decide(self._passed, self._sent, now_s)
         if self._passed != STILL:
             self._drives.decided(verdict, now_s)
             if verdict.neutral:
                 self._stop_until_neutral(verdict.code, verdict.text)
-        if refusal and refusal.code in _HALTING:
+            if self._asking is None:
+                by.decided(verdict, now_s)
+        if self._asking and refusal and refusal.code in _HALTING:
             self._stop_until_neutral(refusal.code, _HALTING[refusal.code])
         if self._asking and awaited:
             self._stop_until_neutral(awaited.code, awaited.text)
@@ -497,7 +508,21 @@ class Core:
         if not self._latch.latched:
             self._verdict = verdict
         self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
-        return None if refusal is WAITING else refusal
+        return None if refusal is WAITING or self._asking is None else refusal
+
+    def _drive_by(
+        self, grant: Grant, requester: Requester, awaited: wire.NeutralNeeded | None, now_s: float
+    ) -> tuple[Refusal | None, Velocity]:
+        """Return the next velocity towards the goal of a task, or the rule that forbids it."""
+        by = self.tasks.drives_by
+        refusal = self.why_not_begin(requester, now_s) or self._why_not(grant, None, now_s)
+        if refusal is not None and refusal is not WAITING:
+            by.forbidden(refusal, now_s)
+            return refusal, STILL
+        if awaited:
+            self._drives.halted(awaited.text)
+            by.awaits(awaited, now_s)
+        return refusal, by.velocity(grant, self.lease.granted_s, self._sent, now_s)
 
     def _explain_silence(self, stick: DriveInput, now_s: float) -> tuple[str, str]:
         """Return code and reason for the expired commands of `stick`: this computer was late, or the sender was silent.
@@ -529,13 +554,13 @@ class Core:
         fault = self._gate.fault(now_s)
         return wire.NeutralNeeded(fault.code, f"stopped: {fault.text}") if fault else None
 
-    def _why_not(self, grant: Grant, stick: DriveInput, now_s: float) -> Refusal | None:
-        """Return the first rule that forbids motion. Lease and age are checked elsewhere."""
+    def _why_not(self, grant: Grant, stick: DriveInput | None, now_s: float) -> Refusal | None:
+        """Return the first rule that forbids motion, by a stick or by a task. Lease and age are checked elsewhere."""
         if closed := self.why_closed(now_s):
             return closed
         if refusal := self.tasks.why_stand(now_s) or self._drives.why_not:
             return refusal
-        return self._inputs.refuse(stick) or self._drives.may_move(holder_of(grant), now_s)
+        return (stick and self._inputs.refuse(stick)) or self._drives.may_move(holder_of(grant), now_s)
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
         """Publish while there is a reason to; then leave the topic to other nodes."""

@@ -72,6 +72,8 @@ def state(
         motion_ended=tasks.motions.last,
         speech=tasks.speech.view(now_s),
         speech_ended=tasks.speech.last,
+        drive_by=tasks.drives_by.view(now_s),
+        drive_by_ended=tasks.drives_by.last,
         chosen=tasks.routing.chosen,
         choice_ended=dict(tasks.routing.gone),
         publishing=tasks.publications.view,

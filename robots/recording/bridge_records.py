@@ -57,6 +57,7 @@ ENDS = {
     "motion.cancel": ("motion.cancel", "unknown"),
     "speech.start": ("speech.end", "unknown"),
     "publish.start": ("publish.end", "unknown"),
+    "drive.by": ("drive.by", "unknown"),
     "topic.choose": ("topic.choose", "unknown"),
     "head.look_ahead": ("head.look_ahead", "unknown"),
     "memory.forget": ("memory.forget", "unknown"),

@@ -9,10 +9,14 @@ only binary frame.
 """
 
 from robots.wire.base import DEEPEST as DEEPEST
+from robots.wire.base import FARTHEST_M as FARTHEST_M
+from robots.wire.base import FARTHEST_RAD as FARTHEST_RAD
 from robots.wire.base import LARGEST_MESSAGE_BYTES as LARGEST_MESSAGE_BYTES
 from robots.wire.base import MOST_SUBSCRIPTIONS as MOST_SUBSCRIPTIONS
 from robots.wire.base import PROTOCOL as PROTOCOL
 from robots.wire.base import SLOWEST_HZ as SLOWEST_HZ
+from robots.wire.base import SLOWEST_MPS as SLOWEST_MPS
+from robots.wire.base import SLOWEST_RADPS as SLOWEST_RADPS
 from robots.wire.base import Accepted as Accepted
 from robots.wire.base import Ack as Ack
 from robots.wire.base import Axis as Axis
@@ -106,6 +110,8 @@ from robots.wire.page import Take as Take
 from robots.wire.page import TakeOver as TakeOver
 from robots.wire.page import Welcome as Welcome
 from robots.wire.state import ChoiceEnd as ChoiceEnd
+from robots.wire.state import DriveByEnd as DriveByEnd
+from robots.wire.state import DriveByProgress as DriveByProgress
 from robots.wire.state import Motion as Motion
 from robots.wire.state import MotionEnd as MotionEnd
 from robots.wire.state import MotionOffer as MotionOffer
@@ -130,6 +136,8 @@ from robots.wire.state import Verdict as Verdict
 from robots.wire.state import View as View
 from robots.wire.state import Way as Way
 from robots.wire.tasks import Choose as Choose
+from robots.wire.tasks import DriveBy as DriveBy
+from robots.wire.tasks import DriveByCancel as DriveByCancel
 from robots.wire.tasks import Forget as Forget
 from robots.wire.tasks import LookAhead as LookAhead
 from robots.wire.tasks import Play as Play

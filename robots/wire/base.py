@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -30,6 +31,10 @@ Rule = Literal[
 ]
 ReverseSteering = Literal["turn", "car"]  # stick left always turns left; mirrored in reverse
 SLOWEST_HZ = 0.1  # of repeated publishing
+SLOWEST_MPS = 0.02  # of a drive by a distance; slower robots stick
+SLOWEST_RADPS = 0.05
+FARTHEST_M = 5.0
+FARTHEST_RAD = math.tau
 Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz; 0 is once
 SampleRate = Annotated[float, Meta(ge=SLOWEST_HZ, le=10.0)]  # Hz
 TabToken = Annotated[str, Meta(min_length=16, max_length=64, pattern=r"^[A-Za-z0-9_-]+\Z")]

@@ -42,6 +42,8 @@ from robots.wire.page import (
 from robots.wire.state import Offers, View
 from robots.wire.tasks import (
     Choose,
+    DriveBy,
+    DriveByCancel,
     Forget,
     LookAhead,
     Play,
@@ -69,6 +71,8 @@ BrowserMessage = (
     | PlayCancel
     | Say
     | SayCancel
+    | DriveBy
+    | DriveByCancel
     | Choose
     | Publish
     | PublishStop

@@ -127,6 +127,36 @@ class SpeechEnd(Struct, frozen=True):
     text: str  # why, or the robot's own words
 
 
+class DriveByProgress(Struct, frozen=True):
+    """A drive by a distance or an angle, from its start: what was asked for, and how far it is by odometry."""
+
+    number: int  # of its record
+    who: str
+    goal_m: float | None
+    goal_rad: float | None
+    distance_m: float  # along the heading at the start
+    angle_rad: float
+    since_s: float
+
+
+class DriveByEnd(Struct, frozen=True):
+    """How that ended.
+
+    `outcome`: done; held_back (the gate let the robot no farther, or a sensor that it needs fell silent); stopped;
+    control_lost; replaced (by the stick or a published velocity); no_odometry; late (the bridge was); no_progress (the
+    robot does not obey); cancelled, input_moved, bridge_ended; or a refusal's code.
+    """
+
+    number: int  # of its record, as in `DriveByProgress`
+    seq: int  # of the request, and its fence
+    fence: int
+    outcome: str
+    text: str
+    because: str | None  # the code of the verdict, refusal or halt that ended it
+    distance_m: float  # as in `DriveByProgress`, when it ended
+    angle_rad: float
+
+
 class ChoiceEnd(Struct, frozen=True):
     """How a choice ended by itself: its topic is gone, and input goes to the default `to` again."""
 
@@ -192,6 +222,8 @@ class State(Struct, frozen=True):
     motion_ended: MotionEnd | None = None  # the last one
     speech: Speech | None = None
     speech_ended: SpeechEnd | None = None  # the last one
+    drive_by: DriveByProgress | None = None
+    drive_by_ended: DriveByEnd | None = None  # the last one
     chosen: dict[Use, str] = {}  # the topic where input goes instead of the default
     choice_ended: dict[Use, ChoiceEnd] = {}  # the last that ended by itself, until the next choice
     publishing: list[Publishing] = []

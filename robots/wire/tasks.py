@@ -1,4 +1,4 @@
-"""Tasks except driving: motions, speech, publishing, head. Page to bridge."""
+"""Tasks: motions, speech, publishing, head, drives by a distance or an angle. Page to bridge."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ from typing import Annotated, Any
 from msgspec import Meta, Struct
 
 from robots.wire.base import (
+    FARTHEST_M,
+    FARTHEST_RAD,
     LARGEST_MESSAGE_BYTES,
     SLOWEST_HZ,
+    SLOWEST_MPS,
+    SLOWEST_RADPS,
     Fence,
     Language,
     Milliseconds,
@@ -67,6 +71,34 @@ class SayCancel(Struct, frozen=True, tag_field="t", tag="say_cancel"):
     seq: Seq = 0
 
 
+class DriveBy(Struct, frozen=True, tag_field="t", tag="drive_by"):
+    """Drive a distance straight on, or turn by an angle on the spot, through the gate: one of the two.
+
+    The robot must stand. A speed belongs to its goal; None: 0.4 of the robot's limit, or your part of it if that is
+    smaller. `State.drive_by` shows it, `State.drive_by_ended` its end.
+    """
+
+    fence: Fence
+    distance_m: Annotated[float, Meta(ge=-FARTHEST_M, le=FARTHEST_M)] | None = None  # negative: backwards
+    angle_rad: Annotated[float, Meta(ge=-FARTHEST_RAD, le=FARTHEST_RAD)] | None = None  # positive: left
+    speed_mps: Annotated[float, Meta(ge=SLOWEST_MPS, le=10.0)] | None = None
+    speed_radps: Annotated[float, Meta(ge=SLOWEST_RADPS, le=10.0)] | None = None
+    seq: Seq = 0
+
+    def __post_init__(self) -> None:
+        if (self.distance_m is None) == (self.angle_rad is None):
+            raise ValueError("give either distance_m or angle_rad")
+        if (self.speed_mps if self.distance_m is None else self.speed_radps) is not None:
+            raise ValueError("speed_mps belongs to distance_m, speed_radps to angle_rad")
+
+
+class DriveByCancel(Struct, frozen=True, tag_field="t", tag="drive_by_cancel"):
+    """End the drive by a distance or an angle: the robot stands."""
+
+    fence: Fence
+    seq: Seq = 0
+
+
 class Choose(Struct, frozen=True, tag_field="t", tag="choose"):
     """Send input of this `use` to `topic` from now on (an action's name for actions); None: to the default."""
 
@@ -105,4 +137,16 @@ class PublishStop(Struct, frozen=True, tag_field="t", tag="publish_stop"):
     seq: Seq = 0
 
 
-TaskRequest = LookAhead | Forget | Play | PlayCancel | Say | SayCancel | Choose | Publish | PublishStop
+TaskRequest = (
+    LookAhead
+    | Forget
+    | Play
+    | PlayCancel
+    | Say
+    | SayCancel
+    | DriveBy
+    | DriveByCancel
+    | Choose
+    | Publish
+    | PublishStop
+)

@@ -1,1 +1,1 @@
-"""Drive input: newest stick position, input filters, twists, and the log of drives."""
+"""Drive input: newest stick position, input filters, twists, drives by a distance or angle, and the log of drives."""

@@ -43,6 +43,11 @@ class LeaseGuard:
         self.link = link
         self.ends_s = now_s + grant.seconds
 
+    @property
+    def granted_s(self) -> float:
+        """Time of the last grant: a web process renews it every second while its page is there."""
+        return self.ends_s - self.current.seconds if self.current else float("-inf")
+
     def end(self) -> Grant | None:
         """End the grant in force and return it."""
         ended, self.current, self.link = self.current, None, None

@@ -1,4 +1,4 @@
-"""Tasks of the holder except driving: look, perform, speak, publish, choose topics.
+"""Tasks of the holder: look, perform, speak, publish, choose topics, drive by a distance or an angle.
 
 Each task passes the same checks as a stick position (lease, stop, robot online), is recorded, and only then sent to the
 robot. This module never blocks, and an ended task never begins again by itself.
@@ -16,6 +16,7 @@ from robots.bridge.audit.record_sink import Holder
 from robots.bridge.audit.records import RecordedTask, Records, Reply, Requester, pop_due
 from robots.bridge.config import BridgeConfig
 from robots.bridge.drive import twists
+from robots.bridge.drive.drive_by import DrivesBy
 from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Disc
@@ -90,6 +91,7 @@ class Tasks:
         self.routing = InputRouting(config, performer, records, rules)
         self.capabilities = Capabilities(config, self.routing, announce)
         self.publications = Publications(publisher, records)
+        self.drives_by = DrivesBy(config.gate.limits, gate, records)
         self._config = config
         self._publisher = publisher
         self._performer = performer
@@ -115,6 +117,8 @@ class Tasks:
                 self._publish(order, grant, requester, now_s)
             case wire.Play():
                 self._play(order, requester, now_s)
+            case wire.DriveBy():
+                self._drive_by(order, grant, requester, now_s)
             case wire.LookAhead():
                 self._ask("head.look_ahead", requester, now_s)
             case wire.Forget():
@@ -133,6 +137,8 @@ class Tasks:
                 return self._cancel_motion("Its holder cancelled it.")
             case wire.SayCancel():
                 return self._cancel_speech("Its holder cancelled it.")
+            case wire.DriveByCancel():
+                return self.drives_by.cancel("Its holder cancelled it.", now_s)
             case wire.PublishStop(topic=topic):
                 return self.publications.stop(topic, now_s)
             case _:
@@ -158,7 +164,7 @@ class Tasks:
     @property
     def under_way(self) -> list[str]:
         """Tasks in progress, in words. A text being spoken is not included: it ends by itself."""
-        return self.motions.under_way + self.publications.under_way
+        return self.drives_by.under_way + self.motions.under_way + self.publications.under_way
 
     # --- events -----------------------------------------------------------------------------------
 
@@ -172,6 +178,8 @@ class Tasks:
             self.motions.cancel("link_lost", why)
             self.publications.halt("link_lost", now_s)
         self.publications.tick(self._rules.why_not_begin, now_s)
+        if requester := self.drives_by.waiting:
+            self.drives_by.start(self._why_no_drive(requester, now_s), now_s)
         self._watch_motion(now_s)
         self._watch_speech(now_s)
         self.routing.tick({"speech": self.speech.topics(now_s)}, now_s)
@@ -183,6 +191,7 @@ class Tasks:
     def stopped(self, by: str, now_s: float) -> None:
         """End tasks: stop was pressed."""
         self._deny_asked(now_s)
+        self.drives_by.halt("stopped", HALTED, now_s)
         self.publications.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
         self.speech.cancel("stopped", f"The robot was stopped by {by}.")
@@ -190,6 +199,7 @@ class Tasks:
     def unrecorded(self, refusal: Refusal, now_s: float) -> None:
         """End tasks: records cannot be written. A text being spoken is spoken to its end."""
         self._deny_asked(now_s, refusal)
+        self.drives_by.halt(refusal.code, refusal, now_s)
         self.publications.halt(refusal.code, now_s, refusal)
         self.motions.halt(refusal, now_s)
         self.speech.deny(refusal, now_s)
@@ -198,6 +208,7 @@ class Tasks:
     def page_left(self, now_s: float) -> None:
         """Drop tasks that have not begun: their page is gone. `tick` handles running tasks."""
         self._deny_asked(now_s, LEFT)
+        self.drives_by.deny(LEFT.code, LEFT, now_s)
         self.publications.deny(LEFT.code, now_s, LEFT)
         self.motions.deny(LEFT, now_s)
         self.speech.deny(LEFT, now_s)
@@ -206,6 +217,7 @@ class Tasks:
     def control_ended(self, reason: str, now_s: float) -> None:
         """Cancel running tasks: their owner lost control. A text being spoken is spoken to its end."""
         self._deny_asked(now_s)
+        self.drives_by.halt("control_lost", HALTED, now_s)
         self.publications.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
         if self.speech.waiting:
@@ -215,6 +227,7 @@ class Tasks:
     def close(self, now_s: float) -> None:
         """End all tasks: the bridge ends."""
         self._deny_asked(now_s, ENDED)
+        self.drives_by.halt(ENDED.code, ENDED, now_s)
         self.publications.halt(ENDED.code, now_s, ENDED)
         self.motions.close(ENDED, now_s)
         self.speech.close(ENDED, now_s)
@@ -329,6 +342,23 @@ class Tasks:
         if isinstance(velocity, Refusal):
             return velocity
         return self._rules.twist(velocity, order, grant, now_s)
+
+    # --- drives by a distance or an angle -------------------------------------------------------------
+
+    def _drive_by(self, order: wire.DriveBy, grant: Grant, requester: Requester, now_s: float) -> None:
+        refusal = self.drives_by.refuse(order, grant.max_share) or self._why_no_drive(requester, now_s)
+        if refusal is not None:
+            requester.answer(refusal)
+            return
+        self.drives_by.begin(order, grant.max_share, requester, now_s)
+
+    def _why_no_drive(self, requester: Requester, now_s: float) -> Refusal | None:
+        """Return the first rule that forbids to begin a drive. The core judges each velocity afterwards."""
+        return (
+            self._rules.why_not_begin(requester, now_s)
+            or self.motions.refuse(now_s)
+            or self._rules.why_not_still(now_s)
+        )
 
     # --- motions --------------------------------------------------------------------------------------
 

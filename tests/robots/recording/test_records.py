@@ -176,6 +176,7 @@ def test_the_next_bridge_ends_open_tasks_once(sink: AuditSink, holder: Holder, r
     motion = sink.request(holder, "motion.start", {"motion": "wave"})
     look = sink.request(holder, "head.look_ahead", {})
     forget = sink.request(holder, "memory.forget", {})
+    metre = sink.request(holder, "drive.by", {"distance_m": 1.0, "speed_mps": 0.4})
     chosen = sink.request(holder, "topic.choose", {"use": "speech"})
     sink.outcome(chosen, holder, "topic.choose", "chosen", {})
     record("motion.cancel", robot_id=robot.pk, outcome="accepted")  # complete, written by the web process
@@ -183,6 +184,7 @@ def test_the_next_bridge_ends_open_tasks_once(sink: AuditSink, holder: Holder, r
     sink.settle()
     ends = records_of(robot)[before:]
     assert [(end.kind, end.of_id, end.outcome) for end in ends] == [
+        ("drive.by", metre, "unknown"),
         ("memory.forget", forget, "unknown"),
         ("head.look_ahead", look, "unknown"),
         ("motion.end", motion, "unknown"),
@@ -194,7 +196,7 @@ def test_the_next_bridge_ends_open_tasks_once(sink: AuditSink, holder: Holder, r
         (holder.session, 5, robot.name)
     }
     sink.settle()
-    assert len(records_of(robot)) == before + 6
+    assert len(records_of(robot)) == before + 7
 
 
 def test_so_is_what_it_had_begun_to_cancel_by_itself(sink: AuditSink, robot: Robot) -> None:

@@ -20,6 +20,8 @@ ORDERS = {
     "play_cancel": {},
     "say": {"text": "Hola", "language": "es"},
     "say_cancel": {},
+    "drive_by": {"distance_m": 1.0},
+    "drive_by_cancel": {},
     "choose": {"use": "drive"},
     "publish_stop": {"topic": "/notes"},
 }

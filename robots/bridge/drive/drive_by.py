@@ -1,0 +1,314 @@
+"""Drive a distance, or turn by an angle: one request at a time, from its record to its end.
+
+The bridge makes the velocities itself, one for each decision of the core. They pass the rules of drive input: lease,
+stop, records, gate. The console must confirm control again and again meanwhile. Any doubt ends the request.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from robots import wire
+from robots.bridge.audit.record_sink import Parameters
+from robots.bridge.audit.records import RecordedTask, Records, Requester
+from robots.bridge.drive.approach import ARRIVED, Travelled, speed_towards
+from robots.bridge.drive.input_filters import COMMAND_LIFE_S
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.values import STILL, Limits, Pose, Velocity, Verdict
+from robots.wire import DriveBy, Grant, Refusal
+
+DEFAULT_SHARE = 0.4  # of the robot's speed limit, if the request names no speed
+CONFIRMED_S = 2.0  # without a grant for so long, nobody may be there: web processes renew it every second
+HELD_S = 3.0  # without progress for so long, the request ends
+PROGRESS = 0.01  # m or rad: less is none
+SETTLED_S = 0.3  # of zeros, before standstill counts: the last velocity may still be on its way
+NEVER_S = 5.0  # a robot that still moves after so many seconds of zeros does not obey
+
+# Why the robot was halted, by the code: the outcome.
+_OUTCOMES = {
+    "control_ended": "control_lost",
+    "page_gone": "control_lost",
+    "page_back": "control_lost",
+    "link_lost": "control_lost",
+    "odometry_missing": "no_odometry",
+    "odometry_stale": "no_odometry",
+    "odometry_anew": "no_odometry",
+}
+_QUIET_CODES = frozenset({"idle", "free", "robot_limit"})  # the gate holds nothing back
+
+
+@dataclass(eq=False)
+class _Request(RecordedTask):
+    order: DriveBy
+    speed: float  # m/s or rad/s
+    asked_s: float = math.inf  # time of the last velocity
+    travelled: Travelled | None = None  # from the start on
+    marked: float = 0.0  # progress, and when it was made
+    marked_s: float = math.inf
+    held: Verdict | None = None  # the last verdict that held the robot back, since that progress
+    zero_s: float | None = None  # since when zero is sent at the goal
+
+    @property
+    def turns(self) -> bool:
+        return self.order.angle_rad is not None
+
+    @property
+    def goal(self) -> float:
+        return (self.order.angle_rad if self.turns else self.order.distance_m) or 0.0
+
+    @property
+    def progress(self) -> float:
+        """What is done of the goal, positive towards it."""
+        if self.travelled is None:
+            return 0.0
+        done = self.travelled.angle_rad if self.turns else self.travelled.distance_m
+        return math.copysign(1.0, self.goal) * done
+
+    @property
+    def words(self) -> str:
+        """The request in words."""
+        return f"turning by {math.degrees(self.goal):.0f}°" if self.turns else f"driving {self.goal:.2f} m"
+
+
+class DrivesBy:
+    """The request in progress, if any."""
+
+    def __init__(self, limits: Limits, gate: Gate, records: Records) -> None:
+        self._limits = limits
+        self._gate = gate
+        self._records = records
+        self._request: _Request | None = None
+        self._pose: Pose | None = None
+        self.last: wire.DriveByEnd | None = None  # how the last one ended, for pages
+
+    # --- begin --------------------------------------------------------------------------------------
+
+    def refuse(self, order: DriveBy, max_share: float) -> Refusal | None:
+        """Return why this cannot be asked for: another request is in progress, or the speed is too high."""
+        if self._request is not None:
+            who = self._request.requester.holder.holder
+            text = f"The robot is {self._request.words}, asked for by {who}: cancel that, or wait."
+            return Refusal("driving", text, "robot", {"who": who})
+        most, asked = self._most(order, max_share), _speed(order)
+        if asked is None or asked <= most:
+            return None
+        unit, name = ("m/s", "limit_mps") if order.angle_rad is None else ("rad/s", "limit_radps")
+        text = f"You may drive this robot with at most {most:.2f} {unit} that way."
+        return Refusal("too_fast", text, "robot", {name: round(most, 3)})
+
+    def begin(self, order: DriveBy, max_share: float, requester: Requester, now_s: float) -> None:
+        """Record the request; when that is done, the robot drives and the requester is answered."""
+        speed = _speed(order) or self._most(order, min(DEFAULT_SHARE, max_share))
+        parameters: Parameters = (
+            {"distance_m": order.distance_m, "speed_mps": round(speed, 3)}
+            if order.distance_m is not None
+            else {"angle_rad": order.angle_rad, "speed_radps": round(speed, 3)}
+        )
+        number = self._records.request(requester.holder, "drive.by", parameters, now_s)
+        self._request = _Request(requester, number, now_s, order, speed)
+
+    @property
+    def waiting(self) -> Requester | None:
+        """The requester, if the request has been recorded, or has failed to be, and has not started."""
+        request = self._request
+        if request is None or request.travelled is not None or not request.number.done():
+            return None
+        return request.requester
+
+    def start(self, refusal: Refusal | None, now_s: float) -> None:
+        """Start the request that is `waiting`, unless a rule now forbids it."""
+        request = self._request
+        if request is None or request.travelled is not None or not request.number.done():
+            return
+        if refusal := request.unrecorded or refusal:
+            self.deny(refusal.code, refusal, now_s)
+            return
+        if self._pose is None:  # no robot is online without odometry
+            text = "The robot’s odometry has not come yet."
+            self.deny("no_odometry", Refusal("robot_offline", text, "robot"), now_s)
+            return
+        request.travelled = Travelled(self._pose)
+        request.asked_s = request.marked_s = now_s
+        request.requester.answer(None)
+
+    # --- while it runs ------------------------------------------------------------------------------
+
+    @property
+    def running(self) -> Requester | None:
+        """The requester of the request that drives the robot."""
+        request = self._request
+        return request.requester if request is not None and request.travelled is not None else None
+
+    @property
+    def under_way(self) -> list[str]:
+        """The request in progress, in words."""
+        return [self._request.words] if self._request is not None else []
+
+    def moved(self, pose: Pose) -> None:
+        """Take odometry."""
+        self._pose = pose
+        if self._request is not None and self._request.travelled is not None:
+            self._request.travelled.moved(pose)
+
+    def velocity(self, grant: Grant, confirmed_s: float, sent: Velocity, now_s: float) -> Velocity:
+        """Return the next velocity. `sent` is the last one; the console last confirmed control at `confirmed_s`."""
+        request = self._request
+        if request is None or request.travelled is None:
+            return STILL
+        passed_s, request.asked_s = now_s - request.asked_s, now_s
+        if passed_s > COMMAND_LIFE_S:
+            self.end("late", f"This computer is overloaded: the bridge was {passed_s:.1f} s late.", now_s)
+            return STILL
+        if now_s - confirmed_s > CONFIRMED_S:
+            text = f"The console did not confirm control for {CONFIRMED_S:.0f} s."
+            self.end("control_lost", text, now_s)
+            return STILL
+        left = abs(request.goal) - request.progress
+        if left <= ARRIVED or request.zero_s is not None:
+            self._arrive(request, now_s)
+            return STILL
+        turns, latency_s = request.turns, self._gate.latency.in_force_s(now_s)
+        most = min(request.speed, self._most(request.order, grant.max_share))
+        sign = math.copysign(1.0, request.goal)
+        speed = sign * speed_towards(
+            left,
+            max(sign * (sent.w if turns else sent.vx), 0.0),
+            most,
+            min(wire.SLOWEST_RADPS if turns else wire.SLOWEST_MPS, most),
+            self._limits.angular_radps2 if turns else self._limits.linear_mps2,
+            latency_s,
+            passed_s,
+        )
+        return Velocity(0.0, 0.0, speed) if turns else Velocity(speed, 0.0, 0.0)
+
+    def decided(self, verdict: Verdict, now_s: float) -> None:
+        """Take the gate's verdict on that velocity. A robot that gets no farther for a while gives up."""
+        request = self._request
+        if request is None or request.travelled is None:
+            return
+        if verdict.neutral:
+            self.halted(verdict.code, verdict.text, now_s)
+            return
+        if verdict.code not in _QUIET_CODES:
+            request.held = verdict
+        if request.progress - request.marked >= PROGRESS:
+            request.marked, request.marked_s, request.held = request.progress, now_s, None
+        elif now_s - request.marked_s > HELD_S:
+            if request.held is not None:
+                self.end("held_back", _sentence(request.held.text), now_s, request.held.code)
+            else:
+                text = f"The robot did not move for {HELD_S:.0f} s, and the gate held nothing back."
+                self.end("no_progress", text, now_s)
+
+    def _arrive(self, request: _Request, now_s: float) -> None:
+        """Send zero at the goal; the request is done when the robot stands."""
+        if request.zero_s is None:
+            request.zero_s = now_s
+        waited_s = now_s - request.zero_s
+        if waited_s >= SETTLED_S and self._gate.standstill(now_s):
+            self.end("done", "", now_s)
+        elif waited_s > NEVER_S:
+            self.end("no_progress", f"The robot still moves after {NEVER_S:.0f} s of zeros.", now_s)
+
+    # --- end ----------------------------------------------------------------------------------------
+
+    def awaits(self, needed: wire.NeutralNeeded, now_s: float) -> None:
+        """A part of the robot is silent that must be there. At the goal only odometry counts."""
+        request = self._request
+        if request is not None and (request.zero_s is None or needed.code in _OUTCOMES):
+            self.halted(needed.code, needed.text, now_s)
+
+    def forbidden(self, refusal: Refusal, now_s: float) -> None:
+        """End: a rule forbids motion now."""
+        outcome = "control_lost" if refusal.rule == "lease" else refusal.code
+        self.end(outcome, refusal.text, now_s, refusal.code)
+
+    def halted(self, code: str, reason: str, now_s: float) -> None:
+        """End: the robot was halted, or a sensor that the gate needs is silent."""
+        outcome = _OUTCOMES.get(code, "held_back" if code.startswith("scan_") else code)
+        self.end(outcome, _sentence(reason), now_s, code)
+
+    def cancel(self, why: str, now_s: float) -> Refusal | None:
+        """End the request, running or not."""
+        if self._request is None:
+            return Refusal("no_drive", "No drive by a distance or angle is in progress.", "robot")
+        self.deny("cancelled", Refusal("cancelled", why, "robot"), now_s)
+        self.end("cancelled", why, now_s)
+        return None
+
+    def deny(self, outcome: str, refusal: Refusal, now_s: float) -> None:
+        """Refuse a request that has not started."""
+        request = self._request
+        if request is not None and request.travelled is None:
+            self._request = None
+            request.requester.answer(refusal)
+            self._record(request, outcome, refusal.text, now_s)
+
+    def halt(self, outcome: str, refusal: Refusal, now_s: float) -> None:
+        """Refuse a request that has not started; end one that runs."""
+        self.deny(outcome, refusal, now_s)
+        self.end(outcome, refusal.text, now_s)
+
+    def end(self, outcome: str, text: str, now_s: float, because: str | None = None) -> None:
+        """End the request that runs, if any: no velocity follows."""
+        request = self._request
+        if request is None or request.travelled is None:
+            return
+        self._request = None
+        self.last = wire.DriveByEnd(
+            number=request.number.result(),
+            seq=request.order.seq,
+            fence=request.order.fence,
+            outcome=outcome,
+            text=text,
+            because=because,
+            distance_m=round(request.travelled.distance_m, 3),
+            angle_rad=round(request.travelled.angle_rad, 4),
+        )
+        self._record(request, outcome, text, now_s, because)
+
+    def view(self, now_s: float) -> wire.DriveByProgress | None:
+        """Return the request that runs, for pages."""
+        request = self._request
+        if request is None or request.travelled is None:
+            return None
+        return wire.DriveByProgress(
+            number=request.number.result(),
+            who=request.requester.holder.holder,
+            goal_m=request.order.distance_m,
+            goal_rad=request.order.angle_rad,
+            distance_m=round(request.travelled.distance_m, 2),
+            angle_rad=round(request.travelled.angle_rad, 2),
+            since_s=round(now_s - request.since_s, 1),
+        )
+
+    def _most(self, order: DriveBy, share: float) -> float:
+        """Return what a full stick means at this share, in m/s or rad/s."""
+        limits = self._limits
+        if order.angle_rad is not None:
+            return limits.turn_radps * share
+        forward = limits.forward_mps * share
+        return forward if (order.distance_m or 0.0) >= 0.0 else min(forward, limits.reverse_mps)
+
+    def _record(
+        self, request: _Request, outcome: str, text: str, now_s: float, because: str | None = None
+    ) -> None:
+        travelled = request.travelled
+        figures: dict[str, str | float] = {
+            "distance_m": round(travelled.distance_m, 3) if travelled else 0.0,
+            "angle_rad": round(travelled.angle_rad, 4) if travelled else 0.0,
+            "duration_s": round(now_s - request.since_s, 2),
+        }
+        said = {"because": because, "text": text}
+        figures |= {name: words for name, words in said.items() if words}
+        self._records.outcome(request, "drive.by", outcome, figures, now_s)
+
+
+def _speed(order: DriveBy) -> float | None:
+    """Return the speed that the request names, in m/s or rad/s."""
+    return order.speed_mps if order.angle_rad is None else order.speed_radps
+
+
+def _sentence(reason: str) -> str:
+    return f"{reason[:1].upper()}{reason[1:].rstrip('.')}."
