@@ -163,8 +163,9 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
     out = out_between(robot, starts, week)
     own = _own_slots(policy, person, slot, now, moved)
     role, course = _role_and_course(person, robot, starts)
-    if course is not None and lab_date(starts) != lab_date(ends):  # the course may end in between
-        role = min((role, role_on(person, robot, ends)), key=_rank)
+    last = max(starts, ends - timedelta.resolution)  # midnight belongs to the next day
+    if lab_date(starts) != lab_date(last):  # a course may end in between
+        role = min((role, role_on(person, robot, last)), key=_rank)
     return Wish(
         robot=robot.name,
         slot=slot,
@@ -198,7 +199,7 @@ def _role_and_course(person: User, robot: Robot, at: datetime) -> tuple[Role | N
         return role_on(person, robot, at), None
     found = given_on(person, robot, at)
     role = max((one.role for one in found), default=None)
-    enrolled = [one.course for one in found if one.course != OWN and one.role is not Role.SUPERVISOR]
+    enrolled = [one.course for one in found if one.course != OWN and one.role is Role.OPERATOR]
     alone = any(one.course == OWN and one.role >= Role.OPERATOR for one in found)
     return role, Course.objects.filter(pk__in=enrolled).first() if enrolled and not alone else None
 

@@ -14,6 +14,8 @@ from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import Stage, grace_of, policy_of, stage_of
 from fleet.bookings.services import booking_approve, booking_cancel, booking_make
 from fleet.bookings.waiting import keep_waiting_lists, offer_accept, waiting_join
+from robots.access.models import Course, Enrolment
+from robots.access.selectors import lab_date
 from robots.access.services import role_set
 from robots.registry.models import Robot, Role
 from tests.bookings.test_pages import JSON, fields, in_hours
@@ -79,6 +81,40 @@ def test_a_robot_that_staff_switched_off_is_not_booked(signed_in, robot, operato
         "out_of_service",
         True,
     )
+
+
+# --- courses ---
+
+
+@pytest.fixture
+def course(robot, stranger):
+    """A course until tomorrow, of one booking to come for each of its people."""
+    days = {"starts_on": lab_date(), "ends_on": lab_date() + timedelta(days=1)}
+    made = Course.objects.create(name="HRI", slug="hri", role=Role.OPERATOR, at_once=1, **days)
+    made.robots.add(robot)
+    Enrolment.objects.create(course=made, person=stranger)
+    return made
+
+
+def test_a_slot_may_last_until_the_midnight_that_ends_the_course(signed_in, robot, course, stranger):
+    midnight = timezone.now().replace(hour=0, minute=0, second=0, microsecond=0) + timedelta(days=2)
+    times = typed(midnight - timedelta(minutes=30), midnight, robot=robot.slug)
+    assert signed_in(stranger).post(reverse("booking-new"), times, **JSON).status_code == 200
+    times = typed(midnight - timedelta(minutes=30), midnight + timedelta(minutes=5), robot=robot.slug)
+    answer = signed_in(stranger).post(reverse("booking-new"), times, **JSON)
+    assert "role_too_low" in [refusal["code"] for refusal in answer.json()["refusals"]]
+
+
+def test_a_course_that_lets_people_only_watch_lends_no_quota(signed_in, robot, course, stranger):
+    guests = Course.objects.create(
+        name="Guests", slug="guests", role=Role.OBSERVER, starts_on=course.starts_on, ends_on=course.ends_on
+    )
+    guests.robots.add(robot)
+    Enrolment.objects.create(course=guests, person=stranger)
+    signed_in(stranger).post(reverse("booking-new"), fields(robot, 1), **JSON)
+    assert Booking.objects.get().course == course
+    answer = signed_in(stranger).post(reverse("booking-new"), fields(robot, 2), **JSON)
+    assert [refusal["code"] for refusal in answer.json()["refusals"]] == ["quota_open"]
 
 
 # --- a slot that runs ------------------------------------------------------------------------------
