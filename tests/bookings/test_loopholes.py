@@ -278,6 +278,11 @@ def test_days_at_the_ends_of_the_calendar(browser, days):
     )
 
 
+def test_two_hundred_years_of_the_calendar_are_not_computed(browser):
+    answer = browser.get(reverse("bookings-feed"), {"start": "2000-01-01", "end": "2199-12-31"})
+    assert len(answer.json()["events"]) < 100
+
+
 @pytest.mark.parametrize(
     ("starts", "ends"),
     [

@@ -47,8 +47,8 @@ def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now
 
     Six queries for any number of robots.
     """
-    zone, robots = viewers(), list(robots)
-    starts, ends = day_of(first, zone).starts_at, day_of(min(last, first + LONGEST), zone).starts_at
+    zone, robots, last = viewers(), list(robots), min(last, first + LONGEST)
+    starts, ends = day_of(first, zone).starts_at, day_of(last, zone).starts_at
     policies = policies_of(robots)
     slugs = {robot.id: robot.slug for robot in robots}
     graces = {robot.id: grace_of(policies[robot.id]) for robot in robots}
