@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import cache
 from typing import Any, NoReturn
+from uuid import uuid4
 
 import pytest
 from playwright.sync_api import Browser, sync_playwright
@@ -118,6 +119,22 @@ def person(
             return somebody
 
         yield arrive
+
+
+@pytest.fixture
+def induction(person: Callable[..., Person]) -> Iterator[str]:
+    """The name of a qualification that TIAGo Two demands while the test lasts."""
+    staff, name = person("staff"), f"Induction {uuid4().hex[:6]}"
+    staff.open("/qualifications/")
+    new = staff.page.get_by_role("region", name="New qualification")
+    new.get_by_label("Name").fill(name)
+    new.get_by_label("Description").fill("Every Monday.")
+    new.get_by_label("TIAGo Two").check()
+    new.get_by_role("button", name="Save").click()
+    yield name
+    staff.open("/qualifications/")
+    staff.page.locator("details", has_text=name).locator("summary").click()
+    staff.page.locator("details", has_text=name).get_by_role("button", name="Delete").click()
 
 
 def _only_apart(*_args: object, **_options: object) -> NoReturn:

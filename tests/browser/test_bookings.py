@@ -75,8 +75,7 @@ def test_the_slot_ends_while_the_stick_is_held(person: Arrive, stack: Stack, boo
 
 def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book) -> None:
     operator, staff = person("operator"), person("staff")
-    operator.open("/bookings/")
-    operator.page.get_by_role("button", name="Later", exact=True).click()  # tomorrow is free
+    calendar_of_tomorrow(operator)
     expect(operator.page.locator(".ec-event")).to_have_count(0)
     x, y = drag_place(operator)
     operator.page.mouse.move(x, y)
@@ -98,6 +97,16 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
     refusals = staff.page.locator(".refusals li")
     expect(refusals).to_have_count(2)  # taken, and too long
     expect(staff.page.locator(".alternatives a").first).to_contain_text("TIAGo One")
+
+
+def calendar_of_tomorrow(somebody: Person) -> None:
+    """Open the calendar's next day, and wait until its robots and bookings are there."""
+    tomorrow = datetime.now(timezone.utc) + timedelta(days=1)
+    somebody.open("/bookings/")
+    with somebody.page.expect_response(f"**/bookings/feed/?start={tomorrow:%Y-%m-%d}&**"):
+        somebody.page.get_by_role("button", name="Later", exact=True).click()
+    expect(somebody.part("calendar")).to_have_attribute("aria-busy", "false")
+    expect(somebody.part("calendar").get_by_text("TIAGo One")).to_be_visible()
 
 
 def drag_place(somebody: Person) -> tuple[float, float]:

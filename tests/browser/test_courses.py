@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
 from uuid import uuid4
 
-import pytest
 from playwright.sync_api import expect
 
 from tests.browser.people import Person
@@ -14,22 +13,6 @@ from tests.browser.people import Person
 Arrive = Callable[..., Person]
 ROBOT = "tiago-2"
 CSV = "Name;Nr;E-Mail\nJürgen Größe;7;{0}@example.org\nBob;8;bob(at)example.org\n"
-
-
-@pytest.fixture
-def induction(person: Arrive) -> Iterator[str]:
-    """A qualification that ROBOT demands while the test lasts."""
-    staff, name = person("staff"), f"Induction {uuid4().hex[:6]}"
-    staff.open("/qualifications/")
-    new = staff.page.get_by_role("region", name="New qualification")
-    new.get_by_label("Name").fill(name)
-    new.get_by_label("Description").fill("Every Monday.")
-    new.get_by_label("TIAGo Two").check()
-    new.get_by_role("button", name="Save").click()
-    yield name
-    staff.open("/qualifications/")
-    staff.page.locator("details", has_text=name).locator("summary").click()
-    staff.page.locator("details", has_text=name).get_by_role("button", name="Delete").click()
 
 
 def test_a_course_from_csv_to_the_wheel(person: Arrive, induction: str) -> None:

@@ -16,6 +16,7 @@ export function startCalendar(main, library) {
   const dialog = new BookingDialog(part, newUrl, () => calendar.refetchEvents());
   let range = null;
   let newest = "";
+  let robots = "[]"; // the columns
   let dragged = false; // the click that ends a drag follows no link
   const names = new Map(); // of robots, by slug
   const phone = globalThis.innerWidth < PHONE_PX;
@@ -45,11 +46,15 @@ export function startCalendar(main, library) {
           const answer = await readFeed(feed, startStr, endStr, robot);
           newest = JSON.stringify(answer);
           for (const { id, title } of answer.resources) names.set(id, title);
-          calendar.setOption("resources", answer.resources);
+          if (JSON.stringify(answer.resources) !== robots) {
+            robots = JSON.stringify(answer.resources);
+            calendar.setOption("resources", answer.resources);
+          }
           return answer.events;
         },
       },
     ],
+    loading: (busy) => part.calendar.setAttribute("aria-busy", String(busy)),
     select: ({ startStr, endStr, resource }) => dialog.ask(startStr, endStr, resource ?? null),
     datesSet: ({ view }) => say(part.title, view.title),
     eventDragStart: () => {

@@ -1,0 +1,137 @@
+"""From a teacher's CSV to a booking, in a real browser: induction, every refusal at once, the line, a live calendar."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from datetime import datetime, timedelta, timezone
+from uuid import uuid4
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+from script.stack.stack import Account, Stack
+from tests.browser.people import Person
+
+Arrive = Callable[..., Person]
+ROBOT = "TIAGo Two"
+TOMORROW = datetime.now(timezone.utc) + timedelta(days=1)
+
+
+@pytest.fixture
+def student(stack: Stack, browser: Browser) -> Iterator[Person]:
+    """A newcomer in front of a browser: the account comes with the course."""
+    somebody = Person(stack, browser, "observer")
+    name = f"stu-{uuid4().hex[:6]}@example.org"
+    somebody.account = Account(name, "student", "a long walk on the beach")
+    yield somebody
+    somebody.leave()
+
+
+@pytest.fixture
+def course(person: Arrive, student: Person, induction: str) -> Iterator[str]:
+    """A course on ROBOT, made with a CSV file in which the student stands; archived after the test."""
+    page, name = person("staff").page, f"Course {uuid4().hex[:6]}"
+    page.goto(f"{student.stack.url}/courses/new/")
+    page.get_by_label("Name", exact=True).fill(name)
+    page.get_by_label("Last day").fill(f"{TOMORROW + timedelta(days=9):%Y-%m-%d}")
+    page.get_by_label(ROBOT).check()
+    content = f"Name;Nr;E-Mail\nStu Dent;7;{student.account.username}\n".encode("latin-1")
+    file = {"name": "class.csv", "mimeType": "text/csv", "buffer": content}
+    page.get_by_label("or a CSV file").set_input_files(files=[file])  # type: ignore[list-item]
+    page.get_by_role("button", name="Make the course").click()
+    page.get_by_role("button", name="Make the course with 1 person").first.click()
+    expect(page.get_by_role("checkbox", name="Stu Dent")).to_be_visible()
+    address = page.url
+    yield address
+    page.goto(address)
+    page.get_by_role("button", name="Archive").click()
+    expect(page.get_by_text("it gives nobody a role")).to_be_visible()
+
+
+def test_a_student_is_refused_waits_and_gets_the_slot(
+    person: Arrive, stack: Stack, student: Person, course: str
+) -> None:
+    staff, owner = person("staff"), person("supervisor")
+    set_password(stack, student)
+    open_calendar(student)
+    student.page.evaluate("document.body.dataset.sameDocument = '1'")
+    event = student.page.locator(".ec-event", has_text="Supervisor")
+    expect(event).to_have_count(0)
+    book(owner, "12:00", "13:00", reason="An open day")  # without the induction
+    expect(owner.page.get_by_text(re.compile("^Booked:"))).to_be_visible()
+    expect(event).to_have_count(1)  # without a reload
+    expect(student.page.locator("body[data-same-document]")).to_be_attached()
+
+    book(student, "10:00", "16:00")
+    refusals = student.page.locator(".refusals li")
+    assert sorted(one.get_attribute("data-code") or "" for one in refusals.all()) == [
+        "taken",
+        "too_long",
+        "unqualified",
+    ]
+    staff.page.goto(course)
+    staff.page.get_by_label("Everybody in the course").check()
+    staff.page.get_by_role("button", name="Grant").click()
+    expect(staff.page.get_by_text("1 person was granted")).to_be_visible()
+    book(student, "12:00", "13:00")
+    expect(refusals).to_have_count(1)
+    expect(refusals).to_contain_text("Supervisor has booked TIAGo Two")
+    expect(student.page.locator(".alternatives a")).not_to_have_count(0)
+    student.press("Join the waiting list")
+    expect(student.page.get_by_role("region", name="Waiting list")).to_contain_text(f"{ROBOT}, ")
+
+    owner.open("/bookings/mine/")
+    owner.page.get_by_role("button", name=f"Cancel {ROBOT}").click()
+    expect(owner.page.get_by_text("The booking was changed.")).to_be_visible()
+    accept = student.page.get_by_role("button", name=f"Accept {ROBOT}")
+    student.until(lambda: reload(student) and accept.is_visible(), "the offer")
+    expect(student.page.get_by_text(f"{ROBOT}: your turn")).to_be_visible()
+    accept.click()
+    expect(student.page.locator("dl.facts")).to_contain_text("Stu Dent")
+    expect(student.page.locator("dl.facts")).to_contain_text("booked")
+    open_calendar(student)
+    expect(student.page.locator(".ec-event.mine")).to_have_count(1)
+
+
+def set_password(stack: Stack, student: Person) -> None:
+    """Follow the link in the student's e-mail, which the demo writes into its log."""
+    link = re.compile(rf"^To: {re.escape(student.account.username)}\n.*?(http\S+/welcome/\S+)", re.M | re.S)
+
+    def letters() -> list[str]:
+        return [
+            found
+            for log in stack.logs.glob("*.log")
+            for found in link.findall(log.read_text(errors="replace"))
+        ]
+
+    student.until(letters, "the e-mail")
+    student.page.goto(letters()[-1])
+    for field in student.page.locator("input[type=password]").all():
+        field.fill(student.account.password)
+    student.page.locator("main form button").click()
+    student.sign_in()
+
+
+def book(somebody: Person, starts: str, ends: str, reason: str = "") -> None:
+    """Fill in the form for ROBOT and tomorrow, and send it."""
+    somebody.open("/bookings/new/")
+    somebody.page.get_by_label("Robot").select_option(label=ROBOT)
+    somebody.page.get_by_label("From").fill(f"{TOMORROW:%Y-%m-%d}T{starts}")
+    somebody.page.get_by_label("To", exact=True).fill(f"{TOMORROW:%Y-%m-%d}T{ends}")
+    if reason:
+        somebody.page.get_by_label("Reason").fill(reason)
+    somebody.page.get_by_role("button", name="Book", exact=True).click()
+
+
+def open_calendar(somebody: Person) -> None:
+    """Open the calendar of tomorrow, and wait until its bookings are there."""
+    somebody.open(f"/bookings/?day={TOMORROW:%Y-%m-%d}")
+    expect(somebody.part("calendar").get_by_text(ROBOT)).to_be_visible()
+    expect(somebody.part("calendar")).to_have_attribute("aria-busy", "false")
+
+
+def reload(somebody: Person) -> bool:
+    """Open the person's list again."""
+    somebody.open("/bookings/mine/")
+    return True
