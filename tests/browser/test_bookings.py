@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
@@ -77,11 +78,7 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
     operator, staff = person("operator"), person("staff")
     calendar_of_tomorrow(operator)
     expect(operator.page.locator(".ec-event")).to_have_count(0)
-    x, y = drag_place(operator)
-    operator.page.mouse.move(x, y)
-    operator.page.mouse.down()
-    operator.page.mouse.move(x, y + 44, steps=8)
-    operator.page.mouse.up()
+    drag(operator)
     expect(operator.part("dialog-title")).to_have_text("Book this slot?")
     operator.part("dialog-yes").click()
     expect(operator.part("refusals")).to_have_text("")  # a failure shows why
@@ -97,6 +94,25 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
     refusals = staff.page.locator(".refusals li")
     expect(refusals).to_have_count(2)  # taken, and too long
     expect(staff.page.locator(".alternatives a").first).to_contain_text("TIAGo One")
+
+
+def test_a_drag_before_the_robots_are_known_leads_to_the_form(person: Arrive) -> None:
+    operator = person("operator", apart=True)
+    operator.page.route("**/bookings/feed/**", lambda _route: None)  # a slow network
+    operator.open("/bookings/")
+    expect(operator.page.locator(".ec-body, .ec-main").first).to_be_visible()
+    drag(operator)
+    expect(operator.page).to_have_url(re.compile(r"/bookings/new/\?from=.+&to=.+"))
+    expect(operator.page.get_by_label("From")).not_to_have_value("")
+
+
+def drag(somebody: Person) -> None:
+    """Drag over an hour and a half of the first robot."""
+    x, y = drag_place(somebody)
+    somebody.page.mouse.move(x, y)
+    somebody.page.mouse.down()
+    somebody.page.mouse.move(x, y + 44, steps=8)
+    somebody.page.mouse.up()
 
 
 def calendar_of_tomorrow(somebody: Person) -> None:

@@ -55,7 +55,9 @@ export function startCalendar(main, library) {
       },
     ],
     loading: (busy) => part.calendar.setAttribute("aria-busy", String(busy)),
-    select: ({ startStr, endStr, resource }) => dialog.ask(startStr, endStr, resource ?? null),
+    // Until the robots are read, the library shows one column without a robot.
+    select: ({ startStr, endStr, resource }) =>
+      dialog.ask(startStr, endStr, names.has(resource?.id) ? resource : null),
     datesSet: ({ view }) => say(part.title, view.title),
     eventDragStart: () => {
       dragged = true;
