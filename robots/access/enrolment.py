@@ -204,7 +204,7 @@ def invitation_revoke(*, invitation: Invitation, actor: User) -> None:
 
 def invitation_of(code: str) -> Invitation | None:
     """Return the invitation with this code; None: there is none."""
-    return Invitation.objects.select_related("course").filter(code=code.lower()).first()
+    return Invitation.objects.select_related("course").filter(code=code.lower().replace("\0", "")).first()
 
 
 def check_invitation(invitation: Invitation | None, now: datetime) -> Refusal | None:

@@ -302,3 +302,13 @@ def test_times_beyond_all_reason_are_refused_in_words_and_soon(browser, robot, s
         )
         assert (answer.status_code, len(answer.json()["refusals"]) > 0) == (409, True)
     assert time.monotonic() - begun_s < 1.0
+
+
+def test_characters_that_postgresql_refuses(signed_in, robot, operator):
+    browser = signed_in(operator)
+    assert change(browser, stored(robot, operator, 60, 120), "hand", to="a\0") == ["no_account"]
+    assert change(browser, stored(robot, operator, 180, 240), "cancel", reason="a\0b") == []
+    assert browser.post(reverse("bookings-address"), {"robot": "a\0"}).status_code == 404
+    days = {"start": "2026-03-02", "end": "2026-03-09", "robot": "a\0"}
+    assert browser.get(reverse("bookings-feed"), days).json()["resources"] == []
+    assert browser.get("/join/a%00b/").status_code == 410

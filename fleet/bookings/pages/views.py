@@ -12,7 +12,7 @@ from uuid import UUID
 from django.contrib import messages
 from django.contrib.auth.decorators import login_not_required
 from django.db.models import Q
-from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse, QueryDict
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
 from django.utils import timezone
@@ -93,7 +93,7 @@ def feed(request: HttpRequest) -> HttpResponse:
     if first is None or last is None or last <= first:
         return JsonResponse({"text": "Name two days: start=2026-03-02&end=2026-03-09."}, status=400)
     robots = robots_visible_to(person_of(request))
-    if only := request.GET.get("robot"):
+    if only := _text(request.GET, "robot"):
         robots = robots.filter(slug=only)
     found = calendar(person_of(request), robots, first, last, timezone.now())
     return HttpResponse(encode(found), content_type="application/json")
@@ -236,9 +236,9 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
     elif action == "accept":
         offer_accept(**common)
     elif action == "cancel":
-        services.booking_cancel(version=version, reason=request.POST.get("reason", "")[:200], **common)
+        services.booking_cancel(version=version, reason=_text(request.POST, "reason")[:200], **common)
     elif action == "hand":
-        to = User.objects.filter(username=request.POST.get("to", "").strip(), is_active=True).first()
+        to = User.objects.filter(username=_text(request.POST, "to"), is_active=True).first()
         if to is None:
             raise BookingRefused([_NO_ACCOUNT])
         services.booking_hand(version=version, to=to, **common)
@@ -408,6 +408,11 @@ def _form_address(robot: Robot, slot: Slot) -> str:
     return f"{reverse('booking-new')}?{urlencode({'robot': robot.slug, **times})}"
 
 
+def _text(typed: QueryDict, name: str) -> str:
+    """Return a text that was typed, without NUL characters, which PostgreSQL refuses."""
+    return typed.get(name, "").replace("\0", "").strip()
+
+
 def _whole(text: str | None, otherwise: int) -> int:
     return int(text) if text and text.isascii() and text.isdigit() and len(text) < 6 else otherwise
 
@@ -442,7 +447,7 @@ def waiting(request: HttpRequest) -> HttpResponse:
 def feed_address(request: HttpRequest) -> HttpResponse:
     """Make a private calendar address, or end it. The new address is shown once."""
     person = person_of(request)
-    slug = request.POST.get("robot", "")
+    slug = _text(request.POST, "robot")
     robot = get_object_or_404(robots_visible_to(person), slug=slug) if slug else None
     if request.POST.get("action") == "end":
         address_revoke(person=person, robot=robot)
