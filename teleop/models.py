@@ -12,6 +12,11 @@ from django.utils.translation import gettext_lazy as _
 from robots.registry.models import Robot
 
 
+def named(person: str, program: str | None) -> str:
+    """Return a person's name, with that of the program which acts for them."""
+    return f"{person} ({program})" if program else person
+
+
 class EndReason(models.TextChoices):
     """Why a control session ended."""
 
@@ -39,6 +44,8 @@ class ControlSession(models.Model):
         related_name="control_sessions",
         verbose_name=_("person"),
     )
+    # The name of the token with which a program took control; null: a person did, in a browser.
+    program = models.CharField(_("program"), max_length=40, null=True, blank=True)  # noqa: DJ001 - added later
     fence = models.BigIntegerField(_("fencing number"))
     started_at = models.DateTimeField(_("began"))
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
@@ -62,6 +69,11 @@ class ControlSession(models.Model):
             "robot": self.robot,
             "time": f"{self.started_at:%Y-%m-%d %H:%M}",
         }
+
+    @property
+    def holder_name(self) -> str:
+        """The name that people see: the person's, with that of the program."""
+        return named(self.user.display_name, self.program)
 
 
 class Lease(models.Model):

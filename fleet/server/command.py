@@ -47,6 +47,8 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # each connection is a file
         if self.keeper is not None:
             self.forward = pages.Forward(self.keeper.path)
+            self.keeper.programs.unlink(missing_ok=True)
+            self.endpoints: list[str] = [*self.endpoints, pages.endpoint(self.keeper.programs)]
             reactor.addSystemEventTrigger("before", "shutdown", self.keeper.end)
             reactor.callWhenRunning(self._prefer_commands)
         super().run()

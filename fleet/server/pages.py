@@ -49,6 +49,9 @@ class Keeper:
 
     def __init__(self, run_directory: Path, application: str) -> None:
         self.path = run_directory / f"web-{os.getpid()}.sock"
+        self.programs = (
+            run_directory / f"programs-{os.getpid()}.sock"
+        )  # where the pages process connects to ours
         self._application = application
         self._ending = threading.Event()
         self._life_line, self._ours = os.pipe2(os.O_CLOEXEC)
@@ -61,12 +64,17 @@ class Keeper:
         self._ending.set()
         os.close(self._ours)
         self.path.unlink(missing_ok=True)
+        self.programs.unlink(missing_ok=True)
 
     def _keep(self) -> None:
         while not self._ending.is_set():
             self.path.unlink(missing_ok=True)
             try:
-                process = subprocess.Popen(self._command(), pass_fds=[self._life_line])  # noqa: S603
+                process = subprocess.Popen(  # noqa: S603
+                    self._command(),
+                    pass_fds=[self._life_line],
+                    env={**os.environ, "FLEET_PROGRAMS_SOCKET": str(self.programs)},
+                )
             except OSError as error:  # no memory, or too many processes: that may pass
                 log.error("The pages process cannot be started: %s. It is tried again.", error)
             else:
@@ -76,17 +84,22 @@ class Keeper:
             self._ending.wait(AGAIN_S)
 
     def _command(self) -> list[str]:
-        where = str(self.path).replace("\\", r"\\").replace(":", r"\:")
         return [
             *(sys.executable, "-m", "fleet.server", "--life-line", str(self._life_line), "--verbosity", "0"),
-            *("--proxy-headers", "--endpoint", f"unix:{where}:mode=600:lockfile=0", self._application),
+            *("--proxy-headers", "--endpoint", endpoint(self.path), self._application),
         ]
+
+
+def endpoint(path: Path) -> str:
+    """Return a Unix socket for this account only, as Twisted describes it."""
+    where = str(path).replace("\\", r"\\").replace(":", r"\:")
+    return f"unix:{where}:mode=600:lockfile=0"
 
 
 def _tidy(run_directory: Path) -> None:
     """Sockets of processes that were killed."""
-    for left in run_directory.glob("web-*.sock"):
-        if not Path(f"/proc/{left.stem.removeprefix('web-')}").exists():
+    for left in [*run_directory.glob("web-*.sock"), *run_directory.glob("programs-*.sock")]:
+        if not Path(f"/proc/{left.stem.split('-')[1]}").exists():
             left.unlink(missing_ok=True)
 
 

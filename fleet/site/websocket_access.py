@@ -1,11 +1,13 @@
-"""Access to WebSockets: only for signed-in people, and only from the console's own pages.
+"""Access to WebSockets: for signed-in people, only from the console's own pages; and for programs with a token.
 
-Browsers send cookies with a WebSocket from any page, so the origin of the page is checked.
+Browsers send cookies with a WebSocket from any page, so the origin of the page is checked. A program sends its token in
+the header Authorization, which no page of a browser can; it needs no origin unless it sends a cookie, too.
 """
 
 from __future__ import annotations
 
 import logging
+from types import SimpleNamespace
 from typing import Any
 
 from channels.auth import AuthMiddlewareStack
@@ -14,6 +16,7 @@ from django.conf import settings
 from django.http.request import split_domain_port, validate_host
 
 from fleet.accounts.sign_in.second_factor import is_missing
+from fleet.accounts.tokens.services import TokenInvalid, key_of, token_of
 from teleop.live.message_socket import CloseCode
 
 logger = logging.getLogger(__name__)
@@ -58,9 +61,42 @@ class SignedIn:
         return await send({"type": "websocket.close", "code": CloseCode.SIGNED_OUT, "reason": reason})
 
 
+class Programs:
+    """Signs programs in by their token; hands everybody else on to `people`."""
+
+    def __init__(self, inner: Any, people: Any) -> None:
+        self._inner = inner
+        self._people = people
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> Any:
+        """Run the ASGI application."""
+        [header, *_] = [*_values(scope["headers"], b"authorization"), ""]
+        scheme, _, text = header.partition(" ")
+        if scheme.lower() != "bearer" or _values(scope["headers"], b"cookie"):
+            return await self._people(scope, receive, send)
+        try:
+            token = await database_sync_to_async(token_of)(text.strip())
+        except TokenInvalid as error:
+            await receive()  # websocket.connect
+            await send({"type": "websocket.accept"})
+            return await send(
+                {"type": "websocket.close", "code": CloseCode.SIGNED_OUT, "reason": error.text[:120]}
+            )
+        if scope["path"].startswith(
+            "/ws/fleet/"
+        ):  # it shows and stops all robots, also those of other tokens
+            return await self._people(scope, receive, send)
+        session = SimpleNamespace(
+            session_key=key_of(token)
+        )  # by which the rights of its connections are read
+        return await self._inner(
+            {**scope, "user": token.user, "token": token, "session": session}, receive, send
+        )
+
+
 def guarded(inner: Any) -> Any:
-    """Wrap an application in all access checks: origin, then person."""
-    return SameOrigin(AuthMiddlewareStack(SignedIn(inner)))
+    """Wrap an application in all access checks: origin, then person; or a program's token."""
+    return Programs(inner, SameOrigin(AuthMiddlewareStack(SignedIn(inner))))
 
 
 def origin_allowed(headers: list[tuple[bytes, bytes]]) -> bool:

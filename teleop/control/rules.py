@@ -34,6 +34,7 @@ class Tab(Struct, frozen=True):
     token: str  # random, made and kept by the tab itself
     sign_in: str  # fingerprint of the sign-in session
     connection: str  # its present WebSocket; "" when that is lost
+    program: str = ""  # the name of its token, if it is no tab but a program
 
     def is_same_tab(self, other: Tab) -> bool:
         """Return whether both are the same tab of the same sign-in. Their connections may differ."""

@@ -175,7 +175,7 @@ def _lease_state(lease: Lease) -> LeaseState:
     return LeaseState(
         session=session.id,
         user=session.user.id,
-        name=session.user.display_name,
+        name=session.holder_name,
         tab=Tab(lease.tab, lease.sign_in, lease.connection),
         role=Role(lease.role),
         fence=session.fence,

@@ -31,7 +31,7 @@ from teleop.control.changes import ControlRefused, recorded_change, robot_locked
 from teleop.control.policy import Permit, permit_for
 from teleop.control.rules import LeaseState, Tab, Waiter
 from teleop.control.selectors import lease_of, line_of, subject_of
-from teleop.models import ControlSession, EndReason, Lease
+from teleop.models import ControlSession, EndReason, Lease, named
 
 T = TypeVar("T")
 
@@ -307,7 +307,7 @@ def _assign(
     given = LeaseState(
         session=uuid4(),
         user=user.id,
-        name=user.display_name,
+        name=named(user.display_name, tab.program),
         tab=tab,
         role=role,
         fence=fence_next(robot, at_least=highest_fence),
@@ -329,7 +329,14 @@ def _assign(
             "seen_at": now,
         },
     )
-    ControlSession.objects.create(id=given.session, robot=robot, user=user, fence=given.fence, started_at=now)
+    ControlSession.objects.create(
+        id=given.session,
+        robot=robot,
+        user=user,
+        program=tab.program or None,
+        fence=given.fence,
+        started_at=now,
+    )
     booking_used(robot_id=robot.id, person_id=user.id, now=now)
     queue.places_close(queue.GRANTED, robot=robot, person=user)
     return given

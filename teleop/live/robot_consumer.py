@@ -9,6 +9,7 @@ from uuid import UUID
 
 from django.db import DatabaseError
 
+from fleet.accounts.tokens.models import Scope
 from robots import wire
 from robots.registry.models import Role
 from robots.wire import (
@@ -25,6 +26,7 @@ from robots.wire import (
 from teleop.background.jobs import RequestQueue, run_in_background
 from teleop.control.changes import ControlRefused, NotStored, database_refusal
 from teleop.control.rules import Tab, check_fence, fingerprint
+from teleop.control.scopes import needed_scopes, scope_missing
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live import robot_hub
 from teleop.live.control_holder import ControlHolder
@@ -88,6 +90,8 @@ class RobotConsumer(RobotSocket):
             self.stop_button.press(self.hub.link, flood=not self.spend())
         elif not await self.within_budget(kind_of(message)):
             return
+        elif not self.opens(*(needed := needed_scopes(message))):
+            await self.refuse(kind_of(message), scope_missing(needed), getattr(message, "seq", None))
         elif isinstance(message, wire.Drive):
             await self._drive(message, raw)
         elif isinstance(message, wire.TaskRequest):
@@ -105,7 +109,12 @@ class RobotConsumer(RobotSocket):
     def on_message_now(self, raw: str) -> bool:
         """Forward the holder's drive input to a bridge on this computer at once."""
         fence = self.fence
-        if fence is None or not raw.startswith(_DRIVE) or not self.hub.link.has_lane:
+        if (
+            fence is None
+            or not self.opens(Scope.DRIVE)
+            or not raw.startswith(_DRIVE)
+            or not self.hub.link.has_lane
+        ):
             return False
         try:
             drive = browser_message(raw)
@@ -157,7 +166,8 @@ class RobotConsumer(RobotSocket):
     async def _hello(self, hello: wire.Hello) -> None:
         if self.control is not None:
             raise ControlRefused(Refusal("hello_twice", "This page has said hello already.", "wire"))
-        tab = Tab(hello.tab, fingerprint(self.person[1]), self.id)
+        program = self.token.name if self.token else ""
+        tab = Tab(hello.tab, fingerprint(self.person[1]), self.id, program)
         self.control = ControlHolder(
             self.hub,
             self.user.id,

@@ -7,6 +7,7 @@ from uuid import UUID, uuid4
 from django.utils import timezone
 
 from fleet.accounts.models import User
+from fleet.accounts.tokens.models import Scope, Token
 from robots.access.selectors import robots_visible_to
 from robots.wire import BridgeGone, Ended, Offers, Refusal, Refused
 from teleop.background.database import in_database
@@ -15,6 +16,7 @@ from teleop.control.selectors import SignIn, rights_of, robot_entry
 from teleop.control.status import ControlStatus, Rights, RobotEntry
 from teleop.live import notices, robot_hub
 from teleop.live.message_socket import CloseCode, MessageSocket
+from teleop.models import named
 from teleop.recording.refusals import RefusedRequest
 
 
@@ -37,13 +39,18 @@ class RobotSocket(MessageSocket):
         """Return the entry of the robot in the address; close the connection if this person may not see it."""
         slug = self.scope["url_route"]["kwargs"]["slug"]
         self.person = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
+        self.token: Token | None = self.scope.get("token")
         found = await in_database(_find, slug, self.person)
-        if found is None:
+        if found is None or (self.token is not None and not self.token.serves(found[1])):
             await self.close(CloseCode.NOT_FOUND, "There is no such robot, or you may not see it.")
             return None
         self.user, self.robot_id, entry, self.rights = found
-        self.name = self.user.display_name
+        self.name = named(self.user.display_name, self.token.name if self.token else None)
         return entry
+
+    def opens(self, *scopes: Scope) -> bool:
+        """Return whether a token has one of these scopes. A person's page has all."""
+        return self.token is None or any(self.token.opens(scope) for scope in scopes)
 
     @property
     def joined(self) -> bool:

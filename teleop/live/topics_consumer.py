@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from fleet.accounts.tokens.models import Scope
 from robots import wire
 from robots.bridge.server.flood_limits import TokenBucket
 from robots.wire import NotDone, Refusal, Refused, TopicQuery, kind_of, topics_message
 from teleop.background.jobs import run_in_background
+from teleop.control.scopes import scope_missing
 from teleop.live import robot_hub
-from teleop.live.message_socket import BUSY
+from teleop.live.message_socket import BUSY, CloseCode
 from teleop.live.robot_socket import RobotSocket
 from teleop.live.service_calls import ServiceCall, execute
 from teleop.live.topic_feed import SampleWithheld, TopicViewer
@@ -38,7 +40,9 @@ class TopicsConsumer(RobotSocket):
     async def on_open(self) -> None:
         """Join the robot's hub, if this person may see the robot."""
         entry = await self.find_robot()
-        if entry is not None:
+        if entry is not None and not self.opens(Scope.TOPICS):
+            await self.close(CloseCode.NOT_PERMITTED, scope_missing((Scope.TOPICS,)).text)
+        elif entry is not None:
             self.hub = robot_hub.join(self.robot_id, entry, self)
             self.camera_audit = CameraAudit(self.user, self.robot_id, entry.facts.name)
             self.viewer = TopicViewer(self.hub.topics, self._show)

@@ -6,7 +6,7 @@ from django.contrib.auth.decorators import login_not_required
 from django.urls import path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
-from teleop.api.v1 import other, robots
+from teleop.api.v1 import control, other, robots
 from teleop.stop import views as stop_views
 
 urlpatterns = [
@@ -15,6 +15,11 @@ urlpatterns = [
     path("robots/<slug:slug>", robots.RobotView.as_view(), name="api-robot"),
     path("robots/<slug:slug>/phrases", robots.PhrasesView.as_view(), name="api-phrases"),
     path("robots/<slug:slug>/speech/history", robots.SpeechHistoryView.as_view(), name="api-speech"),
+    path("robots/<slug:slug>/control", control.ControlView.as_view()),
+    path("robots/<slug:slug>/control/renew", control.RenewView.as_view()),
+    path("robots/<slug:slug>/control/line", control.AskView.as_view()),
+    path("robots/<slug:slug>/control/hand-over", control.HandOverView.as_view()),
+    path("robots/<slug:slug>/velocity", control.VelocityView.as_view()),
     path("robots/<slug:slug>/stop", stop_views.rest_stop, name="api-stop"),
     path("stop", stop_views.rest_stop_all, name="api-stop-all"),
     # A stop is not led elsewhere because of a slash.

@@ -32,6 +32,7 @@ from teleop.api.v1.door.problems import (
     problem_of,
     response_of,
 )
+from teleop.control.scopes import scope_missing
 from teleop.recording import refusals
 from teleop.recording.refusals import RefusedRequest
 
@@ -39,7 +40,6 @@ MOST_BYTES = 64 * 1024
 DEEPEST = 32  # levels of a body
 
 View = TypeVar("View", bound=Callable[..., Any])
-_NOT_OPENED = "This token lacks the scope “{scope}”. Make one that has it, on the page Your account."
 
 
 class ApiView(APIView):
@@ -166,8 +166,7 @@ def _require_plain(value: Any, level: int = 0) -> None:
 
 def _require_scope(token: Token | None, scope: Scope | None) -> None:
     if token is not None and scope is not None and not token.opens(scope):
-        text = _NOT_OPENED.format(scope=scope.value)
-        raise Problem(Refusal("scope_missing", text, "account", {"scope": scope.value}))
+        raise Problem(scope_missing((scope,)))
 
 
 def _refused(error: Exception, context: dict[str, Any]) -> Response | None:

@@ -1,0 +1,261 @@
+"""Control by a program: take it, renew it, drive, give it back."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from asgiref.sync import async_to_sync
+from django.conf import settings
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiExample
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+
+from fleet.accounts.tokens.models import Scope
+from fleet.accounts.tokens.services import key_of
+from robots import wire
+from robots.registry.models import Robot
+from robots.registry.selectors import robot_facts
+from robots.wire import Booked, Control, ControlState, Limits, Refusal
+from teleop.api.v1.door.operation import ApiView, operation
+from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.programs.connection import Caller, ProgramConnection, Velocity
+from teleop.api.v1.programs.registry import UNUSED_S, programs
+from teleop.control import rules
+from teleop.control.selectors import lease_of
+
+LONGEST_S = 0.5  # of a velocity
+
+_NOT_TAKEN = Refusal("no_lease", "This program does not have control: take it first.", "lease")
+
+
+class ControlEntry(Struct, frozen=True):
+    """Who has control of a robot, as this program sees it."""
+
+    state: (
+        ControlState | Literal["unknown"]
+    )  # "yours": this program's; "unknown": it has asked for nothing yet
+    holder: str | None = None
+    fence: int | None = None  # fencing number, of one's own control
+    session: str | None = None  # control session, as in the log
+    term_s: float | None = None  # until control ends, unless it is renewed
+    unused_s: float | None = None  # control ends, too, when the program asks for nothing so long
+    ahead: int | None = None  # programs and people in line before this one; null: not in line
+    offer_s: float | None = None  # so long control is this program's to take, and nobody else's
+    refusal: Refusal | None = None  # why it would be refused now
+    booked: Booked | None = None
+    next_booked: Booked | None = None
+
+
+class TakeControl(Struct, frozen=True, forbid_unknown_fields=True):
+    """With `reason`, a supervisor takes over from the holder."""
+
+    reason: Annotated[str, Meta(min_length=3, max_length=200)] | None = None
+
+
+class HandOver(Struct, frozen=True, forbid_unknown_fields=True):
+    """Give control to who waits in line with this number."""
+
+    request: int
+
+
+class VelocityRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """Velocities in the robot's frame (REP 103), m/s and rad/s, and for how long."""
+
+    forward_mps: Annotated[float, Meta(ge=-5.0, le=5.0)] = 0.0
+    left_mps: Annotated[float, Meta(ge=-5.0, le=5.0)] = 0.0
+    turn_radps: Annotated[float, Meta(ge=-10.0, le=10.0)] = 0.0
+    seconds: Annotated[float, Meta(gt=0.0, le=LONGEST_S)] = 0.3
+
+
+class Driven(Struct, frozen=True):
+    """The velocity was sent so long; the robot's state tells what the gate made of it."""
+
+    seconds: float
+    fence: int
+
+
+class ProgramView(ApiView):
+    """Base of the views that act through a program's connection."""
+
+    def caller(self) -> Caller:
+        """Return how the program is signed in."""
+        request = self.request
+        host = request.get_host()
+        if (token := self.token) is not None:
+            return Caller(key_of(token), (("Authorization", request.headers["Authorization"]),), host, None)
+        origin = f"{'https' if settings.FLEET_TLS else 'http'}://{host}"
+        cookie = request.headers.get("Cookie", "")
+        return Caller(request.session.session_key or "", (("Cookie", cookie),), host, origin)
+
+    def connection(self, robot: Robot) -> ProgramConnection:
+        """Return the program's connection, a new one if there is none. Raises `NotDone`."""
+        found: ProgramConnection = async_to_sync(programs.connection)(robot.slug, self.caller())
+        return found
+
+    def connected(self, robot: Robot) -> ProgramConnection:
+        """Return the connection that has control. Raises `Problem`."""
+        found = programs.found(robot.slug, self.caller())
+        if found is None or found.fence is None:
+            raise Problem(_NOT_TAKEN)
+        return found
+
+
+class ControlView(ProgramView):
+    """`/robots/{slug}/control`."""
+
+    @operation(
+        "control_read",
+        "Read who has control",
+        scope=Scope.READ,
+        answer=ControlEntry,
+        refuses=(404,),
+        tag="control",
+    )
+    def get(self, _request: Request, slug: str) -> ControlEntry:
+        """Reading keeps a program's control in use."""
+        robot = self.robot(slug)
+        found = programs.found(slug, self.caller())
+        if found is not None and found.control is not None:
+            return _entry(found.control)
+        lease = lease_of(robot.id)
+        if lease is None or rules.lapse_reason(lease, timezone.now()) is not None:
+            return ControlEntry("free")
+        return ControlEntry("unknown", holder=lease.name)
+
+    @operation(
+        "control_take",
+        "Take control",
+        scope=None,
+        body=TakeControl,
+        answer=ControlEntry,
+        refuses=(404, 409),
+        tag="control",
+        examples=[OpenApiExample("Take control", value={}, request_only=True)],
+    )
+    def post(self, _request: Request, slug: str, body: TakeControl) -> ControlEntry:
+        """By the rules of the pages: account, booking, lease. Control ends with the term, with the slot, when it is
+        given back, and when the program asks for nothing for 30 s. Needs one of the scopes drive, speak, motions,
+        topics."""
+        connection = self.connection(self.robot(slug))
+        if connection.fence is not None:
+            return _entry(connection.control)
+        message = wire.TakeOver(body.reason) if body.reason else wire.Take()
+        return _entry(async_to_sync(connection.change)(message))
+
+    @operation(
+        "control_release", "Give control back", scope=None, status=204, refuses=(404, 409), tag="control"
+    )
+    def delete(self, _request: Request, slug: str) -> None:
+        """The robot stops."""
+        async_to_sync(self.connected(self.robot(slug)).change)(wire.Release())
+
+
+class RenewView(ProgramView):
+    """`/robots/{slug}/control/renew`."""
+
+    @operation(
+        "control_renew", "Renew control", scope=None, answer=ControlEntry, refuses=(404, 409), tag="control"
+    )
+    def post(self, _request: Request, slug: str) -> ControlEntry:
+        """A fresh term, or a longer slot while nobody else has booked."""
+        return _entry(async_to_sync(self.connected(self.robot(slug)).change)(wire.Renew()))
+
+
+class AskView(ProgramView):
+    """`/robots/{slug}/control/line`."""
+
+    @operation(
+        "control_ask",
+        "Wait in line for control",
+        scope=None,
+        answer=ControlEntry,
+        refuses=(404, 409),
+        tag="control",
+    )
+    def post(self, _request: Request, slug: str) -> ControlEntry:
+        """Read control at least every 30 s; an offer holds for `offer_s`."""
+        return _entry(async_to_sync(self.connection(self.robot(slug)).change)(wire.Ask()))
+
+    @operation("control_leave", "Leave the line", scope=None, status=204, refuses=(404, 409), tag="control")
+    def delete(self, _request: Request, slug: str) -> None:
+        """Nothing happens to who is not in line."""
+        async_to_sync(self.connection(self.robot(slug)).change)(wire.AskCancel())
+
+
+class HandOverView(ProgramView):
+    """`/robots/{slug}/control/hand-over`."""
+
+    @operation(
+        "control_hand_over",
+        "Hand control over",
+        scope=None,
+        body=HandOver,
+        status=204,
+        refuses=(404, 409),
+        tag="control",
+    )
+    def post(self, _request: Request, slug: str, body: HandOver) -> None:
+        """To somebody who waits in line."""
+        async_to_sync(self.connected(self.robot(slug)).change)(wire.HandOver(body.request))
+
+
+class VelocityView(ProgramView):
+    """`/robots/{slug}/velocity`."""
+
+    @operation(
+        "velocity",
+        "Drive for at most 0.5 s",
+        scope=Scope.DRIVE,
+        body=VelocityRequest,
+        answer=Driven,
+        refuses=(404, 409),
+        tag="control",
+        examples=[OpenApiExample("Forward", value={"forward_mps": 0.2, "seconds": 0.5}, request_only=True)],
+    )
+    def post(self, _request: Request, slug: str, body: VelocityRequest) -> Driven:
+        """Through dead-man and gate, as a stick. For more than a first try use the WebSocket, or `drive-by`."""
+        robot = self.robot(slug)
+        connection = self.connected(robot)
+        fence = connection.fence or 0
+        async_to_sync(connection.drive)(_velocity(robot, body), body.seconds)
+        return Driven(body.seconds, fence)
+
+
+def _velocity(robot: Robot, asked: VelocityRequest) -> Velocity:
+    """Return the parts of the robot's limits that drive messages carry. Raises `Problem`: too fast."""
+    facts = robot_facts(robot)
+    limits: Limits = facts.limits
+    parts: dict[str, Any] = {}
+    for name, value, limit in (
+        ("x", asked.forward_mps, limits.forward_mps if asked.forward_mps >= 0.0 else limits.reverse_mps),
+        ("y", asked.left_mps, limits.lateral_mps),
+        ("w", asked.turn_radps, limits.turn_radps),
+    ):
+        most = limit * facts.max_share
+        if abs(value) > most + 1e-9:
+            text = (
+                f"{robot.name} takes at most {most:.2f} in this direction; {abs(value):.2f} were asked for."
+            )
+            raise Problem(Refusal("too_fast", text, "wire", {"limit": most, "asked": value}))
+        parts[name] = value / most if most > 0.0 else 0.0
+    return Velocity(**parts, share=facts.max_share)
+
+
+def _entry(control: Control | None) -> ControlEntry:
+    if control is None:
+        return ControlEntry("unknown")
+    mine = control.state == "yours"
+    return ControlEntry(
+        state=control.state,
+        holder=control.holder,
+        fence=control.fence,
+        session=control.session,
+        term_s=control.remaining_s,
+        unused_s=UNUSED_S if mine else None,
+        ahead=control.ahead,
+        offer_s=control.offer_s,
+        refusal=control.refusal,
+        booked=control.booked,
+        next_booked=control.next_booked,
+    )

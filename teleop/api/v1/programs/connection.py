@@ -1,0 +1,246 @@
+"""One program's connection to one robot: the robot page's protocol, with an answer to each request."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from itertools import count
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+from websockets.asyncio.client import ClientConnection, unix_connect
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+
+from robots import wire
+from robots.wire import Accepted, Control, NotDone, Offers, Refusal, Refused, Welcome, kind_of
+
+log = logging.getLogger(__name__)
+
+ANSWER_S = 6.0  # a bridge answers within 5 s, or is silent
+OPEN_S = 5.0
+REPEAT_S = 0.05  # between two drive messages
+NEUTRAL_S = 0.15  # of standing still, where the bridge asks for it
+
+GONE = Refusal("connection_lost", "The connection to the robot's control ended: take control again.", "lease")
+_SILENT = Refusal("no_answer", "The console did not answer in time. Look at the robot's state.", "lease")
+_NOT_YOURS = Refusal("no_lease", "This program does not have control: take it first.", "lease")
+
+Wanted = Callable[[Any], bool]
+
+
+class Caller(Struct, frozen=True):
+    """How a program is signed in, passed on as it came: the headers of its request."""
+
+    key: str  # of the token, or of the session
+    headers: tuple[tuple[str, str], ...]
+    host: str
+    origin: str | None
+
+
+class Velocity(Struct, frozen=True):
+    """What drive messages say: parts of the robot's limits."""
+
+    x: float
+    y: float
+    w: float
+    share: float
+
+
+class ProgramConnection:
+    """A WebSocket as that of a robot page, held by this process for a program."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.control: Control | None = None
+        self.welcome: Welcome | None = None
+        self.offers: Offers | None = None
+        self.used_s = time.monotonic()  # by its program
+        self._socket = socket
+        self._numbers = count(1)
+        self._count = 0  # of messages heard
+        self._heard: deque[tuple[int, Any]] = deque(maxlen=200)
+        self._news = asyncio.Condition()
+        self._driving = asyncio.Lock()
+        self._closed = False
+        self._reading = asyncio.create_task(self._read())
+
+    @classmethod
+    async def open(cls, path: str, slug: str, caller: Caller) -> ProgramConnection:
+        """Connect to the process that drives. Raises `NotDone`."""
+        try:
+            socket = await unix_connect(
+                path,
+                uri=f"ws://{caller.host}/ws/robots/{slug}/",
+                additional_headers=list(caller.headers),
+                origin=caller.origin,
+                open_timeout=OPEN_S,
+                max_size=None,
+                compression=None,
+            )
+        except (OSError, InvalidHandshake, TimeoutError) as error:
+            log.warning("A program was not connected to robot %s: %s", slug, error)
+            raise NotDone(GONE) from error
+        connection = cls(socket)
+        try:
+            mark = await connection._say(wire.Hello(secrets.token_urlsafe(24)))
+            await connection._until(lambda one: isinstance(one, Control), mark, ANSWER_S)
+        except NotDone:
+            await connection.close()
+            raise
+        return connection
+
+    @property
+    def open_now(self) -> bool:
+        """Whether it can be used."""
+        return not self._closed
+
+    @property
+    def fence(self) -> int | None:
+        """The fencing number of the program's control; None without control."""
+        yours = self.open_now and self.control is not None and self.control.state == "yours"
+        return self.control.fence if yours and self.control else None
+
+    async def change(self, message: Any) -> Control:
+        """Ask for a change of control. Returns control after it. Raises `NotDone`."""
+        kind = kind_of(message)
+        mark = await self._say(message)
+        heard = await self._until(
+            lambda one: isinstance(one, Control) or (isinstance(one, Refused) and one.of == kind),
+            mark,
+            ANSWER_S,
+        )
+        if isinstance(heard, Refused):
+            raise NotDone(heard.refusal)
+        control: Control = heard
+        return control
+
+    async def request(self, make: Callable[[int, int], Any], *, fence: bool = True) -> None:
+        """Send a task, made with fencing number and sequence number. Returns when it was taken; else `NotDone`."""
+        held = self.fence
+        if held is None and fence:
+            raise NotDone(_NOT_YOURS)
+        seq = next(self._numbers)
+        message = make(held or 0, seq)
+        mark = await self._say(message)
+        kind = kind_of(message)
+
+        def answers(one: Any) -> bool:
+            return isinstance(one, Accepted | Refused) and one.of == kind and one.seq in (seq, None)
+
+        heard = await self._until(answers, mark, ANSWER_S)
+        if isinstance(heard, Refused):
+            raise NotDone(heard.refusal)
+
+    async def drive(self, velocity: Velocity, seconds: float) -> None:
+        """Drive so long, then stand. A newer call replaces this one. Raises `NotDone`: refused."""
+        fence = self.fence
+        if fence is None:
+            raise NotDone(_NOT_YOURS)
+        async with self._driving:
+            until_s = time.monotonic() + seconds
+            zero = Velocity(0.0, 0.0, 0.0, velocity.share)
+            refused: Refused | None = None
+            while time.monotonic() < until_s and self.fence == fence and refused is None:
+                refused = await self._refused(await self._drive(fence, velocity))
+                if refused is not None and refused.refusal.code == "neutral_needed":
+                    refused = None
+                    await self._drive(fence, zero)
+                    await asyncio.sleep(NEUTRAL_S)
+            with suppress(NotDone):
+                await self._drive(fence, zero)
+        if refused is not None:
+            raise NotDone(refused.refusal)
+        if self.fence != fence:
+            raise NotDone(_NOT_YOURS)
+
+    async def _drive(self, fence: int, velocity: Velocity) -> int:
+        return await self._say(
+            wire.Drive(
+                fence=fence,
+                seq=next(self._numbers),
+                sent_ms=1000.0 * time.monotonic(),
+                x=velocity.x,
+                y=velocity.y,
+                w=velocity.w,
+                share=velocity.share,
+            )
+        )
+
+    async def _refused(self, mark: int) -> Refused | None:
+        """Wait for `REPEAT_S`, and return the refusal of the drive message, if there is one."""
+        try:
+            found = await self._until(
+                lambda one: isinstance(one, Refused) and one.of == "drive", mark, REPEAT_S
+            )
+        except NotDone:
+            return None
+        return found if isinstance(found, Refused) else None
+
+    async def close(self) -> None:
+        """Leave: control ends as that of a page that is closed."""
+        with suppress(OSError, ConnectionClosed):
+            await self._socket.close()
+        self._reading.cancel()
+
+    async def _say(self, message: Any) -> int:
+        """Send a message. Returns the mark after which its answer is heard."""
+        mark = self._count
+        try:
+            await self._socket.send(wire.encode(message).decode())
+        except ConnectionClosed as error:
+            raise NotDone(self._why_gone()) from error
+        return mark
+
+    async def _until(self, wanted: Wanted, mark: int, within_s: float) -> Any:
+        """Return the first message after the mark that is wanted. Raises `NotDone`: none came in time."""
+
+        def found() -> Any:
+            return next((one for number, one in self._heard if number > mark and wanted(one)), None)
+
+        async with self._news:
+            try:
+                await asyncio.wait_for(
+                    self._news.wait_for(lambda: found() is not None or not self.open_now), within_s
+                )
+            except asyncio.TimeoutError as error:
+                raise NotDone(_SILENT) from error
+        heard = found()
+        if heard is None:
+            raise NotDone(self._why_gone())
+        return heard
+
+    def _why_gone(self) -> Refusal:
+        code = self._socket.close_code
+        return Refusal(GONE.code, f"{GONE.text} ({self._socket.close_reason})", GONE.rule) if code else GONE
+
+    async def _read(self) -> None:
+        try:
+            async for raw in self._socket:
+                await self._hear(raw)
+        except (ConnectionClosed, OSError) as error:
+            log.info("A program's connection ended: %s", error)
+        finally:
+            self._closed = True
+            async with self._news:
+                self._news.notify_all()
+
+    async def _hear(self, raw: str | bytes) -> None:
+        try:
+            message = wire.browser_report(raw)
+        except msgspec.DecodeError:
+            return  # a view of the robot, or other news that programs do not need
+        if isinstance(message, Control):
+            self.control = message
+        elif isinstance(message, Welcome):
+            self.welcome = message
+        elif isinstance(message, Offers):
+            self.offers = message
+        async with self._news:
+            self._count += 1
+            self._heard.append((self._count, message))
+            self._news.notify_all()

@@ -1,0 +1,37 @@
+"""The scopes that a program's token needs for each message."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fleet.accounts.tokens.models import Scope
+from robots import wire
+from robots.wire import Refusal
+
+_ACTING = (Scope.DRIVE, Scope.SPEAK, Scope.MOTIONS, Scope.TOPICS)
+_NEEDED: dict[type, tuple[Scope, ...]] = {
+    wire.Drive: (Scope.DRIVE,),
+    wire.LookAhead: (Scope.DRIVE,),
+    wire.Forget: (Scope.DRIVE,),
+    wire.Clear: (Scope.DRIVE,),
+    wire.Play: (Scope.MOTIONS,),
+    wire.PlayCancel: (Scope.MOTIONS,),
+    wire.Say: (Scope.SPEAK,),
+    wire.SayCancel: (Scope.SPEAK,),
+    wire.Choose: (Scope.TOPICS,),
+    wire.Publish: (Scope.TOPICS,),
+    wire.PublishStop: (Scope.TOPICS,),
+    **dict.fromkeys((wire.Hello, wire.Ack, wire.Ping, wire.Refresh), (Scope.READ, *_ACTING)),
+}
+
+
+def needed_scopes(message: Any) -> tuple[Scope, ...]:
+    """Return the scopes of which a token needs one. Control is taken for anything that needs it."""
+    return _NEEDED.get(type(message), _ACTING)
+
+
+def scope_missing(scopes: tuple[Scope, ...]) -> Refusal:
+    """Return the refusal of a token that has none of these scopes."""
+    names = " or ".join(f"“{scope.value}”" for scope in scopes)
+    text = f"This token lacks the scope {names}. Make one that has it, on the page Your account."
+    return Refusal("scope_missing", text, "account", {"scope": " ".join(scope.value for scope in scopes)})

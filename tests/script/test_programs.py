@@ -1,0 +1,134 @@
+"""Programs with tokens drive a robot through the real server: REST, and the WebSocket."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from websockets.asyncio.client import connect
+
+from script.stack.places import REPOSITORY
+from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+
+ROBOT = PRACTICE_ROBOTS[0].slug
+
+
+@pytest.fixture(scope="module")
+def stack() -> Iterator[Stack]:
+    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
+        yield stack
+
+
+def manage(stack: Stack, *words: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "manage.py", *words],
+        cwd=REPOSITORY,
+        env=stack.environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout.strip()
+
+
+def token(stack: Stack, role: str, *scopes: str, name: str = "night-tests") -> str:
+    return manage(stack, "make_token", stack.accounts[role].username, name, *scopes)
+
+
+class Api:
+    """A program with a token."""
+
+    def __init__(self, stack: Stack, token: str) -> None:
+        self._stack, self._token = stack, token
+
+    def __call__(self, method: str, path: str, body: Any = None) -> tuple[int, Any]:
+        """Ask; returns status and answer."""
+        request = urllib.request.Request(  # noqa: S310
+            f"{self._stack.url}/api/v1{path}",
+            None if body is None else json.dumps(body).encode(),
+            {"Authorization": f"Bearer {self._token}", "Content-Type": "application/json"},
+            method=method,
+        )
+        try:
+            with urllib.request.urlopen(request, timeout=20.0) as answer:  # noqa: S310
+                raw = answer.read()
+                return answer.status, json.loads(raw) if raw else None
+        except urllib.error.HTTPError as error:
+            return error.code, json.loads(error.read())
+
+
+def test_a_program_takes_control_drives_and_gives_it_back(stack: Stack) -> None:
+    api = Api(stack, token(stack, "operator", "read", "drive"))
+    control = f"/robots/{ROBOT}/control"
+    assert api("GET", control) == (200, {**api("GET", control)[1], "state": "free"})
+    status, refused = api("POST", f"/robots/{ROBOT}/velocity", {"forward_mps": 0.1})
+    assert (status, refused["code"], refused["rule"]) == (409, "no_lease", "lease")
+
+    status, taken = api("POST", control, {})
+    assert (status, taken["state"]) == (200, "yours"), taken
+    assert taken["fence"] > 0
+    x = api("GET", f"/robots/{ROBOT}")[1]["state"]["odometry"]["x"]
+    for _ in range(4):
+        status, driven = api("POST", f"/robots/{ROBOT}/velocity", {"forward_mps": 0.2, "seconds": 0.5})
+        assert status == 200, driven
+    robot = api("GET", f"/robots/{ROBOT}")[1]
+    assert robot["state"]["odometry"]["x"] - x > 0.2
+    assert "(night-tests)" in robot["holder"]
+    status, refused = api("POST", f"/robots/{ROBOT}/velocity", {"forward_mps": 4.0})
+    assert (status, refused["code"]) == (400, "too_fast")
+    assert api("DELETE", control)[0] == 204
+    assert api("GET", f"/robots/{ROBOT}")[1]["holder"] is None
+
+
+def test_ending_a_token_ends_its_control_within_a_second(stack: Stack) -> None:
+    api = Api(stack, token(stack, "operator", "read", "drive", name="ends-soon"))
+    watcher = Api(stack, token(stack, "observer", "read"))
+    assert api("POST", f"/robots/{ROBOT}/control", {})[0] == 200
+    assert "ends-soon" in watcher("GET", f"/robots/{ROBOT}")[1]["holder"]
+    code = (
+        "from fleet.accounts.tokens.models import Token; from fleet.accounts.tokens.services import token_end;"
+        "one = Token.objects.get(name='ends-soon'); token_end(token=one, actor=one.user)"
+    )
+    manage(stack, "shell", "--no-imports", "-c", code)
+    until = time.monotonic() + 3.0
+    while watcher("GET", f"/robots/{ROBOT}")[1]["holder"] is not None:
+        assert time.monotonic() < until, "control goes on"
+        time.sleep(0.05)
+    assert api("GET", f"/robots/{ROBOT}")[1]["code"] == "token_invalid"
+
+
+async def test_a_token_streams_the_pages_drive_messages(stack: Stack) -> None:
+    text = await asyncio.to_thread(token, stack, "operator", "read", "drive")
+    address = f"ws://127.0.0.1:{stack.port}/ws/robots/{ROBOT}/"
+    async with connect(address, additional_headers={"Authorization": f"Bearer {text}"}) as socket:
+        await socket.send(json.dumps({"t": "hello", "tab": "night-tests-0123456789"}))
+        fence = None
+        await socket.send(json.dumps({"t": "take"}))
+        async for raw in socket:
+            heard = json.loads(raw)
+            if heard["t"] == "control" and heard["state"] == "yours":
+                fence = heard["fence"]
+                break
+        for seq in range(1, 21):
+            turn = 0.0 if seq < 4 else 0.3  # the stick begins in the middle
+            drive = {"t": "drive", "fence": fence, "seq": seq, "sent_ms": 50.0 * seq, "x": 0.0, "w": turn}
+            await socket.send(json.dumps(drive))
+            await asyncio.sleep(0.05)
+        await socket.send(json.dumps({"t": "say", "fence": fence, "text": "Hello", "language": "en-GB"}))
+        async for raw in socket:
+            heard = json.loads(raw)
+            if heard["t"] == "refused" and heard["of"] == "say":
+                break
+        assert heard["refusal"]["code"] == "scope_missing"
+        await socket.send(json.dumps({"t": "release"}))
+    watcher = Api(stack, text)
+    turned = (await asyncio.to_thread(watcher, "GET", f"/robots/{ROBOT}"))[1]["state"]["odometry"]
+    assert turned["yaw"] != pytest.approx(0.0, abs=0.02)
