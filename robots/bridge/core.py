@@ -460,7 +460,7 @@ class Core:
     def why_not_still(self, now_s: float) -> Refusal | None:
         """Return a refusal if the base moves, is commanded to move, or its motion is unknown."""
         still = self._gate.standstill(now_s)
-        if self._passed != STILL or still is False:
+        if self.tasks.drives_by.running or self._passed != STILL or still is False:
             return Refusal("base_moving", "The robot drives: wait until it stands still.", "robot")
         if still is None:
             text = "It is unknown whether the robot stands still: its odometry is late."

@@ -209,10 +209,22 @@ def test_a_moving_robot_is_refused(bench):
     assert codes(bench.ask(METRE)) == ["base_moving"]
 
 
-def test_a_motion_is_refused_while_it_drives(bench):
+def test_a_motion_is_refused_until_it_ends(bench):
     bench.base.sweeps = {"wave": ()}
-    bench.begins()
-    assert codes(bench.ask(wire.Play(1, "wave"))) == ["base_moving"]
+    bench.begins(seconds=0.3)
+    while bench.shown:
+        assert codes(bench.ask(wire.Play(1, "wave"))) == ["base_moving"]
+        bench.step()
+    answers = bench.ask(wire.Play(1, "wave"))
+    bench.step()
+    bench.step()
+    assert answers == [None]
+
+
+def test_it_is_refused_during_a_motion(bench):
+    bench.base.sweeps = {"wave": ()}
+    bench.ask(wire.Play(1, "wave"))
+    assert codes(bench.ask(METRE)) == ["motion_running"]
 
 
 @pytest.mark.parametrize(
