@@ -71,7 +71,9 @@ def test_a_database_with_the_old_names_keeps_its_rows(tmp_path):
 @pytest.mark.django_db(transaction=True)
 def test_a_database_with_some_old_names_only_is_refused(app, tmp_path):
     with old_database(tmp_path) as recorder:
-        replaced = MigrationLoader(None, ignore_no_migrations=True).disk_migrations[app, "0001_squashed"].replaces
+        replaced = (
+            MigrationLoader(None, ignore_no_migrations=True).disk_migrations[app, "0001_squashed"].replaces
+        )
         last = max(name for _, name in replaced)
         recorder.record_unapplied(app, last)
         with pytest.raises(SystemCheckError, match=f"migrations that {app}.0001_squashed replaces"):

@@ -132,3 +132,41 @@ async def test_a_token_streams_the_pages_drive_messages(stack: Stack) -> None:
     watcher = Api(stack, text)
     turned = (await asyncio.to_thread(watcher, "GET", f"/robots/{ROBOT}"))[1]["state"]["odometry"]
     assert turned["yaw"] != pytest.approx(0.0, abs=0.02)
+
+
+def test_a_program_speaks_plays_and_reads_what_came_of_it(stack: Stack) -> None:
+    api = Api(stack, token(stack, "operator", "read", "speak", "motions", name="stage"))
+    robot = f"/robots/{ROBOT}"
+    status, refused = api("POST", f"{robot}/speech", {"text": "Hello", "language": "en-GB"})
+    assert (status, refused["code"]) == (409, "no_lease")
+    assert api("POST", f"{robot}/control", {})[0] == 200
+    status, spoken = api("POST", f"{robot}/speech", {"text": "Hello", "language": "en-GB"})
+    assert (status, spoken["kind"], spoken["outcome"]) == (202, "speech", None), spoken
+    status, ended = api("GET", f"{robot}/tasks/{spoken['number']}?wait=30")
+    assert (status, ended["outcome"]) == (200, "done"), ended
+    motions = [one["name"] for one in api("GET", f"{robot}/motions")[1]["motions"]]
+    assert "home" in motions
+    status, played = api("POST", f"{robot}/motions/home")
+    assert status == 202, played
+    assert api("GET", f"{robot}/tasks/{played['number']}?wait=30")[1]["outcome"] == "succeeded"
+    status, refused = api("POST", f"{robot}/velocity", {"forward_mps": 0.1})
+    assert (status, refused["code"], refused["figures"]) == (403, "scope_missing", {"scope": "drive"})
+    stranger = Api(stack, token(stack, "observer", "read", name="other"))
+    assert stranger("GET", f"{robot}/tasks/{played['number']}")[0] == 404
+    assert api("DELETE", f"{robot}/control")[0] == 204
+
+
+def test_a_program_stops_and_clears(stack: Stack) -> None:
+    watcher = Api(stack, token(stack, "observer", "book", name="red-button"))  # any scope will do
+    api = Api(stack, token(stack, "operator", "read", "drive", name="after-it"))
+    robot = f"/robots/{ROBOT}"
+    assert api("POST", f"{robot}/control", {})[0] == 200
+    assert watcher("POST", f"{robot}/stop")[0] == 200
+    status, refused = api("POST", f"{robot}/velocity", {"forward_mps": 0.1})
+    assert (status, refused["rule"]) == (409, "stop"), refused
+    number = api("GET", robot)[1]["state"]["stop"]["number"]
+    assert api("POST", f"{robot}/stop/clear", {"number": number - 1})[0] == 409
+    status, cleared = api("POST", f"{robot}/stop/clear", {"number": number})
+    assert (status, cleared["state"]) == (200, "clear"), cleared
+    assert api("POST", f"{robot}/velocity", {"forward_mps": 0.1})[0] == 200
+    assert api("DELETE", f"{robot}/control")[0] == 204

@@ -88,6 +88,10 @@ class ProgramView(ApiView):
         cookie = request.headers.get("Cookie", "")
         return Caller(request.session.session_key or "", (("Cookie", cookie),), host, origin)
 
+    def keep_control(self, slug: str) -> None:
+        """Count this request as use of the program's control."""
+        programs.found(slug, self.caller())
+
     def connection(self, robot: Robot) -> ProgramConnection:
         """Return the program's connection, a new one if there is none. Raises `NotDone`."""
         found: ProgramConnection = async_to_sync(programs.connection)(robot.slug, self.caller())

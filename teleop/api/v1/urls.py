@@ -6,7 +6,7 @@ from django.contrib.auth.decorators import login_not_required
 from django.urls import path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
-from teleop.api.v1 import control, other, robots
+from teleop.api.v1 import control, other, robots, tasks
 from teleop.stop import views as stop_views
 
 urlpatterns = [
@@ -20,6 +20,13 @@ urlpatterns = [
     path("robots/<slug:slug>/control/line", control.AskView.as_view()),
     path("robots/<slug:slug>/control/hand-over", control.HandOverView.as_view()),
     path("robots/<slug:slug>/velocity", control.VelocityView.as_view()),
+    path("robots/<slug:slug>/speech", tasks.SpeechView.as_view()),
+    path("robots/<slug:slug>/motions", tasks.MotionsView.as_view()),
+    path("robots/<slug:slug>/motions/<str:name>", tasks.MotionView.as_view()),
+    path("robots/<slug:slug>/motion", tasks.MotionCancelView.as_view()),
+    path("robots/<slug:slug>/look-ahead", tasks.LookAheadView.as_view()),
+    path("robots/<slug:slug>/tasks/<int:number>", tasks.TaskView.as_view()),
+    path("robots/<slug:slug>/stop/clear", tasks.ClearView.as_view()),
     path("robots/<slug:slug>/stop", stop_views.rest_stop, name="api-stop"),
     path("stop", stop_views.rest_stop_all, name="api-stop-all"),
     # A stop is not led elsewhere because of a slash.

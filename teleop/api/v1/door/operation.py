@@ -63,6 +63,10 @@ class ApiView(APIView):
         """The token of the request; None: a browser's session."""
         return self.request.auth if isinstance(self.request.auth, Token) else None
 
+    def accepted(self, entry: Struct, address: str) -> Response:
+        """Answer 202: it goes on, and its status is at this address."""
+        return Response(msgspec.to_builtins(entry), status=202, headers={"Location": address})
+
     def robots(self) -> list[Robot]:
         """Return the robots that the person may see, and the token serves."""
         token = self.token

@@ -24,6 +24,7 @@ log = logging.getLogger(__name__)
 
 ANSWER_S = 6.0  # a bridge answers within 5 s, or is silent
 OPEN_S = 5.0
+REFUSED_AT_ONCE_S = 0.2
 REPEAT_S = 0.05  # between two drive messages
 NEUTRAL_S = 0.15  # of standing still, where the bridge asks for it
 
@@ -135,6 +136,25 @@ class ProgramConnection:
         heard = await self._until(answers, mark, ANSWER_S)
         if isinstance(heard, Refused):
             raise NotDone(heard.refusal)
+
+    async def tell(self, message: Any) -> Refusal | None:
+        """Send a message that is answered only by a refusal. Returns it, or None if none comes at once."""
+        mark = await self._say(message)
+        kind = kind_of(message)
+        try:
+            found = await self._until(
+                lambda one: isinstance(one, Refused) and one.of == kind, mark, REFUSED_AT_ONCE_S
+            )
+        except NotDone:
+            return None
+        refusal: Refusal = found.refusal
+        return refusal
+
+    async def offered(self) -> Offers:
+        """Return what the robot offers. Raises `NotDone`: it is not known in time."""
+        if self.offers is None:
+            await self._until(lambda one: isinstance(one, Offers), 0, ANSWER_S)
+        return self.offers or Offers()
 
     async def drive(self, velocity: Velocity, seconds: float) -> None:
         """Drive so long, then stand. A newer call replaces this one. Raises `NotDone`: refused."""

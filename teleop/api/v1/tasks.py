@@ -1,0 +1,265 @@
+"""Speech, motions and other tasks by a program, and what came of them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from datetime import datetime
+from typing import Annotated, Any
+
+from asgiref.sync import async_to_sync
+from drf_spectacular.utils import OpenApiExample, OpenApiParameter
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from fleet.accounts.tokens.models import Scope
+from fleet.audit.models import Record
+from robots import wire
+from robots.access.selectors import supervises
+from robots.link.client import LinkRefused, state_once
+from robots.registry.models import Robot
+from robots.registry.selectors import link_address
+from robots.wire import MotionOffer, NotDone, Refusal, StopState
+from teleop.api.v1.control import ProgramView
+from teleop.api.v1.door.operation import operation
+from teleop.api.v1.door.parameters import whole_number
+from teleop.api.v1.door.problems import NOT_FOUND, Problem
+
+LONGEST_WAIT_S = 30
+LOOK_S = 0.2
+MOST_WAITING = 8  # requests that wait at once; others are answered at once
+CLEARED_S = 3.0
+
+_waiting = threading.BoundedSemaphore(MOST_WAITING)
+_STARTS = ("speech.start", "motion.start", "drive_by.start")
+_NOT_RECORDED = Refusal("not_recorded", "The console took the request, and has no record of it yet.", "audit")
+_NOT_CLEARED = Refusal("not_cleared", "The stop is not cleared: look at the robot’s state.", "stop")
+
+
+class SayRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A text for the robot to speak."""
+
+    text: Annotated[str, Meta(min_length=1, max_length=500)]
+    language: Annotated[str, Meta(min_length=2, max_length=35)]  # BCP 47, such as en-GB
+    topic: Annotated[str, Meta(max_length=255)] | None = None  # null: where speech goes now
+
+
+class ClearRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """The number of the stop as the program read it: a stop pressed since is not cleared unseen."""
+
+    number: Annotated[int, Meta(ge=0)]
+
+
+class TaskEntry(Struct, frozen=True):
+    """A task that somebody asked a robot for. `outcome` null: it is not over."""
+
+    number: int
+    kind: str  # speech, motion, drive_by
+    robot: str
+    by: str
+    asked_at: datetime
+    outcome: str | None
+    ended_at: datetime | None
+    text: str  # why it ended so, or the robot's own words
+
+
+class MotionList(Struct, frozen=True):
+    """The motions that a robot offers; `text`: why there are none."""
+
+    motions: list[MotionOffer]
+    text: str
+
+
+class TasksBase(ProgramView):
+    """Base of the views that ask for tasks."""
+
+    def start(self, robot: Robot, make: Callable[[int, int], Any], kind: str) -> Response:
+        """Ask for a task; answer 202 with its status and its address."""
+        connection = self.connected(robot)
+        async_to_sync(connection.request)(make)
+        session = connection.control.session if connection.control else None
+        found = Record.objects.filter(kind=f"{kind}.start", session_id=session).order_by("-pk").first()
+        if found is None:
+            raise Problem(_NOT_RECORDED)
+        address = f"/api/v1/robots/{robot.slug}/tasks/{found.pk}"
+        return self.accepted(_entry(found, robot), address)
+
+
+class SpeechView(TasksBase):
+    """`/robots/{slug}/speech`."""
+
+    @operation(
+        "speech_say",
+        "Speak a text",
+        scope=Scope.SPEAK,
+        body=SayRequest,
+        answer=TaskEntry,
+        status=202,
+        refuses=(404, 409),
+        tag="tasks",
+        examples=[
+            OpenApiExample("Greeting", value={"text": "Hello!", "language": "en-GB"}, request_only=True)
+        ],
+    )
+    def post(self, _request: Request, slug: str, body: SayRequest) -> Response:
+        """Needs control. The answer’s header Location is the address of its status."""
+        return self.start(
+            self.robot(slug),
+            lambda fence, seq: wire.Say(fence, body.text, body.language, body.topic, seq),
+            "speech",
+        )
+
+    @operation(
+        "speech_cancel", "Cancel speech", scope=Scope.SPEAK, status=204, refuses=(404, 409), tag="tasks"
+    )
+    def delete(self, _request: Request, slug: str) -> None:
+        """The speech of this program’s control."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(lambda fence, seq: wire.SayCancel(fence, seq))
+
+
+class MotionsView(TasksBase):
+    """`/robots/{slug}/motions`."""
+
+    @operation(
+        "motions_list", "List motions", scope=Scope.READ, answer=MotionList, refuses=(404, 409), tag="tasks"
+    )
+    def get(self, _request: Request, slug: str) -> MotionList:
+        """In the robot’s own words."""
+        connection = self.connection(self.robot(slug))
+        offers = async_to_sync(connection.offered)()
+        return MotionList(offers.motions, offers.motions_text)
+
+
+class MotionView(TasksBase):
+    """`/robots/{slug}/motions/{name}`."""
+
+    @operation(
+        "motions_play",
+        "Play a motion",
+        scope=Scope.MOTIONS,
+        answer=TaskEntry,
+        status=202,
+        refuses=(404, 409),
+        tag="tasks",
+    )
+    def post(self, _request: Request, slug: str, name: str) -> Response:
+        """Needs control. The answer’s header Location is the address of its status."""
+        return self.start(self.robot(slug), lambda fence, seq: wire.Play(fence, name[:100], seq), "motion")
+
+
+class MotionCancelView(TasksBase):
+    """`/robots/{slug}/motion`."""
+
+    @operation(
+        "motions_cancel",
+        "Cancel the motion",
+        scope=Scope.MOTIONS,
+        status=204,
+        refuses=(404, 409),
+        tag="tasks",
+    )
+    def delete(self, _request: Request, slug: str) -> None:
+        """The one that this program’s control started."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(lambda fence, seq: wire.PlayCancel(fence, seq))
+
+
+class LookAheadView(TasksBase):
+    """`/robots/{slug}/look-ahead`."""
+
+    @operation(
+        "look_ahead",
+        "Turn the head to where the robot drives",
+        scope=Scope.DRIVE,
+        status=204,
+        refuses=(404, 409),
+        tag="tasks",
+    )
+    def post(self, _request: Request, slug: str) -> None:
+        """Needs control."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(lambda fence, seq: wire.LookAhead(fence, seq))
+
+
+class ClearView(TasksBase):
+    """`/robots/{slug}/stop/clear`."""
+
+    @operation(
+        "stop_clear",
+        "Clear the emergency stop",
+        scope=Scope.DRIVE,
+        body=ClearRequest,
+        answer=StopState,
+        refuses=(404, 409),
+        tag="stop",
+    )
+    def post(self, _request: Request, slug: str, body: ClearRequest) -> StopState:
+        """By who has control, a supervisor or staff. Nothing moves."""
+        robot = self.robot(slug)
+        connection = self.connection(robot)
+        refusal = async_to_sync(connection.tell)(wire.Clear(body.number))
+        if refusal is not None:
+            raise Problem(refusal)
+        until_s = time.monotonic() + CLEARED_S
+        while time.monotonic() < until_s:
+            try:
+                stop = state_once(robot.id, link_address(robot)).stop
+            except LinkRefused as error:
+                raise NotDone(error.refusal) from error
+            if stop.state == "clear":
+                return stop
+            time.sleep(LOOK_S)
+        raise Problem(_NOT_CLEARED)
+
+
+class TaskView(ProgramView):
+    """`/robots/{slug}/tasks/{number}`."""
+
+    @operation(
+        "tasks_read",
+        "Read what came of a task",
+        scope=Scope.READ,
+        answer=TaskEntry,
+        refuses=(400, 404),
+        tag="tasks",
+        parameters=[
+            OpenApiParameter(
+                "wait", int, description=f"Wait so many seconds for its end, 0 to {LONGEST_WAIT_S}."
+            )
+        ],
+    )
+    def get(self, request: Request, slug: str, number: int) -> TaskEntry:
+        """From the log. Only supervisors of the robot and staff read tasks of other people."""
+        robot = self.robot(slug)
+        found = Record.objects.filter(pk=min(number, 2**62), robot_id=robot.id, kind__in=_STARTS).first()
+        if found is None or not (found.actor_id == str(self.person.pk) or supervises(self.person, robot)):
+            raise Problem(NOT_FOUND)
+        until_s = time.monotonic() + whole_number(request, "wait", 0, LONGEST_WAIT_S, least=0)
+        self.keep_control(slug)
+        if not _waiting.acquire(blocking=False):
+            return _entry(found, robot)
+        try:
+            while (entry := _entry(found, robot)).outcome is None and time.monotonic() < until_s:
+                time.sleep(LOOK_S)
+                self.keep_control(slug)
+        finally:
+            _waiting.release()
+        return entry
+
+
+def _entry(start: Record, robot: Robot) -> TaskEntry:
+    kind = start.kind.removesuffix(".start")
+    end = Record.objects.filter(kind=f"{kind}.end", of=start).select_related("content").first()
+    return TaskEntry(
+        number=start.pk,
+        kind=kind,
+        robot=robot.slug,
+        by=start.actor_name,
+        asked_at=start.at,
+        outcome=end.outcome if end else None,
+        ended_at=end.at if end else None,
+        text=end.details.get("words", "") if end else "",
+    )
