@@ -96,6 +96,20 @@ def test_a_moved_booking_in_a_second_tab_is_refused(as_person, robot, operator):
     assert Booking.objects.get().starts_at == in_hours(5)
 
 
+def test_the_second_tab_is_told_on_the_page_and_types_nothing_again(as_person, robot, operator):
+    browser = as_person(operator)
+    browser.post(reverse("booking-new"), fields(robot))
+    address = reverse("booking", args=[Booking.objects.get().pk])
+    browser.post(address, {**fields(robot, 5), "action": "move", "version": 1})
+    wanted = fields(robot, 8)
+    page = browser.post(address, {**wanted, "action": "move", "version": 1}, **HTML).content.decode()
+    assert "Not changed:" in page and 'data-code="changed"' in page
+    assert f"{in_hours(5):%H:%M}" in page.split("</h1>")[0]  # the heading has the facts
+    assert f'name="starts_at" value="{wanted["starts_at"]}"' in page
+    browser.post(address, {**wanted, "action": "move", "version": 2})
+    assert Booking.objects.get().starts_at == in_hours(8)
+
+
 def test_cancelling_from_ones_own_list_frees_the_slot(as_person, robot, operator):
     browser = as_person(operator)
     browser.post(reverse("booking-new"), fields(robot))

@@ -268,7 +268,12 @@ def _booking_page(
     now = timezone.now()
     [row] = _rows([found], [found.robot], now)
     manages = may_manage_booking(person, found)
-    initial = {"robot": found.robot.slug, "starts_at": found.starts_at, "ends_at": found.ends_at}
+    typed = request.POST  # of a refused move: it need not be typed again
+    initial = {
+        "robot": found.robot.slug,
+        "starts_at": typed.get("starts_at") or found.starts_at,
+        "ends_at": typed.get("ends_at") or found.ends_at,
+    }
     form = SlotForm(initial=initial, **_form_options(person, found.robot))
     context = {
         "row": row,

@@ -19,6 +19,7 @@ export function startCalendar(main, library) {
   let robots = "[]"; // the columns
   let dragged = false; // the click that ends a drag follows no link
   const names = new Map(); // of robots, by slug
+  const hint = part.hint.textContent;
   const phone = globalThis.innerWidth < PHONE_PX;
 
   const calendar = library.create(part.calendar, {
@@ -43,7 +44,7 @@ export function startCalendar(main, library) {
       {
         events: async ({ startStr, endStr }) => {
           range = [startStr, endStr];
-          const answer = await readFeed(feed, startStr, endStr, robot);
+          const answer = await read(startStr, endStr);
           newest = JSON.stringify(answer);
           for (const { id, title } of answer.resources) names.set(id, title);
           if (JSON.stringify(answer.resources) !== robots) {
@@ -69,6 +70,18 @@ export function startCalendar(main, library) {
     eventResize: (change) => move(change),
   });
 
+  /** Reads the feed; if it cannot be read, the page says why: an empty calendar would look like a free one. */
+  async function read(start, end) {
+    try {
+      const answer = await readFeed(feed, start, end, robot);
+      say(part.hint, hint);
+      return answer;
+    } catch (error) {
+      say(part.hint, error.message);
+      throw error;
+    }
+  }
+
   async function move({ event, revert, newResource }) {
     if (newResource) {
       revert();
@@ -92,7 +105,7 @@ export function startCalendar(main, library) {
 
   async function poll() {
     if (document.hidden || range === null) return;
-    const answer = await readFeed(feed, ...range, robot).catch(() => null);
+    const answer = await read(...range).catch(() => null);
     if (answer && JSON.stringify({ ...answer, now: "" }) !== withoutNow(newest))
       calendar.refetchEvents();
   }
