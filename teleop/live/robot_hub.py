@@ -202,6 +202,8 @@ class RobotHub:
                 return status, confirmed_s
             with suppress(ControlRefused, DatabaseError):
                 lease_fit_slot(robot_id=self.robot_id, before=lease, until=until, now=status.read_at)
+                if until <= status.read_at:  # another person's slot has begun: the holder learns why
+                    lease_expire(robot_id=self.robot_id, now=timezone.now())
             return self._read_again(people, sessions), confirmed_s
         # The lease is over by the clock, even if its end cannot be stored. Its page may just have come back, or another
         # process may be faster: then `lease_expire` refuses.

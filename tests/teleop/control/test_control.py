@@ -14,6 +14,8 @@ from msgspec import structs
 import robots.link.client
 from fleet.audit import services as audit
 from fleet.audit.models import Record
+from fleet.bookings.rules import Slot
+from fleet.bookings.services import booking_make
 from robots import wire
 from robots.link.client import BridgeLink
 from robots.registry.models import Robot
@@ -417,6 +419,42 @@ async def test_control_ends_with_its_term(open_page, bridge):
     assert (await page.hears("notice", code="term"))["level"] == "warning"
     await page.hears("control", state="free")
     assert await count("control.end") == 1
+
+
+async def test_a_slot_booked_for_now_ends_a_supervisors_control(open_page, bridge, robot, operator):
+    page = await open_page("supervisor")
+    fence = (await page.take())["fence"]
+    await in_database(_book_now, robot, operator)
+    begun_s = time.monotonic()
+    assert (await bridge.hears(wire.Revoke)).fence == fence
+    assert time.monotonic() - begun_s < 2.0  # and its cause: within the next read
+    await page.hears("notice", code="slot")
+    owner = await open_page("operator")
+    assert (await owner.take())["fence"] == fence + 1
+    await page.say("take_over", reason="because I want it")
+    assert (await page.hears("control", state="yours"))["fence"] == fence + 2
+
+
+async def test_a_slot_that_is_given_up_leaves_a_term_of_free_time(open_page, robot, operator, browsers):
+    booking = await in_database(_book_now, robot, operator)
+    page = await open_page("operator")
+    assert (await page.take())["remaining_s"] > 3000.0  # until the end of the slot
+    posted = {"action": "cancel", "version": booking.version}
+    await in_database(browsers["operator"].post, f"/bookings/{booking.pk}/", posted)
+    lasts_s = await eventually(_short_term)
+    assert lasts_s <= 15 * 60.0
+
+
+def _book_now(robot, person):
+    now = timezone.now()
+    slot = Slot(now, now + timedelta(hours=1))
+    return booking_make(robot=robot, person=person, slot=slot, now=now)
+
+
+def _short_term():
+    """Return the seconds left of control, if they are no longer those of a slot of an hour."""
+    left_s = (Lease.objects.get().term_ends_at - timezone.now()).total_seconds()
+    return left_s if left_s < 3000.0 else None
 
 
 async def test_control_ends_with_its_term_even_if_not_recorded(open_page, bridge, monkeypatch):
