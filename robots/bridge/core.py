@@ -522,7 +522,7 @@ class Core:
         if awaited:
             self._drives.halted(awaited.text)
             by.awaits(awaited, now_s)
-        return refusal, by.velocity(grant, self.lease.granted_s, self._sent, now_s)
+        return refusal, by.velocity(grant, self.lease.confirmed_s, self._sent, now_s)
 
     def _explain_silence(self, stick: DriveInput, now_s: float) -> tuple[str, str]:
         """Return code and reason for the expired commands of `stick`: this computer was late, or the sender was silent.

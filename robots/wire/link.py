@@ -36,6 +36,7 @@ class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
     holder_id: ShortText
     max_share: Share
     delay_s: Annotated[float, Meta(ge=0.0)] | None = None  # web process -> holder's page -> web process
+    silent_s: Annotated[float, Meta(ge=0.0)] | None = None  # since its last message; None: it sends no stream
 
 
 class Revoke(Struct, frozen=True, tag_field="t", tag="revoke"):

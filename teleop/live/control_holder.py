@@ -45,19 +45,28 @@ class ControlHolder:
     on) only change the lease. So every way to get or lose control runs through `follow`.
 
     It sends nothing to its client: it calls `report` with a `Control` when control changed, and with a `Notice` that
-    says why. `delay_s` returns the round trip time to the client in seconds (None: not known yet).
+    says why. `delay_s` returns the round trip time to the client in seconds (None: not known yet), `silent_s` the
+    seconds since it was last heard (None: it sends no stream of messages).
 
     Requests raise ControlRefused, LinkRefused or DatabaseError.
     """
 
     def __init__(
-        self, hub: RobotHub, user_id: UUID, tab: Tab, *, report: Report, delay_s: Callable[[], float | None]
+        self,
+        hub: RobotHub,
+        user_id: UUID,
+        tab: Tab,
+        *,
+        report: Report,
+        delay_s: Callable[[], float | None],
+        silent_s: Callable[[], float | None] = lambda: None,
     ) -> None:
         self.tab = tab
         self._hub = hub
         self._user_id = user_id
         self._report = report
         self._delay_s = delay_s
+        self._silent_s = silent_s
         self._renewer: LeaseRenewer | None = None
         self._status: ControlStatus | None = None
         self._rights: Rights | None = None
@@ -221,6 +230,7 @@ class ControlHolder:
                 # The bridge knows better: it has a higher fencing number, or another session under this one.
                 refused=partial(self._end, EndReason.BRIDGE),
                 delay_s=self._delay_s,
+                silent_s=self._silent_s,
             )
 
     def _is_mine(self, status: ControlStatus) -> bool:

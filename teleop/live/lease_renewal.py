@@ -27,7 +27,8 @@ class LeaseRenewer:
     """Renews one lease of one connection from its start until `revoke`, `leave` or `pass_on`.
 
     `answered` is called after the first grant, `refused` when the bridge refuses this control for good. `delay_s`
-    returns the round trip time to the page (None: not known yet); the bridge adds it to its latency.
+    returns the round trip time to the page (None: not known yet); the bridge adds it to its latency. `silent_s`
+    returns the time since the client was last heard (None: it sends no stream): the bridge drives for no absent holder.
     """
 
     def __init__(
@@ -39,6 +40,7 @@ class LeaseRenewer:
         answered: Callable[[], Awaitable[None]],
         refused: Callable[[Refusal], Awaitable[None]],
         delay_s: Callable[[], float | None],
+        silent_s: Callable[[], float | None],
     ) -> None:
         self.lease = lease
         self.fence = lease.fence
@@ -48,6 +50,7 @@ class LeaseRenewer:
         self._answered = answered
         self._refused = refused
         self._delay_s = delay_s
+        self._silent_s = silent_s
         self._soon = asyncio.Event()
         # Another connection may have had this lease: its drive input ends here, sequence numbers start again.
         hub.link.send(Pause(self.fence, "The page was opened again."))
@@ -122,5 +125,6 @@ class LeaseRenewer:
                 holder_id=str(self.lease.user),
                 max_share=self.permit.max_share,
                 delay_s=self._delay_s(),
+                silent_s=self._silent_s(),
             )
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from functools import partial
 from typing import cast
 from uuid import UUID
@@ -174,6 +175,7 @@ class RobotConsumer(RobotSocket):
             tab,
             report=self.send_message,
             delay_s=lambda: self.viewer.delay_s if self.viewer else None,
+            silent_s=lambda: time.monotonic() - self.heard_s,
         )
         await self._welcome()
         await self.hub.read_status_for(self)

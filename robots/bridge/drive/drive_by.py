@@ -1,7 +1,7 @@
 """Drive a distance, or turn by an angle: one request at a time, from its record to its end.
 
 The bridge makes the velocities itself, one for each decision of the core. They pass the rules of drive input: lease,
-stop, records, gate. The console must confirm control again and again meanwhile. Any doubt ends the request.
+stop, records, gate. The holder's client must be heard of again and again meanwhile. Any doubt ends the request.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robots.bridge.gate.values import STILL, Limits, Pose, Velocity, Verdict
 from robots.wire import DriveBy, Grant, Refusal
 
 DEFAULT_SHARE = 0.4  # of the robot's speed limit, if the request names no speed
-CONFIRMED_S = 2.0  # without a grant for so long, nobody may be there: web processes renew it every second
+CONFIRMED_S = 2.0  # without a sign of the holder's client for so long, nobody may be there
 HELD_S = 3.0  # without progress for so long, the request ends
 PROGRESS = 0.01  # m or rad: less is none
 SETTLED_S = 0.3  # of zeros, before standstill counts: the last velocity may still be on its way
@@ -152,7 +152,7 @@ class DrivesBy:
             self._request.travelled.moved(pose)
 
     def velocity(self, grant: Grant, confirmed_s: float, sent: Velocity, now_s: float) -> Velocity:
-        """Return the next velocity. `sent` is the last one; the console last confirmed control at `confirmed_s`."""
+        """Return the next velocity. `sent` is the last one; the holder was there at `confirmed_s`."""
         request = self._request
         if request is None or request.travelled is None:
             return STILL
@@ -161,7 +161,7 @@ class DrivesBy:
             self.end("late", f"This computer is overloaded: the bridge was {passed_s:.1f} s late.", now_s)
             return STILL
         if now_s - confirmed_s > CONFIRMED_S:
-            text = f"The console did not confirm control for {CONFIRMED_S:.0f} s."
+            text = f"Nothing was heard of its holder for {CONFIRMED_S:.0f} s."
             self.end("control_lost", text, now_s)
             return STILL
         left = abs(request.goal) - request.progress

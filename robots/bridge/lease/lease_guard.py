@@ -44,9 +44,11 @@ class LeaseGuard:
         self.ends_s = now_s + grant.seconds
 
     @property
-    def granted_s(self) -> float:
-        """Time of the last grant: a web process renews it every second while its page is there."""
-        return self.ends_s - self.current.seconds if self.current else float("-inf")
+    def confirmed_s(self) -> float:
+        """Time at which the holder was last known to be there: a web process renews the grant every second."""
+        if self.current is None:
+            return float("-inf")
+        return self.ends_s - self.current.seconds - (self.current.silent_s or 0.0)
 
     def end(self) -> Grant | None:
         """End the grant in force and return it."""

@@ -27,6 +27,7 @@ class FollowingBench(Bench):
         self.obeys = True
         self.renews_s = 1.0
         self.max_share = 1.0
+        self.silent_since_s = None
         self.renewed_s = self.now_s
 
     def step(self, seconds=0.05):
@@ -45,7 +46,9 @@ class FollowingBench(Bench):
 
     def renew(self):
         self.renewed_s = self.now_s
-        self.core.grant(Grant(1, 60.0, "session-1", "Ann", "ann-id", self.max_share), 1, self.now_s)
+        silent_s = None if self.silent_since_s is None else self.now_s - self.silent_since_s
+        grant = Grant(1, 60.0, "session-1", "Ann", "ann-id", self.max_share, silent_s=silent_s)
+        self.core.grant(grant, 1, self.now_s)
 
     def until_end(self, seconds=30.0):
         """Let time pass until the drive ends; return its end."""
@@ -387,12 +390,28 @@ def test_its_holder_may_cancel_it(bench):
     assert codes(bench.ask(DriveByCancel(1))) == ["no_drive"]
 
 
-def test_a_console_that_no_longer_confirms_control_ends_it(bench):
+def test_a_console_that_no_longer_renews_control_ends_it(bench):
     bench.begins(msgspec.structs.replace(METRE, distance_m=5.0), 0.2)
     bench.renews_s = math.inf
     end = bench.until_end(CONFIRMED_S + 0.2)
     assert end.outcome == "control_lost"
-    assert "did not confirm" in end.text
+    assert end.text == "Nothing was heard of its holder for 2 s."
+
+
+def test_a_page_that_the_console_does_not_hear_ends_it(bench):
+    bench.begins(msgspec.structs.replace(METRE, distance_m=5.0), 0.2)
+    bench.silent_since_s = bench.now_s
+    end = bench.until_end(CONFIRMED_S + 0.2)
+    assert end.outcome == "control_lost"
+    assert bench.core.lease.current is not None
+
+
+def test_it_does_not_begin_for_a_page_that_is_not_heard(bench):
+    bench.silent_since_s = bench.now_s - CONFIRMED_S
+    bench.renew()
+    bench.ask(METRE)
+    assert bench.until_end().outcome == "control_lost"
+    assert set(bench.base.sent) == {STILL}
 
 
 def test_a_bridge_that_was_late_ends_it(bench):

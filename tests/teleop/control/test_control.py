@@ -82,6 +82,16 @@ async def test_grant_contains_the_delay_to_the_drivers_page(open_page, bridge):
     assert 0.0 < message.delay_s < 5.0
 
 
+async def test_grant_contains_the_silence_of_the_drivers_page(open_page, bridge):
+    page = await open_page("operator")
+    await page.take()
+    assert (await bridge.hears(wire.Grant)).silent_s < 1.0
+    message = await bridge.hears(wire.Grant, lambda grant: grant.silent_s > 1.0)
+    assert message.silent_s < 5.0
+    await page.say("ping", sent_ms=1.0)
+    await bridge.hears(wire.Grant, lambda grant: grant.silent_s < message.silent_s)
+
+
 async def test_welcome_names_the_person_and_the_robots_facts(open_page, robot):
     page = await open_page("operator")
     assert (page.welcome["you"], page.welcome["role"]) == ("Olga Operator", "operator")
