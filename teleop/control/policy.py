@@ -150,7 +150,9 @@ def require_turn(subject: Subject) -> Permit | Refusal:
     if first.user == me:
         return Permit()
     left_s = (turn.offer_until - now).total_seconds() if turn and turn.offer_until else OFFER_S
-    text = f"{first.name} is next in line and has {left_s:.0f} s to take control. Ask for control to wait in line."
+    text = f"{first.name} is next in line and has {left_s:.0f} s to take control."
+    if all(one.user != me for one in subject.line):
+        text += " Ask for control to wait in line."
     refusal = Refusal("next_in_line", text, "lease", {"next": first.name, "seconds": round(left_s, 1)})
     return Permit(over=refusal) if subject.supervises else refusal
 

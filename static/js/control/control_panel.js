@@ -2,7 +2,7 @@
 
 import { make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { question } from "../lib/question.js";
-import { controlWords, slotWarning, slotWords } from "./control_words.js";
+import { controlWords, isSlotFar, slotWarning, slotWords } from "./control_words.js";
 import { clockText, isLastCall, remaining } from "./lease.js";
 
 const UNKNOWN = { state: "unknown", requests: [] };
@@ -69,6 +69,7 @@ export class ControlPanel extends EventTarget {
 
   #showSlot(sinceS) {
     sayOrHide(this.#parts.slot, slotWords(this.#control, sinceS));
+    mark(this.#parts.slot, "far", isSlotFar(this.#control, sinceS));
     const warning = slotWarning(this.#control, sinceS);
     if (warning && warning.atS < this.#warnedAtS)
       this.dispatchEvent(new CustomEvent("warn", { detail: warning.text }));
@@ -95,14 +96,18 @@ export class ControlPanel extends EventTarget {
       return make("li", { children });
     });
     this.#parts.requests.replaceChildren(...items);
+    // A long line scrolls, by keys as well.
+    if (items.length > 1) this.#parts.requests.tabIndex = 0;
+    else this.#parts.requests.removeAttribute("tabindex");
     show(this.#parts.requests, items.length > 0);
   }
 
   #handOver(id, name) {
     const text = interpolate(gettext("Hand over to %s"), [name]);
-    const button = makeButton({ className: "button primary", text }, () =>
+    const button = makeButton({ className: "button primary", text: gettext("Hand over") }, () =>
       this.#choose({ t: "hand_over", request: id }),
     );
+    button.setAttribute("aria-label", text); // the name stands beside it
     const tooSoonMs = this.#offeredMs.get(id) + MEANT_BEFORE_MS - performance.now();
     if (tooSoonMs > 0) {
       button.disabled = true;

@@ -3,6 +3,7 @@
 import { clockText } from "./lease.js";
 
 const SOON_S = 4 * 3600; // a later booking is not shown
+const FAR_S = 3600;
 const WARNINGS_S = [60, 300]; // before a slot ends control
 
 /** How the holder is called on this page. */
@@ -99,6 +100,11 @@ export function slotWords({ state, booked, next_booked: next }, sinceS) {
   const begins = clockText(Math.max(next.seconds - sinceS, 0));
   if (next.mine) return interpolate(gettext("Your slot begins in %s"), [begins]);
   return interpolate(gettext("The slot of %s begins in %s"), [next.name, begins]);
+}
+
+/** Whether the words about a slot may give way on a small screen: nobody has one now, and the next begins late. */
+export function isSlotFar({ booked, next_booked: next }, sinceS) {
+  return !booked && next !== null && next !== undefined && next.seconds - sinceS > FAR_S;
 }
 
 /**

@@ -1,5 +1,10 @@
 import { describe, expect, test } from "vitest";
-import { controlWords, slotWarning, slotWords } from "../../../static/js/control/control_words.js";
+import {
+  controlWords,
+  isSlotFar,
+  slotWarning,
+  slotWords,
+} from "../../../static/js/control/control_words.js";
 
 const anna = { name: "Anna", mine: false, seconds: 1200 };
 const mine = { name: "You", mine: true, seconds: 320 };
@@ -15,6 +20,14 @@ describe("the slot line", () => {
     );
     expect(slotWords({ booked: null, next_booked: { ...anna, seconds: 20000 } }, 0)).toBe("");
   });
+});
+
+test("the slot line gives way on a small screen while the next slot is far", () => {
+  const later = { ...anna, seconds: 3700 };
+  expect(isSlotFar({ booked: null, next_booked: later }, 0)).toBe(true);
+  expect(isSlotFar({ booked: null, next_booked: later }, 200)).toBe(false);
+  expect(isSlotFar({ booked: mine, next_booked: later }, 0)).toBe(false);
+  expect(isSlotFar({ booked: null, next_booked: null }, 0)).toBe(false);
 });
 
 describe("the warning to the holder", () => {

@@ -74,6 +74,7 @@ def test_the_first_in_line_gets_30_s_and_nobody_else(
         refusal = refused(take, robot, person, at(10))
         assert (refusal.code, refusal.figures["seconds"]) == ("next_in_line", 23.0)
         assert second_operator.display_name in refusal.text
+        assert ("Ask for control" in refusal.text) == (person == operator)  # the third one waits already
     assert take(robot, second_operator, at(32.9)).user == second_operator.id
     assert [one.user for one in line_of(robot.id, at(10))] == [third.id]
     offer = Record.objects.get(kind="control.offer")
