@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from datetime import datetime
 from typing import Any
 
 from django.utils.translation import gettext as _
 
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
+from fleet.zones import viewers
 
 FACTS = 4  # figures in a line of a list
 LONG = 60  # characters of one of them
@@ -26,6 +28,7 @@ _UNITS = {
     "_s": "s",
 }
 _IDENTIFIER = re.compile(r"[0-9a-f]{8}-?([0-9a-f]{4}-?){3}[0-9a-f]{12}|[0-9a-f]{32,}")  # nothing for a line
+_MOMENT = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{6})?\+00:00")
 # The subject of a record is the first of these fields that it has.
 _SUBJECTS = (
     "text",
@@ -87,7 +90,14 @@ def figure(name: str, value: Any) -> str:
     for ending, unit in _UNITS.items():
         if name.endswith(ending) and isinstance(value, int | float):
             return f"{_plain(name.removesuffix(ending))} {value:g} {unit}"
-    return f"{_plain(name)} {said(value)}"
+    return f"{_plain(name)} {_moment(value) or said(value)}"
+
+
+def _moment(value: Any) -> str:
+    """A moment of UTC in the reader's zone; blank if the value is none."""
+    if not isinstance(value, str) or not _MOMENT.fullmatch(value):
+        return ""
+    return f"{datetime.fromisoformat(value).astimezone(viewers()):%d %b %Y, %H:%M}"
 
 
 def lines(details: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:

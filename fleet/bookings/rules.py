@@ -175,7 +175,7 @@ def ends_some_day(wish: Wish) -> Refusal | None:
 
 def is_free(wish: Wish) -> Refusal | None:
     """No other booking of the robot overlaps."""
-    if not wish.taken:
+    if not wish.taken or wish.slot.ends_at <= wish.now:  # nobody can wait for a slot that is past
         return None
     first = wish.taken[0]
     until = max(one.slot.ends_at for one in wish.taken)

@@ -249,14 +249,26 @@ def free_slots(
 ) -> list[tuple[Robot, Slot]]:
     """Return the next slots of this length that no rule refuses, earliest first.
 
+    On any robot: not while the person has a booking already, for nobody drives two robots at once.
     `wish`: the facts about the person and the one robot, of a slot at `after`, if they are known already.
     """
     length = timedelta(minutes=minutes)
     found: list[tuple[Robot, Slot]] = []
+    own = () if wish else _busy_slots(person, after)
     for robot in robots:
         facts = wish or wish_of(robot=robot, person=person, slot=Slot(after, after + length), now=now)
+        facts = structs.replace(facts, busy=(*facts.busy, *own))
         found += [(robot, slot) for slot in _free_on(facts, length, after, now, most)]
     return sorted(found, key=lambda one: one[1].starts_at)[:most]
+
+
+def _busy_slots(person: User, after: datetime) -> tuple[Taken, ...]:
+    """Return the person's bookings, of every robot, in the time that is searched."""
+    held = Booking.objects.filter(
+        person=person, starts_at__range=(after - LONGEST, after + SEARCH), held_until__gt=after
+    )
+    rows = held.values_list("starts_at", "held_until")
+    return tuple(Taken(Slot(starts, ends), "") for starts, ends in rows)
 
 
 def _free_on(facts: Wish, length: timedelta, after: datetime, now: datetime, most: int) -> list[Slot]:

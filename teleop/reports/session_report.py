@@ -157,14 +157,15 @@ def _entry(row: Row, session: ControlSession) -> TimelineEntry:
     record = row.record
     records = [record, row.end] if row.end else [record]
     who = "" if record.actor_id == str(session.user_id) else wording.who(record)
+    what, outcome = wording.label(record.kind), wording.outcome(row.outcome)
     return TimelineEntry(
         number=record.pk,
         at=record.at,
         at_s=_since(session, record.at),
         group=record.kind.partition(".")[0],
-        what=wording.label(record.kind),
+        what=what,
         subject=wording.subject(record),
-        facts=[words for words in (who, wording.outcome(row.outcome), *wording.facts(records)) if words],
+        facts=[words for words in (who, outcome, *wording.facts(records)) if words not in ("", what)],
         expired=any(wording.expired(one) for one in records),
     )
 

@@ -140,6 +140,46 @@ def test_next_free_leads_to_the_filled_form(as_person, robot, operator):
     assert as_person(operator).get(answer.url).status_code == 200
 
 
+def test_a_change_is_told_in_words_and_leads_back(as_person, robot, operator, second_operator):
+    browser = as_person(operator)
+    booking = booking_make(
+        robot=robot,
+        person=operator,
+        slot=Slot(in_hours(2), in_hours(3)),
+        now=datetime.now(timezone.utc),
+    )
+    address, mine = reverse("booking", args=[booking.pk]), reverse("bookings-mine")
+    own = browser.post(address, {"action": "hand", "version": 1, "to": operator.username}, **HTML)
+    assert "Not changed:" in own.content.decode()
+    assert "the booking of Olga Operator already" in own.content.decode()
+    answer = browser.post(address, {"action": "cancel", "version": 1, "back": mine}, follow=True, **HTML)
+    assert answer.redirect_chain == [(mine, 302)]
+    assert f"Cancelled: {robot.name}, " in answer.content.decode()
+    other = booking_make(
+        robot=robot,
+        person=operator,
+        slot=Slot(in_hours(4), in_hours(5)),
+        now=datetime.now(timezone.utc),
+    )
+    address = reverse("booking", args=[other.pk])
+    handed = {
+        "action": "hand",
+        "version": 1,
+        "to": second_operator.username,
+        "back": "https://elsewhere.example/",
+    }
+    answer = browser.post(address, handed, follow=True, **HTML)
+    assert answer.redirect_chain == [(address, 302)]
+    assert f"Handed to Olaf Operator: {robot.name}" in answer.content.decode()
+
+
+def test_a_booking_in_use_is_finished_not_cancelled(as_person, robot, operator):
+    now = datetime.now(timezone.utc)
+    booking_make(robot=robot, person=operator, slot=Slot(now, in_hours(1)), now=now)
+    page = as_person(operator).get(reverse("bookings-mine")).content.decode()
+    assert ">Finish<" in page and ">Cancel<" not in page
+
+
 def test_only_people_who_may_see_the_robot_see_a_booking(as_person, robot, operator, stranger):
     booking = booking_make(
         robot=robot,

@@ -20,6 +20,7 @@ from fleet.bookings.services import (
     booking_make,
     booking_move,
 )
+from robots.registry.models import RobotRole, Role
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -48,6 +49,18 @@ def test_a_taken_slot_is_refused_with_alternatives(robot, operator, second_opera
     assert [refusal.code for refusal in caught.value.refusals] == ["taken"]
     free = free_slots([robot], second_operator, 60, after=slot(1.5).starts_at, now=NOW)
     assert [one.starts_at for _, one in free] == [slot(hours).starts_at for hours in (2, 3, 4)]
+
+
+def test_the_next_free_slot_is_not_beside_ones_own(robot, other_robot, operator):
+    RobotRole.objects.create(user=operator, robot=other_robot, role=Role.OPERATOR)
+    book(robot, operator, slot(0.5))
+    free = free_slots([other_robot], operator, 60, after=NOW, now=NOW, most=1)
+    assert free == [(other_robot, slot(1.5))]
+
+
+def test_nobody_is_told_to_wait_for_the_past(robot, operator, second_operator):
+    book(robot, operator)
+    assert refused(book, robot, second_operator, slot(1), now=NOW + timedelta(hours=3)) == ["in_past"]
 
 
 def test_slots_that_touch_do_not_overlap(robot, operator, second_operator):

@@ -111,6 +111,9 @@ class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
+        for name in ("day_min", "week_min", "at_once"):
+            field = self.fields[name]
+            field.label = _("%(limit)s (empty: no limit)") % {"limit": field.label}
         hours = self.instance.opening
         for day in WEEKDAYS:
             opens, closes = hours.get(day, ("", ""))

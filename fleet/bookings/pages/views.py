@@ -16,7 +16,7 @@ from django.http import Http404, HttpRequest, HttpResponse, JsonResponse, QueryD
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
 from django.utils import timezone
-from django.utils.http import urlencode
+from django.utils.http import url_has_allowed_host_and_scheme, urlencode
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
@@ -223,8 +223,25 @@ def booking(request: HttpRequest, booking_id: UUID) -> HttpResponse:
         return _booking_page(request, found, error.refusals, status=409)
     if wants_json(request):
         return JsonResponse({"id": str(found.pk)})
-    messages.success(request, _("The booking was changed."))
+    messages.success(request, _done(request, found))
+    back = request.POST.get("back", "")
+    if url_has_allowed_host_and_scheme(back, None):
+        return redirect(back)
     return redirect("booking", booking_id=booking_id)
+
+
+def _done(request: HttpRequest, found: Booking) -> str:
+    """Return what was done, in words."""
+    begun = found.starts_at <= timezone.now()
+    found.refresh_from_db()
+    words = {
+        "approve": _("Approved: %(booking)s."),
+        "accept": _("Accepted: %(booking)s."),
+        "cancel": _("Finished: %(booking)s.") if begun else _("Cancelled: %(booking)s."),
+        "hand": _("Handed to %(person)s: %(booking)s."),
+    }
+    text = words.get(request.POST.get("action", ""), _("Changed: %(booking)s."))
+    return text % {"booking": _in_words(found), "person": found.person.display_name}
 
 
 def _change(request: HttpRequest, found: Booking, person: User) -> None:
@@ -241,6 +258,9 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
         to = User.objects.filter(username=_text(request.POST, "to"), is_active=True).first()
         if to is None:
             raise BookingRefused([_NO_ACCOUNT])
+        if to == found.person:
+            text = _("This is the booking of %(name)s already.") % {"name": to.display_name}
+            raise BookingRefused([Refusal("invalid", text, "booking")])
         services.booking_hand(version=version, to=to, **common)
     else:
         form = SlotForm(
@@ -286,6 +306,7 @@ def _booking_page(
         "awaits": row["stage"] is Stage.AWAITING,
         "zone": viewers().key,
         "sessions": _sessions_of(found, person),
+        "of_course": courses_managed_by(person).filter(bookings=found).first(),
     }
     return render(request, "bookings/booking.html", context, status=status)
 
@@ -312,6 +333,7 @@ def _rows(found: Any, robots: Any, now: datetime) -> list[dict[str, Any]]:
             "booking": one,
             "stage": stage_of(one, grace_of(policies[one.robot_id]), now),
             "words": _in_words(one),
+            "begun": one.starts_at <= now,
         }
         for one in found
     ]

@@ -27,7 +27,14 @@ export function startCalendar(main, library) {
     locale: pageLanguage(),
     date: day,
     headerToolbar: { start: "", center: "", end: "" },
-    views: { resourceTimelineWeek: { slotDuration: "02:00" } },
+    views: {
+      resourceTimelineWeek: {
+        slotDuration: "01:00",
+        slotLabelInterval: "03:00", // in 24 px a label of each hour does not fit
+        slotWidth: 24,
+        slotLabelFormat: { hour: "2-digit", minute: "2-digit", hourCycle: "h23" },
+      },
+    },
     firstDay: 1,
     slotDuration: "00:30",
     scrollTime: scrollTime(new Date()),
