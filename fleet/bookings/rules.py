@@ -357,7 +357,7 @@ def within_count(wish: Wish) -> Refusal | None:
     for most, own, who in limits:
         to_come = sum(1 for slot in own if slot.ends_at > wish.now)
         if most is not None and to_come >= most:
-            text = f"{who} may have {most} bookings to come and have {to_come}."
+            text = f"{who} may have {most} booking{'s' * (most != 1)} to come and have {to_come}."
             return _no("quota_open", f"{text} Cancel one, or book after the next.", most=most, have=to_come)
     return None
 

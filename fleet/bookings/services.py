@@ -104,11 +104,11 @@ def booking_make(
         raise BookingRefused([_FOR_ANOTHER])
     override = _valid_reason(override, actor, robot)
     # First without the lock: the many who come too late for a slot must not wait for each other.
-    _check(robot, person, slot, now, override=override)
+    _check(robot, person, slot, now, actor=actor, override=override)
     with robot_locked(robot.id) as robot:
         free_unused(robot, slot, now)
         course = quotas_locked(robot, person, slot)
-        _check(robot, person, slot, now, override=override)
+        _check(robot, person, slot, now, actor=actor, override=override)
         booking = Booking.objects.create(
             robot=robot,
             person=person,
@@ -136,7 +136,7 @@ def booking_move(
         override = _valid_reason(override, actor, booking.robot)
         free_unused(booking.robot, slot, now, but=booking)
         course = quotas_locked(booking.robot, booking.person, slot)
-        _check(booking.robot, booking.person, slot, now, override=override, moved=booking)
+        _check(booking.robot, booking.person, slot, now, actor=actor, override=override, moved=booking)
         old = Slot(booking.starts_at, booking.ends_at)
         if not old.within(slot):
             _require_may_cancel(booking, actor, now)
@@ -146,7 +146,7 @@ def booking_move(
             booking.reminded_at, booking.course = None, course
         before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
-        booking.overridden = bool(override) or booking.overridden
+        booking.overridden = bool(override) or None  # else every rule allows it now
         save_booking(booking)
         record_booking("booking.move", booking, actor, text=override, parameters={"before": before})
         changed_by_another(booking, actor, _("moved"), override, now)
@@ -173,7 +173,7 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
     with _changeable(booking_id, actor, version, now) as booking:
         slot = Slot(booking.starts_at, booking.ends_at)
         course = quotas_locked(booking.robot, to, slot)
-        _check(booking.robot, to, slot, now, moved=booking)
+        _check(booking.robot, to, slot, now, actor=actor, moved=booking)
         before = booking.person
         changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
         booking.person, booking.overridden = to, None
@@ -285,14 +285,25 @@ def _check(
     slot: Slot,
     now: datetime,
     *,
+    actor: User,
     override: str = "",
     moved: Booking | None = None,
 ) -> None:
-    """Raise BookingRefused with all refusals. `override`: the reason of a person who may pass the policy."""
+    """Raise BookingRefused with all refusals. `override`: the reason of a person who may pass the policy.
+
+    If `actor` is another person than the one who drives, the words say whom they are about.
+    """
     wish = wish_of(robot=robot, person=person, slot=slot, now=now, moved=moved)
     if moved is not None and moved.starts_at == slot.starts_at:
         wish = structs.replace(wish, start_kept=True)
-    if found := refusals(wish, override=bool(override)):
+    found = refusals(wish, override=bool(override))
+    if actor.pk != person.pk:
+        words = _("For %(name)s: %(text)s")
+        found = [
+            structs.replace(one, text=words % {"name": person.display_name, "text": one.text})
+            for one in found
+        ]
+    if found:
         raise BookingRefused(found, wish)
 
 

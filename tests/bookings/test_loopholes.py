@@ -64,6 +64,14 @@ def test_only_supervisors_of_the_robot_book_it_for_others(
     assert [one.robot for one in Booking.objects.all()] == [robot]
 
 
+def test_words_about_another_person_name_them(signed_in, robot, operator, observer):
+    booking = stored(robot, operator, 60, 120)
+    posted = {"action": "hand", "version": 1, "to": observer.username}
+    answer = signed_in(operator).post(reverse("booking", args=[booking.pk]), posted, **JSON)
+    [refusal] = answer.json()["refusals"]
+    assert refusal["text"].startswith(f"For {observer.display_name}: You may not drive TIAGo 1")
+
+
 def test_a_reason_counts_only_from_supervisors_of_the_robot(signed_in, robot, other_robot, supervisor):
     role_set(robot=other_robot, user=supervisor, role=Role.OPERATOR, actor=None)
     signed_in(supervisor).post(reverse("booking-new"), fields(other_robot, override="because"), **JSON)

@@ -28,7 +28,13 @@ from fleet.bookings.selectors import policies_of, policy_of
 from fleet.bookings.series import Week, preview, series_make, weekly
 from fleet.zones import viewers
 from robots.access.models import RobotGroup
-from robots.access.selectors import courses_managed_by, robots_managed_by, robots_visible_to, roles_of
+from robots.access.selectors import (
+    courses_managed_by,
+    manages_robot,
+    robots_managed_by,
+    robots_visible_to,
+    roles_of,
+)
 from robots.registry.models import Robot, Role
 
 
@@ -149,7 +155,8 @@ def series(request: HttpRequest) -> HttpResponse:
     slots = weekly(first, values["weeks"], values["without"], viewers())
     common = {"robot": values["robot"], "person": person, "slots": slots, "now": now}
     if request.POST.get("action") != "book":
-        weeks = preview(**common, override=bool(values["override"]))
+        valid = bool(values["override"]) and manages_robot(person, values["robot"])
+        weeks = preview(**common, override=valid)
         return _series_page(request, form, weeks=weeks)
     made, left = series_make(**common, actor=person, purpose=values["purpose"], override=values["override"])
     text = _("Booked %(made)d slots; %(left)d were left out.") % {"made": len(made), "left": len(left)}
