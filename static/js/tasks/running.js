@@ -1,4 +1,4 @@
-/** Current motion and speech, on every tab, each with Cancel; and inputs of the tab that go to another topic. */
+/** Current drive by a program, motion and speech, on every tab, each with Cancel; and inputs of the tab that go to another topic. */
 
 import { make, makeButton, say, show } from "../lib/dom.js";
 import { inLanguage } from "../lib/languages.js";
@@ -23,6 +23,19 @@ function statusText(status) {
   return texts[status] ?? status;
 }
 
+/** A drive by a distance or an angle in words, with the part that is done. Robots report radians. */
+export function driveText({
+  goal_m: goalM,
+  goal_rad: goalRad,
+  distance_m: doneM,
+  angle_rad: doneRad,
+}) {
+  const degrees = (radians) => Math.round((radians * 180) / Math.PI);
+  return goalRad === null
+    ? interpolate(gettext("Drives: %s of %s m"), [doneM.toFixed(1), goalM.toFixed(1)])
+    : interpolate(gettext("Turns: %s of %s°"), [degrees(doneRad), degrees(goalRad)]);
+}
+
 export class Running {
   #parts;
   #send;
@@ -44,6 +57,7 @@ export class Running {
     this.#titleOf = titleOf;
     const { signal } = this.#listening;
     for (const [button, t] of [
+      ["drive-cancel", "drive_by_cancel"],
       ["motion-cancel", "play_cancel"],
       ["speech-cancel", "say_cancel"],
     ])
@@ -51,12 +65,17 @@ export class Running {
   }
 
   /** @param {object} state of the robot */
-  set state({ motion = null, speech = null, chosen = {} }) {
+  set state({ drive_by: drive = null, motion = null, speech = null, chosen = {} }) {
+    show(this.#parts["drive-runs"], drive !== null);
     show(this.#parts["motion-runs"], motion !== null);
     show(this.#parts["speech-runs"], speech !== null);
-    this.#busy = motion !== null || speech !== null;
+    this.#busy = drive !== null || motion !== null || speech !== null;
     this.#chosen = chosen;
     this.#showElsewhere();
+    if (drive) {
+      say(this.#parts["drive-words"], driveText(drive));
+      say(this.#parts["drive-who"], interpolate(gettext("for %s"), [drive.who]));
+    }
     if (motion) {
       say(this.#parts["motion-name"], this.#titleOf(motion.name));
       say(this.#parts["motion-who"], interpolate(gettext("for %s"), [motion.who]));
@@ -79,6 +98,7 @@ export class Running {
   /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
     this.#mayAct = may;
+    show(this.#parts["drive-cancel"], may === true);
     this.#showElsewhere();
   }
 

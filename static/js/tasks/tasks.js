@@ -24,6 +24,8 @@ function orderText(order) {
       return interpolate(gettext("Say “%s”"), [isolated(shortened(order.text))]);
     case "say_cancel":
       return gettext("Cancel speech");
+    case "drive_by_cancel":
+      return gettext("Cancel the drive");
     case "choose":
       return interpolate(gettext("Change where %s goes"), [useLabel(order.use)]);
     case "publish":

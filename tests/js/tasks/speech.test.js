@@ -356,6 +356,10 @@ describe("what is being said", () => {
   it("is shown with its status and its Cancel, as is a motion", () => {
     const parts = made({
       running: "section",
+      "drive-runs": "div",
+      "drive-words": "strong",
+      "drive-who": "span",
+      "drive-cancel": "button",
       "motion-runs": "div",
       "motion-name": "strong",
       "motion-who": "span",
@@ -392,8 +396,34 @@ describe("what is being said", () => {
     expect(parts["speech-cancel"].hidden).toBe(true);
   });
 
+  it("is shown beside a drive by a program, which its holder may cancel", () => {
+    const runs = ["drive-runs", "drive-words", "drive-who", "drive-cancel"];
+    const others = ["motion-runs", "speech-runs", "motion-cancel", "speech-cancel"];
+    const parts = made(
+      Object.fromEntries(["running", "elsewhere", ...runs, ...others].map((p) => [p, "div"])),
+    );
+    const send = vi.fn();
+    const running = new Running(parts, send, (name) => name);
+    const drive = { who: "Ann", goal_m: 2, goal_rad: null, distance_m: 0.52, angle_rad: 0.01 };
+    running.state = { drive_by: drive };
+    expect(parts.running.hidden).toBe(false);
+    expect(parts["drive-words"].textContent).toBe("Drives: 0.5 of 2.0 m");
+    expect(parts["drive-who"].textContent).toBe("for Ann");
+    running.mayAct = null;
+    expect(parts["drive-cancel"].hidden).toBe(true);
+    running.mayAct = true;
+    expect(parts["drive-cancel"].hidden).toBe(false);
+    parts["drive-cancel"].click();
+    expect(send).toHaveBeenCalledWith({ t: "drive_by_cancel" });
+    running.state = { drive_by: { ...drive, goal_m: null, goal_rad: -1.5708, angle_rad: -0.8 } };
+    expect(parts["drive-words"].textContent).toBe("Turns: -46 of -90°");
+    running.state = {};
+    expect(parts["drive-runs"].hidden).toBe(true);
+  });
+
   it("shows redirected input of the tab, and a way back", () => {
-    const runs = ["motion-runs", "motion-cancel", "speech-runs", "speech-cancel"];
+    const drives = ["drive-runs", "drive-cancel"];
+    const runs = [...drives, "motion-runs", "motion-cancel", "speech-runs", "speech-cancel"];
     const parts = made(
       Object.fromEntries(["running", "elsewhere", ...runs].map((p) => [p, "div"])),
     );
