@@ -270,6 +270,42 @@ def test_a_gamepad_drives_and_its_button_stops(person: Arrive) -> None:
     operator.release()
 
 
+def test_a_drive_by_a_distance_is_shown_cancelled_and_replaced(person: Arrive) -> None:
+    operator = person("operator", apart=True)
+    operator.page.add_init_script(
+        "window.WebSocket = class extends WebSocket"
+        " { constructor(...where) { super(...where); window.socket = this; } };"
+    )
+    operator.take("tiago-2")
+
+    def turn(seq: int) -> None:
+        order = {"t": "drive_by", "fence": operator.control["fence"], "seq": seq, "angle_rad": 6.0}
+        operator.page.evaluate("(order) => socket.send(JSON.stringify(order))", order)
+        operator.until(lambda: operator.state["drive_by"] is not None, "the turn")
+
+    def outcome(seq: int) -> str | None:
+        end = operator.state["drive_by_ended"]
+        return end["outcome"] if end and end["seq"] == seq else None
+
+    turn(900_001)
+    expect(operator.part("drive-words")).to_contain_text("of 344°")
+    expect(operator.part("drive-who")).to_have_text("for Operator")
+    operator.until(lambda: operator.state["odometry"]["w"] > 0.2, "a turn to the left")
+    operator.part("drive-cancel").click()
+    operator.until(lambda: outcome(900_001) == "cancelled", "its end")
+    operator.until_still()
+
+    turn(900_002)
+    operator.page.keyboard.down("d")
+    operator.until(lambda: outcome(900_002) == "replaced", "the key to take over")
+    operator.until(lambda: operator.state["odometry"]["w"] < -0.1, "a turn to the right")
+    operator.page.keyboard.up("d")
+    operator.until_still()
+    expect(operator.part("drive-runs")).to_be_hidden()
+    assert operator.state["neutral_needed"] is None
+    operator.release()
+
+
 def test_the_stop_goes_another_way_without_a_live_link(person: Arrive) -> None:
     operator, observer = person("operator"), person("observer", apart=True)
     operator.take("tiago-2")
