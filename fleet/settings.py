@@ -54,7 +54,7 @@ INSTALLED_APPS = [
     "django.contrib.contenttypes",
     "django.contrib.sessions",
     "django.contrib.messages",
-    "django.contrib.staticfiles",
+    "fleet.apps.StaticFiles",
     "rest_framework",
     "csp",
     "allauth",
@@ -251,6 +251,7 @@ SILENCED_SYSTEM_CHECKS = [f"security.W{number}" for number in ("004", "005", "00
 NPM_DISTRIBUTIONS = [
     ("vendor/event-calendar", BASE_DIR / "node_modules/@event-calendar/build/dist"),
     ("vendor/nipplejs", BASE_DIR / "node_modules/nipplejs/dist"),
+    ("vendor/swagger-ui", BASE_DIR / "node_modules/swagger-ui-dist"),
     ("vendor/uplot", BASE_DIR / "node_modules/uplot/dist"),
 ]
 STATIC_URL = "/static/"

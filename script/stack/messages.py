@@ -1,4 +1,4 @@
-"""Writes docs/protocol-messages.md from `robots.wire`: every message, field by field.
+"""Writes docs/protocol-messages.md from `robots.wire`, every message, field by field; and docs/openapi.json.
 
 Types and defaults come from the structs, words from their docstrings and from the comments next to fields.
 """
@@ -8,6 +8,8 @@ from __future__ import annotations
 import ast
 import inspect
 import io
+import json
+import os
 import re
 import tokenize
 from collections import Counter
@@ -23,6 +25,7 @@ from msgspec import Meta, Struct, structs
 from robots import wire
 
 PAGE = Path(__file__).parents[2] / "docs" / "protocol-messages.md"
+OPENAPI = PAGE.with_name("openapi.json")
 HEAD = f"""# Messages, field by field
 
 `script/messages` writes this page from [robots/wire/](../robots/wire/). [protocol.md](protocol.md) says how to use the
@@ -220,5 +223,18 @@ def _comments(kind: Kind) -> dict[str, str]:
     }
 
 
+def openapi() -> str:
+    """Return the schema of the API as JSON."""
+    from drf_spectacular.generators import SchemaGenerator  # Django's apps must be ready
+
+    schema = SchemaGenerator().get_schema(request=None, public=True)  # type: ignore[no-untyped-call]
+    return json.dumps(schema, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+
+
 if __name__ == "__main__":
+    import django
+
+    os.environ.update(DJANGO_SETTINGS_MODULE="fleet.settings", FLEET_DEBUG="1")
+    django.setup()
     PAGE.write_text(page())
+    OPENAPI.write_text(openapi())

@@ -28,12 +28,28 @@ class StructSchema(OpenApiSerializerExtension):  # type: ignore[no-untyped-call]
         """Return its schema; others become components of their own."""
         _, found = msgspec.json.schema_components([self.target], ref_template=REFERENCE)
         own = found.pop(self.target.__name__)
+        structs = _structs_in(msgspec.inspect.type_info(self.target))
         for name, schema in found.items():
             component = ResolvedComponent(  # type: ignore[no-untyped-call]
-                name=name, type=ResolvedComponent.SCHEMA, object=name, schema=schema
+                name=name, type=ResolvedComponent.SCHEMA, object=structs.get(name, name), schema=schema
             )
             auto_schema.registry.register_on_missing(component)
         return own
+
+
+def _structs_in(info: Any, found: dict[str, type] | None = None) -> dict[str, type]:
+    """Return the structs that a type names, by their names: the schema knows them as these classes."""
+    found = {} if found is None else found
+    if isinstance(info, msgspec.inspect.StructType) and info.cls.__name__ not in found:
+        found[info.cls.__name__] = info.cls
+        for field in info.fields:
+            _structs_in(field.type, found)
+    for part in ("type", "item_type", "key_type", "value_type"):
+        if inner := getattr(info, part, None):
+            _structs_in(inner, found)
+    for inner in getattr(info, "types", ()) or getattr(info, "item_types", ()):
+        _structs_in(inner, found)
+    return found
 
 
 class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call]
@@ -45,6 +61,18 @@ class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-ca
     def get_security_definition(self, auto_schema: Any) -> dict[str, str]:
         """Return the scheme."""
         return {"type": "http", "scheme": "bearer", "description": "Made on the page Your account."}
+
+
+class SessionScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call]
+    """The cookie of a browser. Its name has a suffix, so that several consoles of one host do not disturb each other."""
+
+    target_class = "rest_framework.authentication.SessionAuthentication"
+    name = "session"
+    priority = 1  # before the library's own
+
+    def get_security_definition(self, auto_schema: Any) -> dict[str, str]:
+        """Return the scheme."""
+        return {"type": "apiKey", "in": "cookie", "name": "fleet_session"}
 
 
 class StopResults(Struct, frozen=True):
@@ -76,7 +104,7 @@ def with_stops(result: dict[str, Any], generator: Any, **_options: Any) -> dict[
                 "description": "No body is read. Any token of a person who may see the robot.",
                 "tags": ["stop"],
                 "parameters": parameters,
-                "security": [{"token": []}, {"cookieAuth": []}],
+                "security": [{"token": []}, {"session": []}],
                 "responses": answers,
             }
         }

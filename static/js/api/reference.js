@@ -1,0 +1,17 @@
+/** The reference of the API: Swagger UI, with the requests of this page signed as those of a person. */
+
+const main = document.querySelector("main");
+const token = document.querySelector('input[name="csrfmiddlewaretoken"]').value;
+
+globalThis.SwaggerUIBundle({
+  url: main.dataset.schema,
+  domNode: document.querySelector("[data-part=reference]"),
+  deepLinking: true,
+  docExpansion: "list",
+  defaultModelsExpandDepth: 0,
+  requestInterceptor: (request) => {
+    if (new URL(request.url, location.href).origin === location.origin)
+      request.headers["X-CSRFToken"] = token;
+    return request;
+  },
+});

@@ -1,0 +1,63 @@
+"""The OpenAPI schema: committed as it is, and true for requests of all kinds."""
+
+from __future__ import annotations
+
+import json
+from datetime import timedelta
+
+import pytest
+import schemathesis
+from django.core.wsgi import get_wsgi_application
+from django.utils import timezone
+from hypothesis import HealthCheck, Phase, given, settings
+from schemathesis.specs.openapi.checks import (
+    content_type_conformance,
+    response_schema_conformance,
+    status_code_conformance,
+)
+
+from fleet.accounts.models import User
+from fleet.accounts.tokens.models import Scope
+from fleet.accounts.tokens.services import token_make
+from robots.registry.models import Robot
+from script.stack.messages import OPENAPI, openapi
+
+CHECKS = (status_code_conformance, content_type_conformance, response_schema_conformance)
+EXAMPLES = 5  # of each operation and person
+WHO = ("staff", "supervisor", "operator", "observer", "stranger", "nobody")
+
+
+def test_the_committed_schema_is_the_present_one() -> None:
+    assert OPENAPI.read_text() == openapi(), "run script/messages"
+
+
+@pytest.mark.django_db(transaction=True)
+@pytest.mark.parametrize("who", WHO)
+def test_every_answer_keeps_to_the_schema(who: str, robot: Robot, request: pytest.FixtureRequest) -> None:
+    headers = {}
+    if who != "nobody":
+        person: User = request.getfixturevalue(who)
+        expires = timezone.now() + timedelta(days=1)
+        _, text = token_make(user=person, name="fuzz", scopes=list(Scope), expires_at=expires, actor=person)
+        headers["Authorization"] = f"Bearer {text}"
+    schema = schemathesis.openapi.from_dict(json.loads(openapi()))
+    schema.app = get_wsgi_application()
+    for found in schema.get_all_operations():
+        operation = found.ok()
+
+        @settings(
+            max_examples=EXAMPLES,
+            deadline=None,
+            database=None,
+            phases=[Phase.generate],
+            suppress_health_check=list(HealthCheck),
+        )
+        @given(case=operation.as_strategy())
+        def check(case: schemathesis.Case) -> None:
+            if "slug" in case.path_parameters:
+                case.path_parameters["slug"] = robot.slug
+            answer = case.call(headers=headers)
+            assert answer.status_code != 500
+            case.validate_response(answer, checks=list(CHECKS))
+
+        check()
