@@ -11,6 +11,8 @@ from robots.wire import Refusal
 _ACTING = (Scope.DRIVE, Scope.SPEAK, Scope.MOTIONS, Scope.TOPICS)
 _NEEDED: dict[type, tuple[Scope, ...]] = {
     wire.Drive: (Scope.DRIVE,),
+    wire.DriveBy: (Scope.DRIVE,),
+    wire.DriveByCancel: (Scope.DRIVE,),
     wire.LookAhead: (Scope.DRIVE,),
     wire.Forget: (Scope.DRIVE,),
     wire.Clear: (Scope.DRIVE,),

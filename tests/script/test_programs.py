@@ -170,3 +170,22 @@ def test_a_program_stops_and_clears(stack: Stack) -> None:
     assert (status, cleared["state"]) == (200, "clear"), cleared
     assert api("POST", f"{robot}/velocity", {"forward_mps": 0.1})[0] == 200
     assert api("DELETE", f"{robot}/control")[0] == 204
+
+
+def test_a_program_drives_a_square(stack: Stack) -> None:
+    api = Api(stack, token(stack, "operator", "read", "drive", name="square"))
+    robot = f"/robots/{ROBOT}"
+    status, refused = api("POST", f"{robot}/drive-by", {"distance_m": 1.0, "angle_rad": 1.0})
+    assert (status, refused["code"]) == (400, "invalid")
+    assert api("POST", f"{robot}/control", {})[0] == 200
+    began = api("GET", robot)[1]["state"]["odometry"]
+    for _ in range(4):
+        for step in ({"distance_m": 0.3}, {"angle_rad": 1.5708}):
+            status, task = api("POST", f"{robot}/drive-by", step)
+            assert status == 202, task
+            ended = api("GET", f"{robot}/tasks/{task['number']}?wait=30")[1]
+            assert ended["outcome"] == "done", ended
+    ended = api("GET", robot)[1]["state"]["odometry"]
+    assert abs(ended["x"] - began["x"]) < 0.05
+    assert abs(ended["y"] - began["y"]) < 0.05
+    assert api("DELETE", f"{robot}/control")[0] == 204

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from asgiref.sync import async_to_sync
 from drf_spectacular.utils import OpenApiExample, OpenApiParameter
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
 
@@ -33,7 +33,12 @@ MOST_WAITING = 8  # requests that wait at once; others are answered at once
 CLEARED_S = 3.0
 
 _waiting = threading.BoundedSemaphore(MOST_WAITING)
-_STARTS = ("speech.start", "motion.start", "drive_by.start")
+# The kinds of records of a task's request, by what programs call it, and that of its outcome.
+_KINDS = {
+    "speech": ("speech.start", "speech.end"),
+    "motion": ("motion.start", "motion.end"),
+    "drive_by": ("drive.by", "drive.by"),
+}
 _NOT_RECORDED = Refusal("not_recorded", "The console took the request, and has no record of it yet.", "audit")
 _NOT_CLEARED = Refusal("not_cleared", "The stop is not cleared: look at the robot’s state.", "stop")
 
@@ -80,7 +85,8 @@ class TasksBase(ProgramView):
         connection = self.connected(robot)
         async_to_sync(connection.request)(make)
         session = connection.control.session if connection.control else None
-        found = Record.objects.filter(kind=f"{kind}.start", session_id=session).order_by("-pk").first()
+        requests = Record.objects.filter(kind=_KINDS[kind][0], session_id=session, of=None)
+        found = requests.order_by("-pk").first()
         if found is None:
             raise Problem(_NOT_RECORDED)
         address = f"/api/v1/robots/{robot.slug}/tasks/{found.pk}"
@@ -167,6 +173,50 @@ class MotionCancelView(TasksBase):
         async_to_sync(connection.request)(lambda fence, seq: wire.PlayCancel(fence, seq))
 
 
+class DriveByRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A distance straight on (negative: backwards), or an angle on the spot (positive: left): one of the two."""
+
+    distance_m: float | None = None
+    angle_rad: float | None = None
+    speed_mps: float | None = None  # of a distance; null: a gentle one
+    speed_radps: float | None = None  # of an angle
+
+
+class DriveByView(TasksBase):
+    """`/robots/{slug}/drive-by`."""
+
+    @operation(
+        "drive_by",
+        "Drive a distance, or turn by an angle",
+        scope=Scope.DRIVE,
+        body=DriveByRequest,
+        answer=TaskEntry,
+        status=202,
+        refuses=(404, 409),
+        tag="control",
+        examples=[OpenApiExample("One metre on", value={"distance_m": 1.0}, request_only=True)],
+    )
+    def post(self, _request: Request, slug: str, body: DriveByRequest) -> Response:
+        """The bridge drives it through the gate, and ends it with an outcome: done, held_back, stopped, replaced by a
+        stick, and others. Needs control. While it drives, ask for something at least every 10 s, such as its status."""
+        asked = structs.asdict(body)
+        try:
+            wire.browser_message(wire.encode(wire.DriveBy(1, **asked)))
+        except ValueError as error:
+            raise Problem(Refusal("invalid", f"The body does not fit: {error}.", "wire")) from error
+        return self.start(
+            self.robot(slug), lambda fence, seq: wire.DriveBy(fence, **asked, seq=seq), "drive_by"
+        )
+
+    @operation(
+        "drive_by_cancel", "End the drive", scope=Scope.DRIVE, status=204, refuses=(404, 409), tag="control"
+    )
+    def delete(self, _request: Request, slug: str) -> None:
+        """The robot stands."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(lambda fence, seq: wire.DriveByCancel(fence, seq))
+
+
 class LookAheadView(TasksBase):
     """`/robots/{slug}/look-ahead`."""
 
@@ -234,7 +284,8 @@ class TaskView(ProgramView):
     def get(self, request: Request, slug: str, number: int) -> TaskEntry:
         """From the log. Only supervisors of the robot and staff read tasks of other people."""
         robot = self.robot(slug)
-        found = Record.objects.filter(pk=min(number, 2**62), robot_id=robot.id, kind__in=_STARTS).first()
+        requests = Record.objects.filter(pk=min(number, 2**62), robot_id=robot.id, of=None)
+        found = requests.filter(kind__in=[request for request, _ in _KINDS.values()]).first()
         if found is None or not (found.actor_id == str(self.person.pk) or supervises(self.person, robot)):
             raise Problem(NOT_FOUND)
         until_s = time.monotonic() + whole_number(request, "wait", 0, LONGEST_WAIT_S, least=0)
@@ -251,8 +302,8 @@ class TaskView(ProgramView):
 
 
 def _entry(start: Record, robot: Robot) -> TaskEntry:
-    kind = start.kind.removesuffix(".start")
-    end = Record.objects.filter(kind=f"{kind}.end", of=start).select_related("content").first()
+    kind, outcome = next((name, end) for name, (begin, end) in _KINDS.items() if begin == start.kind)
+    end = Record.objects.filter(kind=outcome, of=start).select_related("content").first()
     return TaskEntry(
         number=start.pk,
         kind=kind,

@@ -25,6 +25,7 @@ urlpatterns = [
     path("robots/<slug:slug>/motions", tasks.MotionsView.as_view()),
     path("robots/<slug:slug>/motions/<str:name>", tasks.MotionView.as_view()),
     path("robots/<slug:slug>/motion", tasks.MotionCancelView.as_view()),
+    path("robots/<slug:slug>/drive-by", tasks.DriveByView.as_view()),
     path("robots/<slug:slug>/look-ahead", tasks.LookAheadView.as_view()),
     path("robots/<slug:slug>/tasks/<int:number>", tasks.TaskView.as_view()),
     path("robots/<slug:slug>/stop/clear", tasks.ClearView.as_view()),

@@ -200,7 +200,7 @@ describe("phrases", () => {
   ];
 
   it("are buttons in their own script, by language", async () => {
-    vi.stubGlobal("fetch", answering(PHRASES));
+    vi.stubGlobal("fetch", answering({ phrases: PHRASES }));
     const parts = made({ "phrase-list": "div", "phrases-none": "p" });
     const send = vi.fn();
     const phrases = new Phrases(parts, "/phrases/", send);

@@ -64,7 +64,7 @@ class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-ca
 
 
 class SessionScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call]
-    """The cookie of a browser. Its name has a suffix, so that several consoles of one host do not disturb each other."""
+    """The cookie of a browser. Its real name has a suffix: several consoles of one host do not disturb each other."""
 
     target_class = "rest_framework.authentication.SessionAuthentication"
     name = "session"

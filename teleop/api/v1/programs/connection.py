@@ -24,6 +24,10 @@ log = logging.getLogger(__name__)
 
 ANSWER_S = 6.0  # a bridge answers within 5 s, or is silent
 OPEN_S = 5.0
+PING_S = 0.5
+PRESENT_S = (
+    10.0  # after its last request a program counts as present so long; a drive by distance ends without it
+)
 REFUSED_AT_ONCE_S = 0.2
 REPEAT_S = 0.05  # between two drive messages
 NEUTRAL_S = 0.15  # of standing still, where the bridge asks for it
@@ -69,6 +73,7 @@ class ProgramConnection:
         self._driving = asyncio.Lock()
         self._closed = False
         self._reading = asyncio.create_task(self._read())
+        self._pinging = asyncio.create_task(self._ping())
 
     @classmethod
     async def open(cls, path: str, slug: str, caller: Caller) -> ProgramConnection:
@@ -206,6 +211,7 @@ class ProgramConnection:
         with suppress(OSError, ConnectionClosed):
             await self._socket.close()
         self._reading.cancel()
+        self._pinging.cancel()
 
     async def _say(self, message: Any) -> int:
         """Send a message. Returns the mark after which its answer is heard."""
@@ -237,6 +243,14 @@ class ProgramConnection:
     def _why_gone(self) -> Refusal:
         code = self._socket.close_code
         return Refusal(GONE.code, f"{GONE.text} ({self._socket.close_reason})", GONE.rule) if code else GONE
+
+    async def _ping(self) -> None:
+        """Be heard while the program is present."""
+        with suppress(NotDone):
+            while True:
+                await asyncio.sleep(PING_S)
+                if self.fence is not None and time.monotonic() - self.used_s < PRESENT_S:
+                    await self._say(wire.Ping(1000.0 * time.monotonic()))
 
     async def _read(self) -> None:
         try:
