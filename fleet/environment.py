@@ -5,9 +5,11 @@ Every problem is an `ImproperlyConfigured` that begins with the variable's name 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from ipaddress import IPv4Network, IPv6Network, ip_network
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, unquote, urlsplit
 from zoneinfo import available_timezones
 
@@ -35,6 +37,8 @@ POSTGRESQL_OPTIONS = {
     "keepalives_count": "3",
 }
 LONGEST_QUERY_S = 30  # of a web process
+_HOST = re.compile(r"[a-z0-9_]([a-z0-9_.-]*[a-z0-9])?", re.IGNORECASE)
+_NUMBERS = re.compile(r"[0-9.]+")  # an address with a mistake
 
 
 class Environment:
@@ -169,6 +173,28 @@ def link_secret(env: Environment) -> str | None:
     if bool(env.text("FLEET_LINK_CERT")) != bool(env.text("FLEET_LINK_KEY")):
         raise ImproperlyConfigured("FLEET_LINK_CERT and FLEET_LINK_KEY go together; one of them is not set.")
     return secret
+
+
+class WebhookAllow(NamedTuple):
+    """Private networks and hosts to which webhooks may lead."""
+
+    networks: tuple[IPv4Network | IPv6Network, ...] = ()
+    hosts: frozenset[str] = frozenset()
+
+
+def webhook_allow(env: Environment) -> WebhookAllow:
+    """`FLEET_WEBHOOK_ALLOW`: networks and hosts, such as `10.1.0.0/16,ci.lab.example`."""
+    networks, hosts = [], set()
+    for name in env.names("FLEET_WEBHOOK_ALLOW"):
+        try:
+            networks.append(ip_network(name))
+        except ValueError as error:
+            if not _HOST.fullmatch(name) or _NUMBERS.fullmatch(name):
+                raise ImproperlyConfigured(
+                    f"FLEET_WEBHOOK_ALLOW contains {name!r}; use networks such as 10.1.0.0/16 and names of hosts."
+                ) from error
+            hosts.add(name.lower())
+    return WebhookAllow(tuple(networks), frozenset(hosts))
 
 
 def redis_url(env: Environment) -> str | None:

@@ -1,4 +1,4 @@
-"""Control sessions, the lease of each robot, and requests for control."""
+"""Control sessions, the lease of each robot, and webhooks."""
 
 from __future__ import annotations
 
@@ -90,3 +90,61 @@ class Lease(models.Model):
 
     def __str__(self) -> str:
         return f"lease of {self.robot}"
+
+
+class Webhook(models.Model):
+    """An address to which housekeeping sends news from the audit log (`teleop.webhooks`)."""
+
+    id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
+    name = models.CharField(_("name"), max_length=80, unique=True)
+    address = models.CharField(_("address"), max_length=500)
+    secret = models.TextField()  # encrypted; the receiver checks signatures with it
+    kinds = models.JSONField(default=list)  # names of `teleop.webhooks.events.NEWS`
+    robots = models.ManyToManyField(Robot, blank=True, related_name="+")  # none: all
+    texts = models.BooleanField(default=False)  # with spoken sentences and reasons
+    owner = models.ForeignKey(
+        settings.AUTH_USER_MODEL, null=True, on_delete=models.SET_NULL, related_name="webhooks"
+    )
+    made_at = models.DateTimeField()
+    paused_at = models.DateTimeField(null=True, blank=True)
+    read_to = models.BigIntegerField()  # order number of the last record that was read for it
+
+    class Meta:
+        ordering = ["name"]
+
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def orphaned(self) -> bool:
+        """Return whether its owner is no longer staff. Nothing is sent then."""
+        return self.owner is None or not (self.owner.is_active and self.owner.is_staff)
+
+
+class WebhookDelivery(models.Model):
+    """One event on its way to a webhook, and the answers. The event itself stays in the audit log."""
+
+    class State(models.TextChoices):
+        WAITING = "waiting", _("waiting")
+        DELIVERED = "delivered", _("delivered")
+        GIVEN_UP = "given_up", _("given up")
+
+    webhook = models.ForeignKey(Webhook, on_delete=models.CASCADE, related_name="deliveries")
+    record = models.BigIntegerField(null=True)  # order number; None: a test
+    kind = models.CharField(max_length=64)
+    made_at = models.DateTimeField()
+    state = models.CharField(max_length=16, choices=State, default=State.WAITING)
+    due_at = models.DateTimeField()  # of the next attempt; who claims a delivery moves it ahead
+    answers = models.JSONField(default=list)  # one of each attempt
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["webhook", "record"], name="webhook_record_once"),
+        ]
+        indexes = [
+            models.Index(fields=["webhook", "state", "due_at"], name="webhook_due"),
+            models.Index(fields=["made_at"], name="webhook_delivery_age"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.kind} to {self.webhook_id}"

@@ -7,6 +7,7 @@ from django.urls import path
 from teleop import views
 from teleop.reports import views as report_views
 from teleop.stop import views as stop_views
+from teleop.webhooks import views as webhook_views
 
 urlpatterns = [
     path("", views.fleet, name="fleet"),
@@ -23,6 +24,9 @@ urlpatterns = [
     path("today/", report_views.today_page, name="today"),
     path("your-data/", report_views.your_data, name="your-data"),
     path("your-data/export/", report_views.your_data_export, name="your-data-export"),
+    path("webhooks/", webhook_views.webhooks, name="webhooks"),
+    path("webhooks/new/", webhook_views.webhook_new, name="webhook-new"),
+    path("webhooks/<uuid:webhook_id>/", webhook_views.webhook, name="webhook"),
     path("stop-all/", stop_views.page_stop_all, name="stop-all"),
     path("stop-all", stop_views.page_stop_all),
 ]

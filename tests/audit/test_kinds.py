@@ -39,6 +39,7 @@ INDIRECT = {
     ("fleet/bookings/services.py", "kind"): set(),
     ("teleop/control/services.py", "kind"): set(),
     ("robots/stop/presses.py", "record.kind"): set(),
+    ("teleop/webhooks/services.py", "kind"): set(),
     ("teleop/live/service_calls.py", "begun.kind"): set(),
 }
 

@@ -26,6 +26,8 @@ PAGES = [
     "/courses/new/",
     "/robot-groups/",
     "/qualifications/",
+    "/webhooks/",
+    "/webhooks/new/",
     "/access/",
     "/",
     "/robots/tiago-1/",

@@ -252,6 +252,8 @@ COURSE_ACTIONS: dict[str, tuple[str, dict[str, str] | None]] = {
     "course-new": ("staff", None),
     "robot-groups": ("staff", None),
     "qualifications": ("staff", None),
+    "webhooks": ("staff", None),
+    "webhook-new": ("staff", None),
 }
 SUPERVISED = {"teacher": {"mine"}, "former": {"over"}}
 

@@ -29,6 +29,8 @@ from teleop.control.changes import ControlRefused
 from teleop.control.selectors import held_leases
 from teleop.recording import camera_audit
 from teleop.reports import session_maps
+from teleop.webhooks.delivery import remove_old_deliveries
+from teleop.webhooks.worker import WebhookWorker
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +62,7 @@ class Command(BaseCommand):
                 pass
             return
         over = end_event(sys.stdin.fileno(), END_S)
-        daily, robots = DailyWork(), RobotWatch()
+        daily, robots, webhooks = DailyWork(), RobotWatch(), WebhookWorker()
         post = ThreadPoolExecutor(max_workers=1)  # a mail server that hangs must not delay the ends of leases
         posted: Future[int] | None = None
         while not over.wait(EVERY_S):
@@ -72,6 +74,7 @@ class Command(BaseCommand):
                 waiting.keep_waiting_lists(timezone.now())
                 if posted is None or posted.done():
                     posted = post.submit(_send_letters)
+                webhooks.step()
             except (DatabaseError, AuditUnavailable) as error:
                 log.error("Housekeeping failed and is tried again: %s", error)
             close_old_connections()
@@ -125,6 +128,8 @@ def daily_steps() -> Iterator[None]:
     rights.bookings_free_lost(None, now)  # a process may have died between a change of access and this
     yield
     letters.remove_old_letters(now)
+    while remove_old_deliveries(now):
+        yield
     yield from retention.keep_house(now)
     if not retention.clock_is_doubted(now.date()):
         waiting.forget_past(now)

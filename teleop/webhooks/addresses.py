@@ -1,0 +1,174 @@
+"""Where a webhook may lead: no address of this computer or of a private network, unless `FLEET_WEBHOOK_ALLOW` has it.
+
+A name is resolved for each request, and the request goes to an address that was checked here: a second resolution
+could give another one.
+"""
+
+from __future__ import annotations
+
+import re
+import socket
+from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
+from typing import Any, NamedTuple
+from urllib.parse import SplitResult, urlsplit
+
+from django.conf import settings
+from django.utils.translation import gettext as _
+
+from fleet.environment import WebhookAllow
+from robots.wire import NotDone, Refusal
+
+LONGEST = 500  # characters
+_PRINTED = re.compile(r"[\x21-\x7e]+")
+_NAT64 = ip_network("64:ff9b::/96")
+# Not global either, and not known as such by every Python that we run with.
+_RESERVED: tuple[IPv4Network | IPv6Network, ...] = tuple(
+    ip_network(network)
+    for network in (
+        "192.0.0.0/24",
+        "192.88.99.0/24",
+        "64:ff9b:1::/48",
+        "100::/64",
+        "2001:db8::/32",
+        "5f00::/16",
+    )
+)
+
+
+class AddressRefused(NotDone):
+    """A webhook may not lead there."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(Refusal(code, text, "wire"))
+
+
+class Target(NamedTuple):
+    """A webhook's address, taken apart."""
+
+    tls: bool
+    host: str
+    port: int
+    path: str  # with the query
+    host_header: str
+
+
+class Place(NamedTuple):
+    """An address that a name has: the arguments of `socket.socket` and of `connect`."""
+
+    family: socket.AddressFamily
+    sockaddr: tuple[Any, ...]
+
+
+def target_of(address: str) -> Target:
+    """Take an address apart. Raises `AddressRefused` for one that no webhook may have, whatever its name means now."""
+    if not _PRINTED.fullmatch(address) or len(address) > LONGEST:
+        raise AddressRefused(
+            "bad_address",
+            _("Write the address in at most %d letters, digits and signs without blanks.") % LONGEST,
+        )
+    try:
+        parts = urlsplit(address)
+        port = parts.port
+    except ValueError:
+        raise AddressRefused("bad_address", _("The address cannot be read.")) from None
+    if parts.scheme not in ("http", "https") or not parts.hostname or port == 0:
+        raise AddressRefused("bad_address", _("An address looks like https://ci.example.org/fleet."))
+    if parts.username is not None or parts.fragment:
+        raise AddressRefused("bad_address", _("Leave out the name, the password and the part after #."))
+    host = parts.hostname
+    if parts.scheme == "http" and not _may_be_allowed(host):
+        raise AddressRefused("no_tls", _("Use https. Plain http is for hosts that FLEET_WEBHOOK_ALLOW has."))
+    literal = _literal(host)
+    if literal is not None:
+        _require_allowed(host, literal, tls=parts.scheme == "https")
+    return Target(
+        tls=parts.scheme == "https",
+        host=host,
+        port=port or (443 if parts.scheme == "https" else 80),
+        path=_path_of(parts),
+        host_header=parts.netloc,
+    )
+
+
+def resolved(target: Target) -> list[Place]:
+    """Return the addresses of the target's host to which the request may go.
+
+    Raises `AddressRefused` if there is none.
+    """
+    try:
+        found = socket.getaddrinfo(target.host, target.port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError):
+        raise AddressRefused(
+            "no_such_host", _("The name %(host)s has no address.") % {"host": target.host}
+        ) from None
+    places, refused = [], AddressRefused("no_such_host", "")
+    for family, _type, _protocol, _name, sockaddr in found:
+        try:
+            _require_allowed(target.host, ip_address(sockaddr[0]), tls=target.tls)
+            places.append(Place(family, sockaddr))
+        except AddressRefused as refusal:
+            refused = refusal
+    if not places:
+        raise refused
+    return places
+
+
+def is_public(address: IPv4Address | IPv6Address) -> bool:
+    """Return whether an address is one of the internet, also if it only wraps another one."""
+    if isinstance(address, IPv6Address):
+        wrapped = address.ipv4_mapped or address.sixtofour
+        if wrapped is None and address in _NAT64:
+            wrapped = IPv4Address(int(address) & 0xFFFF_FFFF)
+        if wrapped is not None:
+            return is_public(wrapped)
+        if address.teredo is not None or address.is_site_local:
+            return False
+    return address.is_global and not (
+        address.is_private
+        or address.is_loopback
+        or address.is_link_local
+        or address.is_multicast
+        or address.is_reserved
+        or address.is_unspecified
+        or any(address in network for network in _RESERVED)
+    )
+
+
+def _require_allowed(host: str, address: IPv4Address | IPv6Address, *, tls: bool) -> None:
+    allow = _allow()
+    plain = address.ipv4_mapped or address if isinstance(address, IPv6Address) else address
+    if host in allow.hosts or any(plain in network for network in allow.networks):
+        return
+    if not is_public(address):
+        raise AddressRefused(
+            "private_address",
+            _(
+                "%(host)s is at %(address)s, in a private or reserved network. "
+                "FLEET_WEBHOOK_ALLOW does not have it."
+            )
+            % {"host": host, "address": address},
+        )
+    if not tls:
+        raise AddressRefused("no_tls", _("Use https. Plain http is for hosts that FLEET_WEBHOOK_ALLOW has."))
+
+
+def _may_be_allowed(host: str) -> bool:
+    """Return whether the allow-list has this host, or may have what it resolves to."""
+    allow = _allow()
+    return host in allow.hosts or bool(allow.networks)
+
+
+def _allow() -> WebhookAllow:
+    allow: WebhookAllow = settings.FLEET_WEBHOOK_ALLOW
+    return allow
+
+
+def _literal(host: str) -> IPv4Address | IPv6Address | None:
+    try:
+        return ip_address(host)
+    except ValueError:
+        return None
+
+
+def _path_of(parts: SplitResult) -> str:
+    return (parts.path or "/") + (f"?{parts.query}" if parts.query else "")

@@ -1,0 +1,134 @@
+"""Records of the audit log as events: which records are news, and the text that is sent."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from datetime import datetime, timezone
+from typing import Any
+from uuid import UUID
+
+from django.utils.functional import Promise
+from django.utils.translation import gettext_lazy as _
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from fleet.audit.kinds import KINDS
+from fleet.audit.models import Record
+from robots.registry.models import Robot
+from teleop.models import WebhookDelivery
+
+TEST = "webhook.test"
+_PRIVATE = {"booking.feed", "booking.feed_end"}  # somebody's calendar address
+_REQUESTS_ONLY = {"stop.press"}  # `stop.latch` is what came of it
+_OUTCOMES_ONLY = {"stop.clear"}
+
+
+class News(Struct, frozen=True):
+    """Kinds of records that a webhook chooses together."""
+
+    label: str | Promise
+    kinds: frozenset[str]
+
+
+NEWS = {
+    "bookings": News(
+        _("bookings"), frozenset(kind for kind in KINDS if kind.startswith("booking.")) - _PRIVATE
+    ),
+    "control": News(
+        _("control"),
+        frozenset({"control.take", "control.take_over", "control.hand_over", "control.end"}),
+    ),
+    "stops": News(_("stops"), frozenset({"stop.press", "stop.latch", "stop.clear"})),
+    "motions": News(_("ends of motions"), frozenset({"motion.end"})),
+    "speech": News(_("ends of speech"), frozenset({"speech.end"})),
+}
+
+
+def is_news(kind: str, of: int | None, chosen: list[str]) -> bool:
+    """Return whether a record is news for a webhook. `of`: the request whose outcome it is."""
+    if (kind in _REQUESTS_ONLY and of is not None) or (kind in _OUTCOMES_ONLY and of is None):
+        return False
+    return any(kind in NEWS[name].kinds for name in chosen if name in NEWS)
+
+
+def event_id(delivery: WebhookDelivery) -> str:
+    """Return the same identifier for every attempt, and for every webhook that gets this record."""
+    return f"test_{delivery.pk}" if delivery.record is None else f"rec_{delivery.record}"
+
+
+def body_of(delivery: WebhookDelivery, texts: bool) -> bytes | None:
+    """Return the event as JSON; None if its record expired. `texts`: with what people wrote and robots said."""
+    if delivery.record is None:
+        event = _event(delivery, delivery.made_at, {"note": "A test of this webhook."})
+    else:
+        records = Record.objects.select_related("actor", "real_actor", "content", "of__content")
+        record = records.filter(pk=delivery.record).first()
+        if record is None:
+            return None
+        event = _event(delivery, record.at, _data(record, texts))
+    return json.dumps(event, ensure_ascii=False, separators=(",", ":")).encode()
+
+
+def _event(delivery: WebhookDelivery, at: datetime, data: dict[str, Any]) -> dict[str, Any]:
+    return {"id": event_id(delivery), "type": delivery.kind, "timestamp": rfc3339(at), "data": data}
+
+
+def _data(record: Record, texts: bool) -> dict[str, Any]:
+    request = record.of
+    robot = Robot.objects.filter(pk=record.robot_id).first() if record.robot_id else None
+    data: dict[str, Any] = {
+        "record": record.pk,
+        "robot": {"slug": robot.slug if robot else None, "name": record.robot_name}
+        if record.robot_id
+        else None,
+        "person": record.actor_name or None,
+        "session": str(record.session_id) if record.session_id else None,
+        "outcome": record.outcome or None,
+        # A request says which motion or language; its outcome how long it took.
+        "figures": _with_names({**(request.parameters if request else {}), **record.parameters}),
+    }
+    if record.real_actor is not None and record.real_actor_id != record.actor_id:
+        data["real_person"] = record.real_actor.name
+    if texts:
+        kept = [one.content_kept for one in (record, request) if one is not None]
+        data["text"] = next((content.text for content in kept if content and content.text), None)
+    return data
+
+
+def _with_names(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Put names in place of identifiers of people, who are kept by identifier in the log."""
+    found = {identifier for value in figures.values() for identifier in _identifiers(value)}
+    people = User.objects.in_bulk(list(found)) if found else {}
+    names = {str(key): person.display_name for key, person in people.items()}
+    return {name: _named(value, names) for name, value in figures.items()}
+
+
+def _identifiers(value: Any) -> list[UUID]:
+    match value:
+        case Mapping():
+            return [found for one in value.values() for found in _identifiers(one)]
+        case list():
+            return [found for one in value for found in _identifiers(one)]
+        case str() if len(value) == 36:
+            try:
+                return [UUID(value)]
+            except ValueError:
+                return []
+    return []
+
+
+def _named(value: Any, names: Mapping[str, str]) -> Any:
+    match value:
+        case Mapping():
+            return {name: _named(one, names) for name, one in value.items()}
+        case list():
+            return [_named(one, names) for one in value]
+        case str():
+            return names.get(value, value)
+    return value
+
+
+def rfc3339(at: datetime) -> str:
+    """Return a time as RFC 3339 in UTC, such as 2026-03-02T09:00:00.000Z."""
+    return at.astimezone(timezone.utc).isoformat(timespec="milliseconds").replace("+00:00", "Z")

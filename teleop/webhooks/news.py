@@ -1,0 +1,99 @@
+"""Records of the audit log become deliveries. A webhook has the number of the last record that was read for it."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import NamedTuple
+from uuid import UUID
+
+from django.db import transaction
+from django.db.models import Max, QuerySet
+from django.utils import timezone
+
+from fleet.audit.models import Record
+from fleet.audit.services import wait_for_writers
+from teleop.models import Webhook, WebhookDelivery
+from teleop.webhooks.events import is_news
+
+AT_ONCE = 500  # records of one round
+NOTED_AFTER = 500  # records without news
+OLDEST = timedelta(days=7)  # news after a long pause
+
+
+class Line(NamedTuple):
+    """The columns of a record that decide whether it is news."""
+
+    pk: int
+    kind: str
+    of: int | None
+    robot: UUID | None
+
+
+def newest_record() -> int:
+    """Return the last order number of the log."""
+    return Record.objects.aggregate(newest=Max("pk"))["newest"] or 0
+
+
+class NewsReader:
+    """Reads the log for all webhooks of one process.
+
+    News and the number of the last record that was read are stored in one transaction. Without news the number is
+    stored seldom: the audit log of the robots is in the same database, and a write here would delay theirs.
+    """
+
+    def __init__(self) -> None:
+        self._read_to: dict[UUID, int] = {}
+
+    def read(self, webhook: Webhook) -> int:
+        """Store the deliveries of the records since the last time. Returns how many records were read."""
+        start = max(webhook.read_to, self._read_to.get(webhook.pk, 0))
+        lines = _lines_after(start)
+        if not lines:
+            return 0
+        end = lines[-1].pk
+        robots = set(webhook.robots.values_list("pk", flat=True))
+        news = [
+            line
+            for line in lines
+            if is_news(line.kind, line.of, webhook.kinds) and (not robots or line.robot in robots)
+        ]
+        if (news or end - webhook.read_to >= NOTED_AFTER) and not _store(webhook, news, end):
+            return 0
+        self._read_to[webhook.pk] = end
+        return len(lines)
+
+
+def _lines_after(start: int) -> list[Line]:
+    """Return the next records, without a gap that a writer may still fill: numbers are given before the commit."""
+    later = Record.objects.filter(pk__gt=start).order_by("pk")
+    lines = _lines(later[:AT_ONCE])
+    if lines and lines[-1].pk - start > len(lines):
+        wait_for_writers()
+        lines = _lines(later.filter(pk__lte=lines[-1].pk))
+    return lines
+
+
+def _lines(records: QuerySet[Record]) -> list[Line]:
+    return [Line(*row) for row in records.values_list("pk", "kind", "of_id", "robot_id")]
+
+
+def _store(webhook: Webhook, news: list[Line], end: int) -> bool:
+    """Store deliveries and the number; False if the webhook was paused or deleted meanwhile."""
+    now = timezone.now()
+    young = set(
+        Record.objects.filter(pk__in=[line.pk for line in news], at__gt=now - OLDEST).values_list(
+            "pk", flat=True
+        )
+    )
+    with transaction.atomic():
+        if Webhook.objects.select_for_update().filter(pk=webhook.pk, paused_at=None).first() is None:
+            return False
+        deliveries = [
+            WebhookDelivery(webhook=webhook, record=line.pk, kind=line.kind, made_at=now, due_at=now)
+            for line in news
+            if line.pk in young
+        ]
+        # Another process may have read the same records.
+        WebhookDelivery.objects.bulk_create(deliveries, ignore_conflicts=True)
+        Webhook.objects.filter(pk=webhook.pk, read_to__lt=end).update(read_to=end)
+    return True

@@ -1,0 +1,126 @@
+"""One POST to a webhook's address: limited in time and in what is read of the answer; redirects are not followed."""
+
+from __future__ import annotations
+
+import http.client
+import socket
+import ssl
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import NamedTuple
+
+from django.utils.translation import gettext as _
+
+from robots.wire import NotDone, Refusal
+from teleop.webhooks.addresses import Place, Target, resolved
+
+STEP_S = 5.0  # to connect, and between two parts of an answer
+WHOLE_S = 10.0  # for a receiver that sends an answer letter by letter
+ANSWER_BYTES = 2048
+MOST_PLACES = 2  # addresses of one name: one of each family
+
+
+class NotSent(NotDone):
+    """There is no answer."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(Refusal(code, text, "wire"))
+
+
+class Answer(NamedTuple):
+    """The answer of a receiver: status and the beginning of its text."""
+
+    status: int
+    text: str
+    location: str  # of a redirect
+
+    @property
+    def good(self) -> bool:
+        """Return whether the receiver took the event."""
+        return 200 <= self.status < 300
+
+
+def post(target: Target, headers: Mapping[str, str], body: bytes) -> Answer:
+    """Send a body. Raises `NotSent` or `AddressRefused`."""
+    places = resolved(target)
+    try:
+        with _connected(target, places) as connection:
+            connection.request("POST", target.path, body, {"Host": target.host_header, **headers})
+            response = connection.getresponse()
+            text = _beginning(response)
+            return Answer(response.status, text, response.getheader("Location", ""))
+    except (TimeoutError, _TooLong) as error:
+        limit_s = WHOLE_S if isinstance(error, _TooLong) else STEP_S
+        raise NotSent("timeout", _("No answer within %g s.") % limit_s) from None
+    except ssl.SSLCertVerificationError as error:
+        raise NotSent("tls", _("The certificate is not valid: %s.") % error.verify_message) from None
+    except ssl.SSLError as error:
+        raise NotSent("tls", _("TLS failed: %s.") % (error.reason or error)) from None
+    except http.client.HTTPException as error:
+        raise NotSent("no_http", _("The answer is not HTTP (%s).") % type(error).__name__) from None
+    except OSError as error:
+        raise NotSent("no_connection", _("No connection: %s.") % (error.strerror or error)) from None
+
+
+class _TooLong(Exception):
+    """The whole took longer than `WHOLE_S`."""
+
+
+@contextmanager
+def _connected(target: Target, places: list[Place]) -> Iterator[http.client.HTTPConnection]:
+    """Connect to one of these addresses, and to no other. After `WHOLE_S` the connection is shut down."""
+    sock = _first_that_answers(places)
+    line = sock.dup()  # survives the wrapping in TLS
+    late = threading.Event()
+
+    def end() -> None:
+        late.set()
+        with suppress(OSError):
+            line.shutdown(socket.SHUT_RDWR)
+
+    watch = threading.Timer(WHOLE_S, end)
+    watch.daemon = True
+    watch.start()
+    try:
+        if target.tls:
+            sock = ssl.create_default_context().wrap_socket(sock, server_hostname=target.host)
+        connection = http.client.HTTPConnection(target.host, target.port)
+        connection.auto_open = 0  # it would resolve the name again
+        connection.sock = sock
+        yield connection
+    except (OSError, http.client.HTTPException) as error:
+        if late.is_set():
+            raise _TooLong from error
+        raise
+    finally:
+        watch.cancel()
+        line.close()
+        sock.close()
+
+
+def _first_that_answers(places: list[Place]) -> socket.socket:
+    families = {place.family: place for place in reversed(places)}  # the first of each
+    ordered = [place for place in places if families[place.family] is place][:MOST_PLACES]
+    for number, place in enumerate(ordered, 1):
+        sock = socket.socket(place.family, socket.SOCK_STREAM)
+        sock.settimeout(STEP_S / len(ordered))
+        try:
+            sock.connect(place.sockaddr)
+        except OSError:
+            sock.close()
+            if number == len(ordered):
+                raise
+            continue
+        sock.settimeout(STEP_S)
+        return sock
+    raise NotSent("no_connection", "")
+
+
+def _beginning(response: http.client.HTTPResponse) -> str:
+    """Return the beginning of the answer's text. The status has decided: a broken text does not matter."""
+    read = b""
+    with suppress(OSError, http.client.HTTPException):
+        while len(read) < ANSWER_BYTES and (part := response.read1(ANSWER_BYTES - len(read))):
+            read += part
+    return read.decode(errors="replace")

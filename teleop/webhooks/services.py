@@ -1,0 +1,123 @@
+"""All changes of webhooks, each with its audit record."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any
+from urllib.parse import urlsplit
+
+from django.db import IntegrityError, transaction
+from django.utils import timezone
+from django.utils.translation import gettext as _
+
+from fleet.accounts.models import User
+from fleet.accounts.sign_in.secrets import encrypted
+from fleet.audit.services import record
+from robots.registry.models import Robot
+from robots.wire import NotDone, Refusal
+from teleop.models import Webhook, WebhookDelivery
+from teleop.webhooks.addresses import target_of
+from teleop.webhooks.events import NEWS, TEST
+from teleop.webhooks.news import newest_record
+from teleop.webhooks.signature import new_secret
+
+MOST = 20  # each has a thread in every housekeeping process
+
+
+class WebhookRefused(NotDone):
+    """A change of a webhook is not allowed."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(Refusal(code, text, "account"))
+
+
+def webhook_make(
+    *,
+    name: str,
+    address: str,
+    kinds: Collection[str],
+    robots: Sequence[Robot] = (),
+    texts: bool = False,
+    actor: User,
+) -> tuple[Webhook, str]:
+    """Make a webhook for news from now on; no robots: all. Returns it with its secret, which nothing shows again.
+
+    Raises `AddressRefused` or `WebhookRefused`.
+    """
+    _require_staff(actor)
+    target_of(address)
+    if not kinds or not set(kinds) <= NEWS.keys():
+        raise WebhookRefused("no_kinds", _("Choose at least one kind of news."))
+    if Webhook.objects.count() >= MOST:
+        raise WebhookRefused("too_many", _("There are %d webhooks. Delete one first.") % MOST)
+    secret = new_secret()
+    try:
+        with transaction.atomic():
+            webhook = Webhook.objects.create(
+                name=name,
+                address=address,
+                secret=encrypted(secret),
+                kinds=sorted(kinds),
+                texts=texts,
+                owner=actor,
+                made_at=timezone.now(),
+                read_to=newest_record(),
+            )
+            webhook.robots.set(robots)
+            slugs = [robot.slug for robot in robots]
+            _record("webhook.create", webhook, actor, kinds=webhook.kinds, robots=slugs, texts=texts)
+    except IntegrityError:
+        raise WebhookRefused("name_taken", _("Another webhook has this name.")) from None
+    return webhook, secret
+
+
+def webhook_pause(*, webhook: Webhook, actor: User) -> None:
+    """Send nothing until it is resumed."""
+    _require_staff(actor)
+    with transaction.atomic():
+        if Webhook.objects.filter(pk=webhook.pk, paused_at=None).update(paused_at=timezone.now()):
+            _record("webhook.pause", webhook, actor)
+
+
+def webhook_resume(*, webhook: Webhook, actor: User) -> None:
+    """Go on after a pause, or after its owner left: the person who resumes it is its owner then."""
+    _require_staff(actor)
+    with transaction.atomic():
+        if Webhook.objects.filter(pk=webhook.pk).update(paused_at=None, owner=actor):
+            _record("webhook.resume", webhook, actor)
+
+
+def webhook_delete(*, webhook: Webhook, actor: User) -> None:
+    """Delete a webhook with its deliveries."""
+    _require_staff(actor)
+    with transaction.atomic():
+        _record("webhook.delete", webhook, actor)
+        webhook.delete()
+
+
+def webhook_test(*, webhook: Webhook, actor: User) -> None:
+    """Send a test with the next round of housekeeping."""
+    _require_staff(actor)
+    if webhook.paused_at or webhook.orphaned:
+        raise WebhookRefused("paused", _("Resume it first: a paused webhook sends nothing."))
+    now = timezone.now()
+    WebhookDelivery.objects.create(webhook=webhook, record=None, kind=TEST, made_at=now, due_at=now)
+
+
+def webhook_again(*, webhook: Webhook, actor: User) -> int:
+    """Try again what was given up. Returns how many deliveries that are."""
+    _require_staff(actor)
+    given_up = webhook.deliveries.filter(state=WebhookDelivery.State.GIVEN_UP)
+    return given_up.update(state=WebhookDelivery.State.WAITING, due_at=timezone.now(), answers=[])
+
+
+def _require_staff(actor: User) -> None:
+    if not (actor.is_active and actor.is_staff):
+        raise WebhookRefused("not_staff", _("Webhooks are for staff."))
+
+
+def _record(kind: str, webhook: Webhook, actor: User, **facts: Any) -> None:
+    # Of the address only the host: the rest may be a secret of the receiver.
+    private = {"name": webhook.name, "host": urlsplit(webhook.address).hostname}
+    parameters = {"webhook": str(webhook.pk), **facts}
+    record(kind, actor=actor, parameters=parameters, private=private)

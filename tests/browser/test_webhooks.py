@@ -1,0 +1,45 @@
+"""A webhook in a real browser and with real housekeeping: made, tested, its answer read, deleted."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from uuid import uuid4
+
+from playwright.sync_api import expect
+
+from tests.browser.people import Person
+from tests.browser.test_pages import found_by_axe
+
+
+def test_a_webhook_that_leads_into_this_computer_says_so(person: Callable[..., Person]) -> None:
+    staff, name = person("staff", width=360, height=640), f"CI {uuid4().hex[:6]}"
+    page = staff.page
+    staff.open("/webhooks/")
+    page.get_by_role("link", name="New webhook").click()
+    page.get_by_label("Name").fill(name)
+    page.get_by_label("Address").fill(
+        "https://localhost:1/a-rather-long-path/of-a-receiver/that-has-no-blanks?token=x"
+    )
+    for box in ("Stops", "Ends of speech", "TIAGo Two"):
+        page.get_by_label(box).check()
+    assert found_by_axe(staff) == []
+    page.get_by_role("button", name="Make the webhook").click()
+    expect(page.get_by_label("Secret")).to_have_value(re.compile(r"whsec_.{44}"))
+    assert found_by_axe(staff) == []
+    page.get_by_role("link", name="Go on").click()
+    page.get_by_role("button", name="Send a test").click()
+
+    def answered() -> bool:
+        page.reload()
+        return page.get_by_text("in a private or reserved network").count() > 0
+
+    staff.until(answered, "the answer of housekeeping")
+    expect(page.get_by_text("waiting until")).to_be_visible()
+    for theme in ("light", "dark"):
+        page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
+        assert found_by_axe(staff) == [], theme
+    assert page.evaluate("document.scrollingElement.scrollWidth") == 360
+    page.get_by_text("Delete", exact=True).click()
+    page.get_by_role("button", name="Delete the webhook").click()
+    expect(page.get_by_text(f"{name} is deleted.")).to_be_visible()
