@@ -18,6 +18,7 @@ from django.utils import timezone
 
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.selectors import sign_ins_of
+from fleet.accounts.tokens.models import Token
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.erasure import erase, pseudonym
 from fleet.audit.models import Record
@@ -103,7 +104,7 @@ def account_close(*, user: User) -> None:
     The changes are not recorded field by field, which would keep what is to be forgotten.
     """
     _end(user, sign_ins_of(user.pk), "account erased")
-    for table in (EmailAddress, Authenticator, SocialAccount):
+    for table in (EmailAddress, Authenticator, SocialAccount, Token):
         table.objects.filter(user=user).delete()
     user.set_unusable_password()
     account = User.objects.filter(pk=user.pk)

@@ -15,7 +15,8 @@ from channels.db import database_sync_to_async
 from django.conf import settings
 from django.http.request import split_domain_port, validate_host
 
-from fleet.accounts.sign_in.second_factor import is_missing
+from fleet.accounts.sign_in.second_factor import is_missing, require_for_token
+from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, key_of, token_of
 from teleop.live.message_socket import CloseCode
 
@@ -75,7 +76,7 @@ class Programs:
         if scheme.lower() != "bearer" or _values(scope["headers"], b"cookie"):
             return await self._people(scope, receive, send)
         try:
-            token = await database_sync_to_async(token_of)(text.strip())
+            token = await database_sync_to_async(_token)(text.strip())
         except TokenInvalid as error:
             await receive()  # websocket.connect
             await send({"type": "websocket.accept"})
@@ -92,6 +93,13 @@ class Programs:
         return await self._inner(
             {**scope, "user": token.user, "token": token, "session": session}, receive, send
         )
+
+
+def _token(text: str) -> Token:
+    """Return a program's token. Raises `TokenInvalid`."""
+    token = token_of(text)
+    require_for_token(token)
+    return token
 
 
 def guarded(inner: Any) -> Any:

@@ -16,11 +16,28 @@ from django.utils.translation import gettext as _
 from fleet.accounts.models import User
 from fleet.accounts.requests import wants_json
 from fleet.accounts.sign_in import throttle
+from fleet.accounts.tokens.models import Token
+from fleet.accounts.tokens.services import TokenInvalid
 from fleet.server.stops import is_stop
 
 KINDS = (Authenticator.Type.TOTP, Authenticator.Type.WEBAUTHN)  # recovery codes alone are none
 # Pages for people who must have a second factor and have none yet, by the beginning of their address.
-OPEN = ("/accounts/", "/static/", "/texts.js", "/cookies/", "/privacy/", "/healthz")
+# Not all of /accounts/: what a page there gives, such as a token, would do without the second factor later, too.
+_OWN = (
+    "sign-in/",
+    "sign-out/",
+    "closed/",
+    "again/",
+    "second-factor/",
+    "password/",
+    "email/",
+    "sessions/",
+    "oidc/",
+)
+OPEN = (
+    *(f"/accounts/{page}" for page in _OWN),
+    *("/static/", "/texts.js", "/cookies/", "/privacy/", "/healthz"),
+)
 
 
 def has_second_factor(user: User) -> bool:
@@ -31,6 +48,13 @@ def has_second_factor(user: User) -> bool:
 def is_missing(user: User) -> bool:
     """Return whether the person must have a second factor and has none: staff, where FLEET_STAFF_TWO_FACTOR asks."""
     return settings.FLEET_STAFF_TWO_FACTOR and user.is_staff and not has_second_factor(user)
+
+
+def require_for_token(token: Token) -> None:
+    """Raise `TokenInvalid` if its person must set up a second factor first. A service account has tokens only."""
+    if not token.user.project and is_missing(token.user):
+        text = "Staff sign in with a second factor here. Set yours up on the page Your account."
+        raise TokenInvalid("second_factor_missing", text)
 
 
 def is_last_required(authenticator: Authenticator) -> bool:
@@ -53,7 +77,11 @@ def required(
     """Middleware: staff who must have a second factor set it up before anything else, besides a stop."""
 
     def middleware(request: HttpRequest) -> HttpResponseBase:
-        if not settings.FLEET_STAFF_TWO_FACTOR or request.path.startswith(OPEN):
+        if (
+            not settings.FLEET_STAFF_TWO_FACTOR
+            or request.path.startswith(OPEN)
+            or request.path == "/accounts/"
+        ):
             return get_response(request)
         if is_stop((request.method or "").encode(), request.path.encode()):  # a stop needs no second factor
             return get_response(request)

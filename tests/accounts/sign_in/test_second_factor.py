@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -12,11 +13,15 @@ from allauth.mfa.totp.internal import auth
 from channels.testing import WebsocketCommunicator
 from django.core.management import CommandError, call_command
 from django.test import Client
+from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.accounts.sign_in import throttle
+from fleet.accounts.tokens.models import Scope
+from fleet.accounts.tokens.services import token_make
 from fleet.audit.models import Record
 from fleet.site.asgi import application
+from robots.registry.models import Robot
 from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -112,6 +117,8 @@ def test_staff_must_have_one_where_the_setting_asks(
         assert client.get(page, **HTML).headers["Location"] == "/accounts/second-factor/"
     assert client.get("/api/v1/robots").json()["code"] == "second_factor_missing"
     assert client.get("/accounts/second-factor/").status_code == 200
+    assert client.get("/accounts/", **HTML).status_code == 200
+    assert client.get("/accounts/tokens/", **HTML).headers["Location"] == "/accounts/second-factor/"
     for stop in ("/stop-all/", "/api/v1/stop/", "/api/v1/robots/tiago-9/stop/"):
         assert client.post(stop, **HTML).status_code in (200, 202, 404, 503)  # a stop needs no second factor
     assert signed_in(operator).get("/", **HTML).status_code == 200
@@ -120,6 +127,19 @@ def test_staff_must_have_one_where_the_setting_asks(
     client.post("/accounts/again/", {"password": PASSWORD})
     client.post("/accounts/second-factor/totp/deactivate/")
     assert Authenticator.objects.filter(pk=app.pk).exists()  # the last one stays
+
+
+def test_a_token_is_no_way_around_it(staff: User, robot: Robot, settings: Any) -> None:
+    expires = timezone.now() + timedelta(days=1)
+    token, text = token_make(user=staff, name="laptop", scopes=[Scope.READ], expires_at=expires, actor=staff)
+    program = Client(headers={"Authorization": f"Bearer {text}"})
+    assert program.get("/api/v1/robots").status_code == 200
+    settings.FLEET_STAFF_TWO_FACTOR = True
+    answer = program.get("/api/v1/robots")
+    assert (answer.status_code, answer.json()["code"]) == (401, "second_factor_missing")
+    assert program.post("/api/v1/stop/").status_code in (200, 202, 503)  # a stop needs no second factor
+    User.objects.filter(pk=token.user_id).update(project="Calibration")
+    assert program.get("/api/v1/robots").status_code == 200  # a service account can have none
 
 
 async def test_staff_without_one_open_no_websocket(

@@ -9,6 +9,7 @@ from rest_framework.request import Request
 
 from fleet.accounts.models import User
 from fleet.accounts.services import address_of
+from fleet.accounts.sign_in.second_factor import require_for_token
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, token_of
 
@@ -27,6 +28,7 @@ class TokenAuthentication(BaseAuthentication):
             SessionAuthentication().enforce_csrf(request)
         try:
             token = token_of(text.strip(), address_of(request._request))
+            require_for_token(token)
         except TokenInvalid as error:
             raise AuthenticationFailed(error.text, error.code) from error
         return token.user, token
