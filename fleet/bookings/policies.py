@@ -15,7 +15,8 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
-from fleet.audit.services import record
+from fleet.audit.canonical import NO_ROBOT
+from fleet.audit.services import lock_chain, record
 from fleet.bookings.letters import changed_by_another
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import FAR
@@ -46,6 +47,8 @@ def policy_set(
     *, robot: Robot | None = None, group: RobotGroup | None = None, values: Mapping[str, Any], actor: User
 ) -> Policy:
     """Set the booking policy of a robot, of a group, or of all robots; `ValidationError` if it is not valid."""
+    if robot is None and group is None:
+        lock_chain(NO_ROBOT)  # as its record does: two at once would make two policies for all robots
     stored = Policy.objects.select_for_update(of=("self",)).filter(robot=robot, group=group).first()
     policy = stored or Policy(robot=robot, group=group)
     before = {name: getattr(policy, name) for name in POLICY_FIELDS}

@@ -85,6 +85,8 @@ def line_tidy(*, now: datetime, robot_id: UUID | None = None) -> None:
     with recorded_change():
         places_close(GONE, seen_at__lte=now - timedelta(seconds=rules.WAITS_S), **which)
         places_close(LAPSED, offer_until__lte=now, **which)
+        set_back = now + timedelta(seconds=rules.OFFER_S)  # the clock was, since the offer was made
+        places_close(LAPSED, offer_until__gt=set_back, **which)
 
 
 def offer_next(*, robot_id: UUID, now: datetime) -> bool:

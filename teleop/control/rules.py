@@ -111,8 +111,11 @@ def term_end(now: datetime, term_s: float, until: datetime | None) -> datetime:
 
 
 def offered(line: Sequence[Waiter], now: datetime) -> Waiter | None:
-    """Return the person to whom control is offered at this moment."""
-    return next((one for one in line if one.offer_until is not None and one.offer_until > now), None)
+    """Return the person to whom control is offered at this moment. A clock that was set back lengthens no offer."""
+    longest = now + timedelta(seconds=OFFER_S)
+    return next(
+        (one for one in line if one.offer_until is not None and now < one.offer_until <= longest), None
+    )
 
 
 NO_LEASE = Refusal("no_lease", "You do not have control: take it first.", "lease")

@@ -43,8 +43,10 @@ def held_leases() -> list[tuple[UUID, LeaseState]]:
 
 def line_of(robot_id: UUID, now: datetime) -> list[Waiter]:
     """Return the people in line for control whose pages are still there, the first one first."""
-    seen = now - timedelta(seconds=WAITS_S)
-    waiting = Waiting.objects.filter(robot_id=robot_id, starts_at=None, seen_at__gt=seen)
+    lately = timedelta(seconds=WAITS_S)
+    waiting = Waiting.objects.filter(
+        robot_id=robot_id, starts_at=None, seen_at__gt=now - lately, seen_at__lt=now + lately
+    )
     return [
         Waiter(
             id=one.pk,

@@ -7,6 +7,7 @@ import pytest
 from django.db import connection
 
 from fleet.bookings.models import Booking, Policy
+from fleet.bookings.policies import POLICY_FIELDS, policy_set
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make
 from robots.access.models import Course, Enrolment
@@ -68,6 +69,14 @@ def test_a_quota_holds_over_several_robots(robots, stranger):
     )
     assert codes(errors) == {"quota_open"}
     assert Booking.objects.count() == 1
+
+
+def test_there_is_one_policy_for_all_robots(staff):
+    policy = Policy()
+    values = {name: getattr(policy, name) for name in POLICY_FIELDS}
+    errors = all_at_once([lambda: policy_set(values=values, actor=staff)] * 6)
+    assert errors == []
+    assert Policy.objects.count() == 1
 
 
 def test_a_courses_common_quota_holds_over_several_robots(robots, django_user_model):

@@ -148,3 +148,15 @@ def test_a_free_robot_needs_no_waiting(robot, operator):
 def test_an_observer_cannot_wait(robot, operator, observer):
     take(robot, operator)
     assert refused(wait, robot, observer).code == "role_too_low"
+
+
+def test_a_clock_that_was_set_back_lengthens_no_offer(
+    robot, operator, second_operator, third, free_with_a_line
+):
+    earlier = at(-3600)
+    assert line_of(robot.id, earlier) == []  # until their pages are seen again
+    Waiting.objects.update(seen_at=earlier)
+    queue.line_tidy(now=earlier)
+    assert [one.user for one in line_of(robot.id, earlier)] == [third.id]
+    assert queue.offer_next(robot_id=robot.id, now=earlier)
+    assert take(robot, third, at(-3599)).user == third.id
