@@ -13,7 +13,7 @@ from fleet import zones
 
 
 class SettingsForm(forms.Form):
-    """What a person chooses for themselves."""
+    """The choices of a person for themselves."""
 
     time_zone = forms.ChoiceField(label=gettext_lazy("Time zone"), required=False)
 

@@ -192,7 +192,7 @@ class OutOfService(models.Model):
 class Waiting(models.Model):
     """A person in line for a robot: for a slot that is taken, or, without times, for control as soon as it is free.
 
-    The first who came gets the first offer. Who waits for control waits in one tab, and leaves with its page.
+    The first who came gets the first offer. People who wait for control wait in one tab, and leave with its page.
     """
 
     robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="waiting")

@@ -1,4 +1,4 @@
-"""What other apps learn of changes of access."""
+"""Signals by which other apps learn of changes of access."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ GRANTED, LEFT, GONE, LAPSED, NOT_ALLOWED = "granted", "cancelled", "gone", "laps
 
 
 def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
-    """Wait for control. Who waits already keeps their place, in this tab. Returns the number of the place."""
+    """Wait for control. People who wait already keep their place, in this tab. Returns the number of the place."""
     with recorded_change():
         robot, user = robot_locked(robot_id), User.objects.get(pk=user_id)
         held = lease_of(robot_id)

@@ -169,7 +169,7 @@ class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
 
 
 class ActionForm(forms.Form):
-    """What to do with chosen people of a course."""
+    """A change for chosen people of a course."""
 
     person = forms.ModelMultipleChoiceField(User.objects.none(), required=False)
     everybody = forms.BooleanField(label=gettext_lazy("Everybody in the course"), required=False)
