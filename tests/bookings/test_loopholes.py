@@ -229,14 +229,16 @@ def test_lengthening_in_the_hour_that_comes_twice_keeps_the_start(signed_in, rob
     Policy.objects.create(robot=robot, horizon_days=730)
     operator.time_zone = "Europe/Berlin"
     operator.save()
-    sunday = datetime(2027, 10, 31, tzinfo=dt_timezone.utc)  # 03:00 becomes 02:00 at 01:00 UTC
+    last = datetime(timezone.now().year + 1, 10, 31, tzinfo=dt_timezone.utc)
+    sunday = last - timedelta(days=last.isoweekday() % 7)  # 03:00 becomes 02:00 at 01:00 UTC
+    day = sunday.date()
     starts, ends = sunday + timedelta(minutes=75), sunday + timedelta(minutes=105)
     times = {"starts_at": starts, "ends_at": ends, "held_until": ends, "made_at": timezone.now()}
     booking = Booking.objects.create(robot=robot, person=operator, **times)
     browser = signed_in(operator)
-    assert change(browser, booking, starts_at="2027-10-31T02:15", ends_at="2027-10-31T03:30") == []
+    assert change(browser, booking, starts_at=f"{day}T02:15", ends_at=f"{day}T03:30") == []
     assert (booking.starts_at, booking.ends_at) == (starts, sunday + timedelta(minutes=150))
-    assert change(browser, booking, starts_at="2027-10-31T02:15", ends_at="2027-10-31T03:00") == []
+    assert change(browser, booking, starts_at=f"{day}T02:15", ends_at=f"{day}T03:00") == []
     assert (booking.starts_at, booking.ends_at) == (starts, sunday + timedelta(minutes=120))
 
 

@@ -175,7 +175,7 @@ def test_a_change_is_told_in_words_and_leads_back(as_person, robot, operator, se
 
 def test_a_booking_in_use_is_finished_not_cancelled(as_person, robot, operator):
     now = datetime.now(timezone.utc)
-    booking_make(robot=robot, person=operator, slot=Slot(now, in_hours(1)), now=now)
+    booking_make(robot=robot, person=operator, slot=Slot(now, now + timedelta(hours=1)), now=now)
     page = as_person(operator).get(reverse("bookings-mine")).content.decode()
     assert ">Finish<" in page and ">Cancel<" not in page
 
