@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
+from urllib.parse import urlsplit
+from uuid import uuid4
 
 import pytest
 from playwright.sync_api import Locator, expect
@@ -80,6 +83,51 @@ def test_axe_has_nothing_against_any_page_light_or_dark(person: Arrive) -> None:
                 "document.getAnimations().map(one => one.finish())"
             )  # the admin animates its colours
             assert found_by_axe(staff) == [], (path, theme)
+
+
+def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
+    """Pages of one course, person, booking, day and control session; light and dark, on a phone and on a desk."""
+    operator, staff = person("operator"), person("staff")
+    operator.take("tiago-1")
+    operator.release()
+    page, name, day = staff.page, f"Axe {uuid4().hex[:6]}", datetime.now(timezone.utc) + timedelta(days=2)
+    staff.open("/courses/new/")
+    page.get_by_label("Name", exact=True).fill(name)
+    page.get_by_label("Last day").fill(f"{day:%Y-%m-%d}")
+    page.get_by_label("TIAGo One").check()
+    page.get_by_label("People", exact=True).fill(f"Ada <{name[4:]}@example.org>\nNobody")
+    page.get_by_role("button", name="Make the course").click()
+    page.get_by_role("button", name="Make the course with 1 person").first.click()
+    course = urlsplit(page.url).path
+    page.get_by_role("button", name="Make a link").click()
+    invitation = urlsplit(page.url).path
+    staff.open("/bookings/new/")
+    page.get_by_label("From").fill(f"{day:%Y-%m-%dT09:00}")
+    page.get_by_label("To", exact=True).fill(f"{day:%Y-%m-%dT09:30}")
+    page.get_by_role("button", name="Book", exact=True).click()
+    booking = page.locator(".booking-rows a[href^='/bookings/']").last.get_attribute("href")
+    staff.open(course)
+    someone = page.locator("a.why").first.get_attribute("href")
+    staff.open("/today/")
+    session = page.locator(".today-rows a[href^='/sessions/']").last.get_attribute("href")
+    paths = [
+        *("/today/", booking, session, someone, invitation),
+        *(course, f"{course}enrol/", f"{course}edit/", f"/bookings/courses{course.removeprefix('/courses')}"),
+        *("/accounts/settings/", "/accounts/second-factor/totp/activate/", "/your-data/"),
+    ]
+    for path in paths:
+        staff.open(str(path))
+        assert "No such page" not in page.title(), path
+        for width, height in (SIZES[0], SIZES[-1]):
+            page.set_viewport_size({"width": width, "height": height})
+            assert page.evaluate("document.scrollingElement.scrollWidth") == width, path
+            for theme in ("light", "dark"):
+                page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
+                assert found_by_axe(staff) == [], (path, theme, width)
+    staff.open(str(booking))
+    page.get_by_role("button", name="Cancel this booking").click()
+    staff.open(course)
+    page.get_by_role("button", name="Archive").click()
 
 
 def test_axe_accepts_cards_of_silent_robots(person: Arrive) -> None:
@@ -286,6 +334,29 @@ def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
     assert is_free()
     staff.page.keyboard.press("Escape")
     assert not staff.page.get_by_role("dialog").is_visible()
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_a_long_line_covers_neither_speeds_nor_stop(person: Arrive, width: int, height: int) -> None:
+    operator, staff = person("operator", width=width, height=height), person("staff")
+    operator.take("tiago-1")
+    staff.watch("tiago-1")
+    staff.press("Ask for control")
+    operator.page.get_by_role("button", name="Hand over to Staff").wait_for()
+    free = operator.page.evaluate(
+        """() => {
+          const line = document.querySelector("[data-part=requests]");
+          for (let number = 0; number < 8; number++) line.append(line.firstElementChild.cloneNode(true));
+          const places = [".drive .segments button:first-child", ".drive .zone", "form.stop .stop-button"];
+          return places.map((place) => {
+            const { x, y, width, height } = document.querySelector(place).getBoundingClientRect();
+            return Boolean(document.elementFromPoint(x + width / 2, y + height / 2)?.closest(place));
+          });
+        }"""
+    )
+    assert free == [True, True, True]
+    staff.press("Leave the line")
+    operator.release()
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
