@@ -8,17 +8,26 @@ from __future__ import annotations
 
 from datetime import datetime
 
+from django.db.models import Q, QuerySet
+
 from fleet.accounts.models import User
-from fleet.bookings.models import Booking
+from fleet.bookings.models import Booking, State
 from fleet.bookings.selectors import course_of
 from robots.access.models import Course
-from robots.access.selectors import courses_managed_by, manages_robot
+from robots.access.selectors import courses_managed_by, manages_robot, robots_managed_by
 from robots.registry.models import Robot
 
 
 def may_manage_booking(person: User, booking: Booking) -> bool:
     """Return whether the person may change and approve a booking that is not theirs."""
     return manages_robot(person, booking.robot) or _manages(person, booking.course)
+
+
+def awaiting_approval(person: User, now: datetime) -> QuerySet[Booking]:
+    """Return the bookings that the person may approve, earliest first."""
+    managed = Q(robot__in=robots_managed_by(person)) | Q(course__in=courses_managed_by(person))
+    waits = Booking.objects.filter(managed, state=State.AWAITING, held_until__gt=now).distinct()
+    return waits.select_related("robot", "person").order_by("starts_at")
 
 
 def may_book_for(person: User, owner: User, robot: Robot, at: datetime) -> bool:

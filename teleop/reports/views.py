@@ -28,6 +28,7 @@ from fleet.accounts.requests import person_of
 from fleet.audit import wording
 from fleet.audit.addresses import number, session_url_of
 from fleet.audit.listing import Row
+from fleet.bookings.authority import awaiting_approval
 from robots.access.selectors import robot_seen_by, supervises
 from teleop.control.selectors import end_notes
 from teleop.reports import own_data, path_plot, robot_report, session_report, today
@@ -140,6 +141,7 @@ def today_page(request: HttpRequest) -> HttpResponse:
         "is_today": day == current,
         "previous": day - ONE_DAY,
         "next": day + ONE_DAY,
+        "awaiting": awaiting_approval(person_of(request), moment).count(),
     }
     return render(request, "teleop/today.html", context)
 

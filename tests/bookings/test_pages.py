@@ -6,7 +6,7 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone as django_timezone
 
-from fleet.bookings.models import Booking, State
+from fleet.bookings.models import Booking, Policy, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
 from tests.conftest import PASSWORD
@@ -171,6 +171,21 @@ def test_a_change_is_told_in_words_and_leads_back(as_person, robot, operator, se
     answer = browser.post(address, handed, follow=True, **HTML)
     assert answer.redirect_chain == [(address, 302)]
     assert f"Handed to Olaf Operator: {robot.name}" in answer.content.decode()
+
+
+def test_a_supervisor_finds_what_awaits_approval(as_person, robot, operator, supervisor, second_operator):
+    Policy.objects.create(robot=robot, needs_approval=True)
+    answer = as_person(operator).post(reverse("booking-new"), fields(robot), follow=True, **HTML)
+    assert "awaits approval" in answer.content.decode()
+    page = as_person(supervisor).get(reverse("bookings")).content.decode()
+    assert "Awaiting approval" in page
+    assert "1 booking awaits approval" in as_person(supervisor).get(reverse("today")).content.decode()
+    assert "Awaiting approval" not in as_person(second_operator).get(reverse("bookings")).content.decode()
+    booking = Booking.objects.get()
+    data = {"action": "approve", "version": booking.version, "back": reverse("bookings")}
+    answer = as_person(supervisor).post(reverse("booking", args=[booking.pk]), data, follow=True, **HTML)
+    assert f"Approved: {robot.name}" in answer.content.decode()
+    assert "Awaiting approval" not in answer.content.decode()
 
 
 def test_a_booking_in_use_is_finished_not_cancelled(as_person, robot, operator):

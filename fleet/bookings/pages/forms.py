@@ -21,6 +21,15 @@ from robots.registry.models import Robot
 from robots.wire import Refusal
 
 TIME_FORMAT = "%Y-%m-%dT%H:%M"
+DAY_NAMES = (
+    _("Monday"),
+    _("Tuesday"),
+    _("Wednesday"),
+    _("Thursday"),
+    _("Friday"),
+    _("Saturday"),
+    _("Sunday"),
+)
 YEARS = range(2000, 2200)  # that people may mean
 LONG_YEAR = re.compile(r"\s*\d{5,}-")  # a browser's field takes six digits
 
@@ -128,17 +137,15 @@ class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
         """Put the opening hours together. No hours at all: always open."""
         values: dict[str, Any] = super().clean() or self.cleaned_data
         opening = {}
-        for day in WEEKDAYS:
+        for day, name in zip(WEEKDAYS, DAY_NAMES, strict=True):
             opens, closes = values.pop(f"{day}_from", None), values.pop(f"{day}_to", None)
             if (opens is None) != (closes is None):
-                raise ValidationError(_("Give both times of %(day)s, or none.") % {"day": day.title()})
+                raise ValidationError(_("Give both times of %(day)s, or none.") % {"day": name})
             if opens is None or closes is None:
                 continue
             end = "24:00" if f"{closes:%H:%M}" == "00:00" else f"{closes:%H:%M}"
             if end <= f"{opens:%H:%M}":
-                raise ValidationError(
-                    _("On %(day)s the robot closes before it opens.") % {"day": day.title()}
-                )
+                raise ValidationError(_("On %(day)s the robot closes before it opens.") % {"day": name})
             opening[day] = [f"{opens:%H:%M}", end]
         values["opening"] = opening
         if values.get("shortest_min", 0) > values.get("longest_min", 0):
@@ -153,18 +160,9 @@ class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
     @property
     def week(self) -> list[dict[str, Any]]:
         """Return the fields of the opening hours, a weekday each."""
-        names = (
-            _("Monday"),
-            _("Tuesday"),
-            _("Wednesday"),
-            _("Thursday"),
-            _("Friday"),
-            _("Saturday"),
-            _("Sunday"),
-        )
         return [
             {"name": name, "opens": self[f"{day}_from"], "closes": self[f"{day}_to"]}
-            for name, day in zip(names, WEEKDAYS, strict=True)
+            for name, day in zip(DAY_NAMES, WEEKDAYS, strict=True)
         ]
 
 

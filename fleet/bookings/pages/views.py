@@ -25,9 +25,9 @@ from msgspec.json import encode
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
 from fleet.bookings import services
-from fleet.bookings.authority import may_manage_booking
+from fleet.bookings.authority import awaiting_approval, may_manage_booking
 from fleet.bookings.ical import address_make, address_revoke, feed_of
-from fleet.bookings.models import Booking, FeedAddress, Waiting
+from fleet.bookings.models import Booking, FeedAddress, State, Waiting
 from fleet.bookings.pages.calendar import calendar, local
 from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm, typed_day
 from fleet.bookings.rules import Slot, shown
@@ -68,6 +68,7 @@ _turn = threading.Lock()
 def bookings(request: HttpRequest) -> HttpResponse:
     """Show the calendar of all robots that this person may see, and the day's bookings as a list."""
     robots = list(robots_visible_to(person_of(request)))
+    awaiting = list(awaiting_approval(person_of(request), timezone.now())[:LISTED])
     now, zone = timezone.now(), viewers()
     day = typed_day(request.GET.get("day")) or now.astimezone(zone).date()
     start = datetime.combine(day, datetime.min.time(), tzinfo=zone)
@@ -81,6 +82,7 @@ def bookings(request: HttpRequest) -> HttpResponse:
         "zone": zone.key,
         "only": request.GET.get("robot", ""),
         "manages": robots_managed_by(person_of(request)).exists(),
+        "awaiting": _rows(awaiting, {one.robot for one in awaiting}, now),
     }
     return render(request, "bookings/calendar.html", context)
 
@@ -142,7 +144,10 @@ def _book(request: HttpRequest, person: User) -> HttpResponse:
         return _refused(request, form, error.refusals, _alternatives(person, form, error))
     if wants_json(request):
         return JsonResponse({"id": str(booking.pk), "version": booking.version})
-    messages.success(request, _("Booked: %(booking)s.") % {"booking": _in_words(booking)})
+    text = _("Booked: %(booking)s.")
+    if booking.state == State.AWAITING:
+        text = _("%(booking)s awaits approval. Until then it holds the slot, and gives no control.")
+    messages.success(request, text % {"booking": _in_words(booking)})
     return redirect("bookings-mine")
 
 
