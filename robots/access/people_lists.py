@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import unicodedata
 
 from django.core.exceptions import ValidationError
 from django.core.validators import validate_email
@@ -14,10 +15,44 @@ from msgspec import Struct
 MOST_LINES = 5000
 NAME_LENGTH = 150  # characters, as `User.full_name`
 ADDRESS_LENGTH = 254
-NAMES = {"name", "full name", "fullname", "student", "person", "vollständiger name"}
-FIRST_NAMES = {"first name", "firstname", "given name", "vorname", "forename"}
-LAST_NAMES = {"last name", "lastname", "surname", "family name", "nachname"}
-ADDRESSES = {"email", "e-mail", "mail", "email address", "e-mail address", "e-mail-adresse"}
+# Titles of columns, in small letters without accents, as learning platforms of Europe write them.
+NAMES = {"name", "full name", "fullname", "student", "person", "vollstandiger name", "nombre completo"}
+NAMES |= {"nom complet", "nombre y apellidos", "nom i cognoms", "nome completo", "nom et prenom"}
+FIRST_NAMES = {
+    "first name",
+    "firstname",
+    "given name",
+    "vorname",
+    "forename",
+    "nombre",
+    "nom",
+    "nome",
+    "prenom",
+}
+LAST_NAMES = {
+    "last name",
+    "lastname",
+    "surname",
+    "family name",
+    "nachname",
+    "apellido",
+    "apellidos",
+    "cognom",
+}
+LAST_NAMES |= {"apellido(s)", "cognoms", "cognom(s)", "cognome", "nom de famille", "sobrenome", "apelido"}
+ADDRESSES = {
+    "email",
+    "e-mail",
+    "mail",
+    "email address",
+    "e-mail address",
+    "e-mail-adresse",
+    "correo",
+    "correu",
+}
+ADDRESSES |= {"correo electronico", "direccion de correo", "direccion de correo electronico", "courriel"}
+ADDRESSES |= {"correu electronic", "adreca electronica", "adreca de correu", "adresse de courriel"}
+ADDRESSES |= {"adresse e-mail", "adresse email", "indirizzo email", "indirizzo e-mail", "endereco de e-mail"}
 IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*<(?P<email>[^<>]*)>\s*$")
 
 
@@ -71,9 +106,19 @@ def read_people(text: str) -> PeopleList:
         return PeopleList(
             wrong=(Wrong(MOST_LINES + 2, "", reason % {"lines": len(lines), "most": MOST_LINES}),)
         )
-    rows = [(number, line, _cells(line, _delimiter(lines))) for number, line in enumerate(lines, start=1)]
+    usual = _delimiter(lines)
+    rows = [
+        (number, line, _cells(line, usual if usual in line else _delimiter([line])))
+        for number, line in enumerate(lines, start=1)
+    ]
     rows = [row for row in rows if any(row[2])]
     columns, notes = _header(rows[0][2]) if rows else (None, ())
+    if columns is None and _is_foreign_header(rows):
+        notes = (
+            _("Line %(line)d is no person but a header: %(text)s")
+            % {"line": rows[0][0], "text": rows[0][1][:100]},
+        )
+        rows = rows[1:]
     people: list[Listed] = []
     wrong: list[Wrong] = []
     seen: dict[str, int] = {}
@@ -89,6 +134,18 @@ def read_people(text: str) -> PeopleList:
     if repeated:
         notes = (*notes, _("%(number)d repeated addresses count once.") % {"number": repeated})
     return PeopleList(tuple(people), tuple(wrong), notes)
+
+
+def _is_foreign_header(rows: list[tuple[int, str, list[str]]]) -> bool:
+    """Whether the first line names columns in words that are not known here."""
+    addresses = [sum("@" in cell for cell in cells) for _number, _line, cells in rows[:2]]
+    return addresses == [0, 1] and len(rows[0][2]) == len(rows[1][2]) > 1
+
+
+def _plain(title: str) -> str:
+    """Return a title in small letters without accents."""
+    letters = unicodedata.normalize("NFKD", title.lower().strip())
+    return "".join(letter for letter in letters if not unicodedata.combining(letter))
 
 
 def _delimiter(lines: list[str]) -> str:
@@ -111,13 +168,16 @@ class _Columns(Struct, frozen=True):
 
 def _header(cells: list[str]) -> tuple[_Columns | None, tuple[str, ...]]:
     """Return the columns that the first line names and a note on the others; None: it is no header."""
-    titles = [cell.lower().strip() for cell in cells]
+    titles = [_plain(cell) for cell in cells]
     email = next((place for place, title in enumerate(titles) if title in ADDRESSES), None)
     if email is None:
         return None, ()
     whole = [place for place, title in enumerate(titles) if title in NAMES]
     first = [place for place, title in enumerate(titles) if title in FIRST_NAMES]
     last = [place for place, title in enumerate(titles) if title in LAST_NAMES]
+    if "prenom" in titles and not last:  # a French "nom" is the family's
+        first.sort(key=lambda place: titles[place] != "prenom")
+        last = first[1:]
     names = tuple(whole[:1] or [*first[:1], *last[:1]])
     others = [cell for place, cell in enumerate(cells) if place not in (email, *names) and cell]
     note = _("Left out: %(columns)s.") % {"columns": ", ".join(others)[:300]}

@@ -35,6 +35,36 @@ def test_lists_of_many_forms_name_the_same_person(text: str) -> None:
     assert (name.replace('"', ""), email) in (ADA, ("Lovelace, Ada", "ada@example.org"))
 
 
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Nom;Cognoms;Adreça electrònica",
+        "Nombre;Apellido(s);Dirección de correo",
+        "Prénom;Nom;Adresse de courriel",
+        "Nome;Cognome;Indirizzo email",
+    ],
+)
+def test_headers_in_other_languages_are_known(header: str) -> None:
+    found = read_people(f"{header}\nAda;Lovelace;ada@example.org")
+    assert [(one.name, one.email) for one in found.people] == [ADA]
+    assert not found.wrong
+    assert people("Nom;Prénom;Courriel\nLovelace;Ada;ada@example.org") == [ADA]
+
+
+def test_a_header_in_unknown_words_is_a_note_and_no_wrong_line() -> None:
+    found = read_people("Nimi;Sähköposti\nAda Lovelace;ada@example.org")
+    assert [(one.name, one.email) for one in found.people] == [ADA]
+    assert not found.wrong
+    assert found.notes == ("Line 1 is no person but a header: Nimi;Sähköposti",)
+
+
+def test_each_line_may_have_its_own_separator() -> None:
+    assert people("Ada Lovelace, ada@example.org\nBo Ek\tbo@example.org") == [
+        ADA,
+        ("Bo Ek", "bo@example.org"),
+    ]
+
+
 def test_other_columns_are_left_out_with_a_note() -> None:
     found = read_people("Name;Matr.-Nr.;E-Mail;Mark\nAda Lovelace;12;ada@example.org;1")
     assert [(one.name, one.email) for one in found.people] == [ADA]
