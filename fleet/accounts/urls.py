@@ -8,11 +8,12 @@ from django.urls import include, path, re_path
 from django.views.generic import RedirectView
 
 from fleet.accounts import views
-from fleet.accounts.sign_in.forms import ForgottenPasswordForm
+from fleet.accounts.sign_in.forms import ForgottenPasswordForm, NewPasswordForm
 from fleet.accounts.sign_in.views import PasswordView, SignInView, single_sign_on_begin, single_sign_on_end
 
 _sign_in = SignInView.as_view()
 _sign_out = LogoutView.as_view()
+_new_password = allauth.PasswordResetFromKeyView.as_view(form_class=NewPasswordForm)
 _forgotten = allauth.PasswordResetView.as_view(form_class=ForgottenPasswordForm)
 
 urlpatterns = [
@@ -34,7 +35,7 @@ urlpatterns = [
     path("password/forgotten/sent/", allauth.password_reset_done, name="account_reset_password_done"),
     re_path(
         r"^password/new/(?P<uidb36>[0-9A-Za-z]+)-(?P<key>.+)/$",
-        allauth.password_reset_from_key,
+        _new_password,
         name="account_reset_password_from_key",
     ),
     path(

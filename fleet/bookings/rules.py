@@ -79,6 +79,7 @@ class Wish(Struct, frozen=True):
     zone: ZoneInfo  # of the person who reads the refusals
     start_kept: bool = False  # of a booking that is changed: its start was judged when it was booked
     role: Role | None = None  # from the slot's start to its end
+    role_until: date | None = None  # the last day on which the person may drive the robot by a course
     missing: tuple[str, ...] = ()  # qualifications that the person lacks
     own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot
     own_here: tuple[Slot, ...] = ()  # those of this robot
@@ -146,8 +147,11 @@ def has_role(wish: Wish) -> Refusal | None:
     """Only a person who may drive the robot books it."""
     if wish.role is not None and wish.role >= Role.OPERATOR:
         return None
-    text = f"You may not drive {wish.robot} during this time. Ask the staff, or your course’s supervisor."
-    return Refusal("role_too_low", text, "account")
+    ask = "ask the staff, or your course’s supervisor."
+    if wish.role_until is None:
+        return Refusal("role_too_low", f"You may not drive {wish.robot} during this time: {ask}", "account")
+    text = f"You may drive {wish.robot} until {wish.role_until:%d %b %Y}. Choose an earlier time, or {ask}"
+    return Refusal("role_too_low", text, "account", {"until": wish.role_until.isoformat()})
 
 
 def qualified(wish: Wish) -> Refusal | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from datetime import datetime, timedelta, timezone
+from datetime import date, datetime, timedelta, timezone
 from enum import Enum
 from typing import Protocol
 from uuid import UUID
@@ -174,6 +174,7 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
         lab=zone_of(""),
         zone=viewers(),
         role=role,
+        role_until=_role_until(person, robot, starts, now) if _rank(role) < Role.OPERATOR.rank else None,
         missing=tuple(one.name for one in missing_qualifications(person, robot, starts)),
         quota=_quota_of(course, person, slot, now, moved) if course else None,
         own=tuple(one for one, _ in own),
@@ -186,6 +187,19 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
 
 def _rank(role: Role | None) -> int:
     return -1 if role is None else role.rank
+
+
+def _role_until(person: User, robot: Robot, at: datetime, now: datetime) -> date | None:
+    """Return the last day, before `at`, on which a course lets the person drive the robot; None: no day to come."""
+    days = lab_date(now), lab_date(at)
+    courses = Course.objects.filter(
+        Q(robots=robot) | Q(groups__robots=robot),
+        enrolments__person=person,
+        role=Role.OPERATOR,
+        archived=False,
+    )
+    ends = courses.filter(ends_on__range=days).order_by("-ends_on").values_list("ends_on", flat=True)
+    return ends.first()
 
 
 def course_of(robot: Robot, person: User, at: datetime) -> Course | None:

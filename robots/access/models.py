@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timedelta
 from uuid import uuid4
 
 from django.conf import settings
@@ -18,6 +19,7 @@ from django.utils.translation import gettext_lazy as _
 
 from robots.registry.models import Robot, Role
 
+ONE_SECOND = timedelta(seconds=1)
 CODE_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"  # none that looks like another
 
 
@@ -161,6 +163,11 @@ class Invitation(models.Model):
     def __str__(self) -> str:
         return gettext("invitation to %s") % self.course
 
+    @property
+    def last_moment(self) -> datetime:
+        """Return its last moment: on the last day that was typed, while `expires_at` is the midnight after it."""
+        return self.expires_at - ONE_SECOND
+
 
 class Qualification(models.Model):
     """Something that a person must hold to drive certain robots, such as a safety induction."""
@@ -222,3 +229,8 @@ class QualificationGrant(models.Model):
             "qualification": self.qualification,
             "person": self.person,
         }
+
+    @property
+    def last_moment(self) -> datetime | None:
+        """Return its last moment, on the last day that was typed; None: it is for good."""
+        return self.expires_at and self.expires_at - ONE_SECOND

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from allauth.account.forms import AddEmailForm, ResetPasswordForm
+from allauth.account.forms import AddEmailForm, ResetPasswordForm, ResetPasswordKeyForm
 from allauth.account.internal.flows.email_verification import send_verification_email_to_address
 from allauth.account.models import EmailAddress
 from django.contrib.auth.forms import AuthenticationForm, PasswordChangeForm
@@ -77,6 +77,19 @@ class ForgottenPasswordForm(ResetPasswordForm):
         found: list[User] = self.users  # type: ignore[has-type]
         self.users = [person for person in found if person.email == email.lower()]
         return email
+
+
+class NewPasswordForm(ResetPasswordKeyForm):
+    """The new password of a person who forgot theirs, in the words of the other pages."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        first, second = self.fields["password1"], self.fields["password2"]
+        first.label, second.label = _("Password"), _("The password again")
+        first.help_text = ""
+        second.help_text = _("Eight characters or more, not only digits; a few words are easiest to keep.")
+        for field in (first, second):
+            field.widget.attrs.pop("placeholder", None)
 
 
 class EmailForm(AddEmailForm):

@@ -87,6 +87,8 @@ def welcome(request: HttpRequest, token: str) -> HttpResponse:
     if person is None:
         return render(request, "access/welcome.html", status=410)
     form = SetPasswordForm(person, request.POST or None)
+    for field in form.fields.values():
+        field.label = _("Password")  # Django reports every fault at the second field
     if request.method != "POST" or not form.is_valid():
         return _welcome_page(request, form, 400 if form.errors else 200)
     try:
