@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from django.db.models import Q, QuerySet
+from django.db.models import Q
 
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, State
-from fleet.bookings.selectors import course_of
+from fleet.bookings.selectors import Stage, course_of, grace_of, policies_of, stage_of
 from robots.access.models import Course
 from robots.access.selectors import courses_managed_by, manages_robot, robots_managed_by
 from robots.registry.models import Robot
@@ -23,11 +23,13 @@ def may_manage_booking(person: User, booking: Booking) -> bool:
     return manages_robot(person, booking.robot) or _manages(person, booking.course)
 
 
-def awaiting_approval(person: User, now: datetime) -> QuerySet[Booking]:
-    """Return the bookings that the person may approve, earliest first."""
+def awaiting_approval(person: User, now: datetime) -> list[Booking]:
+    """Return the bookings that the person may approve, earliest first: none whose grace time is over."""
     managed = Q(robot__in=robots_managed_by(person)) | Q(course__in=courses_managed_by(person))
     waits = Booking.objects.filter(managed, state=State.AWAITING, held_until__gt=now).distinct()
-    return waits.select_related("robot", "person").order_by("starts_at")
+    found = list(waits.select_related("robot", "person").order_by("starts_at"))
+    policies = policies_of({one.robot for one in found})
+    return [one for one in found if stage_of(one, grace_of(policies[one.robot_id]), now) is Stage.AWAITING]
 
 
 def may_book_for(person: User, owner: User, robot: Robot, at: datetime) -> bool:

@@ -141,7 +141,7 @@ def today_page(request: HttpRequest) -> HttpResponse:
         "is_today": day == current,
         "previous": day - ONE_DAY,
         "next": day + ONE_DAY,
-        "awaiting": awaiting_approval(person_of(request), moment).count(),
+        "awaiting": len(awaiting_approval(person_of(request), moment)),
     }
     return render(request, "teleop/today.html", context)
 

@@ -46,7 +46,7 @@ def test_a_slot_beyond_the_courses_last_day_is_refused(robot, stranger, course):
     assert refused(robot, stranger, 24 * 7) == ["role_too_low"]
     last_night = 24 * 6 + 14.5  # 23:30 on the last day
     with pytest.raises(
-        BookingRefused, match="You may drive TIAGo 1 until 08 Mar 2026. Choose an earlier"
+        BookingRefused, match=r"You may drive TIAGo 1 until 08 Mar 2026\. Choose an earlier"
     ) as no:
         book(robot, stranger, last_night)
     assert no.value.refusals[0].figures == {"until": "2026-03-08"}

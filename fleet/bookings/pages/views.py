@@ -68,7 +68,7 @@ _turn = threading.Lock()
 def bookings(request: HttpRequest) -> HttpResponse:
     """Show the calendar of all robots that this person may see, and the day's bookings as a list."""
     robots = list(robots_visible_to(person_of(request)))
-    awaiting = list(awaiting_approval(person_of(request), timezone.now())[:LISTED])
+    awaiting = awaiting_approval(person_of(request), timezone.now())[:LISTED]
     now, zone = timezone.now(), viewers()
     day = typed_day(request.GET.get("day")) or now.astimezone(zone).date()
     start = datetime.combine(day, datetime.min.time(), tzinfo=zone)
