@@ -83,7 +83,7 @@ def test_a_student_is_refused_waits_and_gets_the_slot(
 
     owner.open("/bookings/mine/")
     owner.page.get_by_role("button", name=f"Cancel {ROBOT}").click()
-    expect(owner.page.get_by_text("The booking was changed.")).to_be_visible()
+    expect(owner.page.get_by_text(f"Cancelled: {ROBOT}")).to_be_visible()
     accept = student.page.get_by_role("button", name=f"Accept {ROBOT}")
     student.until(lambda: reload(student) and accept.is_visible(), "the offer")
     expect(student.page.get_by_text(f"{ROBOT}: your turn")).to_be_visible()
