@@ -66,7 +66,7 @@ def body_of(delivery: WebhookDelivery, texts: bool) -> bytes | None:
         record = records.filter(pk=delivery.record).first()
         if record is None:
             return None
-        event = _event(delivery, record.at, _data(record, texts))
+        event = _event(delivery, record.at, data_of(record, texts))
     return json.dumps(event, ensure_ascii=False, separators=(",", ":")).encode()
 
 
@@ -74,7 +74,7 @@ def _event(delivery: WebhookDelivery, at: datetime, data: dict[str, Any]) -> dic
     return {"id": event_id(delivery), "type": delivery.kind, "timestamp": rfc3339(at), "data": data}
 
 
-def _data(record: Record, texts: bool) -> dict[str, Any]:
+def data_of(record: Record, texts: bool) -> dict[str, Any]:
     request = record.of
     robot = Robot.objects.filter(pk=record.robot_id).first() if record.robot_id else None
     data: dict[str, Any] = {

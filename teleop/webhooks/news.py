@@ -47,7 +47,7 @@ class NewsReader:
     def read(self, webhook: Webhook) -> int:
         """Store the deliveries of the records since the last time. Returns how many records were read."""
         start = max(webhook.read_to, self._read_to.get(webhook.pk, 0))
-        lines = _lines_after(start)
+        lines = lines_after(start)
         if not lines:
             return 0
         end = lines[-1].pk
@@ -63,7 +63,7 @@ class NewsReader:
         return len(lines)
 
 
-def _lines_after(start: int) -> list[Line]:
+def lines_after(start: int) -> list[Line]:
     """Return the next records, without a gap that a writer may still fill: numbers are given before the commit."""
     later = Record.objects.filter(pk__gt=start).order_by("pk")
     lines = _lines(later[:AT_ONCE])

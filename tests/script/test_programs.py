@@ -47,14 +47,14 @@ class Api:
     """A program with a token."""
 
     def __init__(self, stack: Stack, token: str) -> None:
-        self._stack, self._token = stack, token
+        self._stack, self.token = stack, token
 
     def __call__(self, method: str, path: str, body: Any = None) -> tuple[int, Any]:
         """Ask; returns status and answer."""
         request = urllib.request.Request(  # noqa: S310
             f"{self._stack.url}/api/v1{path}",
             None if body is None else json.dumps(body).encode(),
-            {"Authorization": f"Bearer {self._token}", "Content-Type": "application/json"},
+            {"Authorization": f"Bearer {self.token}", "Content-Type": "application/json"},
             method=method,
         )
         try:
@@ -189,3 +189,35 @@ def test_a_program_drives_a_square(stack: Stack) -> None:
     assert abs(ended["x"] - began["x"]) < 0.05
     assert abs(ended["y"] - began["y"]) < 0.05
     assert api("DELETE", f"{robot}/control")[0] == 204
+
+
+def test_events_follow_a_robot_and_resume(stack: Stack) -> None:
+    api = Api(stack, token(stack, "operator", "read", "drive", name="ticker"))
+    robot = f"/robots/{ROBOT}"
+
+    def follow(last: str = "") -> Any:
+        headers = {
+            "Authorization": f"Bearer {api.token}",
+            "Accept": "text/event-stream",
+            "Last-Event-ID": last,
+        }
+        address = f"{stack.url}/api/v1/events?robot={ROBOT}"
+        return urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=10.0)  # noqa: S310
+
+    def heard(stream: Any, kind: str) -> str:
+        """The id of the first event of this kind."""
+        number = ""
+        for line in stream:
+            name, _, value = line.decode().strip().partition(": ")
+            number = value if name == "id" else number
+            if (name, value) == ("event", kind):
+                return number
+        raise AssertionError(f"no {kind}")
+
+    with follow() as stream:
+        assert api("POST", f"{robot}/control", {})[0] == 200
+        taken = heard(stream, "control.take")
+    assert api("DELETE", f"{robot}/control")[0] == 204
+    with follow(taken) as stream:
+        ended = heard(stream, "control.end")
+    assert int(ended) > int(taken)

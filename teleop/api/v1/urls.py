@@ -6,12 +6,13 @@ from django.contrib.auth.decorators import login_not_required
 from django.urls import path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
-from teleop.api.v1 import control, other, robots, tasks, views
+from teleop.api.v1 import control, events, other, robots, tasks, views
 from teleop.stop import views as stop_views
 
 urlpatterns = [
     path("openapi.json", login_not_required(SpectacularJSONAPIView.as_view()), name="api-schema"),
     path("reference", views.reference, name="api-reference"),
+    path("events", events.EventsView.as_view()),
     path("robots", robots.RobotsView.as_view(), name="api-robots"),
     path("robots/<slug:slug>", robots.RobotView.as_view(), name="api-robot"),
     path("robots/<slug:slug>/phrases", robots.PhrasesView.as_view(), name="api-phrases"),

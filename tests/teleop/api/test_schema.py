@@ -44,6 +44,8 @@ def test_every_answer_keeps_to_the_schema(who: str, robot: Robot, request: pytes
     schema.app = get_wsgi_application()
     for found in schema.get_all_operations():
         operation = found.ok()
+        if operation.path.endswith("/events"):
+            continue  # its answer does not end
 
         @settings(
             max_examples=EXAMPLES,

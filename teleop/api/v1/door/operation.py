@@ -89,6 +89,7 @@ def operation(
     body: type[Struct] | None = None,
     status: int = 200,
     refuses: tuple[int, ...] = (),
+    content_type: str = "",
     tag: str = "robots",
     **schema: Any,
 ) -> Callable[[View], View]:
@@ -96,6 +97,7 @@ def operation(
 
     `scope`: what a token needs (None: any token). `body`: its struct, decoded and passed as the argument `body`.
     `answer`: the struct that the method returns (None: 204). `refuses`: further statuses of problems.
+    `content_type`: of an answer that is no JSON; the method returns a response.
     """
 
     def decorate(method: View) -> View:
@@ -113,7 +115,10 @@ def operation(
         responses: dict[Any, Any] = {
             (code, CONTENT_TYPE): OpenApiResponse(ProblemDetails, "refused") for code in sorted(problems)
         }
-        responses[status] = OpenApiResponse(answer, summary)
+        if content_type:
+            responses[status, content_type] = OpenApiResponse(str, summary)
+        else:
+            responses[status] = OpenApiResponse(answer, summary)
         needs = f"Scope: `{scope.value}`." if scope else "Any token."
         documented = extend_schema(
             operation_id=name,

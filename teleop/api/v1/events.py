@@ -1,0 +1,149 @@
+"""News of robots as server-sent events, from the audit log: a client that comes back misses nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Collection
+from uuid import UUID
+
+from django.http import StreamingHttpResponse
+from drf_spectacular.utils import OpenApiParameter
+from msgspec import Struct
+from rest_framework.renderers import BaseRenderer, JSONRenderer
+from rest_framework.request import Request
+
+from fleet.accounts.models import User
+from fleet.accounts.selectors import signed_in
+from fleet.accounts.tokens.models import Scope
+from fleet.accounts.tokens.services import key_of
+from fleet.audit.models import Record
+from robots.access.selectors import robots_visible_to
+from robots.wire import Refusal
+from teleop.api.v1.door.operation import ApiView, operation
+from teleop.api.v1.door.problems import Problem
+from teleop.background.database import in_database
+from teleop.webhooks.events import NEWS, data_of, is_news, rfc3339
+from teleop.webhooks.news import lines_after, newest_record
+
+LOOK_S = 1.0
+QUIET_S = 15.0  # then a comment shows that the stream is alive
+LONGEST_S = 600.0  # then the client connects again: what it has not read is not kept for ever
+MOST_STREAMS = 50  # of this process
+_HIGHEST = 2**62
+
+_FULL = Refusal("busy", "Too many event streams are open: try again later.", "wire")
+_open: set[object] = set()
+
+
+class EventStream(BaseRenderer):
+    """Lets clients that accept event streams in."""
+
+    media_type = "text/event-stream"
+    format = "events"
+
+
+class Reader(Struct, frozen=True):
+    """Who reads, and of which robots."""
+
+    user: User
+    key: str  # of the token, or of the session
+    robots: frozenset[UUID]  # empty: all that they may see
+    slug: str | None
+
+
+class EventsView(ApiView):
+    """`/events`."""
+
+    renderer_classes = [JSONRenderer, EventStream]
+
+    @operation(
+        "events",
+        "Follow the news of robots",
+        scope=Scope.READ,
+        refuses=(404, 406),
+        content_type="text/event-stream",
+        tag="events",
+        parameters=[
+            OpenApiParameter("robot", str, description="Only of this one."),
+            OpenApiParameter(
+                "after", int, description="After this number; the header Last-Event-ID says the same."
+            ),
+        ],
+    )
+    def get(self, request: Request) -> StreamingHttpResponse:
+        """Server-sent events: bookings, control, stops, ends of motions and speech, as webhooks have them. Each has the
+        number of its record as id; with Last-Event-ID nothing is missed. The stream ends after ten minutes, when the
+        token ends, or when the person may no longer see a robot: connect again."""
+        if len(_open) >= MOST_STREAMS:
+            raise Problem(_FULL)
+        slug = request.query_params.get("robot")
+        if slug is not None:
+            self.robot(slug)
+        token = self.token
+        bound = frozenset(UUID(robot) for robot in token.robots) if token else frozenset()
+        key = key_of(token) if token else request.session.session_key or ""
+        last = request.headers.get("Last-Event-ID") or request.query_params.get("after") or ""
+        start = (
+            min(int(last), _HIGHEST)
+            if last.isascii() and last.isdigit() and len(last) < 20
+            else newest_record()
+        )
+        response = StreamingHttpResponse(
+            _stream(Reader(self.person, key, bound, slug), start), content_type="text/event-stream"
+        )
+        response["Cache-Control"] = "no-store"
+        response["X-Accel-Buffering"] = "no"
+        return response
+
+
+async def _stream(reader: Reader, start: int) -> AsyncIterator[bytes]:
+    """Yield the events after a record, until the reader's right ends or `LONGEST_S`."""
+    place = object()
+    _open.add(place)
+    try:
+        yield b"retry: 2000\n\n"
+        loop = asyncio.get_running_loop()
+        began_s = said_s = loop.time()
+        while loop.time() - began_s < LONGEST_S:
+            robots = await in_database(_robots_of, reader)
+            if robots is None:
+                return
+            start, events = await in_database(_events, robots, start)
+            if events:
+                yield b"".join(events)
+                said_s = loop.time()
+            elif loop.time() - said_s > QUIET_S:
+                yield b": nothing new\n\n"
+                said_s = loop.time()
+            await asyncio.sleep(LOOK_S)
+    finally:
+        _open.discard(place)
+
+
+def _robots_of(reader: Reader) -> set[UUID] | None:
+    """Return the robots that the reader may see now; None: the reader is no longer signed in."""
+    person = (reader.user.pk, reader.key)
+    user = signed_in([person]).get(person)
+    if user is None:
+        return None
+    robots = robots_visible_to(user)
+    if reader.slug is not None:
+        robots = robots.filter(slug=reader.slug)
+    found = set(robots.values_list("pk", flat=True))
+    return found & reader.robots if reader.robots else found
+
+
+def _events(robots: Collection[UUID], start: int) -> tuple[int, list[bytes]]:
+    """Return the number of the last record that was read, and the events among them."""
+    lines = lines_after(start)
+    chosen = [line.pk for line in lines if line.robot in robots and is_news(line.kind, line.of, list(NEWS))]
+    records = Record.objects.select_related("actor", "real_actor", "content", "of__content").in_bulk(chosen)
+    events = [_event(records[number]) for number in chosen if number in records]
+    return lines[-1].pk if lines else start, events
+
+
+def _event(record: Record) -> bytes:
+    data = {"timestamp": rfc3339(record.at), **data_of(record, texts=False)}
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
+    return f"id: {record.pk}\nevent: {record.kind}\ndata: {text}\n\n".encode()
