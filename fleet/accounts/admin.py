@@ -16,6 +16,7 @@ from django.db import transaction
 from django.db.models import QuerySet
 from django.forms import ModelForm, Select
 from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
 from django.urls import reverse
 from django.utils.html import format_html
 from django.utils.translation import gettext_lazy as _
@@ -52,12 +53,12 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
     list_display = ["username", "full_name", "email", "is_staff", "is_active", "last_login"]
     list_filter = ["is_staff", "is_active"]
     search_fields = ["username", "full_name", "email"]
-    readonly_fields = ["roles", "second_factor", "last_login", "date_joined"]
+    readonly_fields = ["project", "roles", "second_factor", "last_login", "date_joined"]
     actions = ["remove_second_factors"]
     filter_horizontal = []
     fieldsets = [
         (None, {"fields": ["username", "password", "full_name", "email", "second_factor", "time_zone"]}),
-        (_("Rights"), {"fields": ["is_active", "is_staff", "roles"]}),
+        (_("Rights"), {"fields": ["project", "is_active", "is_staff", "roles"]}),
         (_("Dates"), {"fields": ["last_login", "date_joined"]}),
     ]
     add_fieldsets = [
@@ -103,9 +104,17 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         super().save_model(request, obj, form, change)
 
     def user_change_password(self, request: HttpRequest, id: str, form_url: str = "") -> HttpResponse:
-        """Change a person's password. A person who changes their own stays signed in here and nowhere else."""
+        """Change a person's password. A person who changes their own stays signed in here and nowhere else.
+
+        A service account gets none: it signs in by tokens only.
+        """
         with transaction.atomic():
             before = self.get_object(request, unquote(id))
+            if before and before.project:
+                self.message_user(
+                    request, _("A service account has tokens, and no password."), messages.ERROR
+                )
+                return redirect("person", before.pk)
             response = super().user_change_password(request, id, form_url)
             after = self.get_object(request, unquote(id))
             if before and after and before == request.user and before.password != after.password:

@@ -11,7 +11,7 @@ from django.db import transaction
 from fleet.audit.command_line import SystemAccount, here
 from fleet.audit.services import actor_renamed, record
 
-SHOWN = ("username", "full_name", "email", "time_zone", "is_active", "is_staff", "is_superuser")
+SHOWN = ("username", "full_name", "email", "time_zone", "project", "is_active", "is_staff", "is_superuser")
 RECORDED = (*SHOWN, "password")  # a password's change, without the password
 RIGHTS = (
     "is_active",

@@ -15,6 +15,7 @@ from django.db.models import QuerySet
 from django.dispatch import Signal
 from django.http import HttpRequest
 from django.utils import timezone
+from django.utils.text import slugify
 
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.selectors import sign_ins_of
@@ -96,6 +97,23 @@ def time_zone_choose(*, user: User, name: str) -> None:
     user.time_zone = name
     user.changed_by = user
     user.save(update_fields=["time_zone"])
+
+
+def service_account_make(*, name: str, project: str, actor: User) -> User:
+    """Make an account that belongs to a project: without address and password, for programs with tokens only."""
+    account = User(username=_free_username(name), full_name=name, project=project)
+    account.set_unusable_password()
+    account.changed_by = actor
+    account.save()
+    return account
+
+
+def _free_username(name: str) -> str:
+    """Return a user name like this name that no account has, in capitals or not."""
+    wanted = slugify(name)[:40] or "service"
+    taken = {name.lower() for name in User.objects.values_list("username", flat=True)}
+    names = (wanted, *(f"{wanted}-{number}" for number in range(2, len(taken) + 3)))
+    return next(name for name in names if name not in taken)
 
 
 def account_close(*, user: User) -> None:

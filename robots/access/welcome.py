@@ -30,7 +30,7 @@ def person_of_token(token: str) -> User | None:
         key, mark = signing.loads(token, salt=SALT, max_age=VALID_S)
     except signing.BadSignature:
         return None
-    user = User.objects.filter(pk=UUID(hex=key), is_active=True).first()
+    user = User.objects.filter(pk=UUID(hex=key), is_active=True, project="").first()
     holds = user is not None and not user.has_usable_password() and constant_time_compare(mark, _mark(user))
     return user if holds else None
 

@@ -39,6 +39,8 @@ _ABOUT = {
     "account.change": "user",
     "account.second_factor": "user",
     "account.single_sign_on": "user",
+    "token.make": "user",
+    "token.end": "user",
     "role.change": "user",
     "control.take_over": "holder",
     "audit.export": "person",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, cast
 
 from allauth.account.adapter import DefaultAccountAdapter
+from allauth.account.internal.stagekit import clear_login
 from allauth.account.models import EmailAddress
 from allauth.core.exceptions import ImmediateHttpResponse
 from allauth.mfa.adapter import DefaultMFAAdapter
@@ -17,7 +18,7 @@ from django.contrib import messages
 from django.contrib.sites.shortcuts import get_current_site
 from django.core.exceptions import ValidationError
 from django.db import IntegrityError, transaction
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.utils.translation import gettext as _
 
@@ -40,6 +41,13 @@ class AccountAdapter(DefaultAccountAdapter):
     def get_http_user_agent(self, request: HttpRequest) -> str:
         """The browser's own description; it may be missing."""
         return request.headers.get("User-Agent", "")
+
+    def pre_login(self, request: HttpRequest, user: Any, **options: Any) -> HttpResponse | None:
+        """Refuse a closed account, and a service account by whatever door: it has tokens only."""
+        if user.project:
+            clear_login(request)
+            return cast(HttpResponse, self.respond_user_inactive(request, user))
+        return cast("HttpResponse | None", super().pre_login(request, user, **options))
 
     def add_message(self, request: HttpRequest, level: int, *arguments: Any, **options: Any) -> None:
         """Show a message, but none that a person is signed in or out: the page shows it."""
@@ -114,7 +122,7 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
             return
         address = sociallogin.email_addresses[0] if sociallogin.email_addresses else None
         known = User.objects.filter(email=address.email.lower()).first() if address else None
-        if known and not known.is_active:
+        if known and (known.project or not known.is_active):
             raise ImmediateHttpResponse(redirect("account_inactive"))
         if known and address and address.verified:
             sociallogin.connect(request, known)

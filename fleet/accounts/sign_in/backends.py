@@ -11,6 +11,10 @@ from django.contrib.auth.models import AbstractBaseUser, AnonymousUser
 class StaffBackend(ModelBackend):
     """Staff may administer everything that the admin offers; Django's permissions by model are not used."""
 
+    def user_can_authenticate(self, user: Any) -> bool:
+        """Return whether the account is open and a person's: service accounts have tokens and no session."""
+        return super().user_can_authenticate(user) and not (user and user.project)
+
     def has_perm(self, user_obj: Any, perm: str, obj: Any = None) -> bool:
         """Return whether the person is active staff; permissions are not used."""
         return _is_staff(user_obj)

@@ -72,10 +72,13 @@ class ForgottenPasswordForm(ResetPasswordForm):
     """The address of an account whose password was forgotten."""
 
     def clean_email(self) -> str:
-        """Leave out people who typed this address and did not verify it: its owner would get their account."""
+        """Leave out people who typed this address and did not verify it: its owner would get their account.
+
+        Leave out service accounts, too: nobody signs in to them.
+        """
         email: str = super().clean_email()
         found: list[User] = self.users  # type: ignore[has-type]
-        self.users = [person for person in found if person.email == email.lower()]
+        self.users = [person for person in found if person.email == email.lower() and not person.project]
         return email
 
 

@@ -6,7 +6,7 @@ import secrets
 from collections.abc import Collection, Sequence
 from datetime import datetime, timedelta
 from hashlib import sha256
-from uuid import UUID
+from uuid import UUID, uuid4
 
 from django.db import transaction
 from django.db.models import QuerySet
@@ -14,6 +14,7 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope, Token
+from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
 
 LONGEST = timedelta(days=366)
@@ -36,6 +37,10 @@ class TooManyTokens(Exception):
     """A person has `MOST` tokens."""
 
 
+class TokenExists(Exception):
+    """A token with this id was made before."""
+
+
 @transaction.atomic
 def token_make(
     *,
@@ -43,17 +48,25 @@ def token_make(
     name: str,
     scopes: Collection[Scope],
     expires_at: datetime,
-    actor: User,
+    actor: User | SystemAccount,
     robots: Sequence[UUID] = (),
+    token_id: UUID | None = None,
 ) -> tuple[Token, str]:
-    """Make a token, and return it with its text, which is shown once."""
+    """Make a token, and return it with its text, which is shown once.
+
+    `token_id`: the id that it shall have, so that a form that is sent twice makes one token (`TokenExists`).
+    """
     User.objects.select_for_update().get(pk=user.pk)
-    if Token.objects.filter(user=user).count() >= MOST:
+    token_id = token_id or uuid4()
+    if Token.objects.filter(pk=token_id).exists():
+        raise TokenExists
+    if tokens_of(user).count() >= MOST:
         raise TooManyTokens
     now = timezone.now()
     expires_at = min(expires_at, now + LONGEST)
     text = PREFIX + secrets.token_urlsafe(32)
     token = Token.objects.create(
+        id=token_id,
         user=user,
         digest=_digest(text),
         made_at=now,
@@ -61,7 +74,7 @@ def token_make(
         name=name,
         scopes=[scope.value for scope in Scope if scope in scopes],
         robots=[str(robot) for robot in robots],
-        made_by=actor,
+        made_by=actor if isinstance(actor, User) else user,
     )
     facts = {
         "user": str(user.pk),

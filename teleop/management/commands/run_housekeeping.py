@@ -19,6 +19,7 @@ from django.core.management.base import BaseCommand, CommandParser
 from django.db import DatabaseError, close_old_connections
 from django.utils import timezone
 
+from fleet.accounts.tokens.services import remove_expired_tokens
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
 from fleet.bookings import letters, rights, waiting
@@ -47,7 +48,8 @@ class Command(BaseCommand):
 
     help = (
         "Ends leases and requests whose time is over, and records when a robot is lost and found again. Once a day "
-        "it deletes old sign-in sessions, expired parts of the audit log, and maps that no path needs."
+        "it deletes old sign-in sessions, expired parts of the audit log, tokens that expired long ago, and maps that "
+        "no path needs."
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
@@ -133,6 +135,7 @@ def daily_steps() -> Iterator[None]:
     yield from retention.keep_house(now)
     if not retention.clock_is_doubted(now.date()):
         waiting.forget_past(now)
+        remove_expired_tokens(now)
         yield from session_maps.remove_unneeded(now)
 
 

@@ -125,6 +125,20 @@ def test_a_closed_account_is_not_joined(sign_in_there: Callable[..., Any], opera
     assert not SocialAccount.objects.exists()
 
 
+@pytest.mark.django_db(transaction=True)
+def test_nobody_signs_in_to_a_service_account(sign_in_there: Callable[..., Any], operator: User) -> None:
+    User.objects.filter(pk=operator.pk).update(email="ada@lab.example", project="Grasping")
+    assert sign_in_there("ada", Client()).headers["Location"] == "/accounts/closed/"
+    assert not SocialAccount.objects.exists()
+
+    User.objects.filter(pk=operator.pk).update(project="")
+    sign_in_there("ada", Client())
+    User.objects.filter(pk=operator.pk).update(project="Grasping")  # also if it was joined as a person's
+    client = Client()
+    assert sign_in_there("ada", client).headers["Location"] == "/accounts/closed/"
+    assert client.get("/accounts/").status_code == 401
+
+
 @pytest.mark.parametrize("word", ["false", "False", 0, None, "no"])
 @pytest.mark.django_db
 def test_a_provider_that_writes_false_as_a_text_verifies_nothing(word: Any, operator: User) -> None:

@@ -11,6 +11,7 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import TooManyTokens, token_make
+from fleet.audit.command_line import here
 
 
 class Command(BaseCommand):
@@ -38,7 +39,7 @@ class Command(BaseCommand):
                 name=options["name"][:40],
                 scopes=[Scope(name) for name in options["scopes"]],
                 expires_at=timezone.now() + timedelta(days=max(options["days"], 1)),
-                actor=person,
+                actor=here(),
             )
         except TooManyTokens as error:
             raise CommandError("This person has too many tokens: end one first.") from error
