@@ -114,25 +114,31 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
         """Join a newcomer with the account that has their e-mail address, if the provider verified it.
 
         Accounts have addresses that staff entered or their owner verified, so the address identifies the person. A
-        newcomer's address that nobody verified is left out: lists of courses would take them for its owner.
+        newcomer's address that nobody verified is left out: lists of courses would take them for its owner. An account
+        is joined with one person of the provider: an address may be given to another person in a later year.
         """
         for one in sociallogin.email_addresses:  # some providers write the truth as a text
             one.verified = str(one.verified).lower() == "true"
-        if sociallogin.is_existing or sociallogin.state.get("process") == "connect":
+        if sociallogin.is_existing:
+            return
+        if sociallogin.state.get("process") == "connect":
+            if _is_joined(request.user):
+                text = _("This account is joined with another account of your organisation. Part it first.")
+                messages.error(request, text)
+                raise ImmediateHttpResponse(redirect("socialaccount_connections"))
             return
         address = sociallogin.email_addresses[0] if sociallogin.email_addresses else None
         known = User.objects.filter(email=address.email.lower()).first() if address else None
         if known and (known.project or not known.is_active):
             raise ImmediateHttpResponse(redirect("account_inactive"))
-        if known and address and address.verified:
+        if known and address and address.verified and not _is_joined(known):
             sociallogin.connect(request, known)
         elif known:
-            raise ImmediateHttpResponse(
-                render(request, "accounts/single_sign_on_unverified.html", status=403)
-            )
-        elif (
-            address and address.verified
-        ):  # others may have typed it, and wait for a link that they cannot get
+            context = {"joined": _is_joined(known)}
+            page = render(request, "accounts/single_sign_on_unverified.html", context, status=403)
+            raise ImmediateHttpResponse(page)
+        elif address and address.verified:
+            # Others may have typed it, and wait for a link that they cannot get.
             EmailAddress.objects.filter(email__iexact=address.email, verified=False).delete()
         elif address:
             sociallogin.email_addresses, sociallogin.user.email = [], ""
@@ -158,3 +164,7 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
         sociallogin.user.changed_by = sociallogin.user
         with transaction.atomic():
             return super().save_user(request, sociallogin, form)
+
+
+def _is_joined(person: Any) -> bool:
+    return bool(person.is_authenticated and SocialAccount.objects.filter(user=person).exists())

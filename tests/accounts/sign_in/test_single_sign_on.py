@@ -119,6 +119,32 @@ def test_an_address_that_another_person_typed_stops_no_newcomer(
 
 
 @pytest.mark.django_db(transaction=True)
+def test_an_address_that_another_person_has_now_leads_to_no_account(
+    sign_in_there: Callable[..., Any], operator: User
+) -> None:
+    User.objects.filter(pk=operator.pk).update(email="ada@lab.example")
+    SocialAccount.objects.create(user=operator, provider="sso", uid="who had this address last year")
+    client = Client()
+    answer = sign_in_there("ada", client)
+    assert (answer.status_code, "ask the staff" in answer.content.decode()) == (403, True)
+    assert client.get("/accounts/").status_code == 401
+    assert SocialAccount.objects.count() == 1
+
+
+@pytest.mark.django_db(transaction=True)
+def test_an_account_is_joined_with_one_person_only(
+    sign_in_there: Callable[..., Any], operator: User, signed_in: Callable[[User], Client]
+) -> None:
+    operator.set_unusable_password()  # such people are asked for nothing before they join
+    operator.save()
+    SocialAccount.objects.create(user=operator, provider="sso", uid="their own")
+    client = Client()
+    client.force_login(operator)
+    sign_in_there("eve", client, start=f"{START}?process=connect")  # a link that somebody sent them
+    assert SocialAccount.objects.get().uid == "their own"
+
+
+@pytest.mark.django_db(transaction=True)
 def test_a_closed_account_is_not_joined(sign_in_there: Callable[..., Any], operator: User) -> None:
     User.objects.filter(pk=operator.pk).update(email="ada@lab.example", is_active=False)
     assert sign_in_there("ada", Client()).headers["Location"] == "/accounts/closed/"
