@@ -76,6 +76,7 @@ if DEBUG:
     INSTALLED_APPS.insert(0, "daphne")  # `manage.py runserver` then serves WebSockets too
 
 MIDDLEWARE = [
+    "teleop.api.metrics.measured",
     "django.middleware.security.SecurityMiddleware",
     "fleet.headers.permissions_policy",
     "csp.middleware.CSPMiddleware",

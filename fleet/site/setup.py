@@ -30,7 +30,17 @@ from robots.registry.models import Robot
 from robots.registry.robot_check import FAIL, run_checks
 from robots.registry.selectors import slug_for
 
-_OPEN = ("/setup/", "/texts.js", "/healthz", "/cookies/", "/privacy/", "/static/")
+_OPEN = (
+    "/setup/",
+    "/texts.js",
+    "/healthz",
+    "/readyz",
+    "/livez",
+    "/metrics",
+    "/cookies/",
+    "/privacy/",
+    "/static/",
+)
 
 
 class AdminForm(BaseUserCreationForm):  # type: ignore[type-arg]  # not subscriptable at run time

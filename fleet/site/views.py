@@ -72,6 +72,13 @@ def healthz(_request: HttpRequest) -> JsonResponse:
     return JsonResponse({"ok": trouble is None, "text": trouble or "Ready."}, status=503 if trouble else 200)
 
 
+@login_not_required
+@require_safe
+def livez(_request: HttpRequest) -> HttpResponse:
+    """Report to monitors that this process answers."""
+    return HttpResponse("Alive.", content_type="text/plain")
+
+
 def _trouble() -> str | None:
     with connection.cursor() as cursor:
         cursor.execute("SELECT 1")

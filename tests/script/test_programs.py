@@ -221,3 +221,20 @@ def test_events_follow_a_robot_and_resume(stack: Stack) -> None:
     with follow(taken) as stream:
         ended = heard(stream, "control.end")
     assert int(ended) > int(taken)
+
+
+def test_metrics_are_for_tokens_of_staff(stack: Stack) -> None:
+    def scrape(token: str) -> tuple[int, str]:
+        request = urllib.request.Request(f"{stack.url}/metrics", headers={"Authorization": f"Bearer {token}"})  # noqa: S310
+        try:
+            with urllib.request.urlopen(request, timeout=10.0) as answer:  # noqa: S310
+                return answer.status, answer.read().decode()
+        except urllib.error.HTTPError as error:
+            return error.code, error.read().decode()
+
+    assert scrape(token(stack, "operator", "read", name="a"))[0] == 403
+    assert scrape("fleet_wrong")[0] == 401
+    status, text = scrape(token(stack, "staff", "read", name="prometheus"))
+    assert status == 200
+    assert f'fleet_robot_online{{robot="{ROBOT}"}} 1.0' in text
+    assert 'fleet_http_request_seconds_bucket{le="0.005",method="GET",route="metrics",status="403"}' in text

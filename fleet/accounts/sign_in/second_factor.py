@@ -36,7 +36,7 @@ _OWN = (
 )
 OPEN = (
     *(f"/accounts/{page}" for page in _OWN),
-    *("/static/", "/texts.js", "/cookies/", "/privacy/", "/healthz"),
+    *("/static/", "/texts.js", "/cookies/", "/privacy/", "/healthz", "/readyz", "/livez"),
 )
 
 
