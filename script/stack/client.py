@@ -77,11 +77,12 @@ def trust(console: Console) -> ssl.SSLContext | None:
 
 
 def open_socket(console: Console, path: str, cookie: str, port: int | None = None) -> connect:
-    """A WebSocket of the console, opened as a page opens it."""
+    """A WebSocket of the console, opened as a page opens it; with `Bearer ...` for `cookie`, as a program does."""
+    program = cookie.startswith("Bearer ")
     return connect(
         f"{console.url.replace('http', 'ws', 1)}{path}",
-        origin=console.url,  # type: ignore[arg-type]
-        additional_headers={"Cookie": cookie},
+        origin=None if program else console.url,  # type: ignore[arg-type]
+        additional_headers={"Authorization" if program else "Cookie": cookie},
         compression=None,
         ping_interval=None,
         ssl=trust(console),
@@ -183,6 +184,11 @@ class Driver:
             return await asyncio.wait_for(answer, ANSWER_S)
         finally:
             del self._answers[key]
+
+    async def release(self) -> None:
+        """Give control back."""
+        await self.send(wire.Release())
+        await self.until(lambda: self.fence is None)
 
     async def stop(self) -> None:
         """Press the emergency stop."""

@@ -23,7 +23,8 @@ from rest_framework.views import set_rollback
 from robots.wire import NotDone, Refusal, Rule
 
 CONTENT_TYPE = "application/problem+json"
-_BY_RULE: dict[str, int] = {"account": 403, "wire": 400, "robot": 503, "audit": 503, "database": 503}
+_BY_RULE: dict[str, int] = {"account": 403, "wire": 400, "audit": 503, "database": 503}
+_OUT_OF_REACH = ("bridge_down", "bridge_silent", "other_robot", "no_programs", "connection_lost", "no_answer")
 _BY_CODE = {
     "signed_out": 401,
     "token_invalid": 401,
@@ -33,6 +34,7 @@ _BY_CODE = {
     "too_large": 413,
     "busy": 429,
     "flood": 429,
+    **dict.fromkeys(_OUT_OF_REACH, 503),
 }
 _CONFLICT = 409
 RETRY_S = 5

@@ -1,0 +1,171 @@
+"""The API: reads, speech, the stream of a token beside the page's, and driving beside 100 reads a second.
+
+Requests come from threads of this process, each with a connection that is kept. Load and driving share the machine.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import itertools
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from benchmarks.drive import BARE_STICKS, ROBOT, drive
+from benchmarks.harness import Figure, progress, quantile
+from benchmarks.parts.observer import Observer
+from benchmarks.parts.viewer_crowd import Crowd
+from script.stack.client import Driver, sign_in
+from script.stack.places import REPOSITORY
+from script.stack.stack import Stack, temporary_stack
+
+OTHER = BARE_STICKS[1].slug  # speaks
+READS = 200
+TEXTS = 20
+READERS = 10
+READS_PER_S = 100.0
+LOAD_S = 10.0
+VIEWERS = 10
+TURNS = 4  # of page and token each
+
+READ_P50_MS = 15.0
+SPEECH_P50_MS = 25.0
+MIXED_P95_MS = 100.0
+COMMAND_P99_MS = 10.0
+TOKEN_TIMES = 1.2
+
+
+def measure() -> list[Figure]:
+    """Start a console with two robots, and use it as programs do."""
+    with temporary_stack(BARE_STICKS[:2]) as stack:
+        return asyncio.run(_measure_on(stack))
+
+
+async def _measure_on(stack: Stack) -> list[Figure]:
+    token = await asyncio.to_thread(_token, stack)
+    figures = await asyncio.to_thread(_alone, stack, token)
+    page = await asyncio.to_thread(sign_in, stack, "operator")
+    async with Observer(stack.robots[ROBOT]) as observer:
+        progress("the streams of page and token, in turn ...")
+        by_page: list[float] = []
+        by_token: list[float] = []
+        for _ in range(TURNS):
+            by_page += await _stream(stack, page, observer)
+            by_token += await _stream(stack, f"Bearer {token}", observer)
+        progress("driving beside reads and viewers ...")
+        watching = await asyncio.to_thread(sign_in, stack, "observer")
+        async with Crowd(stack, ROBOT, watching, VIEWERS), Driver(stack, ROBOT, f"Bearer {token}") as driver:
+            await driver.take()
+            with _load(stack, token) as spent_ms:
+                beside = [delay for _ in range(TURNS) for delay in await drive(driver, observer)]
+            dead_man = sum(one.refusal.code == "dead_man" for one in driver.refused)
+    return [
+        *figures,
+        Figure("page's stream: command p50", 1000.0 * quantile(by_page, 0.5), "ms"),
+        Figure("token's stream: command p50", 1000.0 * quantile(by_token, 0.5), "ms"),
+        Figure(
+            "token's stream / page's: p50",
+            quantile(by_token, 0.5) / quantile(by_page, 0.5),
+            "times",
+            TOKEN_TIMES,
+        ),
+        Figure(f"{READS_PER_S:.0f} mixed reads a second: p95", quantile(spent_ms, 0.95), "ms", MIXED_P95_MS),
+        Figure("reads a second", len(spent_ms) / (TURNS * 4.2), ""),
+        Figure("beside them: command p99", 1000.0 * quantile(beside, 0.99), "ms", COMMAND_P99_MS),
+        Figure("beside them: dead-man", float(dead_man), "", 0.0),
+    ]
+
+
+def _token(stack: Stack) -> str:
+    scopes = ("read", "drive", "speak")
+    username = stack.accounts["operator"].username
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "manage.py", "make_token", username, "bench", *scopes],
+        cwd=REPOSITORY,
+        env=stack.environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout.strip()
+
+
+class _Client:
+    """A program with one connection."""
+
+    def __init__(self, stack: Stack, token: str) -> None:
+        self._connection = http.client.HTTPConnection("127.0.0.1", stack.port, timeout=30.0)
+        self._headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
+
+    def ask(self, method: str, path: str, body: object = None) -> float:
+        """Ask, and return how long the answer took, ms. Raises if it is an error."""
+        began_s = time.perf_counter()
+        self._connection.request(
+            method, f"/api/v1{path}", None if body is None else json.dumps(body), self._headers
+        )
+        answer = self._connection.getresponse()
+        text = answer.read()
+        if answer.status >= 400:
+            raise AssertionError(f"{method} {path}: {answer.status} {text[:300]!r}")
+        return 1000.0 * (time.perf_counter() - began_s)
+
+
+def _alone(stack: Stack, token: str) -> list[Figure]:
+    progress("reads and speech alone ...")
+    client = _Client(stack, token)
+    reads = [client.ask("GET", f"/robots/{ROBOT}") for _ in range(READS)]
+    client.ask("POST", f"/robots/{OTHER}/control", {})
+    spoken = []
+    for number in range(TEXTS):
+        text = {"text": f"Number {number}.", "language": "en-GB"}
+        spoken.append(client.ask("POST", f"/robots/{OTHER}/speech", text))
+        client.ask("DELETE", f"/robots/{OTHER}/speech")
+        time.sleep(0.3)
+    client.ask("DELETE", f"/robots/{OTHER}/control")
+    return [
+        Figure("GET robot: p50", quantile(reads, 0.5), "ms", READ_P50_MS),
+        Figure(
+            "POST speech, answered when the goal is sent: p50", quantile(spoken, 0.5), "ms", SPEECH_P50_MS
+        ),
+    ]
+
+
+async def _stream(stack: Stack, signed_in: str, observer: Observer) -> list[float]:
+    async with Driver(stack, ROBOT, signed_in) as driver:
+        await driver.take()
+        delays = await drive(driver, observer)
+        await driver.release()
+    return delays
+
+
+@contextmanager
+def _load(stack: Stack, token: str) -> Iterator[list[float]]:
+    """Read `READS_PER_S` times a second from `READERS` threads."""
+    paths = ("/robots", f"/robots/{ROBOT}", f"/robots/{ROBOT}/phrases", f"/robots/{OTHER}/speech/history")
+    over = threading.Event()
+    spent_ms: list[float] = []
+
+    def reader(number: int) -> None:
+        client = _Client(stack, token)
+        period_s = READERS / READS_PER_S
+        due_s = time.monotonic() + number * period_s / READERS
+        for path in itertools.cycle(paths):
+            if over.wait(max(0.0, due_s - time.monotonic())):
+                return
+            spent_ms.append(client.ask("GET", path))
+            due_s += period_s
+
+    threads = [threading.Thread(target=reader, args=(number,)) for number in range(READERS)]
+    for thread in threads:
+        thread.start()
+    try:
+        yield spent_ms
+    finally:
+        over.set()
+        for thread in threads:
+            thread.join()
