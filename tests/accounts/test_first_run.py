@@ -82,3 +82,12 @@ def test_an_account_made_elsewhere_closes_the_page(client: Client, staff: User) 
 def test_later_steps_are_for_staff(client: Client, operator: User) -> None:
     client.force_login(operator)
     assert {client.get(f"/setup/{page}/").status_code for page in ("robot", "people")} == {403}
+
+
+def test_staff_without_robots_are_led_to_add_one(client: Client, staff: User, stranger: User) -> None:
+    client.force_login(staff)
+    page = client.get("/").content.decode()
+    assert 'href="/setup/robot/"' in page and "Ask a member of staff" not in page
+    assert "There is no robot yet." in client.get("/today/").content.decode()
+    client.force_login(stranger)
+    assert "Ask a member of staff" in client.get("/").content.decode()

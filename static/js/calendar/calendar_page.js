@@ -1,7 +1,7 @@
 /** The calendar of bookings: all robots side by side; drag to book, move and lengthen. */
 
 import { closable } from "../lib/dialog.js";
-import { make, makeButton, parts, say, show } from "../lib/dom.js";
+import { make, makeButton, mark, parts, say, show } from "../lib/dom.js";
 import { pageLanguage } from "../lib/languages.js";
 import { correctRoles } from "./accessible.js";
 import { bookingsChannel, readFeed, send } from "./bookings_api.js";
@@ -28,6 +28,7 @@ export function startCalendar(main, library) {
     date: day,
     headerToolbar: { start: "", center: "", end: "" },
     views: {
+      timeGridDay: { titleFormat: { year: "numeric", month: "short", day: "numeric" } },
       resourceTimelineWeek: {
         slotDuration: "01:00",
         slotLabelInterval: "03:00", // in 24 px a label of each hour does not fit
@@ -57,6 +58,7 @@ export function startCalendar(main, library) {
           if (JSON.stringify(answer.resources) !== robots) {
             robots = JSON.stringify(answer.resources);
             calendar.setOption("resources", answer.resources);
+            mark(part.calendar, "robots", answer.resources.length);
           }
           return answer.events;
         },
@@ -131,6 +133,7 @@ export function startCalendar(main, library) {
   });
   function turnTo(view) {
     calendar.setOption("view", view);
+    mark(part.calendar, "shown", view);
     for (const button of part.toolbar.querySelectorAll("[data-view]"))
       button.setAttribute("aria-pressed", String(button.dataset.view === view));
   }
