@@ -148,3 +148,18 @@ class WebhookDelivery(models.Model):
 
     def __str__(self) -> str:
         return f"{self.kind} to {self.webhook_id}"
+
+
+class KeyedRequest(models.Model):
+    """A request of a program that carried an Idempotency-Key, and its answer. Kept for a day."""
+
+    digest = models.CharField(max_length=64, primary_key=True)  # of the sign-in and the key
+    request = models.CharField(max_length=64)  # digest of method, address and body
+    person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="+")
+    made_at = models.DateTimeField(db_index=True)
+    status = models.PositiveSmallIntegerField(null=True)  # None: it is not done yet
+    body = models.JSONField(null=True)
+    headers = models.JSONField(default=dict)
+
+    def __str__(self) -> str:
+        return self.digest

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from django.db.models import Q
+from django.db.models import Q, QuerySet
 
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, State
@@ -23,10 +23,17 @@ def may_manage_booking(person: User, booking: Booking) -> bool:
     return manages_robot(person, booking.robot) or _manages(person, booking.course)
 
 
+def bookings_managed_by(person: User, bookings: QuerySet[Booking]) -> QuerySet[Booking]:
+    """Return those of these bookings that `may_manage_booking` allows."""
+    robots, courses = robots_managed_by(person), courses_managed_by(person)
+    return bookings.filter(
+        Q(robot__in=robots.values("pk").order_by()) | Q(course__in=courses.values("pk").order_by())
+    )
+
+
 def awaiting_approval(person: User, now: datetime) -> list[Booking]:
     """Return the bookings that the person may approve, earliest first: none whose grace time is over."""
-    managed = Q(robot__in=robots_managed_by(person)) | Q(course__in=courses_managed_by(person))
-    waits = Booking.objects.filter(managed, state=State.AWAITING, held_until__gt=now).distinct()
+    waits = bookings_managed_by(person, Booking.objects.filter(state=State.AWAITING, held_until__gt=now))
     found = list(waits.select_related("robot", "person").order_by("starts_at"))
     policies = policies_of({one.robot for one in found})
     return [one for one in found if stage_of(one, grace_of(policies[one.robot_id]), now) is Stage.AWAITING]

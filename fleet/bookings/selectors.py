@@ -46,6 +46,13 @@ class Stage(Enum):
     CANCELLED = "cancelled"
 
 
+OPEN = (
+    Stage.AWAITING,
+    Stage.OFFERED,
+    Stage.BOOKED,
+    Stage.DUE,
+    Stage.IN_USE,
+)  # a person may still change it
 _ENDED = {State.FINISHED: Stage.FINISHED, State.NO_SHOW: Stage.NO_SHOW, State.CANCELLED: Stage.CANCELLED}
 
 

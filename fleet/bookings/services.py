@@ -6,6 +6,7 @@ Every change first locks the robot's row, then checks, then writes; the database
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
@@ -29,6 +30,7 @@ from fleet.bookings.rules import Slot, Wish, check_cancel, refusals
 from fleet.bookings.selectors import (
     Stage,
     course_of,
+    free_slots,
     grace_of,
     held_between,
     held_slot,
@@ -42,6 +44,9 @@ from robots.registry.models import Robot
 from robots.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)
+TURN_S = 1.0
+
+_turn = threading.Lock()
 
 changed = Signal()  # robot_id: the robot's bookings changed; sent after the commit
 
@@ -66,6 +71,7 @@ _NOT_YOURS = Refusal(
     "Only its owner, a supervisor of the robot or of the booking’s course, or staff may change it.",
     "account",
 )
+_NO_ACCOUNT = Refusal("no_account", "There is no open account with this user name.", "booking")
 _FOR_ANOTHER = Refusal(
     "not_for_others",
     "You may book this robot for people of your own courses only. Ask a supervisor of the robot, or staff.",
@@ -85,6 +91,38 @@ def robot_locked(robot_id: UUID) -> Iterator[Robot]:
         if overlaps.NAME not in str(error):
             raise
         raise BookingRefused([_TAKEN]) from error
+
+
+@contextmanager
+def in_turn() -> Iterator[None]:
+    """Let one request of this process book at a time, or after `TURN_S` several.
+
+    Of fifty who want one slot, all would otherwise find it free, and wait for the database's lock to be refused.
+    """
+    mine = _turn.acquire(timeout=TURN_S)
+    try:
+        yield
+    finally:
+        if mine:
+            _turn.release()
+
+
+def account_named(username: str) -> User:
+    """Return the person to book for or to hand a booking to."""
+    found = User.objects.filter(username=username, is_active=True).first()
+    if found is None:
+        raise BookingRefused([_NO_ACCOUNT])
+    return found
+
+
+def alternatives_of(
+    error: BookingRefused, robot: Robot, person: User, slot: Slot, now: datetime
+) -> list[tuple[Robot, Slot]]:
+    """Return the next free slots of the same robot if the time is taken, as long as wished and allowed."""
+    if error.wish is None or "taken" not in (refusal.code for refusal in error.refusals):
+        return []
+    minutes = min(slot.minutes, error.wish.policy.longest_min)
+    return free_slots([robot], person, minutes, after=slot.starts_at, now=now, wish=error.wish)
 
 
 def booking_make(
@@ -171,6 +209,9 @@ def booking_cancel(
 def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: datetime) -> Booking:
     """Hand a booking to a colleague, for whom the rules must allow it."""
     with _changeable(booking_id, actor, version, now) as booking:
+        if to == booking.person:
+            text = _("This is the booking of %(name)s already.") % {"name": to.display_name}
+            raise BookingRefused([Refusal("invalid", text, "booking")])
         slot = Slot(booking.starts_at, booking.ends_at)
         course = quotas_locked(booking.robot, to, slot)
         _check(booking.robot, to, slot, now, actor=actor, moved=booking)

@@ -11,6 +11,7 @@ from fleet.accounts.models import User
 from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
 from fleet.bookings.rules import day_of, opening_of
 from fleet.bookings.selectors import (
+    OPEN,
     SWITCHED_OFF,
     Stage,
     grace_of,
@@ -24,7 +25,6 @@ from robots.access.selectors import courses_managed_by, robots_managed_by
 from robots.registry.models import Robot
 
 LONGEST = timedelta(days=45)  # of a view
-_OPEN = (Stage.AWAITING, Stage.OFFERED, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
 # A week of ten robots has hundreds of bookings: rows are read without making models of them.
 _COLUMNS = (
     "id",
@@ -90,7 +90,7 @@ def _booked(
 ) -> dict[str, Any]:
     held = held_slot(row, grace, now)
     stage = stage_of(row, grace, now)
-    may_change = (mine or manages) and stage in _OPEN
+    may_change = (mine or manages) and stage in OPEN
     # A week of ten robots has hundreds of events: the library's defaults are left out.
     changeable = {
         "editable": True,

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
@@ -32,6 +29,7 @@ from fleet.bookings.pages.calendar import calendar, local
 from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm, typed_day
 from fleet.bookings.rules import Slot, shown
 from fleet.bookings.selectors import (
+    OPEN,
     Stage,
     bookings_of,
     free_slots,
@@ -56,11 +54,6 @@ from robots.wire import Refusal
 
 LISTED = 50  # of one's own bookings
 MOST = 500  # of a course's
-TURN_S = 1.0
-_NO_ACCOUNT = Refusal("no_account", "There is no open account with this user name.", "booking")
-OPEN = (Stage.AWAITING, Stage.OFFERED, Stage.BOOKED, Stage.DUE, Stage.IN_USE)
-
-_turn = threading.Lock()
 
 
 @never_cache
@@ -101,20 +94,6 @@ def feed(request: HttpRequest) -> HttpResponse:
     return HttpResponse(encode(found), content_type="application/json")
 
 
-@contextmanager
-def _in_turn() -> Iterator[None]:
-    """Let one request of this process book at a time, or after `TURN_S` several.
-
-    Of fifty who want one slot, all would otherwise find it free, and wait for the database's lock to be refused.
-    """
-    mine = _turn.acquire(timeout=TURN_S)
-    try:
-        yield
-    finally:
-        if mine:
-            _turn.release()
-
-
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def booking_new(request: HttpRequest) -> HttpResponse:
@@ -122,7 +101,7 @@ def booking_new(request: HttpRequest) -> HttpResponse:
     person = person_of(request)
     if request.method != "POST":
         return _form_page(request, SlotForm(initial=_initial(request), **_form_options(person)))
-    with _in_turn():
+    with services.in_turn():
         return _book(request, person)
 
 
@@ -260,12 +239,7 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
     elif action == "cancel":
         services.booking_cancel(version=version, reason=_text(request.POST, "reason")[:200], **common)
     elif action == "hand":
-        to = User.objects.filter(username=_text(request.POST, "to"), is_active=True).first()
-        if to is None:
-            raise BookingRefused([_NO_ACCOUNT])
-        if to == found.person:
-            text = _("This is the booking of %(name)s already.") % {"name": to.display_name}
-            raise BookingRefused([Refusal("invalid", text, "booking")])
+        to = services.account_named(_text(request.POST, "to"))
         services.booking_hand(version=version, to=to, **common)
     else:
         form = SlotForm(
@@ -385,13 +359,8 @@ def _form_refusals(form: SlotForm) -> list[Refusal]:
 
 
 def _alternatives(person: User, form: SlotForm, error: BookingRefused) -> list[tuple[Robot, Slot]]:
-    """Return the next free slots of the same robot if the time is taken, as long as wished and allowed."""
-    wish = error.wish
-    if wish is None or "taken" not in (refusal.code for refusal in error.refusals):
-        return []
-    minutes = min(form.slot.minutes, wish.policy.longest_min)
-    robots, after = [form.cleaned_data["robot"]], form.slot.starts_at
-    return free_slots(robots, person, minutes, after=after, now=timezone.now(), wish=wish)
+    robot = form.cleaned_data["robot"]
+    return services.alternatives_of(error, robot, person, form.slot, timezone.now())
 
 
 def _refused(

@@ -6,7 +6,7 @@ from django.contrib.auth.decorators import login_not_required
 from django.urls import path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
-from teleop.api.v1 import control, events, other, robots, tasks, views
+from teleop.api.v1 import bookings, control, events, other, robots, tasks, views
 from teleop.stop import views as stop_views
 
 urlpatterns = [
@@ -32,6 +32,14 @@ urlpatterns = [
     path("robots/<slug:slug>/stop/clear", tasks.ClearView.as_view()),
     path("robots/<slug:slug>/stop", stop_views.rest_stop, name="api-stop"),
     path("stop", stop_views.rest_stop_all, name="api-stop-all"),
+    path("bookings", bookings.BookingsView.as_view()),
+    path("bookings/free", bookings.FreeView.as_view()),
+    path("bookings/<uuid:booking_id>", bookings.BookingView.as_view()),
+    path("bookings/<uuid:booking_id>/hand-over", bookings.HandBookingView.as_view()),
+    path("bookings/<uuid:booking_id>/approve", bookings.ApproveView.as_view()),
+    path("bookings/<uuid:booking_id>/accept", bookings.AcceptView.as_view()),
+    path("waiting", bookings.WaitingView.as_view()),
+    path("waiting/<int:number>", bookings.WaitingOneView.as_view()),
     # A stop is not led elsewhere because of a slash.
     path("robots/<slug:slug>/stop/", stop_views.rest_stop),
     path("stop/", stop_views.rest_stop_all),

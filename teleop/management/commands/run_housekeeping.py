@@ -25,6 +25,7 @@ from fleet.audit.errors import AuditUnavailable
 from fleet.bookings import letters, rights, waiting
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
+from teleop.api.v1.door.idempotency import remove_old_answers
 from teleop.control import queue, rules, services
 from teleop.control.changes import ControlRefused
 from teleop.control.selectors import held_leases
@@ -132,6 +133,7 @@ def daily_steps() -> Iterator[None]:
     letters.remove_old_letters(now)
     while remove_old_deliveries(now):
         yield
+    remove_old_answers(now)
     yield from retention.keep_house(now)
     if not retention.clock_is_doubted(now.date()):
         waiting.forget_past(now)

@@ -23,6 +23,8 @@ from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
 from robots.wire import Refusal
 from teleop.api.v1.door.authentication import TokenAuthentication
+from teleop.api.v1.door.idempotency import KEY_PARAMETER, Caller, once
+from teleop.api.v1.door.parameters import parameters_of, query_of
 from teleop.api.v1.door.parsing import Unparsed
 from teleop.api.v1.door.problems import (
     CONTENT_TYPE,
@@ -87,16 +89,20 @@ def operation(
     scope: Scope | None,
     answer: type[Struct] | None = None,
     body: type[Struct] | None = None,
+    query: type[Struct] | None = None,
     status: int = 200,
     refuses: tuple[int, ...] = (),
     content_type: str = "",
+    problem: type[Struct] = ProblemDetails,
+    keyed: bool = False,
     tag: str = "robots",
     **schema: Any,
 ) -> Callable[[View], View]:
     """Make a method of an `ApiView` an operation.
 
-    `scope`: what a token needs (None: any token). `body`: its struct, decoded and passed as the argument `body`.
-    `answer`: the struct that the method returns (None: 204). `refuses`: further statuses of problems.
+    `scope`: what a token needs (None: any token). `body`: its struct, decoded and passed as the argument `body`;
+    `query`: that of the query parameters, passed as `query`. `answer`: the struct that the method returns (None: 204).
+    `refuses`: further statuses of problems, `problem` their struct. `keyed`: it takes an Idempotency-Key.
     `content_type`: of an answer that is no JSON; the method returns a response.
     """
 
@@ -106,14 +112,26 @@ def operation(
             _require_scope(view.token, scope)
             if body is not None:
                 kwargs["body"] = decoded(request, body)
-            result = method(view, request, *args, **kwargs)
-            if isinstance(result, HttpResponseBase):
-                return result
-            return Response(None if answer is None else msgspec.to_builtins(result), status=status)
+            if query is not None:
+                kwargs["query"] = query_of(request, query)
 
-        problems = {*refuses, 401, 403, 429, 503} | ({400, 413} if body else set())
+            def work() -> HttpResponseBase:
+                result = method(view, request, *args, **kwargs)
+                if isinstance(result, HttpResponseBase):
+                    return result
+                return Response(None if answer is None else msgspec.to_builtins(result), status=status)
+
+            if not keyed:
+                return work()
+            return once(request, Caller(view.person, view.token), work)
+
+        problems = {*refuses, 401, 403, 429, 503}
+        problems |= {400, 413} if body else {400} if query else set()
+        problems |= {400, 409, 422} if keyed else set()
+        parameters = [*schema.pop("parameters", []), *(parameters_of(query) if query else [])]
+        parameters += [KEY_PARAMETER] if keyed else []
         responses: dict[Any, Any] = {
-            (code, CONTENT_TYPE): OpenApiResponse(ProblemDetails, "refused") for code in sorted(problems)
+            (code, CONTENT_TYPE): OpenApiResponse(problem, "refused") for code in sorted(problems)
         }
         if content_type:
             responses[status, content_type] = OpenApiResponse(str, summary)
@@ -127,6 +145,7 @@ def operation(
             request=body,
             responses=responses,
             tags=[tag],
+            parameters=parameters or None,
             **schema,
         )
         result: View = documented(call)  # type: ignore[assignment]
@@ -156,6 +175,8 @@ def decoded(request: Request, struct: type[Struct]) -> Any:
 
 _TOO_DEEP = Refusal("too_deep", f"The body has more than {DEEPEST} levels.", "wire", {"limit": DEEPEST})
 
+_HAS_NUL = Refusal("invalid", "The body has a text with the character NUL: leave it out.", "wire")
+
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
@@ -169,6 +190,8 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 def _require_plain(value: Any, level: int = 0) -> None:
     if level > DEEPEST:
         raise Problem(_TOO_DEEP)
+    if isinstance(value, str) and "\0" in value:
+        raise Problem(_HAS_NUL)
     for inner in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
         _require_plain(inner, level + 1)
 

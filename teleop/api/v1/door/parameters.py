@@ -1,13 +1,26 @@
-"""Query parameters."""
+"""Query parameters, and what several operations ask for."""
 
 from __future__ import annotations
 
 import re
+from datetime import datetime, timezone
+from typing import Annotated, Any
 
+import msgspec
+from drf_spectacular.utils import OpenApiParameter
+from msgspec import Meta, Struct
 from rest_framework.request import Request
 
 from robots.wire import Refusal
 from teleop.api.v1.door.problems import Problem
+
+YEARS = range(2000, 2200)  # that people may mean, as on the pages
+
+Moment = Annotated[
+    datetime, Meta(tz=True, description="RFC 3339, with its offset, such as 2026-03-02T14:30:00Z.")
+]
+Limit = Annotated[int, Meta(ge=1, le=200, description="At most so many.")]
+Cursor = Annotated[str, Meta(max_length=200, description="`next` of the page before.")]
 
 
 def whole_number(request: Request, name: str, default: int, most: int, least: int = 1) -> int:
@@ -17,3 +30,52 @@ def whole_number(request: Request, name: str, default: int, most: int, least: in
         text = f"{name} must be a whole number from {least} to {most}."
         raise Problem(Refusal("invalid", text, "wire"))
     return int(given)
+
+
+def query_of(request: Request, struct: type[Struct]) -> Any:
+    """Return the query parameters as a struct. Raises `Problem`: unknown or given twice, wrong types."""
+    given: dict[str, Any] = {}
+    for name, values in request.query_params.lists():
+        if len(values) > 1:
+            raise _invalid(f"the parameter “{name[:100]}” is there twice")
+        if "\0" in values[0]:
+            raise _invalid(f"the parameter “{name[:100]}” has the character NUL")
+        given[name] = values[0]
+    for field in msgspec.structs.fields(struct):
+        text = given.get(field.encode_name)
+        # Without this a number would count as the seconds since 1970.
+        if text is not None and "datetime" in str(field.type) and not re.match("[0-9]{4}-", text):
+            raise _invalid(f"{field.encode_name} is not a time such as 2026-03-02T14:30:00Z")
+    try:
+        return msgspec.convert(given, struct, strict=False)
+    except (msgspec.ValidationError, ValueError) as error:
+        raise _invalid(str(error).replace("`$.", "`")) from error
+
+
+def parameters_of(struct: type[Struct]) -> list[OpenApiParameter]:
+    """Return the parameters for the schema."""
+    [whole], components = msgspec.json.schema_components([struct])
+    found = components.get(struct.__name__, whole)
+    required = found.get("required", ())
+    parameters = []
+    for name, schema in found["properties"].items():
+        # A parameter that is left out is not null.
+        kinds = [kind for kind in schema.get("anyOf", [schema]) if kind.get("type") != "null"]
+        plain = {key: value for key, value in kinds[0].items() if key not in ("description", "default")}
+        if schema.get("default") is not None:
+            plain["default"] = schema["default"]
+        words = kinds[0].get("description", schema.get("description", ""))
+        parameters.append(OpenApiParameter(name, plain, description=words, required=name in required))
+    return parameters
+
+
+def utc(moment: datetime) -> datetime:
+    """Return a moment in UTC. Raises `Problem`: its year cannot be meant."""
+    if moment.year not in YEARS:
+        text = f"Look at the year of {moment.isoformat()}: it is before 2000 or after 2199."
+        raise Problem(Refusal("wrong_year", text, "wire"))
+    return moment.astimezone(timezone.utc)
+
+
+def _invalid(text: str) -> Problem:
+    return Problem(Refusal("invalid", f"The query does not fit: {text}.", "wire"))

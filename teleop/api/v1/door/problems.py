@@ -31,7 +31,10 @@ _BY_CODE = {
     "token_expired": 401,
     "account_inactive": 401,
     "not_found": 404,
+    "changed": 412,
     "too_large": 413,
+    "key_reused": 422,
+    "if_match_missing": 428,
     "busy": 429,
     "flood": 429,
     **dict.fromkeys(_OUT_OF_REACH, 503),
@@ -62,12 +65,18 @@ class Problem(Exception):
     """A request that is not carried out."""
 
     def __init__(
-        self, refusal: Refusal, status: int | None = None, *, others: list[Refusal] | None = None
+        self,
+        refusal: Refusal,
+        status: int | None = None,
+        *,
+        others: list[Refusal] | None = None,
+        extensions: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(refusal.text)
         self.refusal = refusal
         self.status = status or status_of(refusal)
         self.others = others or []
+        self.extensions = extensions or {}  # further members of the problem details
 
 
 def status_of(refusal: Refusal) -> int:
@@ -129,7 +138,7 @@ def body_of(problem: Problem) -> Any:
         figures=refusal.figures,
         refusals=problem.others or [refusal],
     )
-    return msgspec.to_builtins(details)
+    return msgspec.to_builtins(details) | msgspec.to_builtins(problem.extensions)
 
 
 _TITLES = {
@@ -143,6 +152,7 @@ _TITLES = {
     412: "Changed meanwhile",
     413: "Too large",
     415: "Unsupported media type",
+    422: "Another request had this key",
     428: "A condition is needed",
     429: "Too many requests",
     503: "Not possible now",

@@ -1,0 +1,537 @@
+"""Bookings: free slots, the list, one booking and its changes, the waiting list. All rules are those of the pages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from typing import Annotated, Any, Literal, get_args
+from uuid import UUID
+
+import msgspec
+from django.db.models import Q, QuerySet
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiExample, OpenApiParameter
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from fleet.accounts.tokens.models import Scope
+from fleet.bookings import services
+from fleet.bookings.authority import bookings_managed_by
+from fleet.bookings.models import Booking, Waiting
+from fleet.bookings.rules import Slot
+from fleet.bookings.selectors import ALTERNATIVES, OPEN, free_slots, grace_of, policies_of, stage_of
+from fleet.bookings.services import BookingRefused
+from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
+from robots.access.selectors import courses_managed_by
+from robots.registry.models import Robot
+from teleop.api.v1.door.cursors import page_by_time
+from teleop.api.v1.door.operation import ApiView, operation
+from teleop.api.v1.door.parameters import Cursor, Limit, Moment, utc
+from teleop.api.v1.door.problems import NOT_FOUND, Problem, ProblemDetails
+from teleop.api.v1.door.versions import etag_of, version_seen
+
+ME = "me"  # as a person: whose token or session it is
+
+StageName = Literal[
+    "awaiting", "offered", "booked", "due", "in_use", "over", "finished", "no_show", "cancelled"
+]
+Slug = Annotated[str, Meta(min_length=1, max_length=100)]
+Username = Annotated[str, Meta(min_length=1, max_length=150)]
+Reason = Annotated[str, Meta(max_length=200)]
+IF_MATCH = OpenApiParameter(
+    "If-Match",
+    str,
+    OpenApiParameter.HEADER,
+    required=True,
+    description="The ETag of the booking as you read it.",
+)
+_STAGES = get_args(StageName)
+
+
+class BookingEntry(Struct, frozen=True):
+    """A booking. `version` is its ETag, which If-Match names in a change."""
+
+    id: UUID
+    version: int
+    robot: str
+    person: str  # name
+    username: str | None  # of your own bookings, and of those that you manage
+    yours: bool
+    may_change: bool  # you may move, cancel and hand it over now
+    course: str | None  # for which it counts; of your own bookings, and of those that you manage
+    starts_at: datetime
+    ends_at: datetime
+    held_until: datetime  # others can book from here on
+    stage: StageName
+    purpose: str
+    offer_until: datetime | None
+    series: UUID | None
+    made_at: datetime
+
+
+class BookingList(Struct, frozen=True):
+    """Bookings, those with the latest start first. `next` is the cursor of the next page; null: this is the last."""
+
+    bookings: list[BookingEntry]
+    next: str | None
+
+
+class SlotEntry(Struct, frozen=True):
+    """A slot of a robot."""
+
+    robot: str
+    starts_at: datetime
+    ends_at: datetime
+
+
+class SlotList(Struct, frozen=True):
+    """Slots that no rule refuses now, earliest first."""
+
+    slots: list[SlotEntry]
+
+
+class WaitingEntry(Struct, frozen=True):
+    """A slot for which you wait. When it becomes free, you get an offer: a booking in the stage `offered`."""
+
+    id: int
+    robot: str
+    starts_at: datetime
+    ends_at: datetime
+    since: datetime
+
+
+class WaitingList(Struct, frozen=True):
+    """The slots for which you wait, earliest first."""
+
+    waiting: list[WaitingEntry]
+
+
+class BookingProblem(ProblemDetails, frozen=True, kw_only=True):
+    """Why a booking is refused: all rules that refuse are in `refusals`. `alternatives` are free."""
+
+    alternatives: list[SlotEntry] = []
+
+
+class BookingsAsked(Struct, frozen=True, forbid_unknown_fields=True, rename={"from_": "from"}):
+    """Which bookings."""
+
+    robot: Slug | None = None
+    person: (
+        Annotated[str, Meta(max_length=150, description="“me”, or a user name: of bookings that you manage.")]
+        | None
+    ) = None
+    course: Annotated[str, Meta(max_length=100, description="Of a course that you manage.")] | None = None
+    from_: Moment | None = None
+    to: Moment | None = None
+    cursor: Cursor | None = None
+    limit: Limit = 50
+
+
+class FreeAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which free slots."""
+
+    minutes: Annotated[int, Meta(ge=1, le=10080, description="Length of the slot.")] = 60
+    robot: (
+        Annotated[str, Meta(max_length=100, description="If left out: any robot that you may see.")] | None
+    ) = None
+    profile: Annotated[str, Meta(max_length=100, description="A kind of robot.")] | None = None
+    after: Moment | None = None
+    limit: Annotated[int, Meta(ge=1, le=20, description="At most so many.")] = ALTERNATIVES
+
+
+class CancelAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Why it is cancelled."""
+
+    reason: Annotated[str, Meta(max_length=200, description="Its person reads it.")] = ""
+
+
+class BookRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A slot to book. `person`: for somebody else; `override`: why against the policy, by who manages the robot."""
+
+    robot: Slug
+    starts_at: Moment
+    ends_at: Moment
+    purpose: Annotated[str, Meta(max_length=120)] = ""
+    person: Username | None = None
+    override: Reason = ""
+
+
+class MoveRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """New times; what is left out stays."""
+
+    starts_at: Moment | None = None
+    ends_at: Moment | None = None
+    override: Reason = ""
+
+
+class HandBookingRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """To whom the booking goes."""
+
+    to: Username
+
+
+class WaitRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A slot that is taken."""
+
+    robot: Slug
+    starts_at: Moment
+    ends_at: Moment
+
+
+class BookingsBase(ApiView):
+    """Base of the views of bookings."""
+
+    def seen(self) -> QuerySet[Booking]:
+        """Return the bookings of all robots that the person may see, and the token serves."""
+        return Booking.objects.filter(robot__in=self.robots()).select_related("robot", "person", "course")
+
+    def one(self, booking_id: UUID) -> Booking:
+        """Return one of them. Raises `Problem`: not found."""
+        found = self.seen().filter(pk=booking_id).first()
+        if found is None:
+            raise Problem(NOT_FOUND)
+        return found
+
+    def entries(self, found: list[Booking]) -> list[BookingEntry]:
+        """Return bookings as they are shown to this person."""
+        now, person = timezone.now(), self.person
+        policies = policies_of({booking.robot for booking in found})
+        listed = Booking.objects.filter(pk__in=[booking.pk for booking in found])
+        managed = set(bookings_managed_by(person, listed).values_list("pk", flat=True))
+        entries = []
+        for booking in found:
+            stage = stage_of(booking, grace_of(policies[booking.robot_id]), now)
+            yours = booking.person_id == person.pk
+            knows = yours or booking.pk in managed
+            entries.append(
+                BookingEntry(
+                    id=booking.pk,
+                    version=booking.version,
+                    robot=booking.robot.slug,
+                    person=booking.person.display_name,
+                    username=booking.person.username if knows else None,
+                    yours=yours,
+                    may_change=knows and stage in OPEN,
+                    course=booking.course.slug if booking.course and knows else None,
+                    starts_at=booking.starts_at,
+                    ends_at=booking.ends_at,
+                    held_until=booking.held_until,
+                    stage=_STAGES[_STAGES.index(stage.name.lower())],
+                    purpose=booking.purpose,
+                    offer_until=booking.offer_until,
+                    series=booking.series,
+                    made_at=booking.made_at,
+                )
+            )
+        return entries
+
+    def answer(self, booking_id: UUID, status: int = 200) -> Response:
+        """Answer a booking with its ETag."""
+        booking = Booking.objects.select_related("robot", "person", "course").get(pk=booking_id)
+        [entry] = self.entries([booking])
+        headers = {"ETag": etag_of(booking.version)}
+        if status == 201:
+            headers["Location"] = f"/api/v1/bookings/{booking.pk}"
+        return Response(msgspec.to_builtins(entry), status, headers=headers)
+
+    def change(self, request: Request, booking_id: UUID, step: Callable[..., Any], **facts: Any) -> Response:
+        """Change a booking that is as the client saw it."""
+        version = version_seen(request)
+        self.one(booking_id)
+        step(booking_id=booking_id, version=version, actor=self.person, now=timezone.now(), **facts)
+        return self.answer(booking_id)
+
+
+class BookingsView(BookingsBase):
+    """`/bookings`."""
+
+    @operation(
+        "bookings_list",
+        "List bookings",
+        scope=Scope.READ,
+        query=BookingsAsked,
+        answer=BookingList,
+        refuses=(404,),
+        tag="bookings",
+    )
+    def get(self, _request: Request, query: BookingsAsked) -> BookingList:
+        """Of all robots that you may see, as in the calendar. `from` and `to`: those that overlap this time, also
+        cancelled ones."""
+        found = self.seen()
+        if query.robot is not None:
+            found = found.filter(robot=self.robot(query.robot))
+        if query.person == ME:
+            found = found.filter(person=self.person)
+        elif query.person is not None:
+            known = bookings_managed_by(self.person, Booking.objects.all()).values("pk").order_by()
+            found = found.filter(Q(person=self.person) | Q(pk__in=known), person__username=query.person)
+        if query.course is not None:
+            course = courses_managed_by(self.person).filter(slug=query.course).first()
+            if course is None:
+                raise Problem(NOT_FOUND)
+            found = found.filter(course=course)
+        if query.from_ is not None:
+            found = found.filter(ends_at__gt=utc(query.from_))
+        if query.to is not None:
+            found = found.filter(starts_at__lt=utc(query.to))
+        rows, following = page_by_time(found, "starts_at", query.cursor, query.limit)
+        return BookingList(self.entries(rows), following)
+
+    @operation(
+        "bookings_make",
+        "Book a slot",
+        scope=Scope.BOOK,
+        body=BookRequest,
+        answer=BookingEntry,
+        status=201,
+        refuses=(404, 409),
+        problem=BookingProblem,
+        keyed=True,
+        tag="bookings",
+        examples=[
+            OpenApiExample(
+                "An hour",
+                value={
+                    "robot": "tiago-1",
+                    "starts_at": "2026-03-02T14:00:00Z",
+                    "ends_at": "2026-03-02T15:00:00Z",
+                },
+                request_only=True,
+            )
+        ],
+    )
+    def post(self, _request: Request, body: BookRequest) -> Response:
+        """All rules that refuse stand in `refusals`; if the time is taken, `alternatives` has free slots."""
+        robot, slot, now = self.robot(body.robot), _slot(body.starts_at, body.ends_at), timezone.now()
+        owner = services.account_named(body.person) if body.person else self.person
+        with _alternatives(robot, owner, slot), services.in_turn():
+            booking = services.booking_make(
+                robot=robot,
+                person=owner,
+                actor=self.person,
+                slot=slot,
+                purpose=body.purpose,
+                override=body.override,
+                now=now,
+            )
+        return self.answer(booking.pk, 201)
+
+
+class FreeView(BookingsBase):
+    """`/bookings/free`."""
+
+    @operation(
+        "bookings_free",
+        "Search free slots",
+        scope=Scope.READ,
+        query=FreeAsked,
+        answer=SlotList,
+        refuses=(404,),
+        tag="bookings",
+    )
+    def get(self, _request: Request, query: FreeAsked) -> SlotList:
+        """Within seven days from `after` (now, if left out), slots that no rule would refuse to you."""
+        now = timezone.now()
+        robots = [self.robot(query.robot)] if query.robot is not None else self.robots()
+        robots = [robot for robot in robots if robot.enabled]
+        if query.profile is not None:
+            robots = [robot for robot in robots if robot.profile.slug == query.profile]
+        after = max(utc(query.after), now) if query.after else now
+        found = free_slots(robots, self.person, query.minutes, after=after, now=now, most=query.limit)
+        return SlotList(_slots(found))
+
+
+class BookingView(BookingsBase):
+    """`/bookings/{id}`."""
+
+    @operation(
+        "bookings_read",
+        "Read a booking",
+        scope=Scope.READ,
+        answer=BookingEntry,
+        refuses=(404,),
+        tag="bookings",
+    )
+    def get(self, _request: Request, booking_id: UUID) -> Response:
+        """Its ETag is its version."""
+        return self.answer(self.one(booking_id).pk)
+
+    @operation(
+        "bookings_move",
+        "Move, lengthen or shorten a booking",
+        scope=Scope.BOOK,
+        body=MoveRequest,
+        answer=BookingEntry,
+        refuses=(404, 409, 412, 428),
+        problem=BookingProblem,
+        tag="bookings",
+        parameters=[IF_MATCH],
+    )
+    def patch(self, request: Request, booking_id: UUID, body: MoveRequest) -> Response:
+        """By its person, or who manages it. Of a slot that runs, only the end moves."""
+        version_seen(request)
+        old = self.one(booking_id)
+        slot = _slot(body.starts_at or old.starts_at, body.ends_at or old.ends_at)
+        with _alternatives(old.robot, old.person, slot):
+            return self.change(request, booking_id, services.booking_move, slot=slot, override=body.override)
+
+    @operation(
+        "bookings_cancel",
+        "Cancel a booking, or finish it early",
+        scope=Scope.BOOK,
+        query=CancelAsked,
+        answer=BookingEntry,
+        refuses=(404, 409, 412, 428),
+        tag="bookings",
+        parameters=[IF_MATCH],
+    )
+    def delete(self, request: Request, booking_id: UUID, query: CancelAsked) -> Response:
+        """The rest of the slot is free for others at once."""
+        return self.change(request, booking_id, services.booking_cancel, reason=query.reason)
+
+
+class HandBookingView(BookingsBase):
+    """`/bookings/{id}/hand-over`."""
+
+    @operation(
+        "bookings_hand_over",
+        "Hand a booking to a colleague",
+        scope=Scope.BOOK,
+        body=HandBookingRequest,
+        answer=BookingEntry,
+        refuses=(404, 409, 412, 428),
+        keyed=True,
+        tag="bookings",
+        parameters=[IF_MATCH],
+    )
+    def post(self, request: Request, booking_id: UUID, body: HandBookingRequest) -> Response:
+        """The rules must allow it for them."""
+        version_seen(request)
+        self.one(booking_id)
+        to = services.account_named(body.to)
+        return self.change(request, booking_id, services.booking_hand, to=to)
+
+
+class ApproveView(BookingsBase):
+    """`/bookings/{id}/approve`."""
+
+    @operation(
+        "bookings_approve",
+        "Approve a booking",
+        scope=Scope.BOOK,
+        answer=BookingEntry,
+        refuses=(404, 409, 412, 428),
+        keyed=True,
+        tag="bookings",
+        parameters=[IF_MATCH],
+    )
+    def post(self, request: Request, booking_id: UUID) -> Response:
+        """By a supervisor of the robot or of the booking’s course, or staff, at the times that they read."""
+        return self.change(request, booking_id, services.booking_approve)
+
+
+class AcceptView(BookingsBase):
+    """`/bookings/{id}/accept`."""
+
+    @operation(
+        "bookings_accept",
+        "Accept an offer",
+        scope=Scope.BOOK,
+        answer=BookingEntry,
+        refuses=(404, 409),
+        keyed=True,
+        tag="bookings",
+    )
+    def post(self, _request: Request, booking_id: UUID) -> Response:
+        """By the person who waited for the slot, before `offer_until`."""
+        self.one(booking_id)
+        offer_accept(booking_id=str(booking_id), actor=self.person, now=timezone.now())
+        return self.answer(booking_id)
+
+
+class WaitingView(BookingsBase):
+    """`/waiting`."""
+
+    @operation(
+        "waiting_list",
+        "List the slots for which you wait",
+        scope=Scope.READ,
+        answer=WaitingList,
+        tag="bookings",
+    )
+    def get(self, _request: Request) -> WaitingList:
+        """Those to come."""
+        found = self.waiting().filter(starts_at__gt=timezone.now()).order_by("starts_at", "pk")
+        return WaitingList([_waiting(one) for one in found])
+
+    @operation(
+        "waiting_join",
+        "Wait for a slot that is taken",
+        scope=Scope.BOOK,
+        body=WaitRequest,
+        answer=WaitingEntry,
+        status=201,
+        refuses=(404, 409),
+        keyed=True,
+        tag="bookings",
+    )
+    def post(self, _request: Request, body: WaitRequest) -> Response:
+        """Refused if the slot is free, or another rule refuses it."""
+        slot = _slot(body.starts_at, body.ends_at)
+        made = waiting_join(robot=self.robot(body.robot), person=self.person, slot=slot, now=timezone.now())
+        headers = {"Location": f"/api/v1/waiting/{made.pk}"}
+        return Response(msgspec.to_builtins(_waiting(made)), 201, headers=headers)
+
+    def waiting(self) -> QuerySet[Waiting]:
+        """Return the person's places in line for slots; those for control now are at the robot's own address."""
+        mine = Waiting.objects.filter(person=self.person, robot__in=self.robots())
+        return mine.exclude(starts_at=None).exclude(ends_at=None).select_related("robot")
+
+
+class WaitingOneView(WaitingView):
+    """`/waiting/{number}`."""
+
+    http_method_names = ["delete", "options"]
+
+    @operation(
+        "waiting_leave",
+        "Wait no longer",
+        scope=Scope.BOOK,
+        status=204,
+        refuses=(404,),
+        tag="bookings",
+    )
+    def delete(self, _request: Request, number: int) -> None:
+        """Leave the line for one slot."""
+        found = self.waiting().filter(pk=min(number, 2**62)).first()
+        if found is None:
+            raise Problem(NOT_FOUND)
+        waiting_leave(person=self.person, waiting_id=found.pk)
+
+
+@contextmanager
+def _alternatives(robot: Robot, owner: Any, slot: Slot) -> Iterator[None]:
+    """Let a refusal name free slots."""
+    try:
+        yield
+    except BookingRefused as error:
+        free = services.alternatives_of(error, robot, owner, slot, timezone.now())
+        extensions = {"alternatives": _slots(free)}
+        raise Problem(error.refusal, others=error.refusals, extensions=extensions) from error
+
+
+def _slot(starts_at: datetime, ends_at: datetime) -> Slot:
+    return Slot(utc(starts_at), utc(ends_at))
+
+
+def _slots(found: list[tuple[Robot, Slot]]) -> list[SlotEntry]:
+    return [SlotEntry(robot.slug, slot.starts_at, slot.ends_at) for robot, slot in found]
+
+
+def _waiting(one: Waiting) -> WaitingEntry:
+    starts_at, ends_at = one.starts_at, one.ends_at
+    if starts_at is None or ends_at is None:
+        raise Problem(NOT_FOUND)
+    return WaitingEntry(one.pk, one.robot.slug, starts_at, ends_at, one.since)

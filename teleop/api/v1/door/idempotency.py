@@ -1,0 +1,161 @@
+"""Idempotency-Key: a request that is sent again is answered again, and its work is done once.
+
+A key belongs to a token, or to a browser's session. The first request claims it before its work begins; another one at
+the same moment waits for that answer. A claim without answer is that of a process which ended in between: nobody knows
+whether its work was done, so it is never repeated.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import threading
+import time
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from hashlib import sha256
+from typing import Any
+
+from django.db import DatabaseError
+from django.http import HttpResponseBase
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiParameter
+from msgspec import Struct
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from fleet.accounts.models import User
+from fleet.accounts.tokens.models import Token
+from fleet.accounts.tokens.services import key_of
+from robots.wire import Refusal
+from teleop.api.v1.door.problems import CONTENT_TYPE, Problem, body_of, problem_of
+from teleop.models import KeyedRequest
+
+log = logging.getLogger(__name__)
+
+HEADER = "Idempotency-Key"
+KEPT = timedelta(hours=24)
+WAIT_S = 10.0
+LOOK_S = 0.05
+LONGEST_WORK_S = 60.0  # after that, a claim without answer is that of a process which ended
+MOST_WAITING = 4  # others are told at once that it goes on
+KEPT_HEADERS = ("Location", "ETag")
+KEY_PARAMETER = OpenApiParameter(
+    HEADER,
+    {"type": "string", "minLength": 1, "maxLength": 100},
+    OpenApiParameter.HEADER,
+    description="Of your choice. The same request with the same key, within 24 h, is done once and answered again.",
+)
+
+_waiting = threading.BoundedSemaphore(MOST_WAITING)
+_NOT_KEPT = (401, 429)  # nothing was done: the same key may try again
+_WRONG_KEY = Refusal("invalid", f"{HEADER} has 1 to 100 visible ASCII characters.", "wire")
+_REUSED = Refusal(
+    "key_reused",
+    f"Another request had this {HEADER} within 24 h. Choose a new key for a new request.",
+    "wire",
+)
+_GOES_ON = Refusal(
+    "in_progress",
+    f"The first request with this {HEADER} is not done yet. Ask again in a few seconds.",
+    "audit",
+)
+_UNKNOWN = Refusal(
+    "outcome_unknown",
+    f"The first request with this {HEADER} was interrupted: read whether it was done, then choose a new key.",
+    "audit",
+)
+
+
+class Caller(Struct, frozen=True):
+    """The person of a request, and their token if it has one."""
+
+    person: User
+    token: Token | None
+
+
+def once(request: Request, caller: Caller, work: Callable[[], HttpResponseBase]) -> HttpResponseBase:
+    """Do `work` and keep its answer; or return the kept one. Without a key: just do it."""
+    if (key := request.headers.get(HEADER)) is None:
+        return work()
+    if not re.fullmatch(r"[\x21-\x7e](?:[\x20-\x7e]{0,98}[\x21-\x7e])?", key):
+        raise Problem(_WRONG_KEY)
+    sign_in = key_of(caller.token) if caller.token else request.session.session_key or ""
+    digest = _digest(sign_in, key)
+    raw = request.data if isinstance(request.data, bytes) else b""
+    asked = _digest(request.method or "", request.get_full_path(), sha256(raw).hexdigest())
+    claim, mine = _claimed(digest, asked, caller.person)
+    if not mine:
+        if claim.request != asked:
+            raise Problem(_REUSED)
+        return _kept(claim)
+    return _worked(claim, work)
+
+
+def remove_old_answers(now: datetime) -> None:
+    """Forget the keys of requests that are older than `KEPT`."""
+    KeyedRequest.objects.filter(made_at__lt=now - KEPT).delete()
+
+
+def _claimed(digest: str, asked: str, person: User) -> tuple[KeyedRequest, bool]:
+    """Return the claim of a key, and whether this request made it."""
+    now = timezone.now()
+    facts = {"request": asked, "person": person, "made_at": now}
+    claim, mine = KeyedRequest.objects.get_or_create(pk=digest, defaults=facts)
+    if claim.made_at < now - KEPT:
+        KeyedRequest.objects.filter(pk=digest, made_at=claim.made_at).delete()
+        return KeyedRequest.objects.get_or_create(pk=digest, defaults=facts)
+    return claim, mine
+
+
+def _worked(claim: KeyedRequest, work: Callable[[], HttpResponseBase]) -> HttpResponseBase:
+    try:
+        response = work()
+    except Exception as error:
+        problem = problem_of(error)
+        if problem is not None:  # else it is a fault of the console, of which nobody knows how far it came
+            _keep(claim, problem.status, body_of(problem), {})
+        raise
+    if isinstance(response, Response):
+        headers = {name: response[name] for name in KEPT_HEADERS if name in response}
+        _keep(claim, response.status_code, response.data, headers)
+    return response
+
+
+def _keep(claim: KeyedRequest, status: int, body: Any, headers: dict[str, str]) -> None:
+    try:
+        if status >= 500 or status in _NOT_KEPT:
+            claim.delete()
+            return
+        claim.status, claim.body, claim.headers = status, body, headers
+        claim.save(update_fields=["status", "body", "headers"])
+    except DatabaseError as error:  # the work is done, and its answer goes out
+        log.error("The answer of a request with a key is not kept: %s", error)
+
+
+def _kept(claim: KeyedRequest) -> Response:
+    """Return the kept answer, as soon as there is one. Raises `Problem`."""
+    until_s = time.monotonic() + WAIT_S
+    may_wait = _waiting.acquire(blocking=False)
+    try:
+        while claim.status is None:
+            if (timezone.now() - claim.made_at).total_seconds() > LONGEST_WORK_S:
+                raise Problem(_UNKNOWN, 409)
+            if not may_wait or time.monotonic() > until_s:
+                raise Problem(_GOES_ON, 409)
+            time.sleep(LOOK_S)
+            try:
+                claim.refresh_from_db()
+            except KeyedRequest.DoesNotExist as error:  # nothing was done
+                raise Problem(_GOES_ON, 409) from error
+    finally:
+        if may_wait:
+            _waiting.release()
+    kind = CONTENT_TYPE if claim.status >= 400 else None
+    return Response(
+        claim.body, claim.status, headers={**claim.headers, "Idempotent-Replayed": "true"}, content_type=kind
+    )
+
+
+def _digest(*parts: str) -> str:
+    return sha256("\0".join(parts).encode()).hexdigest()

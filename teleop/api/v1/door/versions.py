@@ -1,0 +1,30 @@
+"""ETag and If-Match: nobody overwrites a change that they have not seen."""
+
+from __future__ import annotations
+
+import re
+
+from rest_framework.request import Request
+
+from robots.wire import Refusal
+from teleop.api.v1.door.problems import Problem
+
+_MISSING = Refusal(
+    "if_match_missing",
+    "Send the header If-Match with the ETag that you read, so that you overwrite no change by others.",
+    "wire",
+)
+
+
+def etag_of(version: int) -> str:
+    """Return the entity tag of a version."""
+    return f'"{version}"'
+
+
+def version_seen(request: Request) -> int:
+    """Return the version that the client read; -1 for a tag that is none of ours. Raises `Problem`: none given."""
+    given = request.headers.get("If-Match", "").strip()
+    if not given or given == "*":
+        raise Problem(_MISSING)
+    match = re.fullmatch('"([0-9]{1,9})"', given)
+    return int(match[1]) if match else -1
