@@ -90,6 +90,8 @@ KINDS: dict[str, Kind] = {
     "booking.approve": Kind(_("booking approved")),
     "booking.cancel": Kind(_("booking cancelled")),
     "booking.no_show": Kind(_("booking not used: the robot is free again")),
+    "booking.wait": Kind(_("joined the waiting list of a slot")),
+    "booking.wait_end": Kind(_("left the waiting list of a slot")),
     "booking.offer": Kind(_("slot offered from the waiting list")),
     "booking.accept": Kind(_("offered slot accepted")),
     "booking.offer_over": Kind(_("offer of a slot over")),

@@ -31,11 +31,12 @@ class Row(Struct):
 
 def report(
     robots: Collection[Robot] | QuerySet[Robot],
+    courses: Collection[Course] | QuerySet[Course],
+    *,
     starts: datetime,
     ends: datetime,
     by: str,
     now: datetime,
-    courses: Collection[Course] | QuerySet[Course] = (),
 ) -> list[Row]:
     """Return the sums of the bookings that begin between two moments, by robot, person or course.
 

@@ -226,8 +226,12 @@ def _role_and_course(person: User, robot: Robot, at: datetime) -> tuple[Role | N
 
 
 def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Booking | None) -> Quota:
+    # Lessons are weekly series of the course's supervisors.
     counted = Booking.objects.filter(
-        course=course, starts_at__gt=min(now, slot.starts_at - WEEK) - LONGEST, held_until__gt=F("starts_at")
+        series=None,
+        course=course,
+        starts_at__gt=min(now, slot.starts_at - WEEK) - LONGEST,
+        held_until__gt=F("starts_at"),
     )
     if moved is not None:
         counted = counted.exclude(pk=moved.pk)

@@ -14,6 +14,7 @@ from fleet.bookings.models import Booking
 from fleet.bookings.rules import Slot, refusals, to_utc
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import BookingRefused, booking_make
+from robots.access.models import Course
 from robots.registry.models import Robot
 from robots.wire import Refusal
 
@@ -69,8 +70,12 @@ def series_make(
     purpose: str,
     override: str,
     now: datetime,
+    course: Course | None = None,
 ) -> tuple[list[Booking], list[Week]]:
-    """Book every slot that no rule refuses. Returns the bookings, and the weeks that were left out."""
+    """Book every slot that no rule refuses. Returns the bookings, and the weeks that were left out.
+
+    `course`: the slots are its lessons.
+    """
     series = uuid4()
     made: list[Booking] = []
     left: list[Week] = []
@@ -87,6 +92,7 @@ def series_make(
                 purpose=purpose,
                 override=override,
                 series=series,
+                lesson_of=course,
                 now=now,
             )
             made.append(booking)

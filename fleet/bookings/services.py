@@ -135,9 +135,15 @@ def booking_make(
     actor: User | None = None,
     override: str = "",
     series: UUID | None = None,
+    lesson_of: Course | None = None,
 ) -> Booking:
-    """Book a slot for a person. `actor`: who books for them. `override`: the reason for which staff pass the rules."""
+    """Book a slot for a person. `actor`: who books for them. `override`: the reason for which staff pass the rules.
+
+    `lesson_of`: a course that the actor manages, which this is a lesson of; no quota counts it.
+    """
     actor = actor or person
+    if lesson_of is not None and not may_manage(actor, lesson_of):
+        raise BookingRefused([_FOR_ANOTHER])
     if not may_book_for(actor, person, robot, slot.starts_at):
         raise BookingRefused([_FOR_ANOTHER])
     override = _valid_reason(override, actor, robot)
@@ -156,7 +162,7 @@ def booking_make(
             state=state_for(actor, robot, course),
             purpose=purpose,
             series=series,
-            course=course,
+            course=lesson_of or course,
             made_at=now,
             overridden=bool(override) or None,
         )

@@ -7,12 +7,14 @@ that lapsed, so several such processes, or none for a while, do no harm.
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from typing import Any
 
 from django.db import transaction
 from django.db.models import Exists, F, OuterRef, Q, QuerySet
 from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
+from fleet.audit.services import record
 from fleet.bookings.letters import in_words, letter_write
 from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import LONGEST, Slot, refusals
@@ -49,19 +51,35 @@ def waiting_join(*, robot: Robot, person: User, slot: Slot, now: datetime) -> Wa
     if Waiting.objects.filter(person=person, ends_at__gt=now).count() >= MOST:
         text = f"You wait for {MOST} slots already. Leave one of them first."
         raise BookingRefused([Refusal("waits_enough", text, "booking", {"most": MOST})])
-    waiting, _made = Waiting.objects.update_or_create(
+    waiting, made = Waiting.objects.update_or_create(
         robot=robot,
         person=person,
         starts_at=slot.starts_at,
         defaults={"ends_at": slot.ends_at},
         create_defaults={"ends_at": slot.ends_at, "since": now},
     )
+    if made:
+        record("booking.wait", actor=person, **_facts(waiting))
     return waiting
 
 
+@transaction.atomic
 def waiting_leave(*, person: User, waiting_id: int) -> None:
     """Leave the waiting list of a slot."""
-    Waiting.objects.filter(person=person, pk=waiting_id).delete()
+    waiting = Waiting.objects.select_related("robot").filter(person=person, pk=waiting_id)
+    for one in waiting.exclude(starts_at=None):
+        one.delete()
+        record("booking.wait_end", actor=person, **_facts(one))
+
+
+def _facts(waiting: Waiting) -> dict[str, Any]:
+    """Return what a record says of a place on a waiting list."""
+    parameters = {
+        "person": str(waiting.person_id),
+        "from": waiting.starts_at.isoformat() if waiting.starts_at else None,
+        "to": waiting.ends_at.isoformat() if waiting.ends_at else None,
+    }
+    return {"robot_id": waiting.robot.id, "robot_name": waiting.robot.name, "parameters": parameters}
 
 
 def keep_waiting_lists(now: datetime) -> None:

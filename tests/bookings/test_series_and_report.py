@@ -7,11 +7,13 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone as django_timezone
 
+from fleet.accounts.models import User
 from fleet.bookings.models import Booking
 from fleet.bookings.report import lines, report
 from fleet.bookings.rules import Slot
 from fleet.bookings.series import weekly
 from fleet.bookings.services import booking_make
+from robots.access.models import Course, Enrolment
 from robots.wire import Refusal
 
 pytestmark = pytest.mark.django_db
@@ -62,6 +64,39 @@ def test_a_series_shows_conflicts_and_books_the_rest(client, robot, supervisor, 
     assert (made.count(), made.values("series").distinct().count()) == (2, 1)
 
 
+def test_a_series_has_the_lessons_of_a_course_and_the_report_its_term(client, robot, staff):
+    now = django_timezone.now()
+    today = now.date()
+    course = Course.objects.create(
+        name="HRI",
+        slug="hri",
+        role="operator",
+        starts_on=today,
+        ends_on=today + timedelta(days=60),
+        course_week_min=30,
+    )
+    course.robots.add(robot)
+    student = User.objects.create_user("stu")
+    Enrolment.objects.create(course=course, person=student)
+    starts = now.replace(minute=0, second=0, microsecond=0) + timedelta(hours=2)
+    client.force_login(staff)
+    fields = {
+        "robot": robot.slug,
+        "starts_at": f"{starts:%Y-%m-%dT%H:%M}",
+        "ends_at": f"{starts + timedelta(hours=1):%Y-%m-%dT%H:%M}",
+        "weeks": 3,
+        "course": "hri",
+        "purpose": "Lesson",
+        "action": "book",
+    }
+    client.post(reverse("booking-series"), fields)
+    assert Booking.objects.filter(course=course, person=staff).count() == 3
+    slot = Slot(starts + timedelta(hours=1), starts + timedelta(hours=1.5))
+    booking_make(robot=robot, person=student, slot=slot, now=now)  # lessons leave the students their quota
+    answer = client.get(reverse("booking-report"), {"as": "csv", "by": "course", "course": "hri"})
+    assert answer.content.decode().splitlines()[1].startswith("HRI,4,3.50,")
+
+
 def test_the_report_sums_hours_and_slots_not_shown(client, robot, operator, supervisor):
     now = django_timezone.now()
     for days, used in ((3, True), (2, True), (1, False)):
@@ -75,7 +110,7 @@ def test_the_report_sums_hours_and_slots_not_shown(client, robot, operator, supe
             used_at=starts if used else None,
             made_at=starts,
         )
-    [row] = report([robot], now - timedelta(days=7), now, "person", now)
+    [row] = report([robot], (), starts=now - timedelta(days=7), ends=now, by="person", now=now)
     assert (row.name, row.bookings, row.booked_h, row.used_h, row.not_shown) == ("Olga Operator", 3, 6, 3, 1)
     client.force_login(supervisor)
     answer = client.get(reverse("booking-report"), {"as": "csv", "by": "course"})
@@ -90,7 +125,14 @@ def test_a_name_is_no_formula_in_a_spreadsheet(robot, operator):
     starts = django_timezone.now()
     slot = Slot(starts, starts + timedelta(hours=1))
     booking_make(robot=robot, person=operator, slot=slot, now=starts)
-    rows = report([robot], starts - timedelta(days=1), starts + timedelta(days=1), "person", starts)
+    rows = report(
+        [robot],
+        (),
+        starts=starts - timedelta(days=1),
+        ends=starts + timedelta(days=1),
+        by="person",
+        now=starts,
+    )
     assert lines(rows)[1][0] == "'=1+1"
 
 

@@ -10,7 +10,15 @@ from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import schedule_of
 from fleet.bookings.services import BookingRefused, booking_cancel, booking_make
-from fleet.bookings.waiting import KEPT, MOST, forget_past, keep_waiting_lists, offer_accept, waiting_join
+from fleet.bookings.waiting import (
+    KEPT,
+    MOST,
+    forget_past,
+    keep_waiting_lists,
+    offer_accept,
+    waiting_join,
+    waiting_leave,
+)
 
 pytestmark = pytest.mark.django_db
 
@@ -49,6 +57,17 @@ def test_nobody_waits_for_a_free_slot_or_against_a_rule(robot, taken, second_ope
         with pytest.raises(BookingRefused) as caught:
             waiting_join(robot=robot, person=person, slot=slot, now=NOW)
         assert caught.value.refusal.code == code
+
+
+def test_who_waits_and_leaves_is_on_record(robot, taken, second_operator):
+    waiting = waiting_join(robot=robot, person=second_operator, slot=SLOT, now=NOW)
+    waiting_join(robot=robot, person=second_operator, slot=SLOT, now=NOW)  # twice is harmless
+    waiting_leave(person=second_operator, waiting_id=waiting.pk)
+    found = Record.objects.filter(kind__startswith="booking.wait").order_by("pk")
+    assert [(one.kind, one.actor_id) for one in found] == [
+        ("booking.wait", str(second_operator.pk)),
+        ("booking.wait_end", str(second_operator.pk)),
+    ]
 
 
 def test_the_first_who_waits_gets_the_offer_and_accepts(robot, queue, operator, second_operator, mailoutbox):

@@ -16,7 +16,7 @@ from fleet.bookings.policies import POLICY_FIELDS
 from fleet.bookings.rules import Slot, to_utc
 from fleet.bookings.series import MOST_WEEKS
 from fleet.zones import viewers
-from robots.access.models import RobotGroup
+from robots.access.models import Course, RobotGroup
 from robots.registry.models import Robot
 from robots.wire import Refusal
 
@@ -90,14 +90,21 @@ class SeriesForm(forms.Form):
     without = forms.CharField(
         label=_("Without these days (such as 2026-12-24, 2026-12-31)"), max_length=400, required=False
     )
-    purpose = forms.CharField(label=_("Purpose, such as the course"), max_length=120)
+    course = forms.ModelChoiceField(
+        Course.objects.none(),
+        label=_("Lessons of"),
+        to_field_name="slug",
+        required=False,
+        empty_label=_("no course"),
+    )
+    purpose = forms.CharField(label=_("Purpose"), max_length=120)
     override = forms.CharField(label=_("Reason to book against the policy"), max_length=200, required=False)
 
-    def __init__(self, *args: Any, robots: Any, **options: Any) -> None:
+    def __init__(self, *args: Any, robots: Any, courses: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        choice = self.fields["robot"]
-        if isinstance(choice, forms.ModelChoiceField):
-            choice.queryset, choice.empty_label = robots, None
+        choice = cast(forms.ModelChoiceField, self.fields["robot"])  # type: ignore[type-arg]
+        choice.queryset, choice.empty_label = robots, None
+        cast(forms.ModelChoiceField, self.fields["course"]).queryset = courses  # type: ignore[type-arg]
 
     def clean_without(self) -> list[date]:
         """Return the days."""

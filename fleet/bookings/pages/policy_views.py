@@ -147,7 +147,8 @@ def series(request: HttpRequest) -> HttpResponse:
     choice = _supervised(person)
     if not choice:
         raise PermissionDenied("Weekly series are for supervisors and staff.")
-    form = SeriesForm(request.POST or None, robots=choice)
+    courses = courses_managed_by(person).filter(archived=False)
+    form = SeriesForm(request.POST or None, robots=choice, courses=courses)
     if request.method != "POST" or not form.is_valid():
         return _series_page(request, form, status=400 if form.errors else 200)
     values = form.cleaned_data
@@ -158,7 +159,13 @@ def series(request: HttpRequest) -> HttpResponse:
         valid = bool(values["override"]) and manages_robot(person, values["robot"])
         weeks = preview(**common, override=valid)
         return _series_page(request, form, weeks=weeks)
-    made, left = series_make(**common, actor=person, purpose=values["purpose"], override=values["override"])
+    made, left = series_make(
+        **common,
+        actor=person,
+        purpose=values["purpose"],
+        override=values["override"],
+        course=values["course"],
+    )
     text = _("Booked %(made)d slots; %(left)d were left out.") % {"made": len(made), "left": len(left)}
     messages.success(request, text)
     return redirect("bookings-mine")
@@ -188,18 +195,28 @@ def booking_report(request: HttpRequest) -> HttpResponse:
     if not (person.is_staff or robots or courses):
         raise PermissionDenied("The report is for supervisors and staff.")
     today = now.astimezone(zone).date()
-    first = typed_day(request.GET.get("from")) or today - timedelta(days=30)
-    last = typed_day(request.GET.get("to")) or today
+    term = courses.filter(slug=request.GET.get("course", "")).first()
+    first = typed_day(request.GET.get("from")) or (term.starts_on if term else today - timedelta(days=30))
+    last = typed_day(request.GET.get("to")) or (term.ends_on if term else today)
     by = request.GET.get("by", "robot")
     by = by if by in BY else "robot"
     starts, ends = day_of(min(first, last), zone).starts_at, day_of(max(first, last), zone).ends_at
-    rows = report(robots, starts, ends, by, now, courses)
+    rows = report(*((), [term]) if term else (robots, courses), starts=starts, ends=ends, by=by, now=now)
     if request.GET.get("as") == "csv":
         answer = HttpResponse(content_type="text/csv; charset=utf-8")
         answer["Content-Disposition"] = f'attachment; filename="bookings-{by}-{first}-{last}.csv"'
         csv.writer(answer).writerows(lines(rows))
         return answer
-    context = {"rows": rows, "by": by, "choices": BY, "first": first, "last": last, "zone": zone.key}
+    context = {
+        "rows": rows,
+        "by": by,
+        "choices": BY,
+        "courses": courses,
+        "term": term,
+        "first": first,
+        "last": last,
+        "zone": zone.key,
+    }
     return render(request, "bookings/report.html", context)
 
 
