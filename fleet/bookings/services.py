@@ -243,6 +243,8 @@ def booking_approve(*, booking_id: UUID, version: int, actor: User, now: datetim
             raise BookingRefused([_NOT_YOURS])
         if booking.state == State.AWAITING:
             booking.state = State.BOOKED
+            if now > booking.starts_at:  # it holds the robot from now on only: others drove until here
+                booking.made_at = now
             save_booking(booking)
             record_booking("booking.approve", booking, actor)
             changed_by_another(booking, actor, _("approved"), "", now)

@@ -8,7 +8,7 @@ from fleet.audit.models import Record
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import schedule_of
-from fleet.bookings.services import booking_cancel, booking_make
+from fleet.bookings.services import booking_approve, booking_cancel, booking_make
 from robots.registry.models import Role
 from robots.wire import Refusal
 from teleop.control import queue, services
@@ -187,3 +187,12 @@ def test_keeping_control_lengthens_the_last_of_slots_that_touch(robot, operator)
     take(robot, operator, at(1))
     services.lease_renew(robot_id=robot.id, user_id=operator.id, tab=tab(operator), now=at(1.1))
     assert lease_of(robot.id).term_ends_at == at(135)
+
+
+def test_a_slot_that_is_approved_late_ends_a_supervisors_free_time(robot, operator, supervisor, staff):
+    Policy.objects.create(robot=robot, needs_approval=True)
+    booking = book(robot, operator, 0)
+    take(robot, supervisor, at(1))
+    booking_approve(booking_id=booking.pk, version=booking.version, actor=staff, now=at(2))
+    read_as_the_hub_does(robot, supervisor, at(2), Role.SUPERVISOR)
+    assert lease_of(robot.id).term_ends_at == at(2)
