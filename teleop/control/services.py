@@ -35,6 +35,8 @@ from teleop.models import ControlSession, EndReason, Lease, named
 
 T = TypeVar("T")
 
+_NO_REASON = Refusal("no_reason", "Say why you take over: the person reads it.", "lease")
+
 
 # --- take, take over, hand over --------------------------------------------------------------------------
 
@@ -61,6 +63,7 @@ def lease_take_over(
     *, robot_id: UUID, user_id: UUID, tab: Tab, reason: str, highest_fence: int, now: datetime
 ) -> LeaseState:
     """Take control from its holder, or in another person's slot, as a supervisor or staff. The reason is recorded."""
+    _require(None if reason.strip() else _NO_REASON)
     with recorded_change():
         robot, user = robot_locked(robot_id), _user(user_id)
         before = lease_of(robot_id)

@@ -107,6 +107,7 @@ def test_an_unused_slot_is_free_time_after_the_grace(robot, operator, second_ope
 def test_a_supervisor_takes_a_slot_over_with_a_reason(robot, operator, supervisor):
     book(robot, operator, 0)
     assert refused(robot, supervisor, at(1)).code == "booked"
+    assert refused(robot, supervisor, at(1), services.lease_take_over, reason="   ").code == "no_reason"
     take(robot, supervisor, at(1), services.lease_take_over, reason="fire drill")
     record = Record.objects.get(kind="control.take_over")
     assert record.parameters["holder"] == str(operator.id)
