@@ -61,3 +61,22 @@ def test_a_missing_qualification_is_named(robot, operator):
     book(robot, operator, 1)
     assert refused(robot, operator, 72) == ["unqualified"]
     assert Booking.objects.count() == 1
+
+
+def test_only_those_who_may_override_a_policy_are_asked_for_a_reason(
+    client, course, supervisor, second_operator
+):
+    today = datetime.now(timezone.utc).date()
+    Course.objects.update(starts_on=today - timedelta(days=2), ends_on=today + timedelta(days=20))
+    course.supervisors.add(second_operator)
+    for person, asked in ((second_operator, False), (supervisor, True)):
+        client.force_login(person)
+        for page in ("/bookings/new/", "/bookings/series/"):
+            text = client.get(page).content.decode()
+            assert ("Reason to book against the policy" in text) is asked, page
+        assert "For another person" in client.get("/bookings/new/").content.decode()
+    client.force_login(second_operator)
+    day = today + timedelta(days=2)
+    slot = {"starts_at": f"{day}T10:00", "ends_at": f"{day}T11:00", "override": "I want it"}
+    series = {"robot": "tiago-1", "weeks": 2, "purpose": "HRI", **slot}
+    assert client.post("/bookings/series/", series).status_code == 200

@@ -100,11 +100,13 @@ class SeriesForm(forms.Form):
     purpose = forms.CharField(label=_("Purpose"), max_length=120)
     override = forms.CharField(label=_("Reason to book against the policy"), max_length=200, required=False)
 
-    def __init__(self, *args: Any, robots: Any, courses: Any, **options: Any) -> None:
+    def __init__(self, *args: Any, robots: Any, courses: Any, overrides: bool, **options: Any) -> None:
         super().__init__(*args, **options)
         choice = cast(forms.ModelChoiceField, self.fields["robot"])  # type: ignore[type-arg]
         choice.queryset, choice.empty_label = robots, None
         cast(forms.ModelChoiceField, self.fields["course"]).queryset = courses  # type: ignore[type-arg]
+        if not overrides:
+            del self.fields["override"]
 
     def clean_without(self) -> list[date]:
         """Return the days."""
@@ -206,7 +208,7 @@ class OutOfServiceForm(forms.Form):
 
 
 class SlotForm(forms.Form):
-    """A robot and a slot. Supervisors may also name another person and a reason that overrides the policy."""
+    """A robot and a slot. Supervisors may also name another person; those of a robot itself override its policy."""
 
     robot = forms.ModelChoiceField(Robot.objects.none(), label=_("Robot"), to_field_name="slug")
     starts_at = LocalTime(label=_("From"))
@@ -215,14 +217,16 @@ class SlotForm(forms.Form):
     person = forms.CharField(label=_("For another person: their user name"), required=False)
     override = forms.CharField(label=_("Reason to book against the policy"), max_length=200, required=False)
 
-    def __init__(self, *args: Any, robots: Any, supervises: bool, **options: Any) -> None:
+    def __init__(self, *args: Any, robots: Any, supervises: bool, overrides: bool, **options: Any) -> None:
         super().__init__(*args, **options)
         choice = self.fields["robot"]
         if isinstance(choice, forms.ModelChoiceField):
             choice.queryset = robots
             choice.empty_label = None
         if not supervises:
-            del self.fields["person"], self.fields["override"]
+            del self.fields["person"]
+        if not overrides:
+            del self.fields["override"]
 
     def clean_person(self) -> User | None:
         """Return the person for whom the slot is booked; None: the one who books."""

@@ -148,22 +148,24 @@ def series(request: HttpRequest) -> HttpResponse:
     if not choice:
         raise PermissionDenied("Weekly series are for supervisors and staff.")
     courses = courses_managed_by(person).filter(archived=False)
-    form = SeriesForm(request.POST or None, robots=choice, courses=courses)
+    overrides = robots_managed_by(person).exists()
+    form = SeriesForm(request.POST or None, robots=choice, courses=courses, overrides=overrides)
     if request.method != "POST" or not form.is_valid():
         return _series_page(request, form, status=400 if form.errors else 200)
     values = form.cleaned_data
     first = Slot(values["starts_at"], values["ends_at"])
     slots = weekly(first, values["weeks"], values["without"], viewers())
+    override = values.get("override", "")
     common = {"robot": values["robot"], "person": person, "slots": slots, "now": now}
     if request.POST.get("action") != "book":
-        valid = bool(values["override"]) and manages_robot(person, values["robot"])
+        valid = bool(override) and manages_robot(person, values["robot"])
         weeks = preview(**common, override=valid)
         return _series_page(request, form, weeks=weeks)
     made, left = series_make(
         **common,
         actor=person,
         purpose=values["purpose"],
-        override=values["override"],
+        override=override,
         course=values["course"],
     )
     text = _("Booked %(made)d slots; %(left)d were left out.") % {"made": len(made), "left": len(left)}

@@ -327,11 +327,14 @@ def _in_words(booking: Booking) -> str:
 
 
 def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
-    """Return the robots to choose from, or the one, and whether the person supervises any of them."""
+    """Return the robots to choose from, or the one, and whether the person supervises any, or overrides a policy."""
     if robot is None:
         robots, role = robots_and_role(person)
-        return {"robots": robots, "supervises": role is not None and role >= Role.SUPERVISOR}
-    return {"robots": Robot.objects.filter(pk=robot.pk), "supervises": manages_robot(person, robot)}
+        above = role is not None and role >= Role.SUPERVISOR
+        overrides = above and robots_managed_by(person).exists()
+        return {"robots": robots, "supervises": above, "overrides": overrides}
+    manages = manages_robot(person, robot)
+    return {"robots": Robot.objects.filter(pk=robot.pk), "supervises": manages, "overrides": manages}
 
 
 def _initial(request: HttpRequest) -> dict[str, Any]:

@@ -145,10 +145,18 @@ def _do(request: HttpRequest, course: Course, values: dict[str, Any]) -> str:
         count = enrolment.unenrol(course=course, people=people, actor=actor)
         text = ngettext("%(n)d person left %(course)s.", "%(n)d people left %(course)s.", count)
     elif action == "invite":
-        waiting = [person for person in people if not person.has_usable_password() and person.is_active]
+        waiting = [
+            person
+            for person in people
+            if person.email and person.is_active and not person.has_usable_password()
+        ]
         welcome.send_later(waiting, course=course, site=_site(request))
         count = len(waiting)
         text = ngettext("%(n)d e-mail is on its way.", "%(n)d e-mails are on their way.", count)
+        if not count:
+            text = _(
+                "No e-mail is sent: all whom you chose have a password, no e-mail address, or a closed account."
+            )
     elif facts["qualification"] is None:
         count, text = 0, _("The robots of this course demand no qualification.")
     elif action == "grant":

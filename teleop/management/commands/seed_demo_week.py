@@ -56,7 +56,7 @@ class Command(BaseCommand):
         plan = decode(options["file"].read_bytes(), type=Plan)
         if Course.objects.exists():
             return
-        now = timezone.now()
+        now = timezone.now().replace(second=0, microsecond=0)
         with transaction.atomic():
             robots = list(Robot.objects.order_by("slug"))
             people = [seed_student(student) for student in plan.students]
@@ -82,6 +82,7 @@ def seed_course(people: list[User], robots: list[Robot], now: datetime) -> None:
         week_min=480,
     )
     course.robots.set(robots)
+    course.supervisors.set(User.objects.filter(username="supervisor"))
     Enrolment.objects.bulk_create(Enrolment(course=course, person=person) for person in people)
     induction = Qualification.objects.create(name="safety induction", slug="safety-induction")
     induction.robots.set(robots[-1:])
