@@ -49,12 +49,16 @@ class Api:
     def __init__(self, stack: Stack, token: str) -> None:
         self._stack, self.token = stack, token
 
-    def __call__(self, method: str, path: str, body: Any = None) -> tuple[int, Any]:
-        """Ask; returns status and answer."""
+    def __call__(self, method: str, path: str, body: Any = None, key: str = "") -> tuple[int, Any]:
+        """Ask, with an Idempotency-Key if one is given; returns status and answer."""
         request = urllib.request.Request(  # noqa: S310
             f"{self._stack.url}/api/v1{path}",
             None if body is None else json.dumps(body).encode(),
-            {"Authorization": f"Bearer {self.token}", "Content-Type": "application/json"},
+            {
+                "Authorization": f"Bearer {self.token}",
+                "Content-Type": "application/json",
+                **({"Idempotency-Key": key} if key else {}),
+            },
             method=method,
         )
         try:
@@ -142,6 +146,9 @@ def test_a_program_speaks_plays_and_reads_what_came_of_it(stack: Stack) -> None:
     assert api("POST", f"{robot}/control", {})[0] == 200
     status, spoken = api("POST", f"{robot}/speech", {"text": "Hello", "language": "en-GB"})
     assert (status, spoken["kind"], spoken["outcome"]) == (202, "speech", None), spoken
+    again = api("POST", f"{robot}/speech", {"text": "Hello", "language": "en-GB"}, key="greeting")
+    assert again[1]["code"] == "speaking"  # another one; the answer to this key is kept
+    assert api("POST", f"{robot}/speech", {"text": "Hello", "language": "en-GB"}, key="greeting") == again
     status, ended = api("GET", f"{robot}/tasks/{spoken['number']}?wait=30")
     assert (status, ended["outcome"]) == (200, "done"), ended
     motions = [one["name"] for one in api("GET", f"{robot}/motions")[1]["motions"]]
@@ -238,3 +245,15 @@ def test_metrics_are_for_tokens_of_staff(stack: Stack) -> None:
     assert status == 200
     assert f'fleet_robot_online{{robot="{ROBOT}"}} 1.0' in text
     assert 'fleet_http_request_seconds_bucket{le="0.005",method="GET",route="metrics",status="403"}' in text
+
+
+def test_a_repeated_request_with_a_key_is_done_once(stack: Stack) -> None:
+    api = Api(stack, token(stack, "operator", "read", "drive", name="twice"))
+    robot = f"/robots/{ROBOT}"
+    assert api("POST", f"{robot}/control", {}, key="take")[0] == 200
+    first = api("POST", f"{robot}/drive-by", {"angle_rad": 0.5}, key="turn")
+    assert first[0] == 202
+    assert api("POST", f"{robot}/drive-by", {"angle_rad": 0.5}, key="turn") == first
+    assert api("GET", f"{robot}/tasks/{first[1]['number']}?wait=30")[1]["outcome"] == "done"
+    assert api("POST", f"{robot}/drive-by", {"angle_rad": 0.6}, key="turn")[1]["code"] == "key_reused"
+    assert api("DELETE", f"{robot}/control")[0] == 204

@@ -108,7 +108,23 @@ def with_stops(result: dict[str, Any], generator: Any, **_options: Any) -> dict[
                 "responses": answers,
             }
         }
+    _plain_tuples(result["components"]["schemas"])
     return result
+
+
+def _plain_tuples(schema: Any) -> None:
+    """Describe a tuple of equal types as an array of fixed length: generators of clients know no `items: false`."""
+    if isinstance(schema, dict):
+        if schema.get("items") is False:
+            first, *others = schema.pop("prefixItems")
+            if any(other != first for other in others):
+                raise ValueError(f"a tuple of different types is for no client: {schema}")
+            schema["items"] = first
+        for inner in schema.values():
+            _plain_tuples(inner)
+    elif isinstance(schema, list):
+        for inner in schema:
+            _plain_tuples(inner)
 
 
 def _answer(words: str, name: str) -> dict[str, Any]:
