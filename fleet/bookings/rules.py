@@ -54,6 +54,7 @@ class Taken(Struct, frozen=True):
 
     slot: Slot
     label: str
+    own: bool = False  # it is a booking of the person who wants the slot
 
 
 class Quota(Struct, frozen=True):
@@ -183,6 +184,10 @@ def is_free(wish: Wish) -> Refusal | None:
         return None
     first = wish.taken[0]
     until = max(one.slot.ends_at for one in wish.taken)
+    if first.own:
+        starts, ends = wish.local(first.slot.starts_at), wish.local(first.slot.ends_at)
+        text = f"You have booked {wish.robot} from {starts} to {ends} already: change that booking, or choose another"
+        return _no("taken", f"{text} time.", until=until.isoformat())
     text = f"{first.label} has booked {wish.robot} from {wish.local(first.slot.starts_at)}."
     return _no(
         "taken",

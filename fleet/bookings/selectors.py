@@ -29,7 +29,7 @@ TRIES = 200  # starts of one robot
 WEEK = timedelta(days=7)
 SWITCHED_OFF = gettext_lazy("staff switched it off")
 
-_TAKEN = ("starts_at", "held_until", "state", "used_at", "person__full_name", "person__username")
+_TAKEN = ("starts_at", "held_until", "state", "used_at", "person_id", "person__full_name", "person__username")
 
 
 class Stage(Enum):
@@ -152,13 +152,17 @@ def taken_between(
     grace: timedelta,
     now: datetime,
     but: Booking | None = None,
+    of: UUID | None = None,
 ) -> list[Taken]:
-    """Return the bookings of a robot between two moments, apart from the one that is moved."""
+    """Return the bookings of a robot between two moments, apart from the one that is moved; `of`: whose are own."""
     held = held_between([robot], starts, ends)
     if but is not None:
         held = held.exclude(pk=but.pk)
     rows = held.values_list(*_TAKEN, named=True)  # a fourth of the time of models
-    return [Taken(held_slot(one, grace, now), one.person__full_name or one.person__username) for one in rows]
+    return [
+        Taken(held_slot(one, grace, now), one.person__full_name or one.person__username, one.person_id == of)
+        for one in rows
+    ]
 
 
 def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Booking | None = None) -> Wish:
@@ -166,7 +170,7 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
     policy = policy_of(robot)
     starts, ends = slot.starts_at, max(slot.ends_at, slot.starts_at)
     week = max(ends, min(starts, FAR - SEARCH) + SEARCH)
-    taken = taken_between(robot, starts, week, grace_of(policy), now, moved)
+    taken = taken_between(robot, starts, week, grace_of(policy), now, moved, of=person.pk)
     out = out_between(robot, starts, week)
     own = _own_slots(policy, person, slot, now, moved)
     role, course = _role_and_course(person, robot, starts)

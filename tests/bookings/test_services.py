@@ -58,6 +58,12 @@ def test_the_next_free_slot_is_not_beside_ones_own(robot, other_robot, operator)
     assert free == [(other_robot, slot(1.5))]
 
 
+def test_ones_own_booking_in_the_way_is_called_so(robot, operator):
+    book(robot, operator)
+    with pytest.raises(BookingRefused, match=r"You have booked TIAGo 1 from .* already: change that booking"):
+        book(robot, operator, slot(1.5))
+
+
 def test_nobody_is_told_to_wait_for_the_past(robot, operator, second_operator):
     book(robot, operator)
     assert refused(book, robot, second_operator, slot(1), now=NOW + timedelta(hours=3)) == ["in_past"]
