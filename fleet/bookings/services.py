@@ -84,7 +84,11 @@ def robot_locked(robot_id: UUID) -> Iterator[Robot]:
     """One transaction in which this process alone changes the robot's bookings."""
     try:
         with transaction.atomic():
-            robot = Robot.objects.select_for_update(of=("self",)).select_related("profile").get(pk=robot_id)
+            robot = (
+                Robot.objects.select_for_update(of=("self",), no_key=True)
+                .select_related("profile")
+                .get(pk=robot_id)
+            )
             yield robot
             transaction.on_commit(lambda: changed.send(sender=Booking, robot_id=robot_id))
     except IntegrityError as error:

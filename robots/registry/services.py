@@ -39,7 +39,7 @@ def robot_save(*, robot: Robot, actor: Actor) -> Robot:
     if robot._state.adding:
         robot.save(force_insert=True)
         record("robot.create", actor=actor, **_named(robot), parameters=_entered(robot))
-    elif changes := _save_changes(robot, Robot.objects.select_for_update().get(pk=robot.pk)):
+    elif changes := _save_changes(robot, Robot.objects.select_for_update(no_key=True).get(pk=robot.pk)):
         record("robot.change", actor=actor, **_named(robot), parameters={"changes": changes})
     return robot
 
@@ -250,7 +250,7 @@ def _of(owner: RobotProfile | Robot, parameters: dict[str, Any]) -> _Of:
 @transaction.atomic
 def fence_next(robot: Robot, at_least: int = 0) -> int:
     """Return a new fence, higher than all fences so far and than `at_least`, the highest that the bridge has seen."""
-    given = Robot.objects.select_for_update().values_list("fence", flat=True).get(pk=robot.pk)
+    given = Robot.objects.select_for_update(no_key=True).values_list("fence", flat=True).get(pk=robot.pk)
     fence = max(given, at_least) + 1
     Robot.objects.filter(pk=robot.pk).update(fence=fence)
     return fence

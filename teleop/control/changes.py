@@ -47,8 +47,11 @@ def robot_locked(robot_id: UUID) -> Robot:
     """Return the robot, locked as bookings lock it, and its lease.
 
     Every change locks in this order, or two would wait for each other: robot, lease, control session or booking, log.
+    A new row that refers to the robot waits for no lock (`no_key`): PostgreSQL checks it last, when the log is locked.
     """
-    robot = Robot.objects.select_for_update(of=("self",)).select_related("profile").get(pk=robot_id)
+    robot = (
+        Robot.objects.select_for_update(of=("self",), no_key=True).select_related("profile").get(pk=robot_id)
+    )
     if connection.features.has_select_for_update:
-        Lease.objects.select_for_update(of=("self",)).filter(robot=robot).first()
+        Lease.objects.select_for_update(of=("self",), no_key=True).filter(robot=robot).first()
     return robot

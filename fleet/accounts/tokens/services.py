@@ -56,7 +56,7 @@ def token_make(
 
     `token_id`: the id that it shall have, so that a form that is sent twice makes one token (`TokenExists`).
     """
-    User.objects.select_for_update().get(pk=user.pk)
+    User.objects.select_for_update(no_key=True).get(pk=user.pk)
     token_id = token_id or uuid4()
     if Token.objects.filter(pk=token_id).exists():
         raise TokenExists

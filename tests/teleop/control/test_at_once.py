@@ -32,7 +32,7 @@ from teleop.models import EndReason
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-LASTS_S = 5.0
+LASTS_S = 8.0
 THREADS = 8
 
 
