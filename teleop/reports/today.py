@@ -17,6 +17,7 @@ from fleet import zones
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.bookings.models import Booking, State
+from fleet.bookings.selectors import grace_of, held_slot, policies_of, stage_of
 from robots.access.selectors import robots_visible_to, roles_of
 from robots.registry.models import Robot, Role
 from teleop.models import ControlSession
@@ -97,6 +98,7 @@ def day_of(robots: Sequence[Robot], day: date, now: datetime) -> Day:
     )
     for booking in booked.exclude(state__in=[State.CANCELLED, State.OFFERED]).order_by("starts_at"):
         bookings[booking.robot_id].append(booking)
+    policies = policies_of(robots)
     records = _records(ids, starts, ends)
     of_robot: dict[UUID | None, list[Record]] = defaultdict(list)
     for record in records:
@@ -106,7 +108,15 @@ def day_of(robots: Sequence[Robot], day: date, now: datetime) -> Day:
         day=day,
         hours=_hours(starts, ends, scale),
         robots=[
-            _robot_day(robot, sessions[robot.id], bookings[robot.id], of_robot[robot.id], scale, now)
+            _robot_day(
+                robot,
+                sessions[robot.id],
+                bookings[robot.id],
+                of_robot[robot.id],
+                scale,
+                now,
+                grace_of(policies[robot.id]),
+            )
             for robot in robots
         ],
         now=scale.place(now) if starts <= now < ends else "",
@@ -158,24 +168,24 @@ def _robot_day(
     records: list[Record],
     scale: _Scale,
     now: datetime,
+    grace: timedelta,
 ) -> RobotDay:
     marks, stretches = [], []
     for booking in bookings:
         url = reverse("booking", args=[booking.pk])
-        words = f"{_clock(booking.starts_at)}–{_clock(booking.held_until)} {booking.person}"  # noqa: RUF001
+        ends_at = held_slot(booking, grace, now).ends_at
+        words = f"{_clock(booking.starts_at)}–{_clock(ends_at)} {booking.person}"  # noqa: RUF001
         marks.append(
             Mark(
                 "booked",
                 scale.place(booking.starts_at),
-                scale.width(booking.starts_at, booking.held_until),
+                scale.width(booking.starts_at, ends_at),
                 words,
                 url,
             )
         )
-        facts = [booking.get_state_display(), *([booking.purpose] if booking.purpose else [])]
-        stretches.append(
-            Stretch(booking.starts_at, booking.held_until, "booked", str(booking.person), facts, url)
-        )
+        facts = [stage_of(booking, grace, now).value, *([booking.purpose] if booking.purpose else [])]
+        stretches.append(Stretch(booking.starts_at, ends_at, "booked", str(booking.person), facts, url))
     of_session: dict[UUID | None, list[Record]] = defaultdict(list)
     for record in records:
         of_session[record.session_id].append(record)

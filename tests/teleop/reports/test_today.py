@@ -10,6 +10,7 @@ from django.utils import timezone as django_timezone
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
+from fleet.bookings.models import Booking
 from robots.registry.models import Robot
 from teleop.models import ControlSession
 from teleop.reports import today
@@ -40,6 +41,17 @@ def test_a_day_has_its_sessions_drives_refusals_stops(robot: Robot, session: Con
         assert stretch.url == f"/sessions/{session.pk}/"
         assert today.day_of([robot], date(2026, 3, 30), NOON).robots[0].stretches == []
         assert len(today.day_of([robot], date(2026, 10, 25), NOON).hours) == 25
+
+
+def test_a_slot_that_nobody_used_ends_with_its_grace_time(robot: Robot, operator: User) -> None:
+    ends = NOON + timedelta(hours=1)
+    Booking.objects.create(
+        robot=robot, person=operator, starts_at=NOON, ends_at=ends, held_until=ends, made_at=NOON
+    )
+    for minutes, until, words in ((5, 60, "not used yet"), (20, 15, "not used")):
+        [own] = today.day_of([robot], date(2026, 3, 29), NOON + timedelta(minutes=minutes)).robots
+        [stretch] = own.stretches
+        assert (stretch.until, stretch.facts) == (NOON + timedelta(minutes=until), [words])
 
 
 def test_supervisors_see_their_robots_and_nobody_else_any(
