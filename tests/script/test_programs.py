@@ -257,3 +257,28 @@ def test_a_repeated_request_with_a_key_is_done_once(stack: Stack) -> None:
     assert api("GET", f"{robot}/tasks/{first[1]['number']}?wait=30")[1]["outcome"] == "done"
     assert api("POST", f"{robot}/drive-by", {"angle_rad": 0.6}, key="turn")[1]["code"] == "key_reused"
     assert api("DELETE", f"{robot}/control")[0] == 204
+
+
+def test_a_program_reads_topics_and_publishes_by_the_allow_list(stack: Stack) -> None:
+    api = Api(stack, token(stack, "operator", "read", "topics", name="topics"))
+    robot = f"/robots/{ROBOT}"
+    status, graph = api("GET", f"{robot}/topics")
+    assert status == 200, graph
+    types = {topic["name"]: topic["type"] for topic in graph["topics"]}
+    odometry = next(name for name, kind in types.items() if kind == "nav_msgs/Odometry")
+    status, message = api("GET", f"{robot}/topics/message?topic={odometry}")
+    assert (status, message["fields"]["child_frame_id"]) == (200, "base_footprint"), message
+    status, found = api("GET", f"{robot}/topics/definition?type=nav_msgs/Odometry")
+    assert [field["name"] for field in found["fields"]][:2] == ["header", "child_frame_id"]
+    status, parameters = api("GET", f"{robot}/parameters")
+    usage = next(name for name in parameters["names"] if name.endswith("/home/meta/usage"))
+    assert isinstance(api("GET", f"{robot}/parameters/value?name={usage}")[1]["value"], str)
+    status, refused = api("PUT", f"{robot}/parameters/value", {"name": usage, "value": "x"})
+    assert (status, refused["rule"]) == (403, "account"), refused
+    assert api("POST", f"{robot}/control", {})[0] == 200
+    wrong = {"topic": "/rosout_agg", "type": "std_msgs/String", "fields": {}}
+    status, refused = api("POST", f"{robot}/topics/publish", wrong)
+    assert status in (403, 409), refused
+    assert api("DELETE", f"{robot}/control")[0] == 204
+    reader = Api(stack, token(stack, "operator", "read", name="no-topics"))
+    assert reader("GET", f"{robot}/topics")[1]["figures"] == {"scope": "topics"}

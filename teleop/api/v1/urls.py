@@ -6,7 +6,7 @@ from django.contrib.auth.decorators import login_not_required
 from django.urls import path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
-from teleop.api.v1 import bookings, control, events, other, robots, tasks, views
+from teleop.api.v1 import bookings, control, events, other, robots, tasks, topics, views
 from teleop.stop import views as stop_views
 
 urlpatterns = [
@@ -27,6 +27,16 @@ urlpatterns = [
     path("robots/<slug:slug>/motions/<str:name>", tasks.MotionView.as_view()),
     path("robots/<slug:slug>/motion", tasks.MotionCancelView.as_view()),
     path("robots/<slug:slug>/drive-by", tasks.DriveByView.as_view()),
+    path("robots/<slug:slug>/forget", topics.ForgetView.as_view()),
+    path("robots/<slug:slug>/topics", topics.TopicsView.as_view()),
+    path("robots/<slug:slug>/topics/definition", topics.DefinitionView.as_view()),
+    path("robots/<slug:slug>/topics/message", topics.MessageView.as_view()),
+    path("robots/<slug:slug>/topics/publish", topics.PublishView.as_view()),
+    path("robots/<slug:slug>/services/definition", topics.ServiceView.as_view()),
+    path("robots/<slug:slug>/services/call", topics.CallView.as_view()),
+    path("robots/<slug:slug>/parameters", topics.ParametersView.as_view()),
+    path("robots/<slug:slug>/parameters/value", topics.ParameterView.as_view()),
+    path("robots/<slug:slug>/inputs/<str:use>", topics.InputView.as_view()),
     path("robots/<slug:slug>/look-ahead", tasks.LookAheadView.as_view()),
     path("robots/<slug:slug>/tasks/<int:number>", tasks.TaskView.as_view()),
     path("robots/<slug:slug>/stop/clear", tasks.ClearView.as_view()),

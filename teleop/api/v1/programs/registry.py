@@ -39,7 +39,7 @@ class Programs:
         async with lock:
             found = self._open.get(key)
             if found is None or not found.open_now:
-                found = self._open[key] = await ProgramConnection.open(self._path(), slug, caller)
+                found = self._open[key] = await ProgramConnection.open(self.path(), slug, caller)
         found.used_s = time.monotonic()
         return found
 
@@ -51,7 +51,8 @@ class Programs:
         found.used_s = time.monotonic()
         return found
 
-    def _path(self) -> str:
+    def path(self) -> str:
+        """Return where the process that drives listens. Raises `NotDone`."""
         path = os.environ.get(SOCKET)
         if not path:
             raise NotDone(_NO_SERVER)

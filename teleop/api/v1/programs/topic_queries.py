@@ -1,0 +1,69 @@
+"""One question about a robot's topics, by the protocol of the page's Topics tab."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Any, TypeVar
+
+from msgspec import Struct, structs
+from websockets.asyncio.client import unix_connect
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+
+from robots import wire
+from robots.wire import NotDone, Refusal, Refused, Sample, Subscribe, TopicQuery, kind_of
+from teleop.api.v1.programs.connection import GONE, OPEN_S, Caller
+
+ANSWER_S = 12.0  # the inspector may have to start
+MESSAGE_S = 6.0
+
+T = TypeVar("T", bound=Struct)
+
+_SILENT = Refusal("no_answer", "The robot’s topics did not answer in time. Try again.", "robot")
+_NO_MESSAGE = Refusal("no_message", "No message came on this topic within 6 s.", "robot")
+
+
+async def ask(path: str, slug: str, caller: Caller, query: TopicQuery, answer: type[T]) -> T:
+    """Ask one question. Raises `NotDone`."""
+    found = await _exchange(path, slug, caller, structs.replace(query, seq=1), answer, ANSWER_S, _SILENT)
+    assert isinstance(found, answer)  # noqa: S101 - `_exchange` waits for this type
+    return found
+
+
+async def one_message(path: str, slug: str, caller: Caller, topic: str) -> Sample:
+    """Return one message of a topic. Raises `NotDone`: none came, or it cannot be shown."""
+    sample = await _exchange(path, slug, caller, Subscribe(topic), Sample, MESSAGE_S, _NO_MESSAGE)
+    assert isinstance(sample, Sample)  # noqa: S101 - `_exchange` waits for this type
+    if sample.refusal is not None:
+        raise NotDone(sample.refusal)
+    return sample
+
+
+async def _exchange(
+    path: str, slug: str, caller: Caller, message: Any, answer: type[Struct], within_s: float, late: Refusal
+) -> Any:
+    until_s = time.monotonic() + within_s
+    try:
+        async with unix_connect(
+            path,
+            uri=f"ws://{caller.host}/ws/robots/{slug}/topics/",
+            additional_headers=list(caller.headers),
+            origin=caller.origin,
+            open_timeout=OPEN_S,
+            max_size=None,
+            compression=None,
+        ) as socket:
+            await socket.send(wire.encode(message).decode())
+            while True:
+                raw = await asyncio.wait_for(socket.recv(), max(0.0, until_s - time.monotonic()))
+                heard = wire.topics_report(raw)
+                if isinstance(heard, Refused) and heard.of == kind_of(message):
+                    raise NotDone(heard.refusal)
+                if isinstance(heard, Sample) and heard.refusal is None and not heard.number:
+                    await socket.send(wire.encode(wire.Ack()).decode())  # none came yet
+                elif isinstance(heard, answer):
+                    return heard
+    except asyncio.TimeoutError as error:
+        raise NotDone(late) from error
+    except (OSError, InvalidHandshake, ConnectionClosed) as error:
+        raise NotDone(GONE) from error

@@ -1,0 +1,300 @@
+"""A robot's topics, services and parameters, from the allow-lists; where input goes."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Any, get_args
+
+from asgiref.sync import async_to_sync
+from drf_spectacular.utils import OpenApiParameter
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+
+from fleet.accounts.tokens.models import Scope
+from robots import wire
+from robots.wire import (
+    Called,
+    Described,
+    Graph,
+    Parameter,
+    Parameters,
+    Rate,
+    Sample,
+    TopicName,
+    TypeName,
+    Use,
+)
+from teleop.api.v1.control import ProgramView
+from teleop.api.v1.door.operation import operation
+from teleop.api.v1.programs import topic_queries
+from teleop.api.v1.programs.registry import programs
+
+
+class TopicAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which topic."""
+
+    topic: TopicName
+
+
+class TypeAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which message type; with `topic`, as its publisher has it."""
+
+    type: TypeName
+    topic: TopicName | None = None
+
+
+class ServiceAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which service."""
+
+    service: TopicName
+
+
+class ParameterAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which parameter, or tree of them."""
+
+    name: TopicName
+
+
+class PublishRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A message: once (`rate_hz` 0), or at a rate until it is ended. Fields left out are zero, empty, or now."""
+
+    topic: TopicName
+    type: TypeName
+    fields: dict[str, Any] = {}
+    rate_hz: Rate = 0.0
+
+
+class CallRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A service, and the fields of its request."""
+
+    service: TopicName
+    fields: dict[str, Any] = {}
+
+
+class SetRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A parameter, and its new value."""
+
+    name: TopicName
+    value: Any
+
+
+class ChooseRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """Where input of this use goes from now on; null: to the default."""
+
+    topic: Annotated[str, Meta(max_length=255)] | None = None
+
+
+class TopicsBase(ProgramView):
+    """Base of the views below."""
+
+    def ask(self, slug: str, query: Any, answer: Any) -> Any:
+        """Ask one question. Raises `Problem` or `NotDone`."""
+        robot = self.robot(slug)
+        return async_to_sync(topic_queries.ask)(programs.path(), robot.slug, self.caller(), query, answer)
+
+
+class TopicsView(TopicsBase):
+    """`/robots/{slug}/topics`."""
+
+    @operation(
+        "topics_list",
+        "List topics, actions and services",
+        scope=Scope.TOPICS,
+        answer=Graph,
+        refuses=(404, 409),
+        tag="topics",
+    )
+    def get(self, _request: Request, slug: str) -> Any:
+        """As the robot's master has them."""
+        return self.ask(slug, wire.ListTopics(), Graph)
+
+
+class DefinitionView(TopicsBase):
+    """`/robots/{slug}/topics/definition`."""
+
+    @operation(
+        "topics_definition",
+        "Read the definition of a message",
+        scope=Scope.TOPICS,
+        query=TypeAsked,
+        answer=Described,
+        refuses=(404, 409),
+        tag="topics",
+    )
+    def get(self, _request: Request, slug: str, query: TypeAsked) -> Any:
+        """As a tree of fields."""
+        return self.ask(slug, wire.Describe(query.type, query.topic), Described)
+
+
+class MessageView(TopicsBase):
+    """`/robots/{slug}/topics/message`."""
+
+    @operation(
+        "topics_message",
+        "Read one message of a topic",
+        scope=Scope.TOPICS,
+        query=TopicAsked,
+        answer=Sample,
+        refuses=(404, 409),
+        tag="topics",
+    )
+    def get(self, _request: Request, slug: str, query: TopicAsked) -> Any:
+        """The next one, within 6 s. Long arrays are shortened. For a stream use the WebSocket of topics."""
+        robot = self.robot(slug)
+        return async_to_sync(topic_queries.one_message)(
+            programs.path(), robot.slug, self.caller(), query.topic
+        )
+
+
+class PublishView(TopicsBase):
+    """`/robots/{slug}/topics/publish`."""
+
+    @operation(
+        "topics_publish",
+        "Publish a message",
+        scope=Scope.TOPICS,
+        body=PublishRequest,
+        status=204,
+        refuses=(404, 409),
+        keyed=True,
+        tag="topics",
+    )
+    def post(self, _request: Request, slug: str, body: PublishRequest) -> None:
+        """From the allow-list; needs control. A velocity passes the gate, and is valid for 0.3 s."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(
+            lambda fence, seq: wire.Publish(
+                fence, body.topic, body.type, body.fields, body.rate_hz, 1000.0 * time.monotonic(), seq
+            )
+        )
+
+    @operation(
+        "topics_publish_end",
+        "Publish no more at a rate",
+        scope=Scope.TOPICS,
+        query=TopicAsked,
+        status=204,
+        refuses=(404, 409),
+        tag="topics",
+    )
+    def delete(self, _request: Request, slug: str, query: TopicAsked) -> None:
+        """On this topic."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(lambda fence, seq: wire.PublishStop(fence, query.topic, seq))
+
+
+class ServiceView(TopicsBase):
+    """`/robots/{slug}/services/definition`."""
+
+    @operation(
+        "services_definition",
+        "Read the request of a service",
+        scope=Scope.TOPICS,
+        query=ServiceAsked,
+        answer=Described,
+        refuses=(404, 409),
+        tag="topics",
+    )
+    def get(self, _request: Request, slug: str, query: ServiceAsked) -> Any:
+        """As a tree of fields."""
+        return self.ask(slug, wire.DescribeService(query.service), Described)
+
+
+class CallView(TopicsBase):
+    """`/robots/{slug}/services/call`."""
+
+    @operation(
+        "services_call",
+        "Call a service",
+        scope=Scope.TOPICS,
+        body=CallRequest,
+        answer=Called,
+        refuses=(404, 409),
+        keyed=True,
+        tag="topics",
+    )
+    def post(self, _request: Request, slug: str, body: CallRequest) -> Any:
+        """Staff, from the allow-list."""
+        return self.ask(slug, wire.CallService(body.service, body.fields), Called)
+
+
+class ParametersView(TopicsBase):
+    """`/robots/{slug}/parameters`."""
+
+    @operation(
+        "parameters_list",
+        "List parameters",
+        scope=Scope.TOPICS,
+        answer=Parameters,
+        refuses=(404, 409),
+        tag="topics",
+    )
+    def get(self, _request: Request, slug: str) -> Any:
+        """Their names."""
+        return self.ask(slug, wire.ListParameters(), Parameters)
+
+
+class ParameterView(TopicsBase):
+    """`/robots/{slug}/parameters/value`."""
+
+    @operation(
+        "parameters_read",
+        "Read a parameter",
+        scope=Scope.TOPICS,
+        query=ParameterAsked,
+        answer=Parameter,
+        refuses=(404, 409),
+        tag="topics",
+    )
+    def get(self, _request: Request, slug: str, query: ParameterAsked) -> Any:
+        """Or a tree of them."""
+        return self.ask(slug, wire.GetParameter(query.name), Parameter)
+
+    @operation(
+        "parameters_set",
+        "Set a parameter",
+        scope=Scope.TOPICS,
+        body=SetRequest,
+        answer=Parameter,
+        refuses=(404, 409),
+        tag="topics",
+    )
+    def put(self, _request: Request, slug: str, body: SetRequest) -> Any:
+        """Staff, from the allow-list."""
+        return self.ask(slug, wire.SetParameter(body.name, body.value), Parameter)
+
+
+class InputView(TopicsBase):
+    """`/robots/{slug}/inputs/{use}`."""
+
+    @operation(
+        "inputs_choose",
+        "Choose where input goes",
+        scope=Scope.TOPICS,
+        body=ChooseRequest,
+        status=204,
+        refuses=(404, 409),
+        tag="topics",
+        parameters=[OpenApiParameter("use", str, OpenApiParameter.PATH, enum=list(get_args(Use)))],
+    )
+    def put(self, _request: Request, slug: str, use: Any, body: ChooseRequest) -> None:
+        """From the allow-list; needs control."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(lambda fence, seq: wire.Choose(fence, use, body.topic, seq))
+
+
+class ForgetView(TopicsBase):
+    """`/robots/{slug}/forget`."""
+
+    @operation(
+        "forget",
+        "Forget remembered obstacles",
+        scope=Scope.DRIVE,
+        status=204,
+        refuses=(404, 409),
+        tag="control",
+    )
+    def post(self, _request: Request, slug: str) -> None:
+        """Needs control, and a robot that stands. What sensors see now stays."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(lambda fence, seq: wire.Forget(fence, seq))
