@@ -65,6 +65,6 @@ def test_each_message_of_a_page_has_an_operation(paths: Any) -> None:
 
 def test_each_operation_of_a_robot_stands_in_the_docs(paths: Any) -> None:
     text = DOCS.read_text().replace("…/", f"{ROBOT}/")
-    named = set(re.findall(r"/[a-z][a-z{}/-]*[a-z}]", text))
+    named = set(re.findall(r"/[a-z][a-z{}/_-]*[a-z}]", text))
     missing = {path.removeprefix("/api/v1") for path in paths} - named
     assert not missing
