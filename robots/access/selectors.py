@@ -155,6 +155,17 @@ def demanded_in(course: Course) -> QuerySet[Qualification]:
     return Qualification.objects.filter(Q(robots__in=robots) | Q(groups__robots__in=robots)).distinct()
 
 
+def grants_in(course: Course, now: datetime) -> dict[UUID, list[QualificationGrant]]:
+    """Return the valid grants, by person, of what the course's robots demand."""
+    valid = QualificationGrant.objects.filter(Q(expires_at=None) | Q(expires_at__gt=now)).filter(
+        qualification__in=demanded_in(course), person__enrolments__course=course
+    )
+    held: dict[UUID, list[QualificationGrant]] = {}
+    for grant in valid.select_related("qualification"):
+        held.setdefault(grant.person_id, []).append(grant)
+    return held
+
+
 def missing_qualifications(user: User, robot: Robot, now: datetime) -> list[Qualification]:
     """Return the qualifications that the robot demands and `user` does not hold at `now`. Staff need none."""
     return lacking(robot, [user], now).get(user.id, [])

@@ -9,7 +9,7 @@ from uuid import UUID
 import segno
 from django.contrib import messages
 from django.core.exceptions import PermissionDenied
-from django.db.models import Count, Q
+from django.db.models import Count
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
@@ -21,7 +21,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 
 from fleet.accounts.requests import person_of
 from robots.access import enrolment, services, welcome
-from robots.access.models import Course, Invitation, QualificationGrant
+from robots.access.models import Course, Invitation
 from robots.access.pages.forms import (
     ActionForm,
     CourseForm,
@@ -34,6 +34,7 @@ from robots.access.pages.forms import (
 from robots.access.selectors import (
     courses_managed_by,
     demanded_in,
+    grants_in,
     lab_date,
     robots_of,
 )
@@ -328,12 +329,7 @@ def _course_page(
 ) -> HttpResponse:
     now = timezone.now()
     qualifications = demanded_in(found)
-    grants = QualificationGrant.objects.filter(
-        qualification__in=qualifications, person__enrolments__course=found
-    ).filter(Q(expires_at=None) | Q(expires_at__gt=now))
-    held: dict[UUID, list[QualificationGrant]] = {}
-    for grant in grants.select_related("qualification"):
-        held.setdefault(grant.person_id, []).append(grant)
+    held = grants_in(found, now)
     enrolments = found.enrolments.select_related("person").order_by("person__full_name", "person__username")
     context = {
         "course": found,

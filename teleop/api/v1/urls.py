@@ -6,7 +6,7 @@ from django.contrib.auth.decorators import login_not_required
 from django.urls import path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
-from teleop.api.v1 import bookings, control, events, other, robots, tasks, topics, views
+from teleop.api.v1 import bookings, control, courses, events, other, robots, tasks, topics, views
 from teleop.stop import views as stop_views
 
 urlpatterns = [
@@ -50,6 +50,12 @@ urlpatterns = [
     path("bookings/<uuid:booking_id>/accept", bookings.AcceptView.as_view()),
     path("waiting", bookings.WaitingView.as_view()),
     path("waiting/<int:number>", bookings.WaitingOneView.as_view()),
+    path("courses", courses.CoursesView.as_view()),
+    path("courses/<slug:slug>", courses.CourseView.as_view()),
+    path("courses/<slug:slug>/members", courses.MembersView.as_view()),
+    path("courses/<slug:slug>/members/<str:username>", courses.MemberView.as_view()),
+    path("courses/<slug:slug>/qualifications/<slug:qualification>/grant", courses.GrantView.as_view()),
+    path("courses/<slug:slug>/qualifications/<slug:qualification>/revoke", courses.RevokeView.as_view()),
     # A stop is not led elsewhere because of a slash.
     path("robots/<slug:slug>/stop/", stop_views.rest_stop),
     path("stop/", stop_views.rest_stop_all),

@@ -1,0 +1,383 @@
+"""Courses and their members, for those who manage them; others find nothing at these addresses."""
+
+from __future__ import annotations
+
+from datetime import date, datetime
+from typing import Annotated, Any
+from uuid import UUID
+
+from django.db.models import Count
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiExample
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+
+from fleet.accounts.models import User
+from fleet.accounts.tokens.models import Scope
+from robots.access import enrolment, services
+from robots.access.models import Course, Qualification
+from robots.access.pages.forms import ActionForm, end_of
+from robots.access.people_lists import read_people
+from robots.access.selectors import courses_managed_by, demanded_in, grants_in, lab_date, robots_of
+from robots.registry.models import Robot
+from robots.wire import Refusal
+from teleop.api.v1.door.operation import ApiView, operation
+from teleop.api.v1.door.problems import NOT_FOUND, Problem
+
+
+class CourseEntry(Struct, frozen=True):
+    """A course in a list."""
+
+    slug: str
+    name: str
+    role: str  # of its people
+    starts_on: date
+    ends_on: date  # included, in the lab's time zone
+    archived: bool
+    valid: bool  # its people have its role today
+    people: int
+
+
+class CourseList(Struct, frozen=True):
+    """Courses that you manage: those that end last come first, archived ones at the end."""
+
+    courses: list[CourseEntry]
+
+
+class Quotas(Struct, frozen=True):
+    """Minutes that may be booked, and bookings to come; null: no quota."""
+
+    day_min: int | None
+    week_min: int | None
+    at_once: int | None
+    course_week_min: int | None  # of all its people together
+
+
+class QualificationEntry(Struct, frozen=True):
+    """A qualification that a robot of the course demands."""
+
+    slug: str
+    name: str
+
+
+class CourseDetail(CourseEntry, frozen=True):
+    """A course."""
+
+    robots: list[str]
+    supervisors: list[str]  # names
+    quotas: Quotas
+    qualifications: list[QualificationEntry]
+
+
+class HeldQualification(Struct, frozen=True):
+    """A qualification that a person holds; `expires_at` null: for good."""
+
+    qualification: str
+    expires_at: datetime | None
+
+
+class Member(Struct, frozen=True):
+    """A person in a course."""
+
+    username: str
+    name: str
+    email: str
+    since: datetime
+    active: bool  # the account is open
+    qualifications: list[HeldQualification]
+
+
+class MemberList(Struct, frozen=True):
+    """The people of a course, by name."""
+
+    members: list[Member]
+
+
+class EnrolRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """People, one per line: `Ada Lovelace <ada@example.org>`, or as CSV. `preview`: only tell the effect."""
+
+    list: Annotated[str, Meta(min_length=1)]
+    preview: bool = False
+
+
+class ListedPerson(Struct, frozen=True):
+    """A person of the list who gets an account, and an e-mail with a link to set a password."""
+
+    name: str
+    email: str
+
+
+class WrongLine(Struct, frozen=True):
+    """A line that cannot be used."""
+
+    line: int
+    text: str
+    reason: str
+
+
+class EnrolAnswer(Struct, frozen=True):
+    """The effect of a list."""
+
+    enrolled: int  # people; 0 of a preview
+    known: list[str]  # user names of accounts that are enrolled
+    new: list[ListedPerson]
+    already: list[str]  # user names of those who were in the course before
+    wrong: list[WrongLine]  # left out
+    notes: list[str]
+
+
+class PeopleRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """User names of members; null: everybody in the course."""
+
+    people: Annotated[list[str], Meta(min_length=1, max_length=1000)] | None
+
+
+class GrantRequest(PeopleRequest, frozen=True, forbid_unknown_fields=True):
+    """`last_day`: until when it is valid, included, in the lab's time zone; null: for good."""
+
+    last_day: date | None = None
+
+
+class Changed(Struct, frozen=True):
+    """For how many people something changed."""
+
+    people: int
+
+
+class CoursesBase(ApiView):
+    """Base of the views of courses."""
+
+    def courses(self) -> list[Course]:
+        """Return the courses that the person manages, and of which the token serves every robot."""
+        token = self.token
+        found = courses_managed_by(self.person).annotate(people=Count("enrolments", distinct=True))
+        return [course for course in found if token is None or self._serves_all(robots_of(course))]
+
+    def course(self, slug: str) -> Course:
+        """Return one of them. Raises `Problem`: not found."""
+        found = courses_managed_by(self.person).filter(slug=slug).annotate(people=Count("enrolments"))
+        course: Course | None = found.first()
+        if course is None or not self._serves_all(robots_of(course)):
+            raise Problem(NOT_FOUND)
+        return course
+
+    def qualifications(self, course: Course) -> list[Qualification]:
+        """Return what the course's robots demand; of a bound token, what no other robot demands."""
+        return [
+            one
+            for one in demanded_in(course)
+            if self._serves_all([*one.robots.all(), *Robot.objects.filter(groups__qualifications=one)])
+        ]
+
+    def chosen(
+        self, slug: str, qualification: str, people: list[str] | None, last_day: date | None = None
+    ) -> tuple[Qualification, list[User], date | None]:
+        """Return qualification, people and last day, checked as on the page. Raises `Problem`."""
+        course = self.course(slug)
+        if qualification not in [one.slug for one in self.qualifications(course)]:
+            raise Problem(NOT_FOUND)
+        keys: list[UUID] = []
+        if people is not None:
+            inside = dict(User.objects.filter(enrolments__course=course).values_list("username", "pk"))
+            if unknown := [name for name in people if name not in inside]:
+                raise Problem(_not_inside(unknown[0], course))
+            keys = [inside[name] for name in people]
+        typed = {
+            "person": keys,
+            "everybody": people is None,
+            "qualification": qualification,
+            "until": last_day,
+        }
+        form = ActionForm(typed, course=course, qualifications=demanded_in(course))
+        if not form.is_valid():
+            text = str(next(iter(form.errors.values()))[0])
+            raise Problem(Refusal("invalid", text, "wire"))
+        values = form.cleaned_data
+        return values["qualification"], values["people"], values["until"]
+
+    def _serves_all(self, robots: object) -> bool:
+        token = self.token
+        return token is None or all(token.serves(robot.pk) for robot in robots)  # type: ignore[attr-defined]
+
+
+class CoursesView(CoursesBase):
+    """`/courses`."""
+
+    @operation(
+        "courses_list",
+        "List the courses that you manage",
+        scope=Scope.MANAGE,
+        answer=CourseList,
+        tag="courses",
+    )
+    def get(self, _request: Request) -> CourseList:
+        """Staff manage all."""
+        return CourseList([CourseEntry(**_entry(course)) for course in self.courses()])
+
+
+class CourseView(CoursesBase):
+    """`/courses/{slug}`."""
+
+    @operation(
+        "courses_read",
+        "Read a course",
+        scope=Scope.MANAGE,
+        answer=CourseDetail,
+        refuses=(404,),
+        tag="courses",
+    )
+    def get(self, _request: Request, slug: str) -> CourseDetail:
+        """Robots, dates, quotas, supervisors, and what its robots demand."""
+        course = self.course(slug)
+        return CourseDetail(
+            **_entry(course),
+            robots=[robot.slug for robot in robots_of(course)],
+            supervisors=[person.display_name for person in course.supervisors.all()],
+            quotas=Quotas(course.day_min, course.week_min, course.at_once, course.course_week_min),
+            qualifications=[QualificationEntry(one.slug, one.name) for one in self.qualifications(course)],
+        )
+
+
+class MembersView(CoursesBase):
+    """`/courses/{slug}/members`."""
+
+    @operation(
+        "members_list",
+        "List a course’s people",
+        scope=Scope.MANAGE,
+        answer=MemberList,
+        refuses=(404,),
+        tag="courses",
+    )
+    def get(self, _request: Request, slug: str) -> MemberList:
+        """With the qualifications that they hold."""
+        course = self.course(slug)
+        held = grants_in(course, timezone.now())
+        found = course.enrolments.select_related("person").order_by("person__full_name", "person__username")
+        return MemberList(
+            [
+                Member(
+                    username=one.person.username,
+                    name=one.person.display_name,
+                    email=one.person.email or "",
+                    since=one.added_at,
+                    active=one.person.is_active,
+                    qualifications=[
+                        HeldQualification(grant.qualification.slug, grant.expires_at)
+                        for grant in held.get(one.person_id, ())
+                    ],
+                )
+                for one in found
+            ]
+        )
+
+    @operation(
+        "members_enrol",
+        "Enrol people by a list",
+        scope=Scope.MANAGE,
+        body=EnrolRequest,
+        answer=EnrolAnswer,
+        refuses=(404,),
+        keyed=True,
+        tag="courses",
+        examples=[
+            OpenApiExample(
+                "Two people",
+                value={"list": "Ada Lovelace <ada@example.org>\nAlan Turing, alan@example.org"},
+                request_only=True,
+            )
+        ],
+    )
+    def post(self, request: Request, slug: str, body: EnrolRequest) -> EnrolAnswer:
+        """Twice is harmless. Lines that cannot be used are left out and named."""
+        course, people = self.course(slug), read_people(body.list)
+        if body.preview:
+            plan = enrolment.plan_of(people, course)
+        else:
+            site = request.build_absolute_uri("/").rstrip("/")
+            plan = enrolment.enrol_list(course=course, people=people, actor=self.person, site=site)
+        return EnrolAnswer(
+            enrolled=0 if body.preview else plan.to_enrol,
+            known=[person.username for person in plan.known],
+            new=[ListedPerson(one.name, one.email) for one in plan.new],
+            already=[person.username for person in plan.enrolled],
+            wrong=[WrongLine(one.line, one.text, one.reason) for one in plan.wrong],
+            notes=list(plan.notes),
+        )
+
+
+class MemberView(CoursesBase):
+    """`/courses/{slug}/members/{username}`."""
+
+    @operation(
+        "members_remove",
+        "Take a person out of a course",
+        scope=Scope.MANAGE,
+        status=204,
+        refuses=(404,),
+        tag="courses",
+    )
+    def delete(self, _request: Request, slug: str, username: str) -> None:
+        """Ends the course’s role, and control by it."""
+        course = self.course(slug)
+        people = list(User.objects.filter(username=username.replace("\0", ""), enrolments__course=course))
+        if not enrolment.unenrol(course=course, people=people, actor=self.person):
+            raise Problem(_not_inside(username, course))
+
+
+class GrantView(CoursesBase):
+    """`/courses/{slug}/qualifications/{qualification}/grant`."""
+
+    @operation(
+        "qualifications_grant",
+        "Grant a qualification to people of a course",
+        scope=Scope.MANAGE,
+        body=GrantRequest,
+        answer=Changed,
+        refuses=(404,),
+        keyed=True,
+        tag="courses",
+    )
+    def post(self, _request: Request, slug: str, qualification: str, body: GrantRequest) -> Changed:
+        """In place of an earlier grant."""
+        found, people, last_day = self.chosen(slug, qualification, body.people, body.last_day)
+        granted = services.qualification_grant(
+            qualification=found, people=people, expires_at=end_of(last_day), actor=self.person
+        )
+        return Changed(granted)
+
+
+class RevokeView(CoursesBase):
+    """`/courses/{slug}/qualifications/{qualification}/revoke`."""
+
+    @operation(
+        "qualifications_revoke",
+        "Take a qualification from people of a course",
+        scope=Scope.MANAGE,
+        body=PeopleRequest,
+        answer=Changed,
+        refuses=(404,),
+        keyed=True,
+        tag="courses",
+    )
+    def post(self, _request: Request, slug: str, qualification: str, body: PeopleRequest) -> Changed:
+        """Ends their control of robots that demand it."""
+        found, people, _ = self.chosen(slug, qualification, body.people)
+        return Changed(services.qualification_revoke(qualification=found, people=people, actor=self.person))
+
+
+def _not_inside(username: str, course: Course) -> Refusal:
+    return Refusal("not_found", f"{username[:150]} is not in {course.name}.", "wire")
+
+
+def _entry(course: Course) -> dict[str, Any]:
+    return {
+        "slug": course.slug,
+        "name": course.name,
+        "role": course.role,
+        "starts_on": course.starts_on,
+        "ends_on": course.ends_on,
+        "archived": course.archived,
+        "valid": not course.archived and course.starts_on <= lab_date() <= course.ends_on,
+        "people": getattr(course, "people", 0),
+    }
