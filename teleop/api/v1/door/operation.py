@@ -19,6 +19,7 @@ from rest_framework.views import APIView
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.accounts.tokens.models import Scope, Token
+from fleet.accounts.tokens.services import key_of
 from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
 from robots.wire import Refusal
@@ -34,6 +35,7 @@ from teleop.api.v1.door.problems import (
     problem_of,
     response_of,
 )
+from teleop.api.v1.door.rates import TOO_OFTEN, asks_too_often
 from teleop.control.scopes import scope_missing
 from teleop.recording import refusals
 from teleop.recording.refusals import RefusedRequest
@@ -50,6 +52,13 @@ class ApiView(APIView):
     authentication_classes = [TokenAuthentication, SessionAuthentication]
     parser_classes = [Unparsed]
     login_required = False  # in Django's middleware; REST framework requires it
+
+    def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:
+        """Sign in, and refuse those who ask too often."""
+        super().initial(request, *args, **kwargs)
+        token = self.token
+        if asks_too_often(key_of(token) if token else request.session.session_key or ""):
+            raise Problem(TOO_OFTEN)
 
     def get_exception_handler(self) -> Callable[[Exception, dict[str, Any]], Response | None]:
         """Answer errors with problem details, and record refusals of people who are signed in."""

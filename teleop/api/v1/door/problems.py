@@ -37,6 +37,7 @@ _BY_CODE = {
     "if_match_missing": 428,
     "busy": 429,
     "flood": 429,
+    "too_often": 429,
     **dict.fromkeys(_OUT_OF_REACH, 503),
 }
 _CONFLICT = 409
