@@ -191,7 +191,8 @@ def booking_move(
         if booking.state == State.BOOKED and now < old.starts_at and not slot.within(old):
             booking.state = state_for(actor, booking.robot, booking.course)
         if slot.starts_at != old.starts_at:
-            booking.reminded_at, booking.course = None, course
+            booking.reminded_at = None
+            booking.course = booking.course if _is_lesson_of(booking.person, booking) else course
         before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
         booking.overridden = bool(override) or None  # else every rule allows it now
@@ -228,7 +229,8 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
         before = booking.person
         changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
         booking.person, booking.overridden = to, None
-        booking.course = course
+        if not _is_lesson_of(to, booking):  # a student's slot counts for the quotas
+            booking.course, booking.series = course, None
         if booking.state == State.BOOKED and now < booking.starts_at:
             booking.state = state_for(actor, booking.robot, booking.course)
         save_booking(booking)
@@ -371,6 +373,12 @@ def _require_may_cancel(booking: Booking, actor: User, now: datetime) -> None:
     refusal = check_cancel(slot, policy_of(booking.robot), now)
     if refusal is not None and (refusal.code != "late_to_cancel" or not may_manage_booking(actor, booking)):
         raise BookingRefused([refusal])
+
+
+def _is_lesson_of(person: User, booking: Booking) -> bool:
+    """Return whether the booking is a lesson of a course, and stays one in the hands of this person."""
+    course = booking.course if booking.series is not None else None
+    return course is not None and may_manage(person, course)
 
 
 def state_for(actor: User, robot: Robot, course: Course | None) -> State:

@@ -1,6 +1,7 @@
 """Weekly series and the report of hours, through their pages."""
 
 from datetime import date, datetime, timedelta, timezone
+from uuid import uuid4
 from zoneinfo import ZoneInfo
 
 import pytest
@@ -12,7 +13,7 @@ from fleet.bookings.models import Booking
 from fleet.bookings.report import lines, report
 from fleet.bookings.rules import Slot
 from fleet.bookings.series import weekly
-from fleet.bookings.services import booking_make
+from fleet.bookings.services import BookingRefused, booking_make
 from robots.access.models import Course, Enrolment
 from robots.wire import Refusal
 
@@ -149,3 +150,30 @@ def test_two_people_of_one_name_are_two_rows(client, robot, operator, second_ope
         ["Olga Operator", "1"],
         ["Olga Operator", "1"],
     ]
+
+
+def test_a_lesson_stays_one_when_it_moves_and_not_in_a_students_hands(signed_in, robot, staff):
+    today = django_timezone.now().date()
+    days = {"starts_on": today, "ends_on": today + timedelta(days=60)}
+    course = Course.objects.create(name="HRI", slug="hri", role="operator", at_once=1, **days)
+    course.robots.add(robot)
+    student = User.objects.create_user("stu")
+    Enrolment.objects.create(course=course, person=student)
+    starts = django_timezone.now().replace(minute=0, second=0, microsecond=0) + timedelta(hours=2)
+    slot = Slot(starts, starts + timedelta(hours=1))
+    lesson = booking_make(
+        robot=robot, person=staff, slot=slot, now=django_timezone.now(), series=uuid4(), lesson_of=course
+    )
+    page, times = (
+        signed_in(staff),
+        {"starts_at": starts + timedelta(hours=3), "ends_at": starts + timedelta(hours=4)},
+    )
+    typed = {name: f"{at:%Y-%m-%dT%H:%M}" for name, at in times.items()}
+    page.post(reverse("booking", args=[lesson.pk]), {"action": "move", "version": 1, **typed})
+    lesson.refresh_from_db()
+    assert (lesson.starts_at, lesson.course) == (times["starts_at"], course)
+    page.post(reverse("booking", args=[lesson.pk]), {"action": "hand", "version": 2, "to": "stu"})
+    lesson.refresh_from_db()
+    assert (lesson.person, lesson.course, lesson.series) == (student, course, None)
+    with pytest.raises(BookingRefused, match="may have 1 booking to come"):
+        booking_make(robot=robot, person=student, slot=slot, now=django_timezone.now())
