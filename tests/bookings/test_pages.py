@@ -9,6 +9,7 @@ from django.utils import timezone as django_timezone
 from fleet.bookings.models import Booking, Policy, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
+from robots.registry.models import RobotProfile
 from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db
@@ -193,6 +194,16 @@ def test_a_booking_in_use_is_finished_not_cancelled(as_person, robot, operator):
     booking_make(robot=robot, person=operator, slot=Slot(now, now + timedelta(hours=1)), now=now)
     page = as_person(operator).get(reverse("bookings-mine")).content.decode()
     assert ">Finish<" in page and ">Cancel<" not in page
+
+
+def test_each_kind_of_robot_has_its_next_free_hour(as_person, robot, other_robot, staff):
+    assert "Next free hour:" not in as_person(staff).get(reverse("bookings")).content.decode()
+    other_robot.profile = RobotProfile.objects.get(slug="pmb2")
+    other_robot.save()
+    page = as_person(staff).get(reverse("bookings")).content.decode()
+    address = reverse("bookings-next-free") + "?kind=pmb2"
+    assert f'href="{address}"' in page
+    assert f"robot={other_robot.slug}&" in as_person(staff).get(address).url
 
 
 def test_only_people_who_may_see_the_robot_see_a_booking(as_person, robot, operator, stranger):

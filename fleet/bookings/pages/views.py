@@ -75,9 +75,16 @@ def bookings(request: HttpRequest) -> HttpResponse:
         "zone": zone.key,
         "only": request.GET.get("robot", ""),
         "manages": robots_managed_by(person_of(request)).exists(),
+        "kinds": _kinds(robots),
         "awaiting": _rows(awaiting, {one.robot for one in awaiting}, now),
     }
     return render(request, "bookings/calendar.html", context)
+
+
+def _kinds(robots: list[Robot]) -> list[tuple[str, str]]:
+    """Return the kinds of robots to choose from, each with its address; none if there is one kind only."""
+    kinds = sorted({(robot.profile.name, robot.profile.slug) for robot in robots if robot.enabled})
+    return [(slug, name) for name, slug in kinds] if len(kinds) > 1 else []
 
 
 @never_cache
