@@ -60,8 +60,8 @@ class User(RecordedUser):
     @property
     def supervised_robots(self) -> bool:
         """Return whether the person is supervisor of a robot by a role of their own; for the menu."""
-        roles = getattr(self, "robot_roles", None)  # of robots.registry, which is above
-        return roles is not None and roles.filter(role="supervisor").exists()
+        tables = (getattr(self, name, None) for name in ("robot_roles", "group_roles"))  # of apps above
+        return any(roles is not None and roles.filter(role="supervisor").exists() for roles in tables)
 
     def get_full_name(self) -> str:
         """The full name; may be blank."""

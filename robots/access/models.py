@@ -39,6 +39,30 @@ class RobotGroup(models.Model):
         return self.name
 
 
+class GroupRole(models.Model):
+    """The role of one person on every robot of a group."""
+
+    group = models.ForeignKey(RobotGroup, on_delete=models.CASCADE, related_name="roles")
+    user = models.ForeignKey(
+        settings.AUTH_USER_MODEL,
+        on_delete=models.CASCADE,
+        related_name="group_roles",
+        verbose_name=_("person"),
+    )
+    role = models.CharField(
+        _("role"), max_length=16, choices=[choice for choice in Role.choices if choice[0] != Role.STAFF.value]
+    )
+
+    class Meta:
+        ordering = ["user__username"]
+        constraints = [
+            models.UniqueConstraint(fields=["group", "user"], name="one_role_per_group_and_person")
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.user}: {self.role}"
+
+
 def _minutes(most_hours: int) -> list[MinValueValidator | MaxValueValidator]:
     return [MinValueValidator(1), MaxValueValidator(most_hours * 60)]
 

@@ -19,7 +19,7 @@ from msgspec import Struct
 
 from robots.access.models import Course, Qualification, QualificationGrant, RobotGroup
 from robots.access.sources import Given, demanded, given
-from robots.registry.models import Robot, Role
+from robots.registry.models import Robot, RobotRole, Role
 
 if TYPE_CHECKING:
     from fleet.accounts.models import User
@@ -88,7 +88,11 @@ def robots_managed_by(user: User) -> QuerySet[Robot]:
     robots = Robot.objects.select_related("profile")
     if not user.is_active:
         return robots.none()
-    return robots if user.is_staff else robots.filter(roles__user=user, roles__role=Role.SUPERVISOR)
+    if user.is_staff:
+        return robots
+    own = RobotRole.objects.filter(user=user, role=Role.SUPERVISOR).values("robot")
+    of_groups = RobotGroup.objects.filter(roles__user=user, roles__role=Role.SUPERVISOR)
+    return robots.filter(Q(pk__in=own) | Q(pk__in=of_groups.values("robots")))
 
 
 def robots_visible_to(user: User) -> QuerySet[Robot]:

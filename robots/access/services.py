@@ -11,7 +11,7 @@ from django.db import transaction
 
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
-from robots.access.models import Course, Qualification, QualificationGrant, RobotGroup
+from robots.access.models import Course, GroupRole, Qualification, QualificationGrant, RobotGroup
 from robots.access.signals import tell_access_changed
 from robots.registry.models import Robot, RobotRole, Role
 
@@ -39,6 +39,26 @@ def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> No
         robot_id=robot.id,
         robot_name=robot.name,
         parameters={"user": str(user.pk), "from": before, "to": after},
+        private={"name": user.display_name},
+    )
+    tell_access_changed([user.pk])
+
+
+@transaction.atomic
+def group_role_set(*, group: RobotGroup, user: User, role: Role | None, actor: Actor) -> None:
+    """Give `user` this role on every robot of a group, in place of any other on it; None takes it away."""
+    held = GroupRole.objects.select_for_update().filter(group=group, user=user).first()
+    before, after = held.role if held else None, role.value if role else None
+    if before == after:
+        return
+    if role is None:
+        GroupRole.objects.filter(group=group, user=user).delete()
+    else:
+        GroupRole.objects.update_or_create(group=group, user=user, defaults={"role": role.value})
+    record(
+        "role.change",
+        actor=actor,
+        parameters={"user": str(user.pk), "group": group.slug, "from": before, "to": after},
         private={"name": user.display_name},
     )
     tell_access_changed([user.pk])

@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from robots.registry.models import Role
 
-OWN = 0  # in place of a course's key: the role was given robot by robot
+OWN = 0  # in place of a course's key: the role was given on the robot, or on a group of it
 
 _GIVEN = """
 WITH covered (course_id, robot_id) AS (
@@ -28,6 +28,10 @@ WITH covered (course_id, robot_id) AS (
     SELECT id, role FROM access_course WHERE NOT archived AND starts_on <= {day} AND ends_on >= {day}
 )
 SELECT user_id, robot_id, role, 0 FROM robots_robotrole WHERE user_id IN ({people}) AND {on_robots}
+UNION ALL
+SELECT user_id, robot_id, role, 0
+FROM access_grouprole g JOIN access_robotgroup_robots gr ON gr.robotgroup_id = g.group_id
+WHERE user_id IN ({people}) AND {on_robots}
 UNION ALL
 SELECT person_id, robot_id, role, valid.id
 FROM access_enrolment e JOIN valid ON valid.id = e.course_id JOIN covered ON covered.course_id = e.course_id
@@ -65,7 +69,7 @@ def given(people: Collection[UUID], robots: Collection[UUID] | None, day: date) 
     members = [*map(_stored, people), *map(_stored, robots or ())]
     today = connection.ops.adapt_datefield_value(day)
     with connection.cursor() as cursor:
-        cursor.execute(query, [today, today, *members, *members, *members])
+        cursor.execute(query, [today, today, *members * 4])
         rows = cursor.fetchall()
     return [Given(_key(person), _key(robot), Role(role), course) for person, robot, role, course in rows]
 

@@ -7,6 +7,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 import pytest
+from django.test import Client
 from django.utils import timezone
 from pytest_django import DjangoAssertNumQueries
 
@@ -14,6 +15,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.access.models import Course, Enrolment, Qualification, QualificationGrant, RobotGroup
 from robots.access.selectors import (
+    manages_robot,
     missing_qualifications,
     reasons,
     robot_ids_of,
@@ -172,3 +174,23 @@ def test_a_qualification_is_demanded_by_robot_or_group(student: User, robot: Rob
     )
     assert missing_qualifications(student, robot, now) == []
     assert missing_qualifications(student, robot, now + timedelta(hours=1)) == [induction]
+
+
+def test_a_role_on_a_group_counts_on_each_of_its_robots(
+    robot: Robot, other_robot: Robot, student: User, staff: User, client: Client
+) -> None:
+    group = RobotGroup.objects.create(name="the TIAGos", slug="tiagos")
+    group.robots.add(robot)
+    client.force_login(staff)
+    give = {"entry": "tiagos", "action": "role", "username": student.username}
+    client.post("/robot-groups/", {**give, "role": "supervisor"})
+    assert (role_on(student, robot), role_on(student, other_robot)) == (Role.SUPERVISOR, None)
+    assert manages_robot(student, robot) and not manages_robot(student, other_robot)
+    group.robots.add(other_robot)
+    assert role_on(student, other_robot) is Role.SUPERVISOR
+    assert student.display_name in client.get("/robot-groups/").content.decode()
+    client.post("/robot-groups/", give)
+    assert role_on(student, robot) is None
+    changes = Record.objects.filter(kind="role.change").order_by("pk").values_list("parameters", flat=True)
+    assert [(one["group"], one["to"]) for one in changes] == [("tiagos", "supervisor"), ("tiagos", None)]
+    assert client.post("/robot-groups/", {**give, "username": "nobody"}).status_code == 302

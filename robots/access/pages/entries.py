@@ -18,6 +18,9 @@ from fleet.accounts.requests import person_of
 from robots.access import services
 from robots.access.models import Qualification, RobotGroup
 from robots.access.pages.forms import GroupForm, QualificationForm
+from robots.registry.models import Role
+
+ROLES = [value for value in Role.values if value != Role.STAFF.value]  # that can be given
 
 
 @never_cache
@@ -49,6 +52,23 @@ def qualifications(request: HttpRequest) -> HttpResponse:
     return _entries(request, QualificationForm, "qualifications", save, delete)
 
 
+def _give(request: HttpRequest, group: RobotGroup, staff: User) -> None:
+    """Give a person a role on the group's robots, or take it away."""
+    name, role = request.POST.get("username", "").strip(), request.POST.get("role", "")
+    person = User.objects.filter(username=name, is_active=True).first()
+    if person is None or role not in ("", *ROLES):
+        messages.error(request, _("There is no open account with this user name."))
+        return
+    services.group_role_set(group=group, user=person, role=Role(role) if role else None, actor=staff)
+    words = {"person": person.display_name, "group": group.name}
+    text = (
+        _("%(person)s has the role on %(group)s.")
+        if role
+        else _("%(person)s has no role of their own on %(group)s.")
+    )
+    messages.success(request, text % words)
+
+
 def _entries(
     request: HttpRequest,
     form_class: type[GroupForm] | type[QualificationForm],
@@ -65,6 +85,9 @@ def _entries(
     if request.method == "POST":
         slug = request.POST.get("entry", "")
         entry = get_object_or_404(model, slug=slug) if slug else model()
+        if slug and isinstance(entry, RobotGroup) and request.POST.get("action") == "role":
+            _give(request, entry, staff)
+            return redirect(page)
         if slug and request.POST.get("action") == "delete":
             delete(entry, staff)
             messages.success(request, _("%s is deleted.") % entry)
@@ -79,5 +102,5 @@ def _entries(
         for entry in model.objects.all()
     ]
     new = posted if posted and posted.instance.pk is None else form_class(prefix="new")
-    context = {"forms": forms, "new": new, "page": page, "groups": model is RobotGroup}
+    context = {"forms": forms, "new": new, "page": page, "groups": model is RobotGroup, "roles": ROLES}
     return render(request, "access/entries.html", context, status=400 if posted else 200)
