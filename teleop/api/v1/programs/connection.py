@@ -162,7 +162,7 @@ class ProgramConnection:
         return self.offers or Offers()
 
     async def drive(self, velocity: Velocity, seconds: float) -> None:
-        """Drive so long, then stand. A newer call replaces this one. Raises `NotDone`: refused."""
+        """Drive so long, then stand. Calls follow each other. Raises `NotDone`: refused."""
         fence = self.fence
         if fence is None:
             raise NotDone(_NOT_YOURS)
