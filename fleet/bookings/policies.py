@@ -108,10 +108,11 @@ def out_of_service_add(
 
 @transaction.atomic
 def out_of_service_end(*, period_id: UUID, actor: User, now: datetime) -> None:
-    """End a period now; one that has not begun is removed."""
+    """End a period now; one that has not begun is removed. The people whom it affected learn it."""
     period = OutOfService.objects.select_related("robot").select_for_update(of=("self",)).get(pk=period_id)
     if period.ends_at is not None and period.ends_at <= now:
         return  # it is over, since the page was opened
+    starts_at, ends_at = max(period.starts_at, now), period.ends_at or FAR
     if period.starts_at >= now:
         period.delete()
     else:
@@ -120,6 +121,8 @@ def out_of_service_end(*, period_id: UUID, actor: User, now: datetime) -> None:
     parameters = {"period": str(period_id)}
     record("robot.back_in_service", actor=actor, **_named(period.robot), parameters=parameters)
     _tell(period.robot)
+    for booking in held_between([period.robot], starts_at, ends_at):
+        changed_by_another(booking, actor, _("the robot is back in service"), "", now)
 
 
 @receiver(post_save, sender=Robot)

@@ -7,7 +7,7 @@ from django.urls import reverse
 from django.utils import timezone
 
 from fleet.audit.models import Record
-from fleet.bookings.models import OutOfService, Policy
+from fleet.bookings.models import Letter, OutOfService, Policy
 from fleet.bookings.pages.forms import PolicyForm
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import policy_of
@@ -93,6 +93,11 @@ def test_out_of_service_names_the_affected_and_ends(as_person, robot, supervisor
     assert "1 booking is affected: Olga Operator" in answer.content.decode()
     browser.post(reverse("out-of-service-end", args=[OutOfService.objects.get().pk]))
     assert not OutOfService.objects.filter(ends_at__gt=timezone.now()).exists()
+    subjects = Letter.objects.order_by("pk").values_list("subject", flat=True)
+    assert [one.partition(": ")[2] for one in subjects] == [
+        "the robot is out of service",
+        "the robot is back in service",
+    ]
     kinds = Record.objects.filter(kind__in=["robot.out_of_service", "robot.back_in_service"]).order_by("id")
     assert [record.kind for record in kinds] == ["robot.out_of_service", "robot.back_in_service"]
 
