@@ -21,6 +21,7 @@ from fleet.accounts.requests import person_of
 from fleet.accounts.selectors import sign_ins_of
 from fleet.accounts.sign_in import second_factor
 from fleet.accounts.sign_in.views import single_sign_on_name
+from fleet.accounts.tokens.services import tokens_of
 
 
 @never_cache
@@ -36,6 +37,7 @@ def account(request: HttpRequest) -> HttpResponse:
         "second_factor_missing": second_factor.is_missing(person),
         "single_sign_on": single_sign_on_name(),
         "connected": SocialAccount.objects.filter(user=person).exists(),
+        "tokens": tokens_of(person).count(),
         "sign_ins": sign_ins_of(person.pk).count(),
         "now": timezone.now(),
     }

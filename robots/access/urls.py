@@ -2,11 +2,16 @@
 
 from django.urls import path
 
-from robots.access.pages import courses, entries, joining, people
+from robots.access.pages import courses, entries, joining, people, tokens
 
 urlpatterns = [
     path("access/", people.my_access, name="my-access"),
     path("people/<uuid:person_id>/", people.person, name="person"),
+    path("people/<uuid:person_id>/tokens/new/", tokens.service_token_new, name="service-token-new"),
+    path("service-accounts/", tokens.service_accounts, name="service-accounts"),
+    path("tokens/", tokens.my_tokens, name="tokens"),
+    path("tokens/new/", tokens.token_new, name="token-new"),
+    path("tokens/<uuid:token_id>/end/", tokens.token_remove, name="token-end"),
     path("robot-groups/", entries.groups, name="robot-groups"),
     path("qualifications/", entries.qualifications, name="qualifications"),
     path("courses/", courses.courses, name="courses"),

@@ -32,6 +32,8 @@ PAGES = [
     "/webhooks/",
     "/webhooks/new/",
     "/access/",
+    "/tokens/",
+    "/service-accounts/",
     "/",
     "/robots/tiago-1/",
     "/robots/tiago-1/check/",

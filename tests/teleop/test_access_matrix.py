@@ -252,6 +252,7 @@ COURSE_ACTIONS: dict[str, tuple[str, dict[str, str] | None]] = {
     "course-new": ("staff", None),
     "robot-groups": ("staff", None),
     "qualifications": ("staff", None),
+    "service-accounts": ("staff", None),
     "webhooks": ("staff", None),
     "webhook-new": ("staff", None),
 }

@@ -1,4 +1,4 @@
-"""Forms of courses, people, robot groups and qualifications."""
+"""Forms of courses, people, robot groups, qualifications and tokens."""
 
 from __future__ import annotations
 
@@ -6,20 +6,24 @@ import hashlib
 from datetime import date, datetime, time, timedelta
 from decimal import Decimal
 from typing import Any
+from uuid import UUID, uuid4
 
 from django import forms
 from django.contrib.auth.forms import BaseUserCreationForm
 from django.core.exceptions import ValidationError
 from django.db.models import Model, Q
 from django.utils import timezone
+from django.utils.formats import date_format
 from django.utils.text import slugify
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from fleet.accounts.models import User
+from fleet.accounts.tokens.models import Scope
 from robots.access.models import Course, Qualification, RobotGroup
 from robots.access.people_lists import PeopleList, decoded, read_people
 from robots.access.selectors import lab_date
+from robots.registry.models import Robot
 
 FILE_BYTES = 2 * 1024 * 1024
 HOURS = {"week_hours": "week_min", "day_hours": "day_min", "course_week_hours": "course_week_min"}
@@ -277,3 +281,90 @@ class QualificationForm(_EntryForm):
         model = Qualification
         fields = ["name", "description", "robots", "groups"]
         widgets = {"robots": _CHOICES, "groups": _CHOICES}
+
+
+class TokenForm(forms.Form):
+    """A new token. `once` is the token's id: a form that is sent twice makes one token."""
+
+    name = forms.CharField(
+        label=gettext_lazy("Name of the program"),
+        max_length=40,
+        help_text=gettext_lazy(
+            "Such as night-tests. Others see it beside the name while the program drives."
+        ),
+        widget=forms.TextInput(
+            attrs={"autocomplete": "off", "autocapitalize": "none", "spellcheck": "false"}
+        ),
+    )
+    scopes = forms.MultipleChoiceField(
+        label=gettext_lazy("The program may"),
+        choices=Scope.choices,
+        initial=[Scope.READ.value],
+        widget=_CHOICES,
+        error_messages={"required": gettext_lazy("Choose at least one.")},
+    )
+    robots = forms.ModelMultipleChoiceField(
+        Robot.objects.none(),
+        label=gettext_lazy("Only these robots"),
+        required=False,
+        to_field_name="slug",
+        widget=_CHOICES,
+    )
+    days = forms.TypedChoiceField(label=gettext_lazy("Valid for"), coerce=int, initial="90")
+    once = forms.UUIDField(widget=forms.HiddenInput, initial=uuid4)
+
+    def __init__(self, *args: Any, robots: Any, taken: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._taken = taken
+        self.fields["robots"].queryset = robots  # type: ignore[attr-defined]
+        self.fields["days"].choices = [  # type: ignore[attr-defined]
+            (str(days), _("%(days)s, until %(day)s") % {"days": words, "day": _day_after(days)})
+            for days, words in (
+                (1, _("1 day")),
+                (7, _("1 week")),
+                (30, _("30 days")),
+                (90, _("90 days")),
+                (180, _("180 days")),
+                (365, _("1 year")),
+            )
+        ]
+
+    def clean_name(self) -> str:
+        """Return it in one line. Refused: the name of another token of this person."""
+        name = " ".join(self.cleaned_data["name"].split())
+        if self._taken.filter(name=name).exclude(pk=_uuid_or_none(self.data.get("once"))).exists():
+            raise ValidationError(_("There is a token with this name: choose another one, or end that one."))
+        return name
+
+
+def _day_after(days: int) -> str:
+    return date_format(timezone.localtime(timezone.now() + timedelta(days=days)), "j M Y")
+
+
+def _uuid_or_none(text: Any) -> UUID | None:
+    try:
+        return UUID(str(text))
+    except ValueError:
+        return None
+
+
+class ServiceAccountForm(forms.Form):
+    """A new service account."""
+
+    name = forms.CharField(
+        label=gettext_lazy("Name"),
+        max_length=80,
+        help_text=gettext_lazy("As people see it when it drives, such as Night tests."),
+        widget=forms.TextInput(attrs={"autocomplete": "off"}),
+    )
+    project = forms.CharField(
+        label=gettext_lazy("Project"), max_length=80, widget=forms.TextInput(attrs={"autocomplete": "off"})
+    )
+
+    def clean_name(self) -> str:
+        """Return it in one line."""
+        return " ".join(self.cleaned_data["name"].split())
+
+    def clean_project(self) -> str:
+        """Return it in one line."""
+        return " ".join(self.cleaned_data["project"].split())

@@ -13,6 +13,7 @@ from django.views.decorators.http import require_safe
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from robots.access.models import Course, QualificationGrant
+from robots.access.pages.tokens import shown_tokens
 from robots.access.selectors import courses_managed_by, reasons
 
 
@@ -45,6 +46,7 @@ def _access_page(request: HttpRequest, shown: User) -> HttpResponse:
         "courses": Course.objects.filter(enrolments__person=shown, archived=False),
         "managed": set(courses_managed_by(person_of(request)).values_list("pk", flat=True)),
         "grants": grants,
+        "tokens": shown_tokens(shown) if person_of(request).is_staff and shown != request.user else None,
         "now": now,
     }
     return render(request, "access/person.html", context)
