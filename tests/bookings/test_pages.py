@@ -206,6 +206,14 @@ def test_each_kind_of_robot_has_its_next_free_hour(as_person, robot, other_robot
     assert f"robot={other_robot.slug}&" in as_person(staff).get(address).url
 
 
+def test_an_offer_is_accepted_or_declined(as_person, robot, operator):
+    now = datetime.now(timezone.utc)
+    booking = booking_make(robot=robot, person=operator, slot=Slot(in_hours(3), in_hours(4)), now=now)
+    Booking.objects.filter(pk=booking.pk).update(state=State.OFFERED, offer_until=in_hours(2))
+    page = as_person(operator).get(reverse("bookings-mine")).content.decode()
+    assert ">Accept<" in page and ">Decline<" in page and ">Cancel<" not in page
+
+
 def test_only_people_who_may_see_the_robot_see_a_booking(as_person, robot, operator, stranger):
     booking = booking_make(
         robot=robot,
