@@ -6,13 +6,16 @@ from django.contrib.auth.decorators import login_not_required
 from django.urls import path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
-from teleop.api.v1 import bookings, control, courses, events, other, robots, tasks, topics, views
+from teleop.api.v1 import bookings, control, courses, events, other, registry, robots, tasks, topics, views
 from teleop.stop import views as stop_views
 
 urlpatterns = [
     path("openapi.json", login_not_required(SpectacularJSONAPIView.as_view()), name="api-schema"),
     path("reference", views.reference, name="api-reference"),
     path("events", events.EventsView.as_view()),
+    path("profiles", registry.ProfilesView.as_view()),
+    path("registry", registry.RegisterView.as_view()),
+    path("registry/<slug:slug>", registry.RegistrationView.as_view()),
     path("robots", robots.RobotsView.as_view(), name="api-robots"),
     path("robots/<slug:slug>", robots.RobotView.as_view(), name="api-robot"),
     path("robots/<slug:slug>/phrases", robots.PhrasesView.as_view(), name="api-phrases"),

@@ -1,0 +1,198 @@
+"""Robots and profiles as staff register them."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any
+
+from django.core.exceptions import ValidationError
+from drf_spectacular.utils import OpenApiParameter
+from msgspec import UNSET, Meta, Struct, UnsetType, structs, to_builtins
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from fleet.accounts.models import User
+from fleet.accounts.tokens.models import Scope
+from robots.registry.models import Robot, RobotProfile
+from robots.registry.selectors import slug_for
+from robots.registry.services import robot_save
+from robots.wire import Refusal
+from teleop.api.v1.door.operation import ApiView, operation
+from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.door.versions import etag_of, version_seen
+
+Name = Annotated[str, Meta(min_length=1, max_length=80)]
+Address = Annotated[str, Meta(max_length=200)]
+Part = Annotated[float, Meta(ge=0.05, le=1.0)]
+
+_STAFF_ONLY = Refusal(
+    "permission_denied", "Only staff and their service accounts register robots.", "account"
+)
+_NO_PROFILE = Refusal("invalid", "There is no profile with this slug.", "wire")
+_CHANGED = Refusal("changed", "The robot was changed meanwhile: read it again.", "wire")
+IF_MATCH = OpenApiParameter(
+    "If-Match", str, OpenApiParameter.HEADER, required=True, description="The ETag as you read it."
+)
+
+
+class ProfileEntry(Struct, frozen=True):
+    """A kind of robots."""
+
+    slug: str
+    name: str
+
+
+class ProfileList(Struct, frozen=True):
+    """Profiles, by name."""
+
+    profiles: list[ProfileEntry]
+
+
+class Registration(Struct, frozen=True):
+    """A robot as it is registered."""
+
+    slug: str
+    name: str
+    profile: str
+    master_uri: str
+    advertised_address: str  # of this computer, as the robot reaches it; empty: found by itself
+    enabled: bool
+    practice: bool
+    default_share: float | None  # null: the profile's
+    max_share: float
+    updated_at: Annotated[datetime, Meta(tz=True)]
+
+
+class RegisterRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A new robot. The rest is as its profile says, and changed in the admin."""
+
+    name: Name
+    profile: str  # slug
+    master_uri: Address
+    slug: Annotated[str, Meta(pattern=r"^[a-z0-9-]{1,50}$")] | None = None  # null: made from the name
+    advertised_address: Address = ""
+    enabled: bool = True
+
+
+class RegistrationChange(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Fields that are left out stay as they are."""
+
+    name: Name | UnsetType = UNSET
+    master_uri: Address | UnsetType = UNSET
+    advertised_address: Address | UnsetType = UNSET
+    enabled: bool | UnsetType = UNSET
+    default_share: Part | UnsetType | None = UNSET  # null: the profile's
+    max_share: Part | UnsetType = UNSET
+
+
+class StaffView(ApiView):
+    """Base of the views for staff."""
+
+    def staff(self) -> User:
+        """Return the person. Raises `Problem`: they are no staff."""
+        if not self.person.is_staff:
+            raise Problem(_STAFF_ONLY)
+        return self.person
+
+    def answer(self, robot: Robot, status: int = 200) -> Response:
+        """Answer a registration with its ETag."""
+        headers = {"ETag": etag_of(_version(robot))}
+        return Response(to_builtins(_entry(robot)), status=status, headers=headers)
+
+
+class ProfilesView(StaffView):
+    """`/profiles`."""
+
+    @operation(
+        "profiles_list", "List the kinds of robots", scope=Scope.READ, answer=ProfileList, tag="registry"
+    )
+    def get(self, _request: Request) -> ProfileList:
+        """Their content is edited in the admin."""
+        return ProfileList(
+            [ProfileEntry(one.slug, one.name) for one in RobotProfile.objects.order_by("name")]
+        )
+
+
+class RegisterView(StaffView):
+    """`/registry`."""
+
+    @operation(
+        "registry_add",
+        "Register a robot",
+        scope=Scope.MANAGE,
+        body=RegisterRequest,
+        answer=Registration,
+        status=201,
+        keyed=True,
+        tag="registry",
+    )
+    def post(self, _request: Request, body: RegisterRequest) -> Response:
+        """By staff. A bridge is started for it; `GET /robots/{slug}` says how it is."""
+        staff = self.staff()
+        profile = RobotProfile.objects.filter(slug=body.profile).first()
+        if profile is None:
+            raise Problem(_NO_PROFILE)
+        fields = {
+            name: value for name, value in structs.asdict(body).items() if name not in ("slug", "profile")
+        }
+        robot = Robot(slug=body.slug or slug_for(body.name), profile=profile, **fields)
+        return self.answer(_saved(robot, staff), 201)
+
+
+class RegistrationView(StaffView):
+    """`/registry/{slug}`."""
+
+    @operation(
+        "registry_read",
+        "Read a registration",
+        scope=Scope.MANAGE,
+        answer=Registration,
+        refuses=(404,),
+        tag="registry",
+    )
+    def get(self, _request: Request, slug: str) -> Response:
+        """By staff."""
+        self.staff()
+        return self.answer(self.robot(slug))
+
+    @operation(
+        "registry_change",
+        "Change a registration",
+        scope=Scope.MANAGE,
+        body=RegistrationChange,
+        answer=Registration,
+        refuses=(404, 412, 428),
+        tag="registry",
+        parameters=[IF_MATCH],
+    )
+    def patch(self, request: Request, slug: str, body: RegistrationChange) -> Response:
+        """By staff. The bridge is started again where that is needed."""
+        staff, robot = self.staff(), self.robot(slug)
+        if version_seen(request) != _version(robot):
+            raise Problem(_CHANGED, 412)
+        for name, value in structs.asdict(body).items():
+            if value is not UNSET:
+                setattr(robot, name, value)
+        return self.answer(_saved(robot, staff))
+
+
+def _version(robot: Robot) -> int:
+    """Return a number that differs after each change."""
+    return int(1000.0 * robot.updated_at.timestamp()) % 10**9
+
+
+def _saved(robot: Robot, staff: User) -> Robot:
+    try:
+        return robot_save(robot=robot, actor=staff)
+    except ValidationError as error:
+        texts = [f"{name}: {' '.join(words)}" for name, words in error.message_dict.items()]
+        raise Problem(Refusal("invalid", " ".join(texts), "wire")) from error
+
+
+def _entry(robot: Robot) -> Registration:
+    columns: dict[str, Any] = {
+        name: getattr(robot, name)
+        for name in Registration.__struct_fields__
+        if name not in ("profile", "updated_at")
+    }
+    return Registration(**columns, profile=robot.profile.slug, updated_at=robot.updated_at)
