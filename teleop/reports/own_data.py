@@ -18,6 +18,7 @@ from zoneinfo import ZoneInfo
 from django.db.models import Q
 from django.db.models.functions import Coalesce
 from msgspec import Struct
+from msgspec.structs import replace
 
 from fleet import zones
 from fleet.accounts.models import User
@@ -72,6 +73,13 @@ def own_sessions(user: User, before: datetime | None) -> Sessions:
 def own_records(user: User, *, before: int | None, after: int | None) -> Page:
     """Return the person's own records, newest first, each with its outcome."""
     return Selection(_own_records(user)).page(before=before, after=after, size=RECORDS)
+
+
+def records_seen_by(user: User, wanted: Wanted) -> Wanted | None:
+    """Return which of the wanted records `user` may read: staff all, others their own; None: those of others only."""
+    if user.is_staff:
+        return wanted
+    return replace(wanted, person=str(user.pk)) if wanted.person in ("", str(user.pk)) else None
 
 
 class Author(Enum):

@@ -8,7 +8,7 @@ from itertools import islice
 from typing import Any
 from uuid import UUID
 
-from django.db.models import Case, F, Q, When
+from django.db.models import Case, F, Q, QuerySet, When
 from django.utils import timezone
 from msgspec import Struct
 
@@ -22,6 +22,7 @@ from teleop.models import ControlSession
 from teleop.reports.durations import duration_text
 from teleop.reports.path_plot import DrivePath, MapImage, Plot, plot_drives
 from teleop.reports.session_maps import maps_of
+from teleop.reports.today import supervised_by
 
 MOST_ENTRIES = 1000  # of a timeline; older ones are not shown
 _CHUNK = 250
@@ -84,6 +85,12 @@ def session_seen_by(user: User, session_id: UUID) -> ControlSession | None:
         return None
     concerned = session.user_id == user.pk or supervises(user, session.robot)
     return session if concerned else None
+
+
+def sessions_seen_by(user: User) -> QuerySet[ControlSession]:
+    """Return the control sessions that `session_seen_by` gives."""
+    sessions = ControlSession.objects.select_related("robot", "user")
+    return sessions if user.is_staff else sessions.filter(Q(user=user) | Q(robot__in=supervised_by(user)))
 
 
 def report_of(session: ControlSession) -> SessionReport:

@@ -6,7 +6,19 @@ from django.contrib.auth.decorators import login_not_required
 from django.urls import path, re_path
 from drf_spectacular.views import SpectacularJSONAPIView
 
-from teleop.api.v1 import bookings, control, courses, events, other, registry, robots, tasks, topics, views
+from teleop.api.v1 import (
+    bookings,
+    control,
+    courses,
+    events,
+    other,
+    records,
+    registry,
+    robots,
+    tasks,
+    topics,
+    views,
+)
 from teleop.stop import views as stop_views
 
 urlpatterns = [
@@ -59,6 +71,11 @@ urlpatterns = [
     path("courses/<slug:slug>/members/<str:username>", courses.MemberView.as_view()),
     path("courses/<slug:slug>/qualifications/<slug:qualification>/grant", courses.GrantView.as_view()),
     path("courses/<slug:slug>/qualifications/<slug:qualification>/revoke", courses.RevokeView.as_view()),
+    path("sessions", records.SessionsView.as_view()),
+    path("sessions/<uuid:session_id>", records.SessionView.as_view()),
+    path("audit", records.AuditView.as_view()),
+    path("audit/export", records.ExportView.as_view()),
+    path("audit/<int:number>", records.RecordView.as_view()),
     # A stop is not led elsewhere because of a slash.
     path("robots/<slug:slug>/stop/", stop_views.rest_stop),
     path("stop/", stop_views.rest_stop_all),

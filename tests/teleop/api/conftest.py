@@ -23,13 +23,17 @@ class Caller:
         self._client, self._headers = client, headers
 
     def __call__(self, method: str, path: str, body: Any = None, **headers: str) -> Any:
-        named = {name.replace("_", "-"): value for name, value in headers.items()}
-        raw = body if isinstance(body, bytes) else b"" if body is None else json.dumps(body).encode()
-        answer = self._client.generic(
-            method, f"/api/v1{path}", raw, "application/json", headers={**self._headers, **named}
-        )
+        answer = self.stream(method, path, body, **headers)
         answer.data = json.loads(answer.content) if answer.content else None
         return answer
+
+    def stream(self, method: str, path: str, body: Any = None, **headers: str) -> Any:
+        """Return an answer as it is."""
+        named = {name.replace("_", "-"): value for name, value in headers.items()}
+        raw = body if isinstance(body, bytes) else b"" if body is None else json.dumps(body).encode()
+        return self._client.generic(
+            method, f"/api/v1{path}", raw, "application/json", headers={**self._headers, **named}
+        )
 
 
 @pytest.fixture

@@ -32,6 +32,7 @@ def test_the_committed_schema_is_the_present_one() -> None:
 
 
 @pytest.mark.django_db(transaction=True)
+@pytest.mark.filterwarnings("ignore:StreamingHttpResponse must consume:Warning")  # under ASGI it need not
 @pytest.mark.parametrize("who", WHO)
 def test_every_answer_keeps_to_the_schema(who: str, robot: Robot, request: pytest.FixtureRequest) -> None:
     headers = {}

@@ -112,7 +112,7 @@ def operation(
     `scope`: what a token needs (None: any token). `body`: its struct, decoded and passed as the argument `body`;
     `query`: that of the query parameters, passed as `query`. `answer`: the struct that the method returns (None: 204).
     `refuses`: further statuses of problems, `problem` their struct. `keyed`: it takes an Idempotency-Key.
-    `content_type`: of an answer that is no JSON; the method returns a response.
+    `content_type`: of an answer that is no JSON, or several with spaces between; the method returns a response.
     """
 
     def decorate(method: View) -> View:
@@ -142,9 +142,9 @@ def operation(
         responses: dict[Any, Any] = {
             (code, CONTENT_TYPE): OpenApiResponse(problem, "refused") for code in sorted(problems)
         }
-        if content_type:
-            responses[status, content_type] = OpenApiResponse(str, summary)
-        else:
+        for kind in content_type.split():
+            responses[status, kind] = OpenApiResponse(str, summary)
+        if not content_type:
             responses[status] = OpenApiResponse(answer, summary)
         needs = f"Scope: `{scope.value}`." if scope else "Any token."
         documented = extend_schema(

@@ -1,0 +1,421 @@
+"""Control sessions and the audit log, as the pages show them: staff read all, others what is theirs."""
+
+from __future__ import annotations
+
+from datetime import date, datetime
+from typing import Annotated, Any, Literal
+from uuid import UUID
+
+from django.core.exceptions import PermissionDenied
+from django.db.models import Q
+from django.http import HttpResponseBase
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+
+from fleet.accounts.models import User
+from fleet.accounts.tokens.models import Scope
+from fleet.audit import exports, wording
+from fleet.audit.canonical import NO_ROBOT
+from fleet.audit.listing import CONSOLE, Row, Selection, Wanted, row_of, rows_of
+from fleet.audit.models import Actor, Record
+from fleet.audit.search import words_of
+from robots.registry.models import Robot
+from robots.wire import Refusal
+from teleop.api.v1.door.cursors import decoded, encoded, page_by_time
+from teleop.api.v1.door.operation import ApiView, operation
+from teleop.api.v1.door.parameters import Cursor, Limit, Moment, utc
+from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.control.selectors import end_notes
+from teleop.models import ControlSession
+from teleop.reports.own_data import records_seen_by
+from teleop.reports.session_report import report_of, session_seen_by, sessions_seen_by
+
+ME = "me"
+NONE = "none"  # as a robot: records without robot
+
+_NAME_A_ROBOT = Refusal(
+    "robot_needed", "This token is for some robots only: name one of them as `robot`.", "wire"
+)
+PersonName = Annotated[str, Meta(max_length=150, description="“me”, or a user name.")]
+RobotName = Annotated[str, Meta(max_length=100)]
+
+
+class SessionEntry(Struct, frozen=True):
+    """A control session: from taking control to its end."""
+
+    id: UUID
+    robot: str
+    person: str  # name
+    yours: bool
+    program: str | None  # name of the token; null: a person in a browser
+    fence: int
+    started_at: datetime
+    ended_at: datetime | None  # null: it goes on
+    end_reason: str
+    note: str  # about its end
+
+
+class SessionList(Struct, frozen=True):
+    """Control sessions, newest first. `next` is the cursor of the next page; null: this is the last."""
+
+    sessions: list[SessionEntry]
+    next: str | None
+
+
+class SessionFigures(Struct, frozen=True):
+    """Figures of a control session; of one without end, until now."""
+
+    lasted_s: float
+    driven: str  # h:mm:ss
+    distance_m: float
+    stops: int
+    interventions: int  # of the gate
+    complete: bool  # the distance of each drive is known
+
+
+class SessionEvent(Struct, frozen=True):
+    """A record of the session, in words."""
+
+    number: int
+    at: datetime
+    what: str
+    subject: str
+    facts: list[str]
+    expired: bool  # its words are no longer kept
+
+
+class SessionDetail(SessionEntry, frozen=True):
+    """A control session with what happened in it, oldest first."""
+
+    figures: SessionFigures
+    events: list[SessionEvent]
+    truncated: bool  # there are older events
+
+
+class SessionsAsked(Struct, frozen=True, forbid_unknown_fields=True, rename={"from_": "from"}):
+    """Which control sessions."""
+
+    robot: RobotName | None = None
+    person: PersonName | None = None
+    from_: Moment | None = None
+    to: Moment | None = None
+    state: Literal["open", "ended"] | None = None
+    cursor: Cursor | None = None
+    limit: Limit = 50
+
+
+class Named(Struct, frozen=True):
+    """A robot or a person as the log knows it: the name may be from that time."""
+
+    id: str
+    name: str
+
+
+class AuditOutcome(Struct, frozen=True):
+    """The record of a request’s outcome."""
+
+    number: int
+    at: datetime
+    kind: str
+    outcome: str
+    details: dict[str, Any]
+
+
+class AuditEntry(Struct, frozen=True):
+    """A record of the log, and that of its outcome."""
+
+    number: int
+    at: datetime
+    kind: str
+    what: str  # the kind in words
+    robot: Named | None
+    person: Named | None  # null: the console itself
+    really_by: Named | None  # who acted as this person
+    session: UUID | None
+    fence: int | None
+    outcome: str
+    details: dict[str, Any]
+    expired: bool  # words of it are no longer kept
+    ended: AuditOutcome | None
+
+
+class AuditList(Struct, frozen=True):
+    """Records, newest first. `next` is the cursor of the next page; null: this is the last."""
+
+    records: list[AuditEntry]
+    next: str | None
+
+
+class RecordsAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which records."""
+
+    robot: Annotated[str, Meta(max_length=100, description="“none”: records without robot.")] | None = None
+    person: (
+        Annotated[
+            str,
+            Meta(max_length=150, description="“me”, “console”, a user name, or an identifier of the log."),
+        ]
+        | None
+    ) = None
+    kind: Annotated[str, Meta(max_length=100, description="Such as `speech.start`.")] = ""
+    outcome: Annotated[str, Meta(max_length=200)] = ""
+    session: UUID | None = None
+    since: Annotated[date, Meta(description="First day, UTC.")] | None = None
+    until: Annotated[date, Meta(description="Last day, UTC.")] | None = None
+    q: Annotated[str, Meta(max_length=200, description="Words that were said.")] = ""
+
+
+class AuditAsked(RecordsAsked, frozen=True, forbid_unknown_fields=True):
+    """Which records, page by page."""
+
+    cursor: Cursor | None = None
+    limit: Limit = 50
+
+
+class ExportAsked(RecordsAsked, frozen=True, forbid_unknown_fields=True):
+    """Which records, in which format."""
+
+    format: Literal["jsonl", "csv"] = "jsonl"
+
+
+class RecordsBase(ApiView):
+    """Base of the views of records."""
+
+    def serves(self, robot_id: UUID | None) -> bool:
+        """Return whether the token may be used for this robot; a bound one not for records without robot."""
+        token = self.token
+        return token is None or not token.robots or (robot_id is not None and token.serves(robot_id))
+
+    def wanted(self, asked: RecordsAsked) -> Wanted:
+        """Return the records that were asked for, as far as the person may read them. Raises `Problem`."""
+        wanted = records_seen_by(
+            self.person,
+            Wanted(
+                words=words_of(asked.q),
+                since=asked.since,
+                until=asked.until,
+                robot=self._robot(asked.robot),
+                person=_actor(asked.person, self.person),
+                kind=asked.kind,
+                outcome=asked.outcome,
+                session=asked.session,
+            ),
+        )
+        if wanted is None:
+            raise Problem(NOT_FOUND)
+        return wanted
+
+    def _robot(self, slug: str | None) -> UUID | None:
+        """A robot that the person has lost may be named, too: their records of it stay theirs."""
+        token = self.token
+        if slug is None:
+            if token is None or not token.robots:
+                return None
+            if len(token.robots) > 1:
+                raise Problem(_NAME_A_ROBOT)
+            return UUID(token.robots[0])
+        found = (
+            NO_ROBOT if slug == NONE else Robot.objects.filter(slug=slug).values_list("pk", flat=True).first()
+        )
+        if found is None or not self.serves(None if found == NO_ROBOT else found):
+            raise Problem(NOT_FOUND)
+        if found != NO_ROBOT and not self.person.is_staff:
+            theirs = Record.objects.filter(robot_id=found, actor=str(self.person.pk))
+            if slug not in [robot.slug for robot in self.robots()] and not theirs.exists():
+                raise Problem(NOT_FOUND)
+        return found
+
+
+class SessionsView(RecordsBase):
+    """`/sessions`."""
+
+    @operation(
+        "sessions_list",
+        "List control sessions",
+        scope=Scope.READ,
+        query=SessionsAsked,
+        answer=SessionList,
+        refuses=(404,),
+        tag="records",
+    )
+    def get(self, _request: Request, query: SessionsAsked) -> SessionList:
+        """Your own, and those of robots that you supervise; staff read all. `from` and `to`: when they began."""
+        found = sessions_seen_by(self.person)
+        token = self.token
+        if token is not None and token.robots:
+            found = found.filter(robot__in=token.robots)
+        if query.robot is not None:
+            if not found.filter(robot__slug=query.robot).exists():
+                self.robot(query.robot)
+            found = found.filter(robot__slug=query.robot)
+        if query.person is not None:
+            found = found.filter(
+                Q(user=self.person) if query.person == ME else Q(user__username=query.person)
+            )
+        if query.from_ is not None:
+            found = found.filter(started_at__gte=utc(query.from_))
+        if query.to is not None:
+            found = found.filter(started_at__lt=utc(query.to))
+        if query.state is not None:
+            found = found.filter(ended_at__isnull=query.state == "open")
+        rows, following = page_by_time(found, "started_at", query.cursor, query.limit)
+        notes = end_notes([one.pk for one in rows])
+        return SessionList(
+            [SessionEntry(**_session(one, self.person, notes.get(one.pk, ""))) for one in rows], following
+        )
+
+
+class SessionView(RecordsBase):
+    """`/sessions/{id}`."""
+
+    @operation(
+        "sessions_read",
+        "Read a control session",
+        scope=Scope.READ,
+        answer=SessionDetail,
+        refuses=(404,),
+        tag="records",
+    )
+    def get(self, _request: Request, session_id: UUID) -> SessionDetail:
+        """Figures, and what happened in it."""
+        session = session_seen_by(self.person, session_id)
+        if session is None or not self.serves(session.robot_id):
+            raise Problem(NOT_FOUND)
+        report = report_of(session)
+        figures = report.figures
+        return SessionDetail(
+            **_session(session, self.person, end_notes([session.pk]).get(session.pk, "")),
+            figures=SessionFigures(
+                report.lasted_s,
+                figures.driven,
+                figures.distance_m,
+                figures.stops,
+                figures.interventions,
+                figures.complete,
+            ),
+            events=[
+                SessionEvent(one.number, one.at, one.what, one.subject, one.facts, one.expired)
+                for one in report.entries
+            ],
+            truncated=report.truncated,
+        )
+
+
+class AuditView(RecordsBase):
+    """`/audit`."""
+
+    @operation(
+        "audit_list",
+        "Read the log",
+        scope=Scope.READ,
+        query=AuditAsked,
+        answer=AuditList,
+        refuses=(404,),
+        tag="records",
+    )
+    def get(self, _request: Request, query: AuditAsked) -> AuditList:
+        """Your own records; staff read all. Each request with its outcome."""
+        before = decoded(query.cursor, int)[0] if query.cursor else None
+        selection = Selection(self.wanted(query))
+        numbers = selection.numbers(query.limit + 1, before=None if before is None else min(before, 2**62))
+        shown = numbers[: query.limit]
+        following = encoded(shown[-1]) if len(numbers) > query.limit else None
+        return AuditList([_audit(row) for row in rows_of(shown)], following)
+
+
+class RecordView(RecordsBase):
+    """`/audit/{number}`."""
+
+    @operation(
+        "audit_read",
+        "Read a record",
+        scope=Scope.READ,
+        answer=AuditEntry,
+        refuses=(404,),
+        tag="records",
+    )
+    def get(self, _request: Request, number: int) -> AuditEntry:
+        """With its outcome; of an outcome’s number, the request."""
+        found = Record.objects.filter(pk=min(number, 2**62)).first()
+        if found is None:
+            raise Problem(NOT_FOUND)
+        row = row_of(found)
+        mine = str(self.person.pk) in (row.record.actor_id, row.record.real_actor_id)
+        if not (mine or self.person.is_staff) or not self.serves(row.record.robot_id):
+            raise Problem(NOT_FOUND)
+        return _audit(row)
+
+
+class ExportView(RecordsBase):
+    """`/audit/export`."""
+
+    @operation(
+        "audit_export",
+        "Export the log",
+        scope=Scope.READ,
+        query=ExportAsked,
+        refuses=(404,),
+        content_type="application/jsonl text/csv",
+        tag="records",
+    )
+    def post(self, _request: Request, query: ExportAsked) -> HttpResponseBase:
+        """For staff. Streams all records that match, and is itself recorded."""
+        if not self.person.is_staff:
+            raise PermissionDenied("Only staff export the log. Your own data are on the page Your data.")
+        wanted = self.wanted(query)
+        return exports.response(
+            Selection(wanted),
+            wanted,
+            actor=self.person,
+            name="everything",
+            format_=exports.Format(query.format),
+        )
+
+
+def _actor(name: str | None, person: User) -> str:
+    """Return an actor’s id in the log; blank: anybody. Raises `Problem`: nobody is called so."""
+    if name is None:
+        return ""
+    if name == ME:
+        return str(person.pk)
+    if name == CONSOLE:
+        return name
+    found = User.objects.filter(username=name).values_list("pk", flat=True).first()
+    if found is None and not Actor.objects.filter(pk=name).exists():
+        raise Problem(NOT_FOUND)
+    return str(found or name)
+
+
+def _session(one: ControlSession, person: User, note: str) -> dict[str, Any]:
+    return {
+        "id": one.pk,
+        "robot": one.robot.slug,
+        "person": one.user.display_name,
+        "yours": one.user_id == person.pk,
+        "program": one.program,
+        "fence": one.fence,
+        "started_at": one.started_at,
+        "ended_at": one.ended_at,
+        "end_reason": one.end_reason,
+        "note": note,
+    }
+
+
+def _audit(row: Row) -> AuditEntry:
+    record, end = row.record, row.end
+    really_by = record.real_actor
+    return AuditEntry(
+        number=record.pk,
+        at=record.at,
+        kind=record.kind,
+        what=wording.label(record.kind),
+        robot=Named(str(record.robot_id), record.robot_name) if record.robot_id else None,
+        person=Named(record.actor_id, record.actor_name) if record.actor_id else None,
+        really_by=Named(really_by.pk, really_by.name) if really_by else None,
+        session=record.session_id,
+        fence=record.fence,
+        outcome=row.outcome,
+        details=record.details,
+        expired=wording.expired(record),
+        ended=AuditOutcome(end.pk, end.at, end.kind, end.outcome, end.details) if end else None,
+    )
