@@ -1,6 +1,6 @@
 """Fills a console's database, and measures control's rules in it. Runs in `manage.py shell`.
 
-Ten robots that no bridge runs for, on which the operator may drive, and bookings of one hour from a year ago on, with a
+Ten robots, one of them in service, on which the operator may drive, and bookings of one hour from a year ago on, with a
 gap now.
 """
 
@@ -36,7 +36,7 @@ def fill(rows: int) -> list[Robot]:
             name=f"Robot {number}",
             profile=profile,
             master_uri="http://127.0.0.1:9",
-            enabled=False,
+            enabled=number == 0,  # the one that is booked: a robot that is switched off cannot be
         )
         for number in range(ROBOTS)
     ]
