@@ -8,6 +8,7 @@ class FleetConfig(AppConfig):
     """Registers the checks."""
 
     name = "fleet"
+    default = True  # of the two configurations in this module
 
     def ready(self) -> None:
         """Importing registers."""

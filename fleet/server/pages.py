@@ -112,6 +112,8 @@ def become_pages(life_line: int) -> None:
 
 def _end_with(life_line: int) -> None:
     os.read(life_line, 1)  # nobody writes: this is its end
+    if programs := os.environ.get("FLEET_PROGRAMS_SOCKET"):  # a process that was killed leaves it
+        Path(programs).unlink(missing_ok=True)
     exit_within(END_S)
     with suppress(ProcessLookupError):
         os.kill(os.getpid(), 15)
