@@ -59,7 +59,7 @@ class _Request(RecordedTask):
 
     @property
     def progress(self) -> float:
-        """What is done of the goal, positive towards it."""
+        """The part of the goal that is done, positive towards it."""
         if self.travelled is None:
             return 0.0
         done = self.travelled.angle_rad if self.turns else self.travelled.distance_m

@@ -148,7 +148,7 @@ class CancelAsked(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class BookRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """A slot to book. `person`: for somebody else; `override`: why against the policy, by who manages the robot."""
+    """A slot to book. `person`: for somebody else; `override`: why against the policy, for managers of the robot."""
 
     robot: Slug
     starts_at: Moment

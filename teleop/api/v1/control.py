@@ -30,7 +30,7 @@ _NOT_TAKEN = Refusal("no_lease", "This program does not have control: take it fi
 
 
 class ControlEntry(Struct, frozen=True):
-    """Who has control of a robot, as this program sees it."""
+    """The holder of control of a robot, as this program sees it."""
 
     state: (
         ControlState | Literal["unknown"]
@@ -184,7 +184,7 @@ class AskView(ProgramView):
 
     @operation("control_leave", "Leave the line", scope=None, status=204, refuses=(404, 409), tag="control")
     def delete(self, _request: Request, slug: str) -> None:
-        """Nothing happens to who is not in line."""
+        """Does nothing for a program that is not in line."""
         async_to_sync(self.connection(self.robot(slug)).change)(wire.AskCancel())
 
 

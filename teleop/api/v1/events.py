@@ -44,7 +44,7 @@ class EventStream(BaseRenderer):
 
 
 class Reader(Struct, frozen=True):
-    """Who reads, and of which robots."""
+    """The reader of a stream, and the robots that it is about."""
 
     user: User
     key: str  # of the token, or of the session

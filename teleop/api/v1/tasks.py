@@ -250,7 +250,7 @@ class ClearView(TasksBase):
         tag="stop",
     )
     def post(self, _request: Request, slug: str, body: ClearRequest) -> StopState:
-        """By who has control, a supervisor or staff. Nothing moves."""
+        """For the holder of control, supervisors and staff. Nothing moves."""
         robot = self.robot(slug)
         connection = self.connection(robot)
         refusal = async_to_sync(connection.tell)(wire.Clear(body.number))

@@ -34,5 +34,5 @@ class TokenAuthentication(BaseAuthentication):
         return token.user, token
 
     def authenticate_header(self, _request: Request) -> str:
-        """Answer 401, not 403, to who is not signed in."""
+        """Answer 401, not 403, to people who are not signed in."""
         return 'Bearer realm="fleet"'

@@ -76,7 +76,7 @@ class SessionScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-
 
 
 class StopResults(Struct, frozen=True):
-    """What came of a stop, by robot: the stop, or a refusal; with `pending` it is delivered as soon as possible."""
+    """The outcome of a stop, by robot: the stop, or a refusal; with `pending` it is delivered as soon as possible."""
 
     robots: dict[str, dict[str, Any]]
 
