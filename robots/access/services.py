@@ -24,15 +24,9 @@ if TYPE_CHECKING:
 @transaction.atomic
 def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> None:
     """Give `user` this role on `robot`, in place of any other; None takes it away."""
-    held = RobotRole.objects.select_for_update().filter(robot=robot, user=user).first()
-    before = held.role if held else None
-    after = role.value if role else None
+    before, after = _replace_role(RobotRole, role, robot=robot, user=user)
     if before == after:
         return
-    if role is None:
-        RobotRole.objects.filter(robot=robot, user=user).delete()
-    else:
-        RobotRole.objects.update_or_create(robot=robot, user=user, defaults={"role": role.value})
     record(
         "role.change",
         actor=actor,
@@ -47,14 +41,9 @@ def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> No
 @transaction.atomic
 def group_role_set(*, group: RobotGroup, user: User, role: Role | None, actor: Actor) -> None:
     """Give `user` this role on every robot of a group, in place of any other on it; None takes it away."""
-    held = GroupRole.objects.select_for_update().filter(group=group, user=user).first()
-    before, after = held.role if held else None, role.value if role else None
+    before, after = _replace_role(GroupRole, role, group=group, user=user)
     if before == after:
         return
-    if role is None:
-        GroupRole.objects.filter(group=group, user=user).delete()
-    else:
-        GroupRole.objects.update_or_create(group=group, user=user, defaults={"role": role.value})
     record(
         "role.change",
         actor=actor,
@@ -62,6 +51,19 @@ def group_role_set(*, group: RobotGroup, user: User, role: Role | None, actor: A
         private={"name": user.display_name},
     )
     tell_access_changed([user.pk])
+
+
+def _replace_role(
+    table: type[RobotRole] | type[GroupRole], role: Role | None, **place: Any
+) -> tuple[str | None, str | None]:
+    """Store a role in place of any other at this place. Returns the roles before and after."""
+    held = table.objects.select_for_update().filter(**place).first()
+    before, after = held.role if held else None, role.value if role else None
+    if after is None:
+        table.objects.filter(**place).delete()
+    elif before != after:
+        table.objects.update_or_create(**place, defaults={"role": after})
+    return before, after
 
 
 # --- groups, courses, qualifications --------------------------------------------------------------
