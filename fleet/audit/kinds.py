@@ -59,6 +59,7 @@ KINDS: dict[str, Kind] = {
     "motion.end": _motion(_("end of motion")),
     "motion.cancel": _motion(_("motion cancelled")),
     "head.look_ahead": _motion(_("look ahead")),
+    "head.turn": _motion(_("turn the head")),
     "memory.forget": _motion(_("asked to forget obstacles")),
     "gate.begin": _refusal(_("gate held back")),
     "gate.end": _refusal(_("gate let go")),

@@ -17,8 +17,8 @@ from django.urls import resolve  # noqa: E402
 from fleet.environment import limit_queries  # noqa: E402
 from fleet.site.handler import OneThreadHandler, PagesHandler  # noqa: E402
 from fleet.site.websocket_access import guarded  # noqa: E402
+from fleet.site.websockets import websocket_urlpatterns  # noqa: E402
 from robots.processes.shutdown import exit_within  # noqa: E402
-from teleop.live.routing import websocket_urlpatterns  # noqa: E402
 
 limit_queries(connections.settings["default"])
 resolve("/stop-all/")  # loads the code of all addresses, so that the first stop does not wait 0.1 s for it

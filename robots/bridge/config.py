@@ -57,6 +57,19 @@ class DepthSource(Struct, frozen=True):
     blind_m: float = 0.5  # along its axis: it cannot measure nearer points
 
 
+class CameraSource(Struct, frozen=True):
+    """A camera that people watch. `name` stands in addresses and messages, `label` on pages (else the name)."""
+
+    name: str
+    topic: str
+    type: str  # sensor_msgs/CompressedImage or sensor_msgs/Image
+    info: str | None = None  # sensor_msgs/CameraInfo: without it no path is drawn into the picture
+    frame: str | None = None  # its optical frame; None: as its messages say
+    label: str = ""
+    moves: bool = False  # it is mounted on the head
+    base_frame: str = "base_footprint"  # on the floor
+
+
 class HeadSource(Struct, frozen=True):
     """A head with two joints behind a joint trajectory controller (trajectory_msgs/JointTrajectory)."""
 
@@ -65,6 +78,8 @@ class HeadSource(Struct, frozen=True):
     tilt_joint: str  # positive: up
     # radians: at this tilt the depth camera sees the floor from 0.5 m to 3 m in front of the robot
     look_tilt: float = -0.6
+    pan_rad: tuple[float, float] = (-1.3, 1.3)  # rightmost and leftmost position
+    tilt_rad: tuple[float, float] = (-1.0, 0.7)  # lowest and highest position
     follows_turn: bool = False  # while driving, the head turns to where the robot will be
 
 
@@ -96,7 +111,7 @@ class Topics(Struct, frozen=True):
     speech: Topic | None = None
     languages: list[str] = []  # spoken languages, BCP 47, the default first
     motions: Topic | None = None
-    camera: Topic | None = None
+    cameras: list[CameraSource] = []
     map: Topic | None = None  # nav_msgs/OccupancyGrid in the frame "map", latched
     cancel_on_stop: list[str] = []  # names of actions; an emergency stop cancels all their goals
 

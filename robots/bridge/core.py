@@ -162,6 +162,7 @@ class Core:
             self.halt("page_back", "the page came back", now_s)
         self._page_gone_s = None
         self._gate.observe_operator(grant.delay_s)
+        self._gate.observe_camera_view(grant.camera_s)
         self.lease.take(grant, link, now_s)
 
     def revoke(self, fence: int, reason: str, now_s: float) -> None:

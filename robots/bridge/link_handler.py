@@ -12,6 +12,7 @@ import time
 from uuid import UUID
 
 from robots import wire
+from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.core import Core
 from robots.bridge.lease.fencing import FenceStore
 from robots.bridge.server.flood_limits import TokenBucket
@@ -41,11 +42,14 @@ _FAULT = wire.Refusal(
 class LinkHandler:
     """Handles the messages of one bridge's links."""
 
-    def __init__(self, core: Core, fences: FenceStore, inspector: InspectorClient) -> None:
+    def __init__(
+        self, core: Core, fences: FenceStore, inspector: InspectorClient, cameras: CameraClient
+    ) -> None:
         self._core = core
         self._robot = UUID(core.config.robot_id)
         self._fences = fences
         self._inspector = inspector
+        self._cameras = cameras
         self._drives: dict[Link, TokenBucket] = {}
         # time of the last answer, by kind and code
         self._refused: dict[Link, dict[tuple[str, str], float]] = {}
@@ -61,6 +65,7 @@ class LinkHandler:
         self._core.link_lost(link.number, time.monotonic())
         self._fences.forget(link)
         self._inspector.forget(link)
+        self._cameras.forget(link)
         del self._drives[link], self._refused[link]
 
     async def received(self, link: Link, raw: bytes) -> None:
@@ -108,6 +113,8 @@ class LinkHandler:
                 self._inspector.ask(link, message)
             case wire.LinkSubscribe(topics=topics):
                 self._inspector.set_subscriptions(link, topics)
+            case wire.LinkCamera(wanted=wanted):
+                self._cameras.set_wanted(link, wanted)
             case wire.LinkCancel():
                 self._answer(link, message, self._core.tasks.cancel(message.what, message.by))
             case order if isinstance(order, wire.TaskRequest):

@@ -21,6 +21,7 @@ from robots import wire
 from robots.bridge import state_view
 from robots.bridge.audit.record_sink import RecordSink
 from robots.bridge.audit.records import Records
+from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.config import BridgeConfig
 from robots.bridge.core import Core
 from robots.bridge.drive.drive_log import DriveLog
@@ -64,6 +65,7 @@ class Bridge:
         # one.
         stops_before = time.time_ns() // 1_000_000
         self._inspector = InspectorClient(config, self._publishing_lost)
+        self._cameras = CameraClient(config)
         self._core = Core(
             config,
             self._base,
@@ -80,7 +82,7 @@ class Bridge:
         self._core.ignore_presses(presses)
         self._maps = MapFetcher(config, self._records.keep_map)
         self._fences = FenceStore(self._core, store, saved.fence, lambda: self._beat(time.monotonic()))
-        handler = LinkHandler(self._core, self._fences, self._inspector)
+        handler = LinkHandler(self._core, self._fences, self._inspector, self._cameras)
         self._links = LinkServer(config.link, handler.opened, handler.received, handler.closed, handler.hear)
         self._watchdog = WatchdogClient(lane_path(config), self._pressed)
         self._ended = False
@@ -113,6 +115,7 @@ class Bridge:
             await self._maps.close()
             await asyncio.gather(
                 self._inspector.close(),
+                self._cameras.close(),
                 asyncio.to_thread(self._records.close),  # afterwards no record calls the loop
             )
             await self._links.close()

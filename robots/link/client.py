@@ -12,7 +12,7 @@ import asyncio
 import logging
 import os
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import cache
 from typing import Protocol, TypeVar, get_args
@@ -138,6 +138,7 @@ class BridgeLink:
         self._viewer: Listener | None = None
         self._names: frozenset[str] = frozenset()  # of the viewers
         self._topics: dict[str, float] = {}  # subscribed topics and their rates (Hz)
+        self._camera_listener: Callable[[wire.CameraAt], None] | None = None
         self._subscriptions_timer: asyncio.TimerHandle | None = (
             None  # sends changed subscriptions to the bridge
         )
@@ -192,6 +193,11 @@ class BridgeLink:
             self._topics = dict(topics)
             if self._subscriptions_timer is None:
                 self._schedule_subscriptions()
+
+    def watch_cameras(self, listener: Callable[[wire.CameraAt], None] | None) -> None:
+        """Let the camera process run and report its address to `listener`; None: nobody watches any more."""
+        self._camera_listener = listener
+        self.send(wire.LinkCamera(listener is not None))
 
     @property
     def silent(self) -> bool:
@@ -473,6 +479,8 @@ class BridgeLink:
             self._send_viewers()
         if self._topics:
             await self._send(wire.LinkSubscribe(self._topics))
+        if self._camera_listener is not None:
+            await self._send(wire.LinkCamera(True))
 
     def _open_lane(self, token: str) -> None:
         """Without a lane, all messages take the WebSocket and arrive some tenths of a millisecond later."""
@@ -518,6 +526,9 @@ class BridgeLink:
                 self._queries.answer(report.seq, bytes(report.answer).decode())
             case wire.LinkSample():
                 self._forward_sample(report)
+            case wire.CameraAt():
+                if self._camera_listener is not None:
+                    self._camera_listener(report)
 
     def _refused(self, refused: Refused) -> None:
         refusal = LinkRefused(refused.refusal)
@@ -560,6 +571,8 @@ class BridgeLink:
         was_up, before = self.up, self.refusal
         self.up, self.refusal = False, refusal
         self.state = self.offers = None
+        if self._camera_listener is not None:
+            self._camera_listener(wire.CameraAt())
         for replies in (self._grants, self._latch, self._task_requests, self._queries):
             replies.answer_all(LinkRefused(refusal))
         if was_up:

@@ -60,6 +60,7 @@ ENDS = {
     "drive.by": ("drive.by", "unknown"),
     "topic.choose": ("topic.choose", "unknown"),
     "head.look_ahead": ("head.look_ahead", "unknown"),
+    "head.turn": ("head.turn", "unknown"),
     "memory.forget": ("memory.forget", "unknown"),
 }
 _EXPIRING = ("fields",)  # of what is asked: what a person wrote, but no sentence

@@ -14,10 +14,20 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
-from robots.bridge.config import ArmSource, DepthSource, HeadSource, ScanSource, SonarSource, Topic, Topics
+from robots.bridge.config import (
+    ArmSource,
+    CameraSource,
+    DepthSource,
+    HeadSource,
+    ScanSource,
+    SonarSource,
+    Topic,
+    Topics,
+)
 from robots.bridge.drive.input_filters import SMOOTHING, STEPS, StickStep
 from robots.bridge.gate.values import Parameters
 from robots.bridge.tasks.denylist import FULL_NAME, USE_TYPES
+from robots.wire import MOST_CAMERAS
 
 T = TypeVar("T", bound=Struct)
 V = TypeVar("V")
@@ -29,10 +39,11 @@ UNDERSTOOD_TYPES = {
     "joint_states": ("sensor_msgs/JointState",),
     "battery": ("std_msgs/Float32", "sensor_msgs/BatteryState"),
     "charging": ("std_msgs/Bool",),
-    "camera": ("sensor_msgs/CompressedImage", "sensor_msgs/Image"),
     "map": ("nav_msgs/OccupancyGrid",),
 }
 
+CAMERA_TYPES = ("sensor_msgs/CompressedImage", "sensor_msgs/Image")
+CAMERA_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,39}")
 LANGUAGE = re.compile(r"(?=.{2,35}$)[A-Za-z]{2,3}(-[A-Za-z0-9]{2,8})*")  # BCP 47
 _PLACE = re.compile(r"(?P<what>.*?)(?: - at `(?:key in )?\$(?P<path>.*)`)?", re.DOTALL)
 _WORDS = {
@@ -182,6 +193,7 @@ def topic_problems(topics: Topics) -> Iterator[str]:
         yield from _pose_problems(scan, f"scans[{index}]")
     for index, sonar in enumerate(topics.sonars):
         yield from _sonar_problems(sonar, f"sonars[{index}]")
+    yield from _camera_problems(topics.cameras)
     for index, action in enumerate(topics.cancel_on_stop):
         yield from _name_problem(action, f"cancel_on_stop[{index}]")
     for index, language in enumerate(topics.languages):
@@ -212,11 +224,32 @@ def _depth_problems(depth: DepthSource) -> Iterator[str]:
         yield "depth.base_frame: must name the frame that lies on the floor below the robot"
 
 
+def _camera_problems(cameras: list[CameraSource]) -> Iterator[str]:
+    if len(cameras) > MOST_CAMERAS:
+        yield f"cameras: at most {MOST_CAMERAS}, not {len(cameras)}"
+    for index, camera in enumerate(cameras):
+        path = f"cameras[{index}]"
+        if not CAMERA_NAME.fullmatch(camera.name):
+            yield f"{path}.name: {camera.name!r} must be short: small letters, digits, - and _, such as head"
+        yield from _name_problem(camera.topic, f"{path}.topic")
+        if camera.type not in CAMERA_TYPES:
+            yield f"{path}.type: {camera.type!r} is not understood here, only {' or '.join(CAMERA_TYPES)}"
+        if camera.info is not None:
+            yield from _name_problem(camera.info, f"{path}.info")
+        if not camera.base_frame:
+            yield f"{path}.base_frame: must name the frame that lies on the floor below the robot"
+    yield from _doublets([camera.name for camera in cameras], "cameras", "name")
+
+
 def _head_problems(head: HeadSource) -> Iterator[str]:
     yield from _name_problem(head.topic, "head.topic")
     for name in ("pan_joint", "tilt_joint"):
         if not getattr(head, name):
             yield f"head.{name}: must name a joint"
+    for name in ("pan_rad", "tilt_rad"):
+        low, high = getattr(head, name)
+        if not -math.pi <= low < high <= math.pi:
+            yield f"head.{name}: must be two angles from -3.14 to 3.14 rad, the lower one first"
     if abs(head.look_tilt) > math.pi / 2.0:
         yield f"head.look_tilt: must be between -1.57 and 1.57 rad, not {head.look_tilt:g}"
 

@@ -115,9 +115,10 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
         yield Listened(f"sonars {topic}", topic, "sensor_msgs/Range", stamped=True, frames=frames)
     if topics.depth:
         yield Listened("depth", topics.depth.topic, topics.depth.type, stamped=True)
-    for what in ("joint_states", "camera"):
-        if source := getattr(topics, what):
-            yield Listened(what.replace("_", " "), source.name, source.type, stamped=True)
+    if topics.joint_states:
+        yield Listened("joint states", topics.joint_states.name, topics.joint_states.type, stamped=True)
+    for camera in topics.cameras:
+        yield Listened(f"camera {camera.topic}", camera.topic, camera.type, stamped=True)
     for what in ("battery", "charging"):
         if source := getattr(topics, what):
             yield Listened(what, source.name, source.type, stamped=source.type == "sensor_msgs/BatteryState")

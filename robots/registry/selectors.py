@@ -21,7 +21,7 @@ from robots.registry import robot_config
 from robots.registry.models import Allowance, Phrase, Robot, RobotProfile
 from robots.registry.phrases import FALLBACK_LANGUAGE
 from robots.registry.profile_schema import Problems
-from robots.wire import Limits, ReverseSteering, RobotFacts, SonarPose, Use
+from robots.wire import CameraEntry, Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
 DISC_CORNERS = 32  # of the polygon that a disc is drawn as
 
@@ -141,9 +141,17 @@ def robot_facts(robot: Robot) -> RobotFacts:
         reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),
         drive_topic=robot.drive_topic or robot.profile.drive_topic,
         has_head=known is not None and known.topics.head is not None,
+        cameras=_cameras(known.topics) if known else [],
         sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],
         stick=describe(known.stick if known else ()),
     )
+
+
+def _cameras(topics: Topics) -> list[CameraEntry]:
+    return [
+        CameraEntry(camera.name, camera.label or camera.name, camera.moves and topics.head is not None)
+        for camera in topics.cameras
+    ]
 
 
 def _drawn(body: GateProfile) -> list[tuple[float, float]]:

@@ -1,8 +1,8 @@
 """Every message between browser, web process and bridge, split by who speaks.
 
 Units are SI unless a name says otherwise; angles are radians; base frame: x forward, y left (REP 103). Joystick axes
-run from -1 to 1. The modules: `page`, `tasks`, `state`, `topics`, `link`; `base` has what they share, `codec` and
-`doors` decode and validate. A message that does not fit raises `WireError`, which carries the `Refusal` to answer with.
+run from -1 to 1. The modules: `page`, `tasks`, `state`, `topics`, `camera`, `link`; `base` has the shared parts;
+`codec` and `doors` decode and validate. A message that does not fit raises `WireError` with the `Refusal` to answer.
 
 A view (`View`) is encoded once by the bridge and passes the web process without being decoded: on the link it is the
 only binary frame.
@@ -45,6 +45,26 @@ from robots.wire.base import TopicName as TopicName
 from robots.wire.base import TypeName as TypeName
 from robots.wire.base import Use as Use
 from robots.wire.base import WireError as WireError
+from robots.wire.camera import MOST_CAMERAS as MOST_CAMERAS
+from robots.wire.camera import CameraAck as CameraAck
+from robots.wire.camera import CameraEnd as CameraEnd
+from robots.wire.camera import CameraEntry as CameraEntry
+from robots.wire.camera import CameraKey as CameraKey
+from robots.wire.camera import CameraMessage as CameraMessage
+from robots.wire.camera import CameraName as CameraName
+from robots.wire.camera import CameraPong as CameraPong
+from robots.wire.camera import CameraRequest as CameraRequest
+from robots.wire.camera import Cameras as Cameras
+from robots.wire.camera import CameraSize as CameraSize
+from robots.wire.camera import CameraState as CameraState
+from robots.wire.camera import CameraWants as CameraWants
+from robots.wire.camera import CameraWatch as CameraWatch
+from robots.wire.camera import PictureFormat as PictureFormat
+from robots.wire.camera import PictureHeader as PictureHeader
+from robots.wire.camera import TakenPicture as TakenPicture
+from robots.wire.camera import Variant as Variant
+from robots.wire.camera import packed as packed
+from robots.wire.camera import unpacked as unpacked
 from robots.wire.codec import LARGEST_REPORT_BYTES as LARGEST_REPORT_BYTES
 from robots.wire.codec import Door as Door
 from robots.wire.codec import encode as encode
@@ -53,23 +73,29 @@ from robots.wire.codec import heading as heading
 from robots.wire.codec import kind_of as kind_of
 from robots.wire.doors import BrowserMessage as BrowserMessage
 from robots.wire.doors import BrowserReport as BrowserReport
+from robots.wire.doors import CameraReport as CameraReport
 from robots.wire.doors import FleetMessage as FleetMessage
 from robots.wire.doors import FleetReport as FleetReport
 from robots.wire.doors import LinkReport as LinkReport
 from robots.wire.doors import TopicsReport as TopicsReport
 from robots.wire.doors import browser_message as browser_message
 from robots.wire.doors import browser_report as browser_report
+from robots.wire.doors import camera_message as camera_message
+from robots.wire.doors import camera_report as camera_report
+from robots.wire.doors import camera_request as camera_request
 from robots.wire.doors import fleet_message as fleet_message
 from robots.wire.doors import link_report as link_report
 from robots.wire.doors import link_request as link_request
 from robots.wire.doors import topics_message as topics_message
 from robots.wire.doors import topics_report as topics_report
 from robots.wire.link import BridgeHello as BridgeHello
+from robots.wire.link import CameraAt as CameraAt
 from robots.wire.link import Ended as Ended
 from robots.wire.link import Grant as Grant
 from robots.wire.link import Granted as Granted
 from robots.wire.link import LaneToken as LaneToken
 from robots.wire.link import LinkAnswer as LinkAnswer
+from robots.wire.link import LinkCamera as LinkCamera
 from robots.wire.link import LinkCancel as LinkCancel
 from robots.wire.link import LinkClear as LinkClear
 from robots.wire.link import LinkHello as LinkHello
@@ -87,6 +113,7 @@ from robots.wire.link import Viewers as Viewers
 from robots.wire.page import Ask as Ask
 from robots.wire.page import AskCancel as AskCancel
 from robots.wire.page import Booked as Booked
+from robots.wire.page import CameraView as CameraView
 from robots.wire.page import Clear as Clear
 from robots.wire.page import ClearRobot as ClearRobot
 from robots.wire.page import Control as Control
@@ -147,6 +174,7 @@ from robots.wire.tasks import PublishStop as PublishStop
 from robots.wire.tasks import Say as Say
 from robots.wire.tasks import SayCancel as SayCancel
 from robots.wire.tasks import TaskRequest as TaskRequest
+from robots.wire.tasks import TurnHead as TurnHead
 from robots.wire.topics import ActionRow as ActionRow
 from robots.wire.topics import Called as Called
 from robots.wire.topics import CallService as CallService

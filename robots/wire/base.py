@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-PROTOCOL = 5
+PROTOCOL = 6
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
 MOST_SUBSCRIPTIONS = 30  # topics of one robot that are looked at: as many as one message has room for
 DEEPEST = 20  # levels of lists and dictionaries in values of any shape
@@ -34,6 +34,7 @@ SLOWEST_HZ = 0.1  # of repeated publishing
 SLOWEST_MPS = 0.02  # of a drive by a distance; slower robots stick
 SLOWEST_RADPS = 0.05
 FARTHEST_M = 5.0
+FARTHEST_HEAD_RAD = 1.5  # of one turn of the head
 FARTHEST_RAD = math.tau
 Rate = Annotated[float, Meta(ge=0.0, le=50.0)]  # Hz; 0 is once
 SampleRate = Annotated[float, Meta(ge=SLOWEST_HZ, le=10.0)]  # Hz

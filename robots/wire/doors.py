@@ -7,9 +7,17 @@ from collections.abc import Callable
 import msgspec
 
 from robots.wire.base import Accepted, Ack, BridgeGone, Notice, Ping, Pong, Refused
+from robots.wire.camera import (
+    CameraMessage,
+    CameraPong,
+    CameraRequest,
+    Cameras,
+    CameraState,
+)
 from robots.wire.codec import Door
 from robots.wire.link import (
     BridgeHello,
+    CameraAt,
     Ended,
     Granted,
     LaneToken,
@@ -22,6 +30,7 @@ from robots.wire.link import (
 from robots.wire.page import (
     Ask,
     AskCancel,
+    CameraView,
     Clear,
     ClearRobot,
     Control,
@@ -52,6 +61,7 @@ from robots.wire.tasks import (
     PublishStop,
     Say,
     SayCancel,
+    TurnHead,
 )
 from robots.wire.topics import Sample, TopicAnswer, TopicsMessage
 
@@ -65,7 +75,9 @@ BrowserMessage = (
     | AskCancel
     | HandOver
     | Drive
+    | CameraView
     | LookAhead
+    | TurnHead
     | Forget
     | Play
     | PlayCancel
@@ -85,6 +97,7 @@ BrowserMessage = (
 FleetMessage = StopRobot | StopAll | ClearRobot | Ack | Ping
 BrowserReport = Welcome | Control | Notice | Accepted | Refused | BridgeGone | Offers | View | Pong
 TopicsReport = TopicAnswer | Sample | BridgeGone | Notice | Pong
+CameraReport = Cameras | CameraState | CameraPong | BridgeGone | Notice | Refused
 FleetReport = Fleet | Refused | Pong
 LinkReport = (
     BridgeHello
@@ -98,12 +111,16 @@ LinkReport = (
     | Offers
     | LinkAnswer
     | LinkSample
+    | CameraAt
 )
 browser_message = Door[BrowserMessage](BrowserMessage)
 topics_message = Door[TopicsMessage](TopicsMessage)
+camera_message = Door[CameraMessage](CameraMessage)
+camera_request = Door[CameraRequest](CameraRequest)
 fleet_message = Door[FleetMessage](FleetMessage)
 link_request = Door[LinkRequest](LinkRequest)
 # Reports through the same doors: of any size; a misfit raises `msgspec.DecodeError`.
 browser_report: Callable[[str | bytes], BrowserReport] = msgspec.json.Decoder(BrowserReport).decode
 topics_report: Callable[[str | bytes], TopicsReport] = msgspec.json.Decoder(TopicsReport).decode
+camera_report: Callable[[str | bytes], CameraReport] = msgspec.json.Decoder(CameraReport).decode
 link_report: Callable[[str | bytes], LinkReport] = msgspec.json.Decoder(LinkReport).decode  # text frames

@@ -37,6 +37,8 @@ class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
     max_share: Share
     delay_s: Annotated[float, Meta(ge=0.0)] | None = None  # web process -> holder's page -> web process
     silent_s: Annotated[float, Meta(ge=0.0)] | None = None  # since its last message; None: it sends no stream
+    # age of the camera picture by which the holder drives; None: not by a camera
+    camera_s: Annotated[float, Meta(ge=0.0)] | None = None
 
 
 class Revoke(Struct, frozen=True, tag_field="t", tag="revoke"):
@@ -109,6 +111,12 @@ class LinkSubscribe(Struct, frozen=True, tag_field="t", tag="look_at"):
     topics: dict[TopicName, SampleRate]
 
 
+class LinkCamera(Struct, frozen=True, tag_field="t", tag="link_camera"):
+    """Whether people watch cameras through this web process. While somebody does, `CameraAt` follows."""
+
+    wanted: bool
+
+
 class Viewers(Struct, frozen=True, tag_field="t", tag="watch"):
     """People who view the robot through this web process, and how many `more`. Without viewers: `Status`, no views."""
 
@@ -131,6 +139,7 @@ LinkRequest = (
     | Viewers
     | LinkQuery
     | LinkSubscribe
+    | LinkCamera
 )
 
 
@@ -187,3 +196,10 @@ class LinkSample(Struct, frozen=True, tag_field="t", tag="seen"):
 
     topic: str
     shown: msgspec.Raw  # a `Sample`, handed on untouched
+
+
+class CameraAt(Struct, frozen=True, tag_field="t", tag="camera_at"):
+    """Address of the robot's camera process: a Unix socket, or a TCP port of the bridge's host. Both None: none."""
+
+    unix_path: str | None = None
+    port: int | None = None

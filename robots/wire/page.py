@@ -18,6 +18,7 @@ from robots.wire.base import (
     Share,
     TabToken,
 )
+from robots.wire.camera import CameraEntry
 from robots.wire.state import State
 
 
@@ -74,6 +75,15 @@ class Drive(Struct, frozen=True, tag_field="t", tag="drive"):
     w: Axis
     y: Axis = 0.0
     share: Share = 0.4
+
+
+class CameraView(Struct, frozen=True, tag_field="t", tag="camera_view"):
+    """The holder drives by a camera whose picture is so old; `age_ms` None: not by a camera any more.
+
+    Sent some five times a second: an old picture limits the speed as a late page does.
+    """
+
+    age_ms: Milliseconds | None = None
 
 
 class Stop(Struct, frozen=True, tag_field="t", tag="stop"):
@@ -148,6 +158,7 @@ class RobotFacts(Struct, frozen=True):
     sonars: list[SonarPose]  # in the order of `Scan.sonar_cm`
     stick: str  # steps from stick to gate, in words
     has_head: bool = False  # one that can be asked to look ahead
+    cameras: list[CameraEntry] = []  # that can be watched
 
 
 class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):

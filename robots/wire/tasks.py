@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from msgspec import Meta, Struct
 
 from robots.wire.base import (
+    FARTHEST_HEAD_RAD,
     FARTHEST_M,
     FARTHEST_RAD,
     LARGEST_MESSAGE_BYTES,
@@ -29,6 +30,15 @@ class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
     """Turn the head to where the robot drives."""
 
     fence: Fence
+    seq: Seq = 0
+
+
+class TurnHead(Struct, frozen=True, tag_field="t", tag="turn_head"):
+    """Turn the head by these angles (radians; positive: left, up) from where it was sent last."""
+
+    fence: Fence
+    pan: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)]
+    tilt: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)]
     seq: Seq = 0
 
 
@@ -139,6 +149,7 @@ class PublishStop(Struct, frozen=True, tag_field="t", tag="publish_stop"):
 
 TaskRequest = (
     LookAhead
+    | TurnHead
     | Forget
     | Play
     | PlayCancel

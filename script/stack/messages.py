@@ -42,6 +42,9 @@ DOORS: Mapping[str, Any] = {
     "From the console to readers of topics": wire.TopicsReport,
     "From the fleet page to the console": wire.FleetMessage,
     "From the console to the fleet page": wire.FleetReport,
+    "From readers of cameras to the console": wire.CameraMessage,
+    "From the console to readers of cameras": wire.CameraReport,
+    "From a web process to a camera process": wire.CameraRequest,
     "From a web process to a bridge": wire.LinkRequest,
     "From a bridge to a web process": wire.LinkReport,
 }
@@ -174,6 +177,8 @@ def _type(hint: Any) -> str:
     if origin is Literal:
         return ", ".join(f"`{value}`" for value in arguments)
     if origin is list:
+        return f"list of {_type(arguments[0])}"
+    if origin is tuple and arguments[-1] is Ellipsis:
         return f"list of {_type(arguments[0])}"
     if origin is tuple:
         return f"[{', '.join(map(_type, arguments))}]"

@@ -14,6 +14,8 @@ _NEEDED: dict[type, tuple[Scope, ...]] = {
     wire.DriveBy: (Scope.DRIVE,),
     wire.DriveByCancel: (Scope.DRIVE,),
     wire.LookAhead: (Scope.DRIVE,),
+    wire.TurnHead: (Scope.DRIVE,),
+    wire.CameraView: (Scope.DRIVE,),
     wire.Forget: (Scope.DRIVE,),
     wire.Clear: (Scope.DRIVE,),
     wire.Play: (Scope.MOTIONS,),

@@ -59,6 +59,7 @@ class ControlHolder:
         *,
         report: Report,
         delay_s: Callable[[], float | None],
+        camera_s: Callable[[], float | None],
         silent_s: Callable[[], float | None] = lambda: None,
     ) -> None:
         self.tab = tab
@@ -66,6 +67,7 @@ class ControlHolder:
         self._user_id = user_id
         self._report = report
         self._delay_s = delay_s
+        self._camera_s = camera_s
         self._silent_s = silent_s
         self._renewer: LeaseRenewer | None = None
         self._status: ControlStatus | None = None
@@ -230,6 +232,7 @@ class ControlHolder:
                 # The bridge knows better: it has a higher fencing number, or another session under this one.
                 refused=partial(self._end, EndReason.BRIDGE),
                 delay_s=self._delay_s,
+                camera_s=self._camera_s,
                 silent_s=self._silent_s,
             )
 

@@ -40,6 +40,7 @@ class LeaseRenewer:
         answered: Callable[[], Awaitable[None]],
         refused: Callable[[Refusal], Awaitable[None]],
         delay_s: Callable[[], float | None],
+        camera_s: Callable[[], float | None],
         silent_s: Callable[[], float | None],
     ) -> None:
         self.lease = lease
@@ -50,6 +51,7 @@ class LeaseRenewer:
         self._answered = answered
         self._refused = refused
         self._delay_s = delay_s
+        self._camera_s = camera_s
         self._silent_s = silent_s
         self._soon = asyncio.Event()
         # Another connection may have had this lease: its drive input ends here, sequence numbers start again.
@@ -126,5 +128,6 @@ class LeaseRenewer:
                 max_share=self.permit.max_share,
                 delay_s=self._delay_s(),
                 silent_s=self._silent_s(),
+                camera_s=self._camera_s(),
             )
         )

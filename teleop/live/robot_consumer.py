@@ -30,6 +30,7 @@ from teleop.control.rules import Tab, check_fence, fingerprint
 from teleop.control.scopes import needed_scopes, scope_missing
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live import robot_hub
+from teleop.live.camera_view import CameraViewAge
 from teleop.live.control_holder import ControlHolder
 from teleop.live.message_socket import BUSY, CloseCode
 from teleop.live.picture_feed import PictureViewer
@@ -53,6 +54,7 @@ class RobotConsumer(RobotSocket):
         super().__init__()
         self.control: ControlHolder | None = None  # from hello on
         self.viewer: PictureViewer | None = None
+        self.camera_view = CameraViewAge()
 
     # --- opening and closing -----------------------------------------------------------------------
 
@@ -95,6 +97,9 @@ class RobotConsumer(RobotSocket):
             await self.refuse(kind_of(message), scope_missing(needed), getattr(message, "seq", None))
         elif isinstance(message, wire.Drive):
             await self._drive(message, raw)
+        elif isinstance(message, wire.CameraView):
+            if self.camera_view.take(message.age_ms) and self.control:
+                self.control.renew_soon()
         elif isinstance(message, wire.TaskRequest):
             await self.tasks.start(message)
         elif isinstance(message, wire.Ack):
@@ -175,6 +180,7 @@ class RobotConsumer(RobotSocket):
             tab,
             report=self.send_message,
             delay_s=lambda: self.viewer.delay_s if self.viewer else None,
+            camera_s=self.camera_view.age_s,
             silent_s=lambda: time.monotonic() - self.heard_s,
         )
         await self._welcome()

@@ -16,12 +16,11 @@ from teleop.live.message_socket import BUSY, CloseCode
 from teleop.live.robot_socket import RobotSocket
 from teleop.live.service_calls import ServiceCall, execute
 from teleop.live.topic_feed import SampleWithheld, TopicViewer
-from teleop.recording.camera_audit import CameraAudit
+from teleop.recording.camera_audit import TOO_MANY_CAMERAS, CameraAudit
 
 MAX_PENDING = 8  # queries per connection
 QUERIES_PER_S = 5.0  # an answer may be large, and is not acknowledged
 QUERIES_BURST = 30.0
-TOO_MANY_CAMERAS = Refusal("busy", "You opened cameras very often: this one is shown in a moment.", "audit")
 
 
 class TopicsConsumer(RobotSocket):

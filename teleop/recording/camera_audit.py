@@ -43,6 +43,8 @@ PART_S = 3600.0
 ABANDONED_AFTER = timedelta(seconds=2 * PART_S)  # open for so long: its web process died, its end is unknown
 SEARCHED = timedelta(days=30)  # abandoned viewings are searched so far back
 
+TOO_MANY_CAMERAS = Refusal("busy", "You opened cameras very often: this one is shown in a moment.", "audit")
+
 _budgets = RecordBudgets()
 
 
@@ -79,13 +81,15 @@ class CameraAudit:
         self._open: dict[str, _Viewing] = {}
 
     def may_show(self, message: str) -> bool:
-        """Return whether this encoded sample may be shown. A picture starts or continues a viewing.
+        """Return whether this encoded sample of a topic may be shown; see `may_view` for pictures."""
+        camera = _camera_of(message)
+        return camera is None or self.may_view(camera)
+
+    def may_view(self, camera: str) -> bool:
+        """Return whether a picture of this camera may be shown. It starts or continues a viewing.
 
         False: the person's record budget is used up, so the viewing could not be recorded.
         """
-        camera = _camera_of(message)
-        if camera is None:
-            return True
         viewing = self._open.get(camera)
         if viewing is not None and time.monotonic() - viewing.since_s > PART_S:
             self.end(camera, "goes_on")

@@ -231,6 +231,10 @@ class Gate:
         """Take the round-trip time to the operator's page; None if unknown."""
         self._limits.operator_delay_s = delay_s
 
+    def observe_camera_view(self, age_s: float | None) -> None:
+        """Take the age of the camera picture by which the operator drives; None: not by a camera."""
+        self._limits.camera_view_s = age_s
+
     # --- state ----------------------------------------------------------------------------------
 
     def obstacles(self, now_s: float) -> Obstacles:

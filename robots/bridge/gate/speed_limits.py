@@ -30,6 +30,7 @@ from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import GateProfile, Sector, SpeedLimit, Velocity, Way
 
 REVERSE_RAD = 0.75 * math.pi  # directions beyond this angle count as reverse
+CAMERA_LATE_S = 0.5  # age of the camera picture by which a person drives, from which on it limits the speed
 AHEAD = Velocity(1.0, 0.0, 0.0)
 ALONG = (0.0, math.pi)  # the directions of a differential base
 EVERY_WAY = (*ALONG, math.pi / 2.0, -math.pi / 2.0)
@@ -66,6 +67,7 @@ class SpeedLimits:
         depth: DepthCamera | None,
     ) -> None:
         self.operator_delay_s: float | None = None  # round trip to the page; None: unknown
+        self.camera_view_s: float | None = None  # age of the picture by which the operator drives
         self._profile = profile
         self._odometry = odometry
         self._trail = trail
@@ -182,9 +184,11 @@ class SpeedLimits:
         parameters, full_mps = self._profile.parameters, self._profile.limits.forward_mps
         linear, _ = braking.deceleration(self._profile)
         limits = []
+        camera_s = self.camera_view_s or 0.0
         for code, delay_s, assumed_s, who in (
             ("robot_late", latency_s, parameters.latency_s, "the robot answers"),
             ("operator_late", self.operator_delay_s or 0.0, parameters.operator_delay_s, "the page answers"),
+            ("camera_late", camera_s, CAMERA_LATE_S, "the camera’s picture comes"),
         ):
             if delay_s > assumed_s:
                 mps = braking.speed_for(delay_s, full_mps, assumed_s, linear)

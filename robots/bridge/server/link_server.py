@@ -9,30 +9,25 @@ from __future__ import annotations
 
 import asyncio
 import hmac
-import http
 import logging
-import os
 import secrets
 import socket
-import ssl
 from collections import deque
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
-from pathlib import Path
 
 from msgspec import Struct
-from websockets.asyncio.server import Server, ServerConnection, serve, unix_serve
+from websockets.asyncio.server import Server, ServerConnection
 from websockets.exceptions import ConnectionClosed
-from websockets.http11 import Request, Response
 
 from robots.bridge.config import LinkAddress
+from robots.bridge.server.listening import listen, remove_socket
 from robots.link.lane import Lane, LaneServer
 from robots.wire import LaneToken, encode_report
 
 log = logging.getLogger(__name__)
 
 _REPORTS_KEPT = 200  # reports queued for a web process that reads nothing; beyond this its link is cut
-_PING_S = 1.0  # TCP only: a cut cable closes no connection
 
 OnMessage = Callable[["Link", bytes], Awaitable[None]]
 OnQuick = Callable[["Link", bytes], object]
@@ -132,23 +127,10 @@ class LinkServer:
 
     async def start(self) -> None:
         """Start to listen."""
-        address = self._address
-        if address.unix_path:
-            self._server = await self._listen_unix(address.unix_path)
-            if self._on_quick:
-                self._lanes = LaneServer(address.unix_path, self._opened_lane)
-                self._lanes.open()
-        else:
-            self._server = await serve(
-                self._serve,
-                address.host,
-                address.port,
-                ssl=_tls(address),
-                process_request=self._check_secret,
-                compression=None,
-                ping_interval=_PING_S,
-                ping_timeout=_PING_S,
-            )
+        self._server = await listen(self._address, self._serve)
+        if self._address.unix_path and self._on_quick:
+            self._lanes = LaneServer(self._address.unix_path, self._opened_lane)
+            self._lanes.open()
 
     def read_lanes(self) -> None:
         """Read the waiting messages of all drive lanes."""
@@ -167,21 +149,13 @@ class LinkServer:
         if self._server:
             await self._server.wait_closed()
         if self._address.unix_path:
-            _remove(self._address.unix_path)
+            remove_socket(self._address.unix_path)
 
     def _accept_no_more(self) -> None:
         if self._server:
             self._server.close()
         if self._lanes:
             self._lanes.close()
-
-    async def _listen_unix(self, path: str) -> Server:
-        _remove(path)  # the lock of the state file guarantees that no other bridge of this robot runs
-        umask = os.umask(0o177)
-        try:
-            return await unix_serve(self._serve, path, compression=None, ping_interval=None)
-        finally:
-            os.umask(umask)
 
     async def _serve(self, socket: ServerConnection) -> None:
         link = Link(socket)
@@ -222,26 +196,3 @@ class LinkServer:
                 return
         log.warning("a drive lane with an unknown token was refused")
         end.close()
-
-    def _check_secret(self, _socket: ServerConnection, request: Request) -> Response | None:
-        expected = f"Bearer {self._address.secret}"
-        given = request.headers.get("Authorization", "")
-        if self._address.secret and hmac.compare_digest(given.encode(), expected.encode()):
-            return None
-        log.warning("a link without the shared secret was refused")
-        return _socket.respond(http.HTTPStatus.UNAUTHORIZED, "The shared secret is missing or wrong.\n")
-
-
-def _remove(path: str) -> None:
-    """Create the socket's folder for its owner only, and remove an old socket."""
-    Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    Path(path).unlink(missing_ok=True)
-
-
-def _tls(address: LinkAddress) -> ssl.SSLContext:
-    """Return a context for TLS 1.2 or newer with our certificate. A TCP link needs certificate and secret."""
-    if not (address.certificate and address.private_key and address.secret):
-        raise ValueError("a TCP link needs a certificate, a private key and a shared secret")
-    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
-    context.load_cert_chain(address.certificate, address.private_key)
-    return context

@@ -1,4 +1,7 @@
-"""Where the head looks: ahead when the holder asks, and, if configured, into the turn of a drive."""
+"""Where the head looks: where the holder turns it, ahead on request, and, if configured, into the turn of a drive.
+
+A head that the holder has turned stays there until it is asked to look ahead again.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,8 @@ FOLLOW_RADPS = 0.4  # above 0.5 rad/s of the head, the gate ignores depth frames
 LEAST_RAD = 0.03
 SAID_AGAIN_S = 2.0  # send again: a motion or another node may have turned the head
 DRIVING_MPS = 0.05
+TURN_RADPS = 1.2  # by hand; TIAGo's head can do 3
+TURN_LEAST_S = 0.2
 
 
 class Aim(NamedTuple):
@@ -32,25 +37,40 @@ class Head:
 
     def __init__(self, source: HeadSource) -> None:
         self._source = source
-        self._pan = 0.0
+        self._pan = self._tilt = 0.0
+        self._by_hand = False
         self._sent_s = -math.inf
 
     def ahead(self, now_s: float) -> Aim:
         """Return the aim straight ahead, and down to where the floor in front of the robot is in view."""
-        self._pan, self._sent_s = 0.0, now_s + AHEAD_TAKES_S
+        self._pan, self._tilt, self._sent_s = 0.0, self._source.look_tilt, now_s + AHEAD_TAKES_S
+        self._by_hand = False
         return Aim(0.0, self._source.look_tilt, AHEAD_TAKES_S)
+
+    def turn(self, pan: float, tilt: float) -> Aim:
+        """Return the aim after turning by these angles (radians; positive: left, up), within the head's limits."""
+        before = self._pan, self._tilt
+        self._pan = _within(self._pan + pan, self._source.pan_rad)
+        self._tilt = _within(self._tilt + tilt, self._source.tilt_rad)
+        self._by_hand = True
+        farthest = max(abs(self._pan - before[0]), abs(self._tilt - before[1]))
+        return Aim(self._pan, self._tilt, max(farthest / TURN_RADPS, TURN_LEAST_S))
 
     def follow(self, velocity: Velocity, now_s: float) -> Aim | None:
         """Return the next aim for a drive with this velocity; None to leave the head where it is."""
         driving = velocity.vx > DRIVING_MPS
-        if not (self._source.follows_turn and driving) or now_s - self._sent_s < FOLLOW_EVERY_S:
+        if (
+            self._by_hand
+            or not (self._source.follows_turn and driving)
+            or now_s - self._sent_s < FOLLOW_EVERY_S
+        ):
             return None
         wanted = min(max(velocity.w * FOREKNOWLEDGE_S / 2.0, -FOLLOW_RAD), FOLLOW_RAD)
         if abs(wanted - self._pan) < LEAST_RAD:
             return self._again(now_s)
         step = FOLLOW_RADPS * FOLLOW_EVERY_S
         self._pan += min(max(wanted - self._pan, -step), step)
-        self._sent_s = now_s
+        self._tilt, self._sent_s = self._source.look_tilt, now_s
         return Aim(self._pan, self._source.look_tilt, FOLLOW_EVERY_S)
 
     def _again(self, now_s: float) -> Aim | None:
@@ -59,3 +79,7 @@ class Head:
             return None
         self._sent_s = now_s
         return Aim(self._pan, self._source.look_tilt, AHEAD_TAKES_S)
+
+
+def _within(value: float, limits: tuple[float, float]) -> float:
+    return min(max(value, limits[0]), limits[1])

@@ -34,6 +34,8 @@ from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance, rob
 from robots.wire import Grant, Refusal
 
 LINK_PATIENCE_S = 2.0  # a motion continues this long without the page of its requester
+TURNS_S = 10.0  # one record stands for turns of the head with shorter pauses
+MOST_TURNS = 20  # of the head that wait for their record
 ENDED = Refusal("bridge_ended", "It was not done: the robot’s bridge ended.", "robot")
 LEFT = Refusal("link_lost", "It was not done: the page that asked for it was left.", "lease")
 OUTCOMES = {
@@ -101,8 +103,21 @@ class Tasks:
         self._head = Head(config.topics.head) if config.topics.head else None
         self._gate = gate
         # Requests that wait for their record and are then done at once; and the extra rules of each kind.
-        self._asked: dict[str, list[RecordedTask]] = {"head.look_ahead": [], "memory.forget": []}
-        self._why_not = {"head.look_ahead": self._why_no_look, "memory.forget": self._why_not_forget}
+        self._asked: dict[str, list[RecordedTask]] = {
+            "head.look_ahead": [],
+            "head.turn": [],
+            "memory.forget": [],
+        }
+        self._why_not = {
+            "head.look_ahead": self._why_no_look,
+            "head.turn": self._why_no_look,
+            "memory.forget": self._why_not_forget,
+        }
+        self._turns: list[wire.TurnHead] = []  # that wait for their record
+        self._turning: tuple[int, float] = (
+            0,
+            float("-inf"),
+        )  # fence of recorded turns, and until when the record holds
 
     def take(self, order: wire.TaskRequest, link: int, now_s: float, answer: Reply) -> None:
         """Begin a task. `answer` is called once, now or later: with a refusal, or None."""
@@ -121,6 +136,8 @@ class Tasks:
                 self._drive_by(order, grant, requester, now_s)
             case wire.LookAhead():
                 self._ask("head.look_ahead", requester, now_s)
+            case wire.TurnHead():
+                self._turn_head(order, requester, now_s)
             case wire.Forget():
                 self._ask("memory.forget", requester, now_s)
             case wire.Say():
@@ -285,6 +302,28 @@ class Tasks:
             return Refusal("motion_running", text, "robot")
         return None
 
+    def _turn_head(self, order: wire.TurnHead, requester: Requester, now_s: float) -> None:
+        """Turn the head. A drag in the camera's picture is many turns: the first is recorded, and stands for all."""
+        fence, until_s = self._turning
+        if self._head is None or order.fence != fence or now_s > until_s:
+            self._turns = [*self._turns[-MOST_TURNS:], order]
+            self._ask("head.turn", requester, now_s)
+            return
+        refusal = self._rules.why_not_begin(requester, now_s) or self._why_no_look(now_s)
+        requester.answer(refusal)
+        if refusal is None:
+            self._turning = fence, now_s + TURNS_S
+            self._performer.aim_head(self._head.turn(order.pan, order.tilt))
+
+    def _turned(self, now_s: float) -> Aim | None:
+        """Return the aim of turns that were recorded just now."""
+        turns, self._turns = self._turns, []
+        for turn in turns:
+            self._turning = turn.fence, now_s + TURNS_S
+        if self._head is None or not turns:
+            return None
+        return self._head.turn(sum(turn.pan for turn in turns), sum(turn.tilt for turn in turns))
+
     def _move_head(self, sent: Velocity, now_s: float) -> None:
         """Move the head: straight ahead after a recorded request; else, if configured, into the turn."""
         if self._head is None:
@@ -292,6 +331,8 @@ class Tasks:
         aim = None
         if self._granted("head.look_ahead", now_s):
             aim = self._head.ahead(now_s)
+        elif self._granted("head.turn", now_s):
+            aim = self._turned(now_s)
         elif self._rules.lease.current and sent != STILL and self._why_no_look(now_s) is None:
             aim = self._head.follow(sent, now_s)
         if aim is not None:

@@ -9,6 +9,7 @@ from uuid import UUID
 import pytest
 
 from robots import wire
+from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.config import LinkAddress
 from robots.bridge.lease.fencing import FenceStore
 from robots.bridge.lease.state_store import SavedState
@@ -166,7 +167,7 @@ async def test_a_number_that_cannot_be_written_is_not_given(fences, core, disk):
 
 
 async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(fences, core, disk, tmp_path):
-    door = LinkHandler(core, fences, InspectorClient(core.config, lambda: None))
+    door = LinkHandler(core, fences, InspectorClient(core.config, lambda: None), CameraClient(core.config))
     address = LinkAddress(unix_path=str(tmp_path / "b.sock"))
     server = LinkServer(address, door.opened, door.received, door.closed)
     await server.start()

@@ -11,6 +11,7 @@ from uuid import uuid4
 import pytest
 
 from robots import wire
+from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.gate.values import STILL
 from robots.bridge.lease.fencing import FenceStore
 from robots.bridge.lease.state_store import StateStore
@@ -31,7 +32,9 @@ def bench():
 @pytest.fixture
 def door(bench, tmp_path):
     fences = FenceStore(bench.core, StateStore(tmp_path, "robot"), 0)
-    yield LinkHandler(bench.core, fences, InspectorClient(bench.core.config, lambda: None))
+    yield LinkHandler(
+        bench.core, fences, InspectorClient(bench.core.config, lambda: None), CameraClient(bench.core.config)
+    )
     fences.close()
 
 

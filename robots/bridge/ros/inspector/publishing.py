@@ -16,9 +16,9 @@ from functools import partial
 import rospy
 
 from robots.bridge.ros.inspector.definitions import Definition
-from robots.bridge.ros.inspector.vital import start_vital
 from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.ros.tasks.publishing import immediate_publisher, publish
+from robots.bridge.ros.vital import start_vital
 
 LISTENERS_S = 1.0  # a single message waits so long for listeners to connect
 WAITING = 20  # messages on their way to one topic, at most

@@ -22,7 +22,7 @@ from robots.bridge.messages.packing import Broken, Detail, TooLarge
 from robots.bridge.ros.bounds.board import BOARD
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definition, Definitions
-from robots.bridge.ros.inspector.vital import start_vital
+from robots.bridge.ros.vital import start_vital
 
 log = logging.getLogger(__name__)
 

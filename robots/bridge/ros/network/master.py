@@ -21,11 +21,12 @@ WHOLE_S = 5.0  # a whole call: an answer may have a hundred kilobytes and come b
 LARGEST_ANSWER = 64 * 1024 * 1024  # bytes read from the network
 MOST_VALUES = 500_000  # in an answer
 INSPECTOR = "/fleet_inspector"  # prefix of the inspectors' names; each console may have one
+CAMERA = "/fleet_camera"  # the same for camera processes
 
 
 def is_own(node: str) -> bool:
-    """Whether a node is a console's bridge, inspector or watchdog: these are not part of the robot."""
-    return node.startswith((BRIDGE, INSPECTOR, WATCHDOG))
+    """Whether a node is a console's bridge, inspector, camera process or watchdog: these are not part of the robot."""
+    return node.startswith((BRIDGE, INSPECTOR, CAMERA, WATCHDOG))
 
 
 T = TypeVar("T")

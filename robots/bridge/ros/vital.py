@@ -1,4 +1,4 @@
-"""Threads that the inspector needs: the process ends when one of them fails."""
+"""Threads that a process beside the bridge needs: the process ends when one of them fails."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 
 
 def start_vital(work: Callable[[], None], name: str) -> threading.Thread:
-    """Work on a thread. If it fails, the process ends; the bridge starts another and reports the failed request."""
+    """Work on a thread. If it fails, the process ends; the bridge starts another and reports failed requests."""
     thread = threading.Thread(target=_or_end, args=(work,), name=name, daemon=True)
     thread.start()
     return thread
@@ -23,5 +23,5 @@ def _or_end(work: Callable[[], None]) -> None:
     try:
         work()
     except Exception as error:
-        log.error("the inspector ends: %s", error, exc_info=not isinstance(error, OSError | MasterError))
+        log.error("the process ends: %s", error, exc_info=not isinstance(error, OSError | MasterError))
         os._exit(1)

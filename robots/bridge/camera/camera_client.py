@@ -1,0 +1,103 @@
+"""The bridge's client of its camera process, which runs only while somebody watches.
+
+Web processes get the pictures from that process itself (`robots.link.camera_link`): none passes the bridge.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+from msgspec import Struct
+
+from robots.bridge.config import BridgeConfig
+from robots.bridge.topics.line_process import LineProcess
+from robots.wire import CameraAt
+
+COMMAND = (sys.executable, "-m", "robots.bridge.ros.camera")
+LINGER_S = 10.0  # a process without viewers ends after this time, so that a reloaded page finds it
+
+_camera_at = msgspec.json.Decoder(CameraAt)
+
+
+class CameraWatcher(Protocol):
+    """A web process with people who watch: a `Link`."""
+
+    def report(self, message: Struct) -> None:
+        """Queue a message."""
+
+
+def socket_path(link_path: str) -> str:
+    """Return the camera process's Unix socket, next to the link's."""
+    path = Path(link_path)
+    return str(path.with_name(f"{path.stem}.camera.sock"))
+
+
+class CameraClient:
+    """The camera process of one robot. Lives on the event loop."""
+
+    def __init__(
+        self, config: BridgeConfig, command: Sequence[str] = COMMAND, linger_s: float = LINGER_S
+    ) -> None:
+        self._child = LineProcess(command, msgspec.json.encode(config), self)
+        self._linger_s = linger_s
+        self._watchers: set[CameraWatcher] = set()
+        self._at = CameraAt()
+        self._idle: asyncio.TimerHandle | None = None
+
+    async def close(self) -> None:
+        """End the process: the bridge ends."""
+        if self._idle is not None:
+            self._idle.cancel()
+        await self._child.close()
+
+    def set_wanted(self, watcher: CameraWatcher, wanted: bool) -> None:
+        """Start the process for this watcher, or note that it watches no more."""
+        if not wanted:
+            self.forget(watcher)
+            return
+        self._watchers.add(watcher)
+        self._stay()
+        self._child.need()
+        watcher.report(self._at)
+
+    def forget(self, watcher: CameraWatcher) -> None:
+        """Forget a watcher; the process ends a while after its last one."""
+        self._watchers.discard(watcher)
+        if not self._watchers and self._idle is None and self._child.lives:
+            self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end)
+
+    def _stay(self) -> None:
+        if self._idle is not None:
+            self._idle.cancel()
+            self._idle = None
+
+    def _end(self) -> None:
+        self._idle = None
+        self._child.end()
+
+    # --- the process (line_process.LineProcessOwner) ----------------------------------------------
+
+    def needed(self) -> bool:
+        """Whether to keep the process."""
+        return bool(self._watchers or self._idle)
+
+    def began(self) -> None:
+        """Wait for its address."""
+
+    def hear(self, line: bytes) -> None:
+        """Take the address on which it listens."""
+        self._move(_camera_at.decode(line))
+
+    def ended(self) -> None:
+        """Note that nobody listens there any more."""
+        self._move(CameraAt())
+
+    def _move(self, at: CameraAt) -> None:
+        self._at = at
+        for watcher in self._watchers:
+            watcher.report(at)

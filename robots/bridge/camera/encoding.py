@@ -1,0 +1,171 @@
+"""Encodes pictures: raw images to JPEG, JPEG to smaller JPEG, and H.264 for slow connections.
+
+Only the camera process imports this module: Pillow and PyAV stay out of the bridge.
+"""
+
+from __future__ import annotations
+
+import io
+from fractions import Fraction
+
+import av
+import numpy as np
+import PIL.Image
+from av.video.codeccontext import VideoCodecContext
+from numpy.typing import NDArray
+
+from robots.bridge.camera.image_header import LARGEST_SIDE, Damaged, require_size
+
+QUALITY = 80  # of JPEG from raw images
+SMALL_WIDTH = 320  # pixels
+SMALL_QUALITY = 50
+VIDEO_WIDTH = 480
+VIDEO_HZ = 12
+VIDEO_BITS_PER_S = 250_000
+VIDEO_KEY_EVERY = 48  # pictures
+
+PIL.Image.MAX_IMAGE_PIXELS = LARGEST_SIDE * LARGEST_SIDE  # beyond twice as many, Pillow refuses to decode
+
+# Bytes per pixel and raw mode of Pillow, by encoding of sensor_msgs/Image.
+_RAW_MODES = {
+    "rgb8": (3, "RGB", "RGB"),
+    "bgr8": (3, "RGB", "BGR"),
+    "rgba8": (4, "RGB", "RGBX"),
+    "bgra8": (4, "RGB", "BGRX"),
+    "8UC3": (3, "RGB", "BGR"),
+    "mono8": (1, "L", "L"),
+    "8UC1": (1, "L", "L"),
+    "bayer_rggb8": (1, "L", "L"),
+    "bayer_bggr8": (1, "L", "L"),
+    "bayer_gbrg8": (1, "L", "L"),
+    "bayer_grbg8": (1, "L", "L"),
+}
+_DEEP = {"mono16", "16UC1"}  # two bytes a pixel
+_PACKED = {"yuv422": "uyvy422", "yuv422_yuy2": "yuyv422"}  # names in FFmpeg
+
+
+def raw_image(
+    width: int, height: int, encoding: str, big_endian: bool, step: int, data: bytes
+) -> PIL.Image.Image:
+    """Return the picture of a sensor_msgs/Image. Raises `Damaged` if it does not fit or its encoding is unknown.
+
+    Bayer patterns are shown as grey: people see where they drive, and nothing is guessed.
+    """
+    require_size(width, height)
+    per_pixel = _bytes_per_pixel(encoding)
+    if step < width * per_pixel or len(data) < step * (height - 1) + width * per_pixel:
+        raise Damaged(f"has {len(data)} bytes; {width} x {height} {encoding} need more")
+    if encoding in _DEEP:
+        return _grey_of_deep(width, height, big_endian, step, data)
+    if encoding in _PACKED:
+        return _colour_of_packed(width, height, encoding, step, data)
+    _, mode, raw_mode = _RAW_MODES[encoding]
+    return PIL.Image.frombuffer(mode, (width, height), data, "raw", raw_mode, step, 1)
+
+
+def _bytes_per_pixel(encoding: str) -> int:
+    if encoding in _DEEP or encoding in _PACKED:
+        return 2
+    if encoding not in _RAW_MODES:
+        raise Damaged(f"has the encoding {encoding[:40]!r}, which the console does not know")
+    return _RAW_MODES[encoding][0]
+
+
+def _grey_of_deep(width: int, height: int, big_endian: bool, step: int, data: bytes) -> PIL.Image.Image:
+    """Stretch 16-bit values to the whole range of grey."""
+    rows = np.frombuffer(data, np.uint8, step * height if len(data) >= step * height else len(data))
+    whole = np.zeros(step * height, np.uint8)
+    whole[: len(rows)] = rows
+    deep = whole.reshape(height, step)[:, : 2 * width].copy().view(">u2" if big_endian else "<u2")
+    most = max(int(deep.max()), 1)
+    grey: NDArray[np.uint8] = (deep.astype(np.float32) * (255.0 / most)).astype(np.uint8)
+    return PIL.Image.fromarray(grey)
+
+
+def _colour_of_packed(width: int, height: int, encoding: str, step: int, data: bytes) -> PIL.Image.Image:
+    if width % 2:
+        raise Damaged(f"has an odd width of {width} pixels in {encoding}")
+    pixels = np.zeros((height, step), np.uint8)
+    flat = np.frombuffer(data, np.uint8)[: height * step]
+    pixels.reshape(-1)[: len(flat)] = flat
+    packed = np.ascontiguousarray(pixels[:, : 2 * width]).reshape(height, width, 2)
+    colours = av.VideoFrame.from_ndarray(packed, format=_PACKED[encoding]).to_ndarray(format="rgb24")
+    return PIL.Image.fromarray(colours)
+
+
+def jpeg(image: PIL.Image.Image, quality: int = QUALITY) -> bytes:
+    """Return the image as JPEG."""
+    written = io.BytesIO()
+    image.save(written, "JPEG", quality=quality)
+    return written.getvalue()
+
+
+def decoded(picture: bytes, at_least: int) -> PIL.Image.Image:
+    """Decode a JPEG or PNG in RGB, as small as its format decodes quickly but at least so wide. Raises `Damaged`."""
+    try:
+        image = PIL.Image.open(io.BytesIO(picture))
+        image.draft("RGB", (at_least, at_least))
+        image.load()
+    except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as error:
+        raise Damaged(f"cannot be decoded ({str(error)[:100]})") from error
+    return image.convert("RGB")
+
+
+def small(image: PIL.Image.Image) -> bytes:
+    """Return a small JPEG of the image."""
+    return jpeg(narrowed(image, SMALL_WIDTH), SMALL_QUALITY)
+
+
+def narrowed(image: PIL.Image.Image, width: int) -> PIL.Image.Image:
+    """Return the image at most so wide (pixels), with even sides."""
+    scale = min(1.0, width / image.width)
+    size = (max(2, round(image.width * scale / 2) * 2), max(2, round(image.height * scale / 2) * 2))
+    return image if image.size == size else image.resize(size, PIL.Image.Resampling.BILINEAR)
+
+
+class Video:
+    """H.264 of one camera (Annex B, baseline, one access unit for each picture). A new size begins a new stream."""
+
+    def __init__(self) -> None:
+        self._codec: VideoCodecContext | None = None
+        self._count = 0
+        self._wants_key = True
+
+    def require_key(self) -> None:
+        """Make the next picture decodable without earlier ones."""
+        self._wants_key = True
+
+    def encode(self, image: PIL.Image.Image) -> tuple[bytes, bool]:
+        """Return the access unit of this picture, and whether it is a key picture."""
+        fitted = narrowed(image, VIDEO_WIDTH)
+        if self._codec is None or (self._codec.width, self._codec.height) != fitted.size:
+            self._codec = _new_codec(*fitted.size)
+            self._wants_key = True
+        frame = av.VideoFrame.from_ndarray(np.asarray(fitted), format="rgb24").reformat(format="yuv420p")
+        frame.pts = self._count
+        if self._wants_key or self._count % VIDEO_KEY_EVERY == 0:
+            frame.pict_type = av.video.frame.PictureType.I
+        self._count += 1
+        packets = self._codec.encode(frame)
+        is_key = any(packet.is_keyframe for packet in packets)
+        self._wants_key = self._wants_key and not is_key
+        return b"".join(bytes(packet) for packet in packets), is_key
+
+
+def _new_codec(width: int, height: int) -> VideoCodecContext:
+    codec = av.CodecContext.create("libx264", "w")
+    assert isinstance(codec, VideoCodecContext)  # noqa: S101  (for mypy)
+    codec.width, codec.height, codec.pix_fmt = width, height, "yuv420p"
+    codec.time_base, codec.framerate = Fraction(1, VIDEO_HZ), Fraction(VIDEO_HZ)
+    codec.bit_rate = VIDEO_BITS_PER_S
+    kbit_per_s = VIDEO_BITS_PER_S // 1000
+    codec.thread_count = 1
+    codec.options = {
+        "preset": "ultrafast",
+        "tune": "zerolatency",
+        "profile": "baseline",
+        "forced-idr": "1",
+        # A key picture must not be many times as large as others: a slow connection would stall for it.
+        "x264-params": f"keyint=infinite:scenecut=0:repeat-headers=1:vbv-maxrate={kbit_per_s}:vbv-bufsize=60",
+    }
+    return codec

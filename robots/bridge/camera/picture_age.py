@@ -1,0 +1,35 @@
+"""Age of a picture from its stamp, also where the robot's clock differs from this computer's. Pure."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from robots.bridge.config import CLOCK_SKEW_S
+
+WINDOW_S = 30.0  # the smallest delay of this time shows how far the clocks differ
+
+
+class PictureAge:
+    """Ages of one camera's pictures on arrival.
+
+    While the smallest delay of the last `WINDOW_S` lies within 0 and `CLOCK_SKEW_S`, the clocks agree and the delay is
+    the age. Otherwise only what exceeds the smallest delay is known to be age: a constant delay stays hidden.
+    """
+
+    def __init__(self) -> None:
+        self._delays: deque[tuple[float, float]] = (
+            deque()
+        )  # arrival and delay; delays grow from left to right
+
+    def on_arrival(self, stamp_s: float, wall_s: float, now_s: float) -> float:
+        """Return the age in seconds. `wall_s` is the time of day, `now_s` the monotonic clock; a stamp of 0 is none."""
+        if stamp_s <= 0.0:
+            return 0.0
+        delay_s = wall_s - stamp_s
+        while self._delays and self._delays[-1][1] >= delay_s:
+            self._delays.pop()
+        self._delays.append((now_s, delay_s))
+        while self._delays[0][0] < now_s - WINDOW_S:
+            self._delays.popleft()
+        smallest_s = self._delays[0][1]
+        return delay_s if 0.0 <= smallest_s <= CLOCK_SKEW_S else delay_s - smallest_s

@@ -1,0 +1,175 @@
+"""One camera's topics: the newest picture with its size, lens, pose and age."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import NamedTuple
+
+import genpy
+import rospy
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from robots.bridge.camera.encoding import jpeg, raw_image
+from robots.bridge.camera.image_header import Damaged, read_header
+from robots.bridge.camera.picture_age import PictureAge
+from robots.bridge.config import CameraSource
+from robots.bridge.ros.bounds.board import BOARD
+from robots.bridge.ros.bounds.sizes import expect
+from robots.bridge.ros.bounds.texts import NAME, cut
+from robots.bridge.ros.on_demand_topics import BUFFER_BYTES, listen
+from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
+from robots.wire import PictureFormat, Refusal
+
+SILENT_S = 2.0
+POSE_LAG_S = 0.05  # tf of a picture's stamp comes a little later: the pose just before it serves as well
+
+
+class Arrival(NamedTuple):
+    """A message as it arrived."""
+
+    message: rospy.AnyMsg
+    wall_s: float
+    arrived_s: float  # monotonic clock
+
+
+class CameraPicture(NamedTuple):
+    """One picture, encoded, with all that a page needs to know."""
+
+    encoded: bytes
+    format: PictureFormat
+    width: int
+    height: int
+    age_s: float  # on arrival
+    arrived_s: float
+    lens: tuple[float, float, float, float] | None
+    pose: tuple[float, ...] | None
+
+
+class CameraTopics:
+    """Subscribes to one camera. `awake` is notified of each picture, on rospy's threads."""
+
+    def __init__(self, source: CameraSource, frames: Frames, awake: threading.Condition) -> None:
+        self.source = source
+        self._frames = frames
+        self._awake = awake
+        self._age = PictureAge()
+        self._newest: Arrival | None = None
+        self._info: CameraInfo | None = None
+        self._damage: str | None = None
+        self._began_s = time.monotonic()
+        expect(source.topic, source.type)
+        self._subscriber = rospy.Subscriber(
+            source.topic,
+            rospy.AnyMsg,
+            self._on_message,
+            queue_size=1,
+            buff_size=BUFFER_BYTES,
+            tcp_nodelay=True,
+        )
+        self._others = [listen(source.info, "sensor_msgs/CameraInfo", self._on_info)] if source.info else []
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        for subscriber in (self._subscriber, *self._others):
+            subscriber.unregister()
+
+    # --- on rospy's threads ------------------------------------------------------------------------
+
+    def _on_message(self, message: rospy.AnyMsg) -> None:
+        arrival = Arrival(message, time.time(), time.monotonic())
+        with self._awake:
+            self._newest = arrival
+            self._awake.notify()
+
+    def _on_info(self, raw: bytes) -> None:
+        try:
+            self._info = CameraInfo().deserialize(raw)
+        except genpy.DeserializationError:
+            self._info = None
+
+    # --- on the producer's thread --------------------------------------------------------------------
+
+    @property
+    def newest(self) -> Arrival | None:
+        """The newest message."""
+        return self._newest
+
+    def picture(self, arrival: Arrival) -> CameraPicture | None:
+        """Return the picture of this message, a raw one as JPEG; None if it cannot be shown (see `refusal`)."""
+        try:
+            picture = self._picture(arrival)
+        except Damaged as error:
+            self._damage = f"The camera’s picture {error}."
+            return None
+        except genpy.DeserializationError:
+            self._damage = "The camera’s messages cannot be read."
+            return None
+        self._damage = None
+        return picture
+
+    def _picture(self, arrival: Arrival) -> CameraPicture:
+        kind = str(arrival.message._connection_header.get("type", "*"))
+        if kind != self.source.type:
+            raise Damaged(f"is a {cut(kind, NAME)}, not a {self.source.type}")
+        if kind == "sensor_msgs/CompressedImage":
+            message = CompressedImage().deserialize(arrival.message._buff)
+            encoded = bytes(message.data)
+            form, width, height = read_header(encoded)
+        else:
+            message = Image().deserialize(arrival.message._buff)
+            width, height, form = message.width, message.height, "jpeg"
+            big_endian = bool(message.is_bigendian)
+            encoded = jpeg(
+                raw_image(width, height, message.encoding, big_endian, message.step, bytes(message.data))
+            )
+        stamp_s = message.header.stamp.to_sec()
+        frame = self.source.frame or message.header.frame_id.lstrip("/")
+        age_s = self._age.on_arrival(stamp_s, arrival.wall_s, arrival.arrived_s)
+        lens = self._lens(width, height)
+        pose = self._pose(frame, stamp_s) if lens else None
+        return CameraPicture(encoded, form, width, height, age_s, arrival.arrived_s, lens, pose)
+
+    def _lens(self, width: int, height: int) -> tuple[float, float, float, float] | None:
+        """Return the lens for pictures of this size; None without a plausible camera info of the same shape."""
+        info = self._info
+        if info is None or info.width < 1 or info.height < 1:
+            return None
+        across, along = width / info.width, height / info.height
+        fx, fy, cx, cy = info.K[0] * across, info.K[4] * along, info.K[2] * across, info.K[5] * along
+        plausible = (
+            abs(across / along - 1.0) < 0.02
+            and 0.1 * width < fx < 20.0 * width
+            and 0.1 * height < fy < 20.0 * height
+            and 0.0 <= cx <= width
+            and 0.0 <= cy <= height
+        )
+        return (fx, fy, cx, cy) if plausible else None
+
+    def _pose(self, frame: str, stamp_s: float) -> tuple[float, ...] | None:
+        """Return the base frame in the optical frame, 3 x 4 row by row; None: tf does not tell."""
+        try:
+            place = self._frames.place(frame, stamp_s - POSE_LAG_S, patience_s=0.0)
+        except PoseUnknown:
+            return None
+        turned = place[:3, :3].T
+        origin = -turned @ place[:3, 3]
+        return tuple(round(float(number), 5) for row in range(3) for number in (*turned[row], origin[row]))
+
+    def refusal(self, now_s: float) -> Refusal | None:
+        """Return why no pictures come; None: they come, or have not had time yet."""
+        topic = self.source.topic
+        figures = {"topic": topic}
+        if why := BOARD.text(topic):
+            return Refusal("too_much", why, "robot", figures)
+        newest = self._newest
+        since_s = now_s - (newest.arrived_s if newest else self._began_s)
+        if since_s > SILENT_S:
+            if not self._subscriber.get_num_connections():
+                text = "The camera is off: no node of the robot publishes its pictures."
+                return Refusal("no_publisher", text, "robot", figures)
+            text = f"The camera has sent no picture for {since_s:.0f} s."
+            return Refusal("camera_silent", text, "robot", {**figures, "silent_s": round(since_s)})
+        if self._damage is not None:
+            return Refusal("bad_picture", self._damage, "robot", figures)
+        return None

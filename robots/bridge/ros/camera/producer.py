@@ -1,0 +1,168 @@
+"""Makes the pictures that web processes want: each variant once for all, the newest only.
+
+One thread does all of it, so a slow encoding skips pictures and delays nobody but viewers.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+
+from robots.bridge.camera.encoding import VIDEO_HZ, VIDEO_WIDTH, Video, decoded, small
+from robots.bridge.camera.image_header import Damaged
+from robots.bridge.config import BridgeConfig
+from robots.bridge.ros.camera.camera_topics import Arrival, CameraPicture, CameraTopics
+from robots.bridge.ros.sensors.tf import TfTopics
+from robots.wire import CameraState, PictureFormat, Refusal, TakenPicture, Variant
+
+log = logging.getLogger(__name__)
+
+STATE_S = 0.5  # between two looks at cameras that are silent
+EARLY_SHARE = 0.8  # of the time between two pictures: a picture may come a little early
+
+Wants = Mapping[str, Mapping[Variant, float]]
+
+
+class _Watched:
+    """One camera while somebody watches it."""
+
+    def __init__(self, topics: CameraTopics) -> None:
+        self.topics = topics
+        self.video = Video()
+        self.taken: Arrival | None = None  # the last message that was looked at
+        self.made_s: dict[Variant, float] = {}
+        self.numbers: dict[Variant, int] = {}
+        self.refusal: Refusal | None = None
+        self.stated = False
+
+    def due(self, wants: Mapping[Variant, float], now_s: float) -> list[Variant]:
+        """Return the variants whose rate allows a picture now."""
+        return [
+            variant
+            for variant, rate_hz in wants.items()
+            if now_s - self.made_s.get(variant, float("-inf"))
+            >= EARLY_SHARE / min(rate_hz, VIDEO_HZ if variant == "video" else rate_hz)
+        ]
+
+    def number(self, variant: Variant) -> int:
+        """Return the next number of a variant."""
+        self.numbers[variant] = self.numbers.get(variant, 0) + 1
+        return self.numbers[variant]
+
+
+class Producer:
+    """All cameras of one robot. `emit` and `state` are called on the producer's thread."""
+
+    def __init__(
+        self,
+        config: BridgeConfig,
+        emit: Callable[[TakenPicture, bytes, float], None],
+        state: Callable[[CameraState], None],
+    ) -> None:
+        self._sources = {camera.name: camera for camera in config.topics.cameras}
+        self._emit = emit
+        self._state = state
+        self._awake = threading.Condition()
+        self._wants: Wants = {}
+        self._watched: dict[str, _Watched] = {}
+        self._keys: set[str] = set()
+        bases = {camera.base_frame for camera in config.topics.cameras}
+        self._tf = TfTopics(bases.pop() if len(bases) == 1 else "base_footprint")
+        self._tf_subscribers = self._tf.listen()
+
+    def set_wants(self, wants: Wants) -> None:
+        """Set what is wanted: camera -> variant -> rate (Hz)."""
+        with self._awake:
+            self._wants = {name: variants for name, variants in wants.items() if name in self._sources}
+            self._awake.notify()
+
+    def require_key(self, camera: str) -> None:
+        """Make the next video picture of this camera a key picture."""
+        with self._awake:
+            self._keys.add(camera)
+
+    def run(self) -> None:
+        """Work for ever."""
+        while True:
+            with self._awake:
+                if not self._has_news():
+                    self._awake.wait(STATE_S)
+                wants, keys, self._keys = self._wants, self._keys, set()
+            self._follow(wants)
+            for name in keys & self._watched.keys():
+                self._watched[name].video.require_key()
+            for name, watched in self._watched.items():
+                self._look(name, watched, wants[name])
+
+    def _has_news(self) -> bool:
+        return self._wants.keys() != self._watched.keys() or any(
+            watched.topics.newest is not watched.taken for watched in self._watched.values()
+        )
+
+    def _follow(self, wants: Wants) -> None:
+        """Subscribe and unsubscribe; on this thread, since it calls the master."""
+        for name in self._watched.keys() - wants.keys():
+            self._watched.pop(name).topics.close()
+        for name in wants.keys() - self._watched.keys():
+            topics = CameraTopics(self._sources[name], self._tf.frames, self._awake)
+            self._watched[name] = _Watched(topics)
+
+    def _look(self, name: str, watched: _Watched, wants: Mapping[Variant, float]) -> None:
+        arrival, now_s = watched.topics.newest, time.monotonic()
+        is_new, watched.taken = arrival is not watched.taken, arrival
+        if arrival is not None and is_new and (due := watched.due(wants, now_s)):
+            picture = watched.topics.picture(arrival)
+            if picture is not None:
+                self._make(name, watched, picture, due, now_s)
+        refusal = watched.topics.refusal(now_s)
+        if refusal != watched.refusal or not watched.stated:
+            watched.refusal, watched.stated = refusal, True
+            self._state(CameraState(name, refusal))
+
+    def _make(
+        self, name: str, watched: _Watched, picture: CameraPicture, due: list[Variant], now_s: float
+    ) -> None:
+        """Emit the picture as it is, then what must be encoded."""
+        if "full" in due:
+            self._send(name, watched, picture, "full", picture.format, picture.encoded, now_s)
+        if "small" not in due and "video" not in due:
+            return
+        try:
+            image = decoded(picture.encoded, VIDEO_WIDTH)
+        except Damaged as error:
+            log.info("%s: a picture %s", name, error)
+            return
+        if "video" in due:
+            unit, is_key = watched.video.encode(image)
+            self._send(name, watched, picture, "video", "h264", unit, now_s, is_key=is_key)
+        if "small" in due:
+            self._send(name, watched, picture, "small", "jpeg", small(image), now_s)
+
+    def _send(
+        self,
+        name: str,
+        watched: _Watched,
+        picture: CameraPicture,
+        variant: Variant,
+        form: PictureFormat,
+        encoded: bytes,
+        now_s: float,
+        *,
+        is_key: bool = True,
+    ) -> None:
+        watched.made_s[variant] = now_s
+        header = TakenPicture(
+            name,
+            variant,
+            watched.number(variant),
+            form,
+            picture.width,
+            picture.height,
+            picture.age_s,
+            is_key,
+            picture.lens,
+            picture.pose,
+        )
+        self._emit(header, encoded, picture.arrived_s)

@@ -1,0 +1,50 @@
+"""The rospy node of a process beside the bridge: inspector or camera process. It ends with the robot's master."""
+
+from __future__ import annotations
+
+import logging
+import os
+from functools import partial
+from pathlib import Path
+
+import rospy
+
+from robots.bridge.config import BridgeConfig
+from robots.bridge.ros.bounds.install import install
+from robots.bridge.ros.bounds.memory import end_without_memory
+from robots.bridge.ros.network.master import DeathWatch
+from robots.bridge.ros.vital import start_vital
+
+log = logging.getLogger(__name__)
+
+WATCH_S = 5.0
+
+
+def join(config: BridgeConfig, name: str) -> None:
+    """Start the node under a unique name that begins with `name`: other consoles have such processes too."""
+    os.environ["ROS_MASTER_URI"] = config.master_uri
+    os.environ["ROS_PYTHON_LOG_CONFIG_FILE"] = str(Path(__file__).with_name("logging.yaml"))
+    os.environ.setdefault("ROS_LOG_DIR", str(Path(config.state_dir) / "ros-log"))
+    watch = DeathWatch(config.master_uri)
+    install(lambda: end_without_memory(lambda: os._exit(1)))
+    rospy.init_node(
+        name.strip("/"),
+        argv=[],
+        anonymous=True,
+        disable_signals=True,
+        disable_rostime=True,
+        disable_rosout=True,
+    )
+    start_vital(partial(_end_with_the_master, watch), "master")
+
+
+def leave() -> None:
+    """Unregister from the master."""
+    rospy.signal_shutdown("nobody looks")
+
+
+def _end_with_the_master(watch: DeathWatch) -> None:
+    while not watch.wait(WATCH_S):
+        pass
+    log.warning("the robot's ROS master is gone")
+    os._exit(1)

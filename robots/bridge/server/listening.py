@@ -1,0 +1,69 @@
+"""WebSocket servers of a robot's processes: a Unix socket for its owner, or TCP with TLS and the shared secret."""
+
+from __future__ import annotations
+
+import hmac
+import http
+import logging
+import os
+import ssl
+from collections.abc import Awaitable, Callable
+from functools import partial
+from pathlib import Path
+
+from websockets.asyncio.server import Server, ServerConnection, serve, unix_serve
+from websockets.http11 import Request, Response
+
+from robots.bridge.config import LinkAddress
+
+log = logging.getLogger(__name__)
+
+_PING_S = 1.0  # TCP only: a cut cable closes no connection
+
+
+async def listen(
+    address: LinkAddress, serve_connection: Callable[[ServerConnection], Awaitable[None]]
+) -> Server:
+    """Listen on this address; `serve_connection` runs for each connection until it returns."""
+    if address.unix_path:
+        # The lock of the state file guarantees that no other bridge of this robot runs.
+        remove_socket(address.unix_path)
+        umask = os.umask(0o177)
+        try:
+            return await unix_serve(serve_connection, address.unix_path, compression=None, ping_interval=None)
+        finally:
+            os.umask(umask)
+    return await serve(
+        serve_connection,
+        address.host,
+        address.port,
+        ssl=_tls(address),
+        process_request=partial(_check_secret, address),
+        compression=None,
+        ping_interval=_PING_S,
+        ping_timeout=_PING_S,
+    )
+
+
+def remove_socket(path: str) -> None:
+    """Create the socket's folder for its owner only, and remove an old socket."""
+    Path(path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    Path(path).unlink(missing_ok=True)
+
+
+def _check_secret(address: LinkAddress, socket: ServerConnection, request: Request) -> Response | None:
+    expected = f"Bearer {address.secret}"
+    given = request.headers.get("Authorization", "")
+    if address.secret and hmac.compare_digest(given.encode(), expected.encode()):
+        return None
+    log.warning("a link without the shared secret was refused")
+    return socket.respond(http.HTTPStatus.UNAUTHORIZED, "The shared secret is missing or wrong.\n")
+
+
+def _tls(address: LinkAddress) -> ssl.SSLContext:
+    """Return a context for TLS 1.2 or newer with our certificate. A TCP link needs certificate and secret."""
+    if not (address.certificate and address.private_key and address.secret):
+        raise ValueError("a TCP link needs a certificate, a private key and a shared secret")
+    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    context.load_cert_chain(address.certificate, address.private_key)
+    return context

@@ -1,0 +1,125 @@
+"""The web process's connection to a robot's camera process, open while people of this web process watch."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import suppress
+from typing import Protocol
+
+import msgspec
+from websockets.asyncio.client import ClientConnection
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+
+from robots import wire
+from robots.bridge.config import LinkAddress
+from robots.link.client import BridgeLink
+from robots.link.connections import open_link
+from robots.wire import CameraAt, CameraState, CameraWants, Refusal, TakenPicture
+
+log = logging.getLogger(__name__)
+
+RETRY_S = 0.3
+
+STARTING = Refusal("camera_starts", "The camera is being switched on.", "robot")
+
+_state = msgspec.json.Decoder(CameraState)
+
+
+class PictureListener(Protocol):
+    """Receives pictures. Called on the event loop; must not block."""
+
+    def on_picture(self, header: TakenPicture, encoded: memoryview) -> None:
+        """A picture."""
+
+    def on_camera_state(self, state: CameraState) -> None:
+        """Why a camera has no pictures, or that they come."""
+
+    def on_cameras_gone(self, refusal: Refusal) -> None:
+        """The camera process is not there, or not yet."""
+
+
+class CameraLink:
+    """The connection for one robot; it follows the camera process from start to start."""
+
+    def __init__(self, link: BridgeLink, listener: PictureListener) -> None:
+        self._link = link
+        self._listener = listener
+        self._at = CameraAt()
+        self._moved = asyncio.Event()
+        self._wants: CameraWants = CameraWants({})
+        self._socket: ClientConnection | None = None
+        self._sending: set[asyncio.Task[None]] = set()
+        link.watch_cameras(self._move)
+        self._task = asyncio.create_task(self._keep_connected())
+
+    async def close(self) -> None:
+        """End the connection: nobody watches any more."""
+        self._link.watch_cameras(None)
+        self._task.cancel()
+        with suppress(asyncio.CancelledError):
+            await self._task
+
+    def set_wants(self, wants: CameraWants) -> None:
+        """Set which pictures come."""
+        self._wants = wants
+        self._send(wants)
+
+    def require_key(self, camera: str) -> None:
+        """Ask for a video picture that can be decoded without earlier ones."""
+        self._send(wire.CameraKey(camera))
+
+    def _move(self, at: CameraAt) -> None:
+        self._at = at
+        self._moved.set()
+
+    def _send(self, message: CameraWants | wire.CameraKey) -> None:
+        if self._socket is not None:
+            task = asyncio.ensure_future(self._send_now(self._socket, message))
+            self._sending.add(task)
+            task.add_done_callback(self._sending.discard)
+
+    async def _send_now(self, socket: ClientConnection, message: CameraWants | wire.CameraKey) -> None:
+        with suppress(ConnectionClosed):
+            await socket.send(wire.encode(message), text=True)
+
+    async def _keep_connected(self) -> None:
+        while True:
+            address = self._address()
+            if address is None:
+                self._listener.on_cameras_gone(self._refusal)
+                await self._moved.wait()
+                self._moved.clear()
+                continue
+            try:
+                async with open_link(address) as socket:
+                    await self._run(socket)
+            except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed, ValueError) as error:
+                log.info("the camera process of %s: %s", self._link.robot_id, error)
+            self._listener.on_cameras_gone(self._refusal)
+            await asyncio.sleep(RETRY_S)
+
+    @property
+    def _refusal(self) -> Refusal:
+        """Return why there are no pictures. A link that was never tried may come up in a moment."""
+        return (self._link.refusal if self._link.tried.is_set() else None) or STARTING
+
+    def _address(self) -> LinkAddress | None:
+        if self._at.unix_path is not None:
+            return msgspec.structs.replace(self._link.address, unix_path=self._at.unix_path)
+        if self._at.port is not None:
+            return msgspec.structs.replace(self._link.address, port=self._at.port)
+        return None
+
+    async def _run(self, socket: ClientConnection) -> None:
+        self._socket = socket
+        try:
+            await socket.send(wire.encode(self._wants), text=True)
+            while True:
+                received = await socket.recv()
+                if isinstance(received, bytes):
+                    self._listener.on_picture(*wire.unpacked(received))
+                else:
+                    self._listener.on_camera_state(_state.decode(received))
+        finally:
+            self._socket = None

@@ -1,0 +1,142 @@
+"""Live pictures of a robot's cameras: messages of a page's camera WebSocket, and of the link to a camera process.
+
+A picture is one binary frame: the length of its header (4 bytes, big-endian), the header (JSON), the encoded picture.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+from robots.wire.base import Milliseconds, Ping, Refusal, Seq
+
+CameraName = Annotated[str, Meta(min_length=1, max_length=40, pattern=r"^[a-z0-9][a-z0-9_-]*\Z")]
+CameraRate = Annotated[float, Meta(ge=0.1, le=30.0)]  # Hz
+CameraSize = Literal["full", "small"]
+Variant = Literal["full", "small", "video"]
+PictureFormat = Literal["jpeg", "png", "h264"]
+
+MOST_CAMERAS = 8  # of a robot
+_LENGTH_BYTES = 4
+
+
+class CameraWatch(Struct, frozen=True, tag_field="t", tag="camera_watch"):
+    """Show this camera from now on, or change how. `video`: this client decodes H.264."""
+
+    camera: CameraName
+    video: bool = False
+    rate_hz: CameraRate = 30.0
+    size: CameraSize = "full"
+
+
+class CameraEnd(Struct, frozen=True, tag_field="t", tag="camera_end"):
+    """Show this camera no more."""
+
+    camera: CameraName
+
+
+class CameraAck(Struct, frozen=True, tag_field="t", tag="camera_ack"):
+    """Picture `number` was painted, or was `damaged`. At most two pictures of a camera are unacknowledged."""
+
+    camera: CameraName
+    number: Seq
+    damaged: bool = False
+
+
+CameraMessage = CameraWatch | CameraEnd | CameraAck | Ping
+
+
+class CameraEntry(Struct, frozen=True):
+    """One camera of the robot. `moves`: its picture moves with the head, which can be turned."""
+
+    name: str
+    label: str
+    moves: bool = False
+
+
+class Cameras(Struct, frozen=True, tag_field="t", tag="cameras"):
+    """The robot's cameras: first on a connection, and again when the robot was edited."""
+
+    cameras: list[CameraEntry]
+
+
+class CameraState(Struct, frozen=True, tag_field="t", tag="camera_state"):
+    """Why a camera has no pictures now; `refusal` None: they come."""
+
+    camera: str
+    refusal: Refusal | None = None
+
+
+class CameraPong(Struct, frozen=True, tag_field="t", tag="camera_pong"):
+    """Answer to `Ping`. `now_ms`: the clock of `PictureHeader.taken_ms`."""
+
+    sent_ms: float
+    now_ms: float
+
+
+class PictureHeader(Struct, frozen=True):
+    """Header of a picture for a page.
+
+    `lens`: focal lengths and centre (fx, fy, cx, cy) in pixels of `width` x `height`. `pose`: 3 x 4 matrix, row by
+    row, from the base frame to the optical frame (z into the picture, x right, y down), in metres. None: not known.
+    """
+
+    camera: str
+    number: int  # grows; of "h264", all pictures after a key picture are needed
+    format: PictureFormat
+    width: int  # of the camera's picture; the encoded one may be smaller
+    height: int
+    taken_ms: Milliseconds  # when it was taken, by the web process's monotonic clock
+    key: bool = True  # it can be decoded without earlier pictures
+    lens: tuple[float, float, float, float] | None = None
+    pose: tuple[float, ...] | None = None
+
+
+# --- between web process and camera process ------------------------------------------------------------
+
+
+class CameraWants(Struct, frozen=True, tag_field="t", tag="camera_wants"):
+    """Which pictures a web process needs: for each camera its variants, each with the highest rate (Hz)."""
+
+    cameras: dict[CameraName, dict[Variant, CameraRate]]
+
+
+class CameraKey(Struct, frozen=True, tag_field="t", tag="camera_key"):
+    """Make the next video picture of this camera a key picture."""
+
+    camera: CameraName
+
+
+CameraRequest = CameraWants | CameraKey
+
+
+class TakenPicture(Struct, frozen=True):
+    """Header of a picture from the camera process. `age_s`: since it was taken, when it was sent."""
+
+    camera: str
+    variant: Variant
+    number: int
+    format: PictureFormat
+    width: int
+    height: int
+    age_s: float
+    key: bool = True
+    lens: tuple[float, float, float, float] | None = None
+    pose: tuple[float, ...] | None = None
+
+
+_taken = msgspec.json.Decoder(TakenPicture)
+
+
+def packed(header: PictureHeader | TakenPicture, picture: bytes | memoryview) -> bytes:
+    """Return one frame of header and encoded picture."""
+    encoded = msgspec.json.encode(header)
+    return b"".join((len(encoded).to_bytes(_LENGTH_BYTES, "big"), encoded, picture))
+
+
+def unpacked(frame: bytes) -> tuple[TakenPicture, memoryview]:
+    """Return header and encoded picture of a frame. Raises msgspec.DecodeError."""
+    begin = _LENGTH_BYTES + int.from_bytes(frame[:_LENGTH_BYTES], "big")
+    return _taken.decode(frame[_LENGTH_BYTES:begin]), memoryview(frame)[begin:]

@@ -1,0 +1,124 @@
+"""The WebSocket of a robot's cameras: apart from control, so that no picture delays a stick or a stop."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from fleet.accounts.tokens.models import Scope
+from robots import wire
+from robots.wire import CameraState, Refusal, camera_message, kind_of
+from teleop.background.jobs import run_in_background
+from teleop.camera.feed import CameraFeed, CameraViewer, feed_of
+from teleop.control.scopes import scope_missing
+from teleop.control.status import RobotEntry
+from teleop.live import robot_hub
+from teleop.live.message_socket import CloseCode
+from teleop.live.robot_socket import RobotSocket
+from teleop.recording.camera_audit import TOO_MANY_CAMERAS, CameraAudit
+
+
+class CameraConsumer(RobotSocket):
+    """One connection to one robot's cameras."""
+
+    through = "cameras"
+    checked_often = True  # a picture must end within a second of the right to see it
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.camera_audit: CameraAudit | None = None
+        self._viewers: dict[str, CameraViewer] = {}
+        self._feed: CameraFeed | None = None
+
+    async def on_open(self) -> None:
+        """Join the robot's hub, if this person may see the robot."""
+        entry = await self.find_robot()
+        if entry is not None and not self.opens(Scope.TOPICS):
+            await self.close(CloseCode.NOT_PERMITTED, scope_missing((Scope.TOPICS,)).text)
+        elif entry is not None:
+            self.hub = robot_hub.join(self.robot_id, entry, self)
+            self.camera_audit = CameraAudit(self.user, self.robot_id, entry.facts.name)
+            await self._send_cameras(entry)
+
+    async def on_close(self) -> None:
+        """Show nothing more."""
+        await self._end_all()
+        if self.joined:
+            await self.hub.remove(self)
+
+    async def revoke_access(self, refusal: Refusal) -> None:
+        """Show nothing more and close: this person may not see the robot any more."""
+        await self._end_all()
+        await super().revoke_access(refusal)
+
+    async def robot_edited(self, entry: RobotEntry) -> None:
+        """Tell the page the robot's cameras, and watch on where they are now."""
+        await self._send_cameras(entry)
+        if self._feed is not None and self._feed.link is not self.hub.link:
+            viewers = dict(self._viewers)
+            await self._end_all()
+            for viewer in viewers.values():
+                self._begin(viewer.watch)
+
+    # --- messages ----------------------------------------------------------------------------------
+
+    async def on_message(self, raw: str) -> None:
+        """Act on one message."""
+        message = camera_message(raw)
+        if not self.joined or not await self.within_budget(kind_of(message)):
+            return
+        match message:
+            case wire.CameraWatch(camera=camera):
+                if any(camera == entry.name for entry in self.hub.entry.facts.cameras):
+                    await self._end(camera)
+                    self._begin(message)
+                else:
+                    await self.refuse(kind_of(message), _no_camera(camera))
+            case wire.CameraEnd(camera=camera):
+                await self._end(camera)
+            case wire.CameraAck(camera=camera, number=number):
+                if self._feed is not None and camera in self._viewers:
+                    self._viewers[camera].acknowledge(number)
+                    self._feed.acknowledged()
+            case wire.Ping(sent_ms=sent_ms):
+                now_ms = round(time.monotonic() * 1000.0, 3)
+                await self.send_encoded(wire.encode(wire.CameraPong(sent_ms, now_ms)).decode())
+
+    def _begin(self, watch: wire.CameraWatch) -> None:
+        self._feed = feed_of(self.hub.link)
+        viewer = self._viewers[watch.camera] = CameraViewer(watch, self._show, self._state)
+        self._feed.add(viewer)
+
+    async def _end(self, camera: str) -> None:
+        viewer = self._viewers.pop(camera, None)
+        if viewer is not None and self._feed is not None:
+            await self._feed.remove(viewer)
+        if self.camera_audit is not None:
+            self.camera_audit.end(camera)
+
+    async def _end_all(self) -> None:
+        for camera in list(self._viewers):
+            await self._end(camera)
+
+    async def _send_cameras(self, entry: RobotEntry) -> None:
+        await self.send_encoded(wire.encode(wire.Cameras(entry.facts.cameras)).decode())
+
+    # --- pictures ----------------------------------------------------------------------------------
+
+    async def _show(self, camera: str, event: dict[str, Any]) -> bool:
+        """Send a picture once its viewing is on record. Return whether it was sent."""
+        if self._closing or self.camera_audit is None:
+            return False
+        if not self.camera_audit.may_view(camera):
+            await self.refuse("camera_watch", TOO_MANY_CAMERAS)
+            return False
+        await self.asgi_send(event)
+        return True
+
+    def _state(self, state: CameraState) -> None:
+        run_in_background(self.send_encoded(wire.encode(state).decode()))
+
+
+def _no_camera(camera: str) -> Refusal:
+    text = f"This robot has no camera “{camera}”."
+    return Refusal("no_camera", text, "robot", {"camera": camera})

@@ -1,0 +1,241 @@
+"""The newest pictures of one robot's cameras in this web process, and their viewers.
+
+The camera process makes each variant once; here it gets one header for all viewers. A viewer that is not ready gets a
+newer picture later: none is stored for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from typing import Any, NamedTuple
+from uuid import UUID
+
+from robots import wire
+from robots.link.camera_link import STARTING, CameraLink
+from robots.link.client import BridgeLink
+from robots.wire import CameraState, CameraWants, CameraWatch, PictureHeader, Refusal, TakenPicture, Variant
+from teleop.camera.quality import Quality
+
+log = logging.getLogger(__name__)
+
+KEY_PAUSE_S = 0.5  # between two requests for a key picture
+DECIDE_S = 0.5
+
+Send = Callable[[str, dict[str, Any]], Awaitable[bool]]  # camera and ASGI event; False: it was withheld
+
+
+class _Newest(NamedTuple):
+    number: int  # on pages
+    made: int  # by the camera process: consecutive for each variant
+    key: bool
+    event: dict[str, Any]
+
+
+class CameraViewer:
+    """One connection that watches one camera. `send` sends a picture; `state` tells why there is none."""
+
+    def __init__(self, watch: CameraWatch, send: Send, state: Callable[[CameraState], None]) -> None:
+        self.watch = watch
+        self.camera = watch.camera
+        self.state = state
+        self.quality = Quality(watch.size, watch.video, watch.rate_hz, time.monotonic())
+        self.rate_hz = watch.rate_hz
+        self._send = send
+        self._unacknowledged: dict[int, float] = {}
+        self._sent: _Newest | None = None  # the last picture
+        self._due_s = 0.0
+        self._broken = True  # video: earlier pictures are missing
+        self.delay_s: float | None = None  # from sending to acknowledgement
+
+    def acknowledge(self, number: int) -> None:
+        """Note that this picture, and so each earlier one, was painted or thrown away."""
+        now_s = time.monotonic()
+        for earlier in [waiting for waiting in self._unacknowledged if waiting <= number]:
+            self.delay_s = now_s - self._unacknowledged.pop(earlier)
+            self.quality.acknowledged(now_s)
+
+    def begin_anew(self) -> None:
+        """Note that another variant comes from now on."""
+        self._broken = True
+        self._sent = None
+
+    def takes(self, newest: _Newest, now_s: float) -> bool:
+        """Whether to send this picture now. A missed video picture breaks the stream until the next key picture."""
+        if newest is self._sent:
+            return False
+        has_room = len(self._unacknowledged) < self.quality.most_unacknowledged
+        if self.quality.variant != "video":
+            return has_room and now_s >= self._due_s
+        if newest.key:
+            self._broken = False
+        elif self._sent is None or newest.made != self._sent.made + 1:
+            self._broken = True
+        if not has_room:
+            self._broken = True
+        return not self._broken
+
+    @property
+    def needs_key(self) -> bool:
+        """Whether its video cannot go on without a key picture."""
+        return (
+            self.quality.variant == "video"
+            and self._broken
+            and len(self._unacknowledged) < self.quality.most_unacknowledged
+        )
+
+    async def show(self, newest: _Newest, now_s: float) -> None:
+        """Send this picture."""
+        self._sent = newest
+        self._due_s = now_s + 0.8 / self.rate_hz
+        self._unacknowledged[newest.number] = now_s
+        if not await self._send(self.camera, newest.event):
+            self._unacknowledged.pop(newest.number, None)
+
+
+class CameraFeed:
+    """All watched cameras of one robot. `feed_of` makes it; it ends with its last viewer."""
+
+    def __init__(self, link: BridgeLink) -> None:
+        self.link = link
+        self._camera_link = CameraLink(link, self)
+        self._viewers: set[CameraViewer] = set()
+        self._newest: dict[tuple[str, Variant], _Newest] = {}
+        self._states: dict[str, CameraState] = {}
+        self._numbers: dict[str, int] = {}
+        self._key_asked_s: dict[str, float] = {}
+        self._gone: Refusal | None = STARTING
+        self._news = asyncio.Event()
+        self._task = asyncio.create_task(self._keep_sending())
+
+    # --- viewers -----------------------------------------------------------------------------------
+
+    def add(self, viewer: CameraViewer) -> None:
+        """Show a camera to one more connection."""
+        self._viewers.add(viewer)
+        self._send_wants()
+        if self._gone is not None:
+            viewer.state(CameraState(viewer.camera, self._gone))
+        elif state := self._states.get(viewer.camera):
+            viewer.state(state)
+        self._news.set()
+
+    async def remove(self, viewer: CameraViewer) -> None:
+        """Show it no more. The feed ends with its last viewer."""
+        self._viewers.discard(viewer)
+        if self._viewers:
+            self._send_wants()
+            return
+        if _feeds.get(self.link.robot_id) is self:
+            del _feeds[self.link.robot_id]
+        self._task.cancel()
+        with suppress(asyncio.CancelledError):
+            await self._task
+        await self._camera_link.close()
+
+    def acknowledged(self) -> None:
+        """Note that a viewer may be ready for its next picture."""
+        self._news.set()
+
+    def _send_wants(self) -> None:
+        wants: dict[str, dict[Variant, float]] = {}
+        for viewer in self._viewers:
+            variants = wants.setdefault(viewer.camera, {})
+            variant = viewer.quality.variant
+            variants[variant] = max(viewer.rate_hz, variants.get(variant, 0.0))
+        self._newest = {
+            key: newest for key, newest in self._newest.items() if key[1] in wants.get(key[0], {})
+        }
+        self._camera_link.set_wants(CameraWants(wants))
+
+    # --- pictures (robots.link.camera_link.PictureListener) -------------------------------------------
+
+    def on_picture(self, header: TakenPicture, encoded: memoryview) -> None:
+        """Make this the newest picture of its camera and variant."""
+        self._gone = None
+        now_s = time.monotonic()
+        number = self._numbers[header.camera] = self._numbers.get(header.camera, 0) + 1
+        shown = PictureHeader(
+            header.camera,
+            number,
+            header.format,
+            header.width,
+            header.height,
+            round(max(now_s - header.age_s, 0.0) * 1000.0, 1),
+            header.key,
+            header.lens,
+            header.pose,
+        )
+        event = {"type": "websocket.send", "bytes": wire.packed(shown, encoded)}
+        self._newest[header.camera, header.variant] = _Newest(number, header.number, header.key, event)
+        for viewer in self._viewers:
+            if (viewer.camera, viewer.quality.variant) == (header.camera, header.variant):
+                viewer.quality.offered(now_s)
+        self._news.set()
+
+    def on_camera_state(self, state: CameraState) -> None:
+        """Tell the camera's viewers."""
+        self._gone = None
+        self._states[state.camera] = state
+        for viewer in self._viewers:
+            if viewer.camera == state.camera:
+                viewer.state(state)
+
+    def on_cameras_gone(self, refusal: Refusal) -> None:
+        """Tell all viewers; old pictures are not shown again."""
+        self._newest.clear()
+        self._states.clear()
+        if refusal != self._gone:
+            self._gone = refusal
+            for viewer in self._viewers:
+                viewer.begin_anew()
+                viewer.state(CameraState(viewer.camera, refusal))
+
+    async def _keep_sending(self) -> None:
+        decided_s = time.monotonic()
+        while True:
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._news.wait(), DECIDE_S)
+            self._news.clear()
+            now_s = time.monotonic()
+            if now_s - decided_s >= DECIDE_S:
+                decided_s = now_s
+                self._decide(now_s)
+            for viewer in list(self._viewers):
+                await self._show(viewer)
+
+    async def _show(self, viewer: CameraViewer) -> None:
+        now_s = time.monotonic()
+        newest = self._newest.get((viewer.camera, viewer.quality.variant))
+        if newest is not None and viewer in self._viewers and viewer.takes(newest, now_s):
+            try:
+                await viewer.show(newest, now_s)
+            except OSError:
+                return  # the connection is gone; its consumer notices that itself
+            except Exception:
+                log.exception("A camera picture was not sent.")
+            await asyncio.sleep(0)  # drive input that came meanwhile goes first
+        if viewer.needs_key and now_s - self._key_asked_s.get(viewer.camera, 0.0) > KEY_PAUSE_S:
+            self._key_asked_s[viewer.camera] = now_s
+            self._camera_link.require_key(viewer.camera)
+
+    def _decide(self, now_s: float) -> None:
+        changed = [viewer for viewer in self._viewers if viewer.quality.decide(now_s)]
+        for viewer in changed:
+            viewer.begin_anew()
+        if changed:
+            self._send_wants()
+
+
+_feeds: dict[UUID, CameraFeed] = {}
+
+
+def feed_of(link: BridgeLink) -> CameraFeed:
+    """Return the robot's feed in this web process; a robot with a new link gets a new one."""
+    feed = _feeds.get(link.robot_id)
+    if feed is None or feed.link is not link:
+        feed = _feeds[link.robot_id] = CameraFeed(link)
+    return feed

@@ -1,0 +1,73 @@
+"""Chooses how good a viewer's pictures are, from how fast it acknowledges them. Pure.
+
+A slow viewer first gets fewer pictures. Where fewer than `LEAST_HZ` full pictures a second come through, it gets small
+ones, or video if its browser decodes it. Full pictures are tried again after a while, rarely if that failed before.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from robots.wire import CameraSize, Variant
+
+LEAST_HZ = 8.0
+WINDOW_S = 2.0  # over which the rate is measured
+FULL_AGAIN_S = (8.0, 120.0)  # first and longest time until full pictures are tried again
+MOST_UNACKNOWLEDGED = 2
+MOST_VIDEO_UNACKNOWLEDGED = 6  # a video picture is small, and each is needed
+
+
+class Quality:
+    """The variant for one viewer of one camera."""
+
+    def __init__(self, size: CameraSize, video: bool, rate_hz: float, now_s: float) -> None:
+        self.variant: Variant = "full" if size == "full" else "small"
+        self._lower: Variant = "video" if video and size == "full" else "small"
+        self._may_change = size == "full"
+        self._wanted_hz = rate_hz
+        self._since_s = now_s
+        self._again_s = FULL_AGAIN_S[0]
+        self._offered: deque[float] = deque()  # when pictures of the camera came
+        self._shown: deque[float] = deque()  # when pictures were acknowledged
+
+    @property
+    def most_unacknowledged(self) -> int:
+        """How many pictures may be unacknowledged at once."""
+        return MOST_VIDEO_UNACKNOWLEDGED if self.variant == "video" else MOST_UNACKNOWLEDGED
+
+    def offered(self, now_s: float) -> None:
+        """Note that a picture of the present variant came."""
+        self._offered.append(now_s)
+
+    def acknowledged(self, now_s: float) -> None:
+        """Note that the viewer has painted a picture."""
+        self._shown.append(now_s)
+
+    def decide(self, now_s: float) -> bool:
+        """Choose the variant; return whether it changed."""
+        for times in (self._offered, self._shown):
+            while times and times[0] < now_s - WINDOW_S:
+                times.popleft()
+        lasted_s = now_s - self._since_s
+        if not self._may_change or lasted_s < WINDOW_S:
+            return False
+        if self.variant == "full" and self._is_slow:
+            self._again_s = FULL_AGAIN_S[0] if lasted_s > FULL_AGAIN_S[1] else 2.0 * self._again_s
+            self._again_s = min(self._again_s, FULL_AGAIN_S[1])
+            self._change(self._lower, now_s)
+            return True
+        if self.variant != "full" and lasted_s > self._again_s and not self._is_slow:
+            self._change("full", now_s)
+            return True
+        return False
+
+    @property
+    def _is_slow(self) -> bool:
+        """Whether fewer pictures are shown than the viewer should see, although they come."""
+        offered_hz, shown_hz = len(self._offered) / WINDOW_S, len(self._shown) / WINDOW_S
+        return shown_hz < 0.8 * min(LEAST_HZ, self._wanted_hz, offered_hz)
+
+    def _change(self, variant: Variant, now_s: float) -> None:
+        self.variant, self._since_s = variant, now_s
+        self._offered.clear()
+        self._shown.clear()
