@@ -89,6 +89,9 @@ class OpenGate:
     def forget(self, restarted: bool = False) -> None:
         self.forgot.append(restarted)
 
+    def observe_camera_view(self, age_s):
+        """Ignore it."""
+
     def observe_operator(self, delay_s: float | None) -> None:
         self.operator_delay_s = delay_s
 

@@ -282,6 +282,18 @@ def test_a_distant_operator_drives_slower_and_learns_why(tiago):
     assert verdict.text == "held to 0.8 m/s: the page answers after 0.80 s"
 
 
+def test_who_drives_by_an_old_camera_picture_drives_slower(tiago):
+    tiago.gate.observe_camera_view(0.3)
+    assert tiago.decide(1.0).code == "free"
+    tiago.gate.observe_camera_view(1.3)
+    verdict = tiago.decide(1.0)
+    assert verdict.code == "camera_late"
+    assert verdict.velocity.vx < 0.7
+    assert "the camera’s picture comes after 1.30 s" in verdict.text
+    tiago.gate.observe_camera_view(None)
+    assert tiago.decide(1.0).code == "free"
+
+
 # --- growing delay of messages ------------------------------------------------------------------------
 
 

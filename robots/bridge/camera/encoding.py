@@ -41,7 +41,7 @@ _RAW_MODES = {
     "bayer_grbg8": (1, "L", "L"),
 }
 _DEEP = {"mono16", "16UC1"}  # two bytes a pixel
-_PACKED = {"yuv422": "uyvy422", "yuv422_yuy2": "yuyv422"}  # names in FFmpeg
+_PACKED = {"yuv422": (1, 0), "yuv422_yuy2": (0, 1)}  # where luma and colour stand in two bytes
 
 
 def raw_image(
@@ -88,8 +88,10 @@ def _colour_of_packed(width: int, height: int, encoding: str, step: int, data: b
     pixels = np.zeros((height, step), np.uint8)
     flat = np.frombuffer(data, np.uint8)[: height * step]
     pixels.reshape(-1)[: len(flat)] = flat
-    packed = np.ascontiguousarray(pixels[:, : 2 * width]).reshape(height, width, 2)
-    colours = av.VideoFrame.from_ndarray(packed, format=_PACKED[encoding]).to_ndarray(format="rgb24")
+    packed = pixels[:, : 2 * width].reshape(height, width, 2)[:, :, _PACKED[encoding]]
+    colours = av.VideoFrame.from_ndarray(np.ascontiguousarray(packed), format="yuyv422").to_ndarray(
+        format="rgb24"
+    )
     return PIL.Image.fromarray(colours)
 
 

@@ -164,3 +164,61 @@ def test_looking_ahead_shows_floor_from_half_to_three_metres():
     nearest, farthest = (1.217 / math.tan(-SOURCE.look_tilt + side) + 0.175 - 0.27 for side in (half, -half))
     assert nearest <= 0.51
     assert farthest >= 3.0
+
+
+def drag(bench, pan, tilt, fence=1):
+    return bench.ask(wire.TurnHead(fence, pan, tilt), 1)
+
+
+def test_one_record_stands_for_the_turns_of_a_drag(bench):
+    answers = drag(bench, 0.2, -0.1)
+    settled(bench)
+    for _ in range(5):
+        answers += drag(bench, 0.1, 0.0)
+        bench.pass_time(0.2)
+    assert answers == [None] * 6
+    assert bench.sink.kinds == ["head.turn"] * 2
+    assert (bench.base.aims[-1].pan, bench.base.aims[-1].tilt) == pytest.approx((0.7, -0.1))
+
+
+def test_turns_after_a_pause_are_recorded_again(bench):
+    drag(bench, 0.2, 0.0)
+    settled(bench)
+    bench.pass_time(11.0)
+    drag(bench, 0.2, 0.0)
+    settled(bench)
+    assert bench.sink.kinds == ["head.turn"] * 4
+
+
+def test_turns_without_a_record_are_not_done(bench):
+    bench.sink.fails = "disk full"
+    answers = drag(bench, 0.2, 0.0)
+    settled(bench)
+    assert (bench.base.aims, codes(answers)) == ([], ["not_recorded"])
+
+
+def test_the_head_turns_within_its_limits():
+    head = Head(SOURCE)
+    aim = head.turn(1.0, 0.5)
+    assert (aim.pan, aim.tilt) == (1.0, 0.5)
+    aim = head.turn(1.0, 0.5)
+    assert (aim.pan, aim.tilt) == (SOURCE.pan_rad[1], SOURCE.tilt_rad[1])
+
+
+def test_a_turned_head_does_not_follow_the_drive_until_asked():
+    head = Head(FOLLOWS)
+    head.turn(0.5, 0.0)
+    assert head.follow(Velocity(0.5, 0.0, 0.8), 10.0) is None
+    head.ahead(11.0)
+    assert head.follow(Velocity(0.5, 0.0, 0.8), 20.0) is not None
+
+
+@pytest.mark.parametrize("spoil", [lambda bench: bench.core.stop("Bob", "", bench.now_s), others_play])
+def test_a_drag_ends_with_the_right_to_it(bench, spoil):
+    drag(bench, 0.2, 0.0)
+    settled(bench)
+    spoil(bench)
+    aims = len(bench.base.aims)
+    assert codes(drag(bench, 0.2, 0.0)) != [None]
+    bench.pass_time(0.1)
+    assert len(bench.base.aims) == aims

@@ -1,0 +1,36 @@
+"""The age of a picture follows from its stamp, also with a robot whose clock differs."""
+
+import pytest
+
+from robots.bridge.camera.picture_age import WINDOW_S, PictureAge
+
+WALL_S = 1_800_000_000.0
+
+
+def ages(skew_s, delays):
+    """Ages of pictures that arrive each second with these delays, from a robot whose clock is ahead by `skew_s`."""
+    age = PictureAge()
+    return [
+        age.on_arrival(WALL_S + second + skew_s - delay_s, WALL_S + second, float(second))
+        for second, delay_s in enumerate(delays)
+    ]
+
+
+def test_with_equal_clocks_the_delay_is_the_age():
+    assert ages(0.0, [0.04, 0.3, 0.05]) == pytest.approx([0.04, 0.3, 0.05], abs=1e-6)
+
+
+@pytest.mark.parametrize("skew_s", [-3600.0, -2.0, 0.2, 5.0])
+def test_with_other_clocks_only_what_grows_is_age(skew_s):
+    assert ages(skew_s, [0.04, 0.34, 0.04]) == pytest.approx([0.0, 0.3, 0.0], abs=1e-6)
+
+
+def test_a_clock_that_is_set_is_forgotten():
+    age = PictureAge()
+    age.on_arrival(WALL_S + 100.0, WALL_S, 0.0)  # ahead
+    later_s = WINDOW_S + 1.0
+    assert age.on_arrival(WALL_S + later_s - 0.05, WALL_S + later_s, later_s) == pytest.approx(0.05, abs=1e-6)
+
+
+def test_a_picture_without_a_stamp_is_new():
+    assert PictureAge().on_arrival(0.0, WALL_S, 1.0) == 0.0
