@@ -1,6 +1,7 @@
 """Makes the pictures that web processes want: each variant once for all, the newest only.
 
-One thread does all of it, so a slow encoding skips pictures and delays nobody but viewers.
+One thread does all of it, so a slow encoding skips pictures and delays nobody but viewers. A camera of which only
+thumbnails are wanted is subscribed for one picture at a time: a robot's radio carries no film that nobody watches.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from robots.wire import CameraState, PictureFormat, Refusal, TakenPicture, Varia
 log = logging.getLogger(__name__)
 
 STATE_S = 0.5  # between two looks at cameras that are silent
+THUMBNAIL_HZ = 1.0  # below this rate, the camera is unsubscribed between two pictures
 EARLY_SHARE = 0.8  # of the time between two pictures: a picture may come a little early
 
 Wants = Mapping[str, Mapping[Variant, float]]
@@ -68,6 +70,7 @@ class Producer:
         self._wants: Wants = {}
         self._watched: dict[str, _Watched] = {}
         self._keys: set[str] = set()
+        self._rest_until_s: dict[str, float] = {}  # of cameras of which only thumbnails are wanted
         bases = {camera.base_frame for camera in config.topics.cameras}
         self._tf = TfTopics(bases.pop() if len(bases) == 1 else "base_footprint")
         self._tf_subscribers = self._tf.listen()
@@ -89,7 +92,7 @@ class Producer:
             with self._awake:
                 if not self._has_news():
                     self._awake.wait(STATE_S)
-                wants, keys, self._keys = self._wants, self._keys, set()
+                wants, keys, self._keys = self._awake_wants(), self._keys, set()
             self._follow(wants)
             for name in keys & self._watched.keys():
                 self._watched[name].video.require_key()
@@ -97,9 +100,19 @@ class Producer:
                 self._look(name, watched, wants[name])
 
     def _has_news(self) -> bool:
-        return self._wants.keys() != self._watched.keys() or any(
+        return self._awake_wants().keys() != self._watched.keys() or any(
             watched.topics.newest is not watched.taken for watched in self._watched.values()
         )
+
+    def _awake_wants(self) -> Wants:
+        """Return what is wanted of cameras that do not rest now."""
+        now_s = time.monotonic()
+        return {
+            name: variants
+            for name, variants in self._wants.items()
+            if max(variants.values(), default=0.0) >= THUMBNAIL_HZ
+            or now_s >= self._rest_until_s.get(name, float("-inf"))
+        }
 
     def _follow(self, wants: Wants) -> None:
         """Subscribe and unsubscribe; on this thread, since it calls the master."""
@@ -116,6 +129,7 @@ class Producer:
             picture = watched.topics.picture(arrival)
             if picture is not None:
                 self._make(name, watched, picture, due, now_s)
+                self._rest_until_s[name] = now_s + 1.0 / max(wants.values())
         refusal = watched.topics.refusal(now_s)
         if refusal != watched.refusal or not watched.stated:
             watched.refusal, watched.stated = refusal, True
