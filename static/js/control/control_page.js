@@ -16,7 +16,7 @@ import { Heartbeat } from "../lib/heartbeat.js";
 import { Notices } from "../lib/notices.js";
 import { question } from "../lib/question.js";
 import { DelayEchoes, RoundTrips } from "../lib/round_trips.js";
-import { LiveSocket, socketUrl } from "../lib/socket.js";
+import { CLOSED_FOR_GOOD, LiveSocket, socketUrl } from "../lib/socket.js";
 import { tabClock, tabToken } from "../lib/tab.js";
 import { Tabs } from "../lib/tabs.js";
 import { TaskPanel } from "../tasks/task_panel.js";
@@ -28,9 +28,6 @@ import { StopButton } from "./stop_button.js";
 
 const LOOK_MS = 250;
 const NEUTRAL_SAID_AFTER_MS = 300; // a stick that rests is neutral before anybody could read it
-
-// Closed for good: signed out, not permitted, no such robot. The server's page says so, or leads to the sign-in page.
-const CLOSED_FOR_GOOD = new Set([4401, 4403, 4404]);
 
 // Refused commands of the stick that the delay, the picture's words or the banner speak of; they come by the dozen.
 const SHOWN_ELSEWHERE = new Set([
@@ -269,7 +266,7 @@ class ControlPage {
     this.#requests.lost();
     this.#follow();
     this.#look();
-    if (CLOSED_FOR_GOOD.has(code)) location.reload();
+    if (CLOSED_FOR_GOOD.has(code)) location.reload(); // the server's page says why, or leads to the sign-in page
   }
 
   #isCut() {

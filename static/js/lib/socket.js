@@ -1,10 +1,13 @@
-/** A WebSocket that comes back: JSON in and out, as DOM events. */
+/** A WebSocket that comes back: JSON in and out, bytes in, as DOM events. */
 
 import { waitBefore } from "./backoff.js";
 
 const OPEN_WITHIN_MS = 3000; // an attempt begun while the network was away may wait for its next packet much longer
 const SLOW_WITHIN_MS = 10_000;
 const QUICK_ATTEMPTS = 4; // then it may be a network that takes its time
+// Closed for good: signed out, not permitted, no such robot.
+export const CLOSED_FOR_GOOD = new Set([4401, 4403, 4404]);
+
 const LASTED_MS = 10_000; // a server that closes what it accepts, or says nothing on it, has had its turn by then
 
 /** @param {string} path such as "/ws/fleet/" */
@@ -15,7 +18,7 @@ export function socketUrl(path, base = location.href) {
 }
 
 /**
- * Events: "open", "down" (detail: {code}), "message" (detail: the decoded message).
+ * Events: "open", "down" (detail: {code}), "message" (detail: the decoded message), "bytes" (detail: an ArrayBuffer).
  * It connects again after every loss until `close()` is called.
  */
 export class LiveSocket extends EventTarget {
@@ -50,6 +53,7 @@ export class LiveSocket extends EventTarget {
   connect() {
     if (this.#closed || this.#socket) return;
     const socket = new WebSocket(this.#url);
+    socket.binaryType = "arraybuffer";
     this.#socket = socket;
     this.#openedMs = Infinity;
     const patienceMs = this.#attempt < QUICK_ATTEMPTS ? OPEN_WITHIN_MS : SLOW_WITHIN_MS;
@@ -59,7 +63,11 @@ export class LiveSocket extends EventTarget {
       this.#openedMs = performance.now();
       this.#tell("open");
     });
-    socket.addEventListener("message", (event) => this.#tell("message", JSON.parse(event.data)));
+    socket.addEventListener("message", ({ data }) =>
+      typeof data === "string"
+        ? this.#tell("message", JSON.parse(data))
+        : this.#tell("bytes", data),
+    );
     socket.addEventListener("close", (event) => this.#lost(socket, event.code));
   }
 

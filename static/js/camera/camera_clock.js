@@ -1,0 +1,26 @@
+/** How old a picture is: its time is by the console's clock, which each ping reads. */
+
+const KEPT = 10;
+
+export class CameraClock {
+  #trips = [];
+
+  /** A new connection: another web process has another clock. */
+  clear() {
+    this.#trips = [];
+  }
+
+  /** @param {{sent_ms: number, now_ms: number}} pong @param {number} nowMs when it came, by this page's clock */
+  heard({ sent_ms: sentMs, now_ms: consoleMs }, nowMs) {
+    const tripMs = nowMs - sentMs;
+    this.#trips.push({ tripMs, offsetMs: consoleMs + tripMs / 2 - nowMs });
+    if (this.#trips.length > KEPT) this.#trips.shift();
+  }
+
+  /** When that was by this page's clock, by the shortest of the last round trips; null before the first. */
+  here(consoleMs) {
+    if (this.#trips.length === 0) return null;
+    const { offsetMs } = this.#trips.reduce((a, b) => (b.tripMs < a.tripMs ? b : a));
+    return consoleMs - offsetMs;
+  }
+}

@@ -1,0 +1,140 @@
+/** The connection for a robot's cameras, apart from control: which are watched, their pictures, acknowledgements. */
+
+import { Heartbeat } from "../lib/heartbeat.js";
+import { CLOSED_FOR_GOOD, LiveSocket } from "../lib/socket.js";
+import { CameraClock } from "./camera_clock.js";
+import { unpacked } from "./frame.js";
+
+const RATE_HZ = 30; // at most: the console sends what the network carries
+
+/**
+ * Open only while a camera is shown, or to learn which cameras there are. While the page is hidden, no camera is watched.
+ * Events: "open", "down", "cameras" (detail: their list), "picture" (detail: {header, bytes, takenMs}; `takenMs` by this
+ * page's clock), "state" (detail: {camera, refusal}; `camera` null: all of them), "notice", "refused" (detail: as sent).
+ */
+export class CameraSocket extends EventTarget {
+  #url;
+  #video = false;
+  #socket = null;
+  #heartbeat = null;
+  #clock = new CameraClock();
+  #watched = new Map(); // sizes by camera
+  #listening = null; // ignore messages of a closed socket
+
+  /** @param {string} url of the WebSocket @param {Promise<boolean>} video whether this browser decodes H.264 */
+  constructor(url, video) {
+    super();
+    this.#url = url;
+    video.then((can) => {
+      if (!can) return;
+      this.#video = true;
+      this.#watchAsSeen();
+    });
+  }
+
+  get isOpen() {
+    return Boolean(this.#socket?.open);
+  }
+
+  open() {
+    if (this.#socket) return;
+    this.#socket = new LiveSocket(this.#url);
+    this.#heartbeat = new Heartbeat(this.#socket);
+    this.#listening = new AbortController();
+    const { signal } = this.#listening;
+    const on = (type, act) =>
+      this.#socket.addEventListener(type, ({ detail }) => act(detail), { signal });
+    on("open", () => this.#opened());
+    on("down", ({ code }) => this.#lost(code));
+    on("message", (message) => this.#heard(message));
+    on("bytes", (frame) => this.#received(frame));
+    document.addEventListener("visibilitychange", () => this.#watchAsSeen(), { signal });
+    this.#socket.connect();
+  }
+
+  close() {
+    if (!this.#socket) return;
+    this.#listening.abort();
+    this.#heartbeat.close();
+    this.#socket.close();
+    this.#socket = null;
+    this.#tell("down");
+  }
+
+  /** @param {string} camera @param {"full" | "small"} size */
+  watch(camera, size) {
+    if (this.#watched.get(camera) === size) return;
+    this.#watched.set(camera, size);
+    if (!document.hidden) this.#sendWatch(camera, size);
+  }
+
+  end(camera) {
+    if (this.#watched.delete(camera)) this.#socket?.send({ t: "camera_end", camera });
+  }
+
+  /** The picture was painted, or left out for a newer one, or could not be decoded. */
+  acknowledge({ camera, number }, damaged) {
+    const message = { t: "camera_ack", camera, number };
+    this.#socket?.send(damaged ? { ...message, damaged } : message);
+  }
+
+  #sendWatch(camera, size) {
+    this.#socket?.send({
+      t: "camera_watch",
+      camera,
+      video: this.#video,
+      rate_hz: RATE_HZ,
+      size,
+    });
+  }
+
+  #watchAsSeen() {
+    for (const [camera, size] of this.#watched) {
+      if (document.hidden) this.#socket?.send({ t: "camera_end", camera });
+      else this.#sendWatch(camera, size);
+    }
+  }
+
+  #opened() {
+    this.#heartbeat.begin();
+    this.#clock.clear();
+    this.#socket.send({ t: "ping", sent_ms: performance.now() }); // the first picture has an age, too
+    if (!document.hidden) this.#watchAsSeen();
+    this.#tell("open");
+  }
+
+  #lost(code) {
+    if (CLOSED_FOR_GOOD.has(code)) this.close();
+    else this.#tell("down");
+  }
+
+  #heard(message) {
+    this.#heartbeat.heard(message);
+    switch (message.t) {
+      case "camera_pong":
+        return this.#clock.heard(message, performance.now());
+      case "cameras":
+        return this.#tell("cameras", message.cameras);
+      case "camera_state":
+        return this.#tell("state", message);
+      case "bridge_gone":
+        return this.#tell("state", { camera: null, refusal: message.refusal });
+      case "notice":
+      case "refused":
+        return this.#tell(message.t, message);
+    }
+  }
+
+  #received(frame) {
+    this.#heartbeat.heard({});
+    const picture = unpacked(frame);
+    if (!picture) return;
+    if (!this.#watched.has(picture.header.camera)) return; // it was on its way when its camera was put away
+    const takenMs = this.#clock.here(picture.header.taken_ms) ?? performance.now();
+    this.#tell("picture", { ...picture, takenMs });
+  }
+
+  #tell(type, detail = null) {
+    this.dispatchEvent(new CustomEvent(type, { detail }));
+  }
+}

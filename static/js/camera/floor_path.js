@@ -1,0 +1,200 @@
+/**
+ * The way of the robot on the floor, and the floor in a camera's picture. Pure. Base frame: x forward, y left, metres.
+ * `lens` and `pose` are those of a picture's header: pinhole (fx, fy, cx, cy), and 3 x 4 matrix from the base frame to
+ * the optical frame (z into the picture, x right, y down).
+ */
+
+import { carried, poseAfter, reach } from "../drive/path.js";
+import { moves } from "../drive/picture.js";
+
+const FAR_M = 4; // of the way are drawn, at whatever speed, as a parking aid does
+const MOST_TURN = Math.PI / 2; // radians
+const STEP_M = 0.05;
+const RED_M = 0.25; // so close before contact
+const YELLOW_M = 0.7;
+const SHOWN_S = 2; // the outline stands where the robot is then, as in the picture from above
+const NEAREST_M = 0.05; // before the lens; what is closer or behind it has no place in the picture
+const HINTED_M = 1.5;
+
+/** What is shown of the verdict's twist: the allowed one, or if the gate allows none, the one that was asked. */
+function shownTwist({ asked, allowed }) {
+  const [vx, vy, w] = moves(allowed) ? allowed : asked;
+  return { vx, vy, w };
+}
+
+/** The lowest and highest distance of a closed outline from a point, 0 if the point is inside. */
+function distances(outline, [cx, cy]) {
+  let lowest = Infinity;
+  let isInside = false;
+  for (let i = 0; i < outline.length; i += 1) {
+    const [ax, ay] = outline[i];
+    const [bx, by] = outline[(i + 1) % outline.length];
+    const along = ((cx - ax) * (bx - ax) + (cy - ay) * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2);
+    const at = Math.min(1, Math.max(0, along));
+    lowest = Math.min(lowest, Math.hypot(ax + at * (bx - ax) - cx, ay + at * (by - ay) - cy));
+    if (ay > cy !== by > cy && cx < ax + ((cy - ay) / (by - ay)) * (bx - ax)) isInside = !isInside;
+  }
+  const highest = Math.max(...outline.map(([x, y]) => Math.hypot(x - cx, y - cy)));
+  return [isInside ? 0 : lowest, highest];
+}
+
+/** @returns {(atM: number) => number[][]} both borders of what the hull sweeps, where the base is after that way */
+function borders(footprint, twist) {
+  const { vx, vy, w } = twist;
+  const speed = Math.hypot(vx, vy);
+  const [dx, dy] = [vx / speed, vy / speed];
+  const turnsAbout = [-vy / w, vx / w];
+  if (Math.abs(w) < 1e-3 * speed) {
+    const sides = footprint.map(([x, y]) => -dy * x + dx * y);
+    const [right, left] = [Math.min(...sides), Math.max(...sides)];
+    const beside = (atM, side) => [dx * atM - dy * side, dy * atM + dx * side];
+    return (atM) => [beside(atM, left), beside(atM, right)];
+  }
+  const [inner, outer] = distances(footprint, turnsAbout);
+  return (atM) => {
+    const { x, y } = poseAfter(twist, atM / speed);
+    const [ex, ey] = [x - turnsAbout[0], y - turnsAbout[1]];
+    const radius = Math.hypot(ex, ey);
+    const at = (r) => [turnsAbout[0] + (ex / radius) * r, turnsAbout[1] + (ey / radius) * r];
+    return w > 0 ? [at(inner), at(outer)] : [at(outer), at(inner)];
+  };
+}
+
+/** How far the hull may go until it touches the point; null: it passes. */
+function wayTo(point, footprint, twist, farM) {
+  if (!point) return null;
+  const hull = reach(footprint);
+  const speed = Math.hypot(twist.vx, twist.vy);
+  for (let wayM = 0; wayM <= farM; wayM += STEP_M / 2) {
+    const { x, y } = poseAfter(twist, wayM / speed);
+    if (Math.hypot(point[0] - x, point[1] - y) <= hull) return wayM;
+  }
+  return null;
+}
+
+function tierAt(leftM) {
+  if (leftM <= RED_M) return "red";
+  return leftM <= YELLOW_M ? "yellow" : "green";
+}
+
+/**
+ * The way in front of the hull, until the gate would stop it or it is too far to matter.
+ * @param {number[][]} footprint
+ * @param {object} verdict the gate's
+ * @returns {{bands: {tier: string, outline: number[][]}[], stop: ?number[][], then: ?number[][]}}
+ *   bands by tier (green, yellow, red: how near the gate stops), the nearest first; both ends of the line where it stops; the
+ *   hull where it is two seconds later. All empty while nothing moves, or the robot turns on the spot.
+ */
+export function floorPath(footprint, verdict) {
+  const twist = shownTwist(verdict);
+  const speed = Math.hypot(twist.vx, twist.vy);
+  const nothing = { bands: [], stop: null, then: null };
+  if (!moves([twist.vx, twist.vy, 0])) return nothing;
+  const nose = Math.max(...footprint.map(([x, y]) => (twist.vx * x + twist.vy * y) / speed));
+  const farM = Math.min(FAR_M, twist.w ? (MOST_TURN * speed) / Math.abs(twist.w) : FAR_M);
+  const contactM = wayTo(verdict.point, footprint, twist, farM);
+  const isHeld = !moves(verdict.allowed);
+  const endM = nose + (contactM ?? (isHeld ? 0 : farM));
+  const borderAt = borders(footprint, twist);
+  const tiers = (atM) => {
+    if (isHeld) return "red";
+    return contactM === null ? "green" : tierAt(endM - atM);
+  };
+  const travelled = Math.min(speed * SHOWN_S, contactM ?? Infinity);
+  return {
+    bands: bandsTo(endM, borderAt, tiers),
+    stop: contactM === null && !isHeld ? null : borderAt(endM),
+    then: isHeld ? null : carried(footprint, poseAfter(twist, travelled / speed)),
+  };
+}
+
+/** One outline for each stretch of a tier: side by side they would show seams. */
+function bandsTo(endM, borderAt, tierOf) {
+  const steps = Math.max(1, Math.ceil(endM / STEP_M));
+  const bands = [];
+  for (let i = 0; i < steps; i += 1) {
+    const [from, to] = [(endM * i) / steps, (endM * (i + 1)) / steps];
+    const tier = tierOf(to);
+    if (bands.at(-1)?.tier !== tier) {
+      const [left, right] = borderAt(from);
+      bands.push({ tier, left: [left], right: [right] });
+    }
+    const [left, right] = borderAt(to);
+    bands.at(-1).left.push(left);
+    bands.at(-1).right.unshift(right);
+  }
+  return bands.map(({ tier, left, right }) => ({ tier, outline: [...left, ...right] }));
+}
+
+/** A place on the floor, in the optical frame. */
+function seen([x, y], m) {
+  return [
+    m[0] * x + m[1] * y + m[3],
+    m[4] * x + m[5] * y + m[7],
+    m[8] * x + m[9] * y + m[11],
+  ];
+}
+
+function pixel([x, y, z], [fx, fy, cx, cy]) {
+  return [cx + (fx * x) / z, cy + (fy * y) / z];
+}
+
+/** Where an outline on the floor is in the picture, without what lies behind the camera; pixels of the header's size. */
+export function inPicture(outline, { lens, pose }) {
+  const corners = outline.map((place) => seen(place, pose));
+  const clipped = [];
+  for (let i = 0; i < corners.length; i += 1) {
+    const [a, b] = [corners[i], corners[(i + 1) % corners.length]];
+    if (a[2] >= NEAREST_M) clipped.push(a);
+    if (a[2] >= NEAREST_M !== b[2] >= NEAREST_M) {
+      const share = (NEAREST_M - a[2]) / (b[2] - a[2]);
+      clipped.push(a.map((value, axis) => value + share * (b[axis] - value)));
+    }
+  }
+  return clipped.map((corner) => pixel(corner, lens));
+}
+
+function wrapped(angle) {
+  return Math.atan2(Math.sin(angle), Math.cos(angle));
+}
+
+/** Where the camera stands and looks, on the floor plan. */
+function standOf(m) {
+  const at = (column) => -(m[column] * m[3] + m[4 + column] * m[7] + m[8 + column] * m[11]);
+  return { x: at(0), y: at(1), heading: Math.atan2(m[9], m[8]) };
+}
+
+/**
+ * Near obstacles that the picture does not show: for each of its edges the nearest one.
+ * @param {number[]} flatCm places [x0, y0, x1, y1, ...], centimetres
+ * @param {object} header of the picture, with lens and pose
+ * @returns {{edge: "left" | "right" | "bottom", at: number, distanceM: number}[]} `at`: share of the edge, from the
+ *   left or from above; the lower on a side, the farther behind
+ */
+export function edgeHints(flatCm, header) {
+  const stand = standOf(header.pose);
+  const nearest = {};
+  for (let i = 0; i < flatCm.length; i += 2) {
+    const place = [flatCm[i] / 100, flatCm[i + 1] / 100];
+    const distanceM = Math.hypot(...place);
+    if (distanceM > HINTED_M) continue;
+    const hint = hintOf(place, header, stand);
+    if (hint && distanceM < (nearest[hint.edge]?.distanceM ?? Infinity))
+      nearest[hint.edge] = { ...hint, distanceM };
+  }
+  return Object.values(nearest);
+}
+
+function hintOf(place, { lens, pose, width, height }, { x, y, heading }) {
+  const [fx, , cx] = lens;
+  const corner = seen(place, pose);
+  if (corner[2] >= NEAREST_M) {
+    const [u, v] = pixel(corner, lens);
+    if (u >= 0 && u <= width && v <= height) return null; // in the picture, or above it
+  }
+  const turn = wrapped(Math.atan2(place[1] - y, place[0] - x) - heading); // to the left
+  const limit = turn > 0 ? Math.atan2(cx, fx) : Math.atan2(width - cx, fx);
+  if (Math.abs(turn) <= limit) return { edge: "bottom", at: (cx - fx * Math.tan(turn)) / width };
+  const behind = (Math.abs(turn) - limit) / (Math.PI - limit);
+  return { edge: turn > 0 ? "left" : "right", at: (1 + behind) / 2 };
+}

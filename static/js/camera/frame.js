@@ -1,0 +1,26 @@
+/** One picture of a camera, as a binary frame: length of the header (4 bytes), header (JSON), encoded picture. Pure. */
+
+const LENGTH_BYTES = 4;
+const LONGEST_SIDE = 4096; // pixels: a larger picture would fill the memory of a phone
+
+/**
+ * @param {ArrayBuffer} frame
+ * @returns {{header: object, bytes: Uint8Array} | null} null: it is no picture
+ */
+export function unpacked(frame) {
+  if (frame.byteLength < LENGTH_BYTES) return null;
+  const length = new DataView(frame).getUint32(0);
+  if (length > frame.byteLength - LENGTH_BYTES) return null;
+  try {
+    const text = new TextDecoder().decode(new Uint8Array(frame, LENGTH_BYTES, length));
+    const header = JSON.parse(text);
+    return { header, bytes: new Uint8Array(frame, LENGTH_BYTES + length) };
+  } catch {
+    return null;
+  }
+}
+
+/** Whether a picture of this size is shown. */
+export function fits({ width, height }) {
+  return width > 0 && height > 0 && width <= LONGEST_SIDE && height <= LONGEST_SIDE;
+}

@@ -1,0 +1,137 @@
+import { describe, expect, it } from "vitest";
+import { edgeHints, floorPath, inPicture } from "../../../static/js/camera/floor_path.js";
+
+const SQUARE = [
+  [0.3, 0.2],
+  [-0.3, 0.2],
+  [-0.3, -0.2],
+  [0.3, -0.2],
+];
+// 1 m above the base's centre, looking straight ahead: x_cam = -y, y_cam = 1 - z, z_cam = x.
+const AHEAD = [0, -1, 0, 0, 0, 0, -1, 1, 1, 0, 0, 0];
+// The same place, looking straight down; the picture's top is ahead: x_cam = -y, y_cam = -x, z_cam = 1 - z.
+const DOWN = [0, -1, 0, 0, -1, 0, 0, 0, 0, 0, -1, 1];
+const LENS = [500, 500, 320, 240];
+const header = (pose) => ({ lens: LENS, pose, width: 640, height: 480 });
+const verdict = (allowed, { asked = allowed, point = null } = {}) => ({ allowed, asked, point });
+const round = (points) => points.map((point) => point.map((value) => Math.round(value * 100) / 100));
+
+describe("the floor in the picture", () => {
+  it("puts a place 2 m ahead and 0.4 m left by the pinhole", () => {
+    // u = 320 + 500 * -0.4 / 2, v = 240 + 500 * 1 / 2
+    expect(round(inPicture([[2, 0.4]], header(AHEAD)))).toEqual([[220, 490]]);
+    expect(round(inPicture([[0.2, 0.4]], header(DOWN)))).toEqual([[120, 140]]);
+  });
+
+  it("cuts off what lies behind the camera", () => {
+    const square = [
+      [2, 1],
+      [-2, 1],
+      [-2, -1],
+      [2, -1],
+    ];
+    const cut = inPicture(square, header(AHEAD));
+    expect(cut).toHaveLength(4);
+    expect(round(cut)[0]).toEqual([70, 490]);
+    expect(round(cut)[3]).toEqual([570, 490]);
+    // 0.05 m before the lens: u = 320 ± 500 / 0.05
+    expect(round([cut[1], cut[2]])).toEqual([
+      [-9680, 10240],
+      [10320, 10240],
+    ]);
+    expect(inPicture([[-1, 0]], header(AHEAD))).toEqual([]);
+  });
+});
+
+describe("the way on the floor", () => {
+  it("is as wide as the hull, and 4 m long before it", () => {
+    const { bands, stop, then } = floorPath(SQUARE, verdict([0.5, 0, 0]));
+    expect(stop).toBe(null);
+    expect(bands.map(({ tier }) => tier)).toEqual(["green"]);
+    const xs = bands[0].outline.map(([x]) => x);
+    expect(Math.max(...xs)).toBeCloseTo(4.3);
+    expect(round(bands[0].outline.slice(0, 1))).toEqual([[0, 0.2]]);
+    expect(round(bands[0].outline.slice(-1))).toEqual([[0, -0.2]]);
+    expect(round(then)[0]).toEqual([1.3, 0.2]); // after 2 s
+  });
+
+  it("sweeps a wider ring in a bend, as the outer corners do", () => {
+    const { bands } = floorPath(SQUARE, verdict([0.5, 0, 0.5])); // about (0, 1)
+    const radii = bands[0].outline.map(([x, y]) => Math.hypot(x, y - 1));
+    expect(Math.min(...radii)).toBeCloseTo(0.8); // the inner side
+    expect(Math.max(...radii)).toBeCloseTo(Math.hypot(0.3, 1.2)); // the outer corners
+  });
+
+  it("turns to the right as it does to the left", () => {
+    const left = floorPath(SQUARE, verdict([0.5, 0, 0.5])).bands[0].outline;
+    const right = floorPath(SQUARE, verdict([0.5, 0, -0.5])).bands[0].outline;
+    const mirrored = right.map(([x, y]) => [x, -y]).reverse();
+    expect(round(mirrored)).toEqual(round(left));
+  });
+
+  it("ends yellow and red where the hull would touch", () => {
+    const { bands, stop } = floorPath(SQUARE, verdict([0.5, 0, 0], { point: [2, 0] }));
+    expect(bands.map(({ tier }) => tier)).toEqual(["green", "yellow", "red"]);
+    const contact = 2 - Math.hypot(0.3, 0.2); // travelled, by the hull's circle
+    expect(stop[0][0]).toBeGreaterThan(0.3 + contact - 0.03);
+    expect(stop[0][0]).toBeLessThan(0.3 + contact + 0.03);
+    expect(stop.map(([, y]) => y)).toEqual([0.2, -0.2]);
+    const yellow = bands[1].outline.map(([x]) => x);
+    expect(Math.max(...yellow) - Math.min(...yellow)).toBeCloseTo(0.45, 1);
+  });
+
+  it("stays green beside an obstacle that it passes", () => {
+    const { bands, stop } = floorPath(SQUARE, verdict([0.5, 0, 0], { point: [2, 0.5] }));
+    expect(stop).toBe(null);
+    expect(bands.map(({ tier }) => tier)).toEqual(["green"]);
+  });
+
+  it("is red to the stop while the gate allows no motion", () => {
+    const held = verdict([0, 0, 0], { asked: [0.5, 0, 0], point: [0.7, 0] });
+    const { bands, stop, then } = floorPath(SQUARE, held);
+    expect(bands.map(({ tier }) => tier)).toEqual(["red"]);
+    expect(stop).not.toBe(null);
+    expect(then).toBe(null);
+  });
+
+  it("goes backwards from the back of the hull", () => {
+    const { bands } = floorPath(SQUARE, verdict([-0.5, 0, 0]));
+    expect(Math.min(...bands[0].outline.map(([x]) => x))).toBeCloseTo(-4.3);
+  });
+
+  it.each([[[0, 0, 0]], [[0, 0, 1]]])("is nothing for the twist %s", (twist) => {
+    expect(floorPath(SQUARE, verdict(twist))).toEqual({ bands: [], stop: null, then: null });
+  });
+});
+
+describe("the hints at the edges of the picture", () => {
+  const hints = (places, pose = AHEAD) => edgeHints(places, header(pose));
+
+  it("names the side of what is beside the robot", () => {
+    // Half the picture is atan(320 / 500) = 0.57 rad wide; a place square to the left is 0.39 of the way behind.
+    const at = (1 + (Math.PI / 2 - Math.atan2(320, 500)) / (Math.PI - Math.atan2(320, 500))) / 2;
+    expect(hints([0, 80])).toEqual([{ edge: "left", at: expect.closeTo(at), distanceM: 0.8 }]);
+    expect(hints([0, -80])[0]).toMatchObject({ edge: "right", at: expect.closeTo(at) });
+  });
+
+  it("names the lower edge for what is before the wheels", () => {
+    // 1 m ahead, 1 m below the lens: v = 240 + 500; u = 320 - 500 * 0.2 / 1
+    expect(hints([100, 20])).toMatchObject([{ edge: "bottom", at: expect.closeTo(220 / 640) }]);
+  });
+
+  it("is silent about what the picture shows", () => {
+    expect(hints([20, 20], DOWN)).toEqual([]);
+    expect(hints([140, 140], DOWN)).toEqual([]); // farther than 1.5 m
+    expect(hints([100, 0], [0, -1, 0, 0, 0, 0, -1, 0.1, 1, 0, 0, 0])).toEqual([]);
+  });
+
+  it("is silent beyond 1.5 m", () => {
+    expect(hints([0, 160])).toEqual([]);
+  });
+
+  it("has the nearest one for each edge", () => {
+    const found = hints([0, 120, -10, 60, 20, 140]);
+    expect(found).toHaveLength(1);
+    expect(found[0].distanceM).toBeCloseTo(Math.hypot(0.1, 0.6));
+  });
+});
