@@ -17,6 +17,7 @@ export class CameraPicture extends EventTarget {
   #decodes = false;
   #taken = new Map(); // when they were taken, by number, of pictures in a decoder
   #painted = null;
+  #newest = -1; // number of the picture painted last
   #round = 0; // what was decoded for an earlier camera or connection is not painted
 
   /** @param {HTMLCanvasElement} canvas */
@@ -44,12 +45,18 @@ export class CameraPicture extends EventTarget {
     if (!this.#decodes) this.#decodeImages();
   }
 
-  /** Another camera, or another connection: the next picture may have any number. */
+  /** Another camera: nothing of the earlier one is shown. */
   clear() {
-    this.#video.close();
-    this.#begin();
+    this.renumber();
     this.#painted = null;
     this.#pen.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
+  }
+
+  /** Another connection: the next picture may have any number. */
+  renumber() {
+    this.#video.close();
+    this.#begin();
+    this.#newest = -1;
   }
 
   /** @returns {Promise<?Blob>} the picture as a file: lossless if it came so */
@@ -96,7 +103,8 @@ export class CameraPicture extends EventTarget {
   }
 
   #paint(header, source, width, height) {
-    if (this.#painted && header.number < this.#painted.header.number) return;
+    if (header.number < this.#newest) return;
+    this.#newest = header.number;
     const canvas = this.#canvas;
     if (canvas.width !== width || canvas.height !== height) {
       canvas.width = width;

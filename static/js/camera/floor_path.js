@@ -9,6 +9,7 @@ import { moves } from "../drive/picture.js";
 
 const FAR_M = 4; // of the way are drawn, at whatever speed, as a parking aid does
 const MOST_TURN = Math.PI / 2; // radians
+const NEARLY_STRAIGHT = 1e-3; // rad/s for each m/s
 const STEP_M = 0.05;
 const RED_M = 0.25; // so close before contact
 const YELLOW_M = 0.7;
@@ -29,7 +30,8 @@ function distances(outline, [cx, cy]) {
   for (let i = 0; i < outline.length; i += 1) {
     const [ax, ay] = outline[i];
     const [bx, by] = outline[(i + 1) % outline.length];
-    const along = ((cx - ax) * (bx - ax) + (cy - ay) * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2);
+    const along =
+      ((cx - ax) * (bx - ax) + (cy - ay) * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2);
     const at = Math.min(1, Math.max(0, along));
     lowest = Math.min(lowest, Math.hypot(ax + at * (bx - ax) - cx, ay + at * (by - ay) - cy));
     if (ay > cy !== by > cy && cx < ax + ((cy - ay) / (by - ay)) * (bx - ax)) isInside = !isInside;
@@ -44,7 +46,7 @@ function borders(footprint, twist) {
   const speed = Math.hypot(vx, vy);
   const [dx, dy] = [vx / speed, vy / speed];
   const turnsAbout = [-vy / w, vx / w];
-  if (Math.abs(w) < 1e-3 * speed) {
+  if (Math.abs(w) < NEARLY_STRAIGHT * speed) {
     const sides = footprint.map(([x, y]) => -dy * x + dx * y);
     const [right, left] = [Math.min(...sides), Math.max(...sides)];
     const beside = (atM, side) => [dx * atM - dy * side, dy * atM + dx * side];
@@ -60,16 +62,35 @@ function borders(footprint, twist) {
   };
 }
 
-/** How far the hull may go until it touches the point; null: it passes. */
-function wayTo(point, footprint, twist, farM) {
-  if (!point) return null;
-  const hull = reach(footprint);
-  const speed = Math.hypot(twist.vx, twist.vy);
-  for (let wayM = 0; wayM <= farM; wayM += STEP_M / 2) {
-    const { x, y } = poseAfter(twist, wayM / speed);
-    if (Math.hypot(point[0] - x, point[1] - y) <= hull) return wayM;
+/**
+ * How far the hull's circle may go until it touches the place; Infinity: it passes. What is in the circle already counts
+ * only as the gate's own obstacle.
+ */
+function wayTo([x, y], hull, { vx, vy, w }) {
+  const speed = Math.hypot(vx, vy);
+  if (Math.abs(w) < NEARLY_STRAIGHT * speed) {
+    const along = (vx * x + vy * y) / speed;
+    const across = Math.abs(vx * y - vy * x) / speed;
+    return along > 0 && across < hull ? along - Math.sqrt(hull ** 2 - across ** 2) : Infinity;
   }
-  return null;
+  const [cx, cy] = [-vy / w, vx / w];
+  const radius = Math.hypot(cx, cy);
+  const away = Math.hypot(x - cx, y - cy);
+  const share = (away ** 2 + radius ** 2 - hull ** 2) / (2 * away * radius);
+  if (share >= 1) return Infinity;
+  const turned = (Math.atan2(y - cy, x - cx) - Math.atan2(-cy, -cx)) * Math.sign(w);
+  const full = 2 * Math.PI;
+  return ((((turned % full) + full) % full) - Math.acos(Math.max(-1, share))) * radius;
+}
+
+/** The shortest such way to any of the places [x0, y0, x1, y1, ...] (centimetres), and to the gate's own obstacle. */
+function contactOf(point, flatCm, hull, twist) {
+  let shortest = point ? Math.max(0, wayTo(point, hull, twist)) : Infinity;
+  for (let i = 0; i < flatCm.length; i += 2) {
+    const place = [flatCm[i] / 100, flatCm[i + 1] / 100];
+    if (Math.hypot(...place) > hull) shortest = Math.min(shortest, wayTo(place, hull, twist));
+  }
+  return shortest;
 }
 
 function tierAt(leftM) {
@@ -78,33 +99,31 @@ function tierAt(leftM) {
 }
 
 /**
- * The way in front of the hull, until the gate would stop it or it is too far to matter.
+ * The way in front of the hull, until it would touch what is known there, or it is too far to matter.
  * @param {number[][]} footprint
  * @param {object} verdict the gate's
- * @returns {{bands: {tier: string, outline: number[][]}[], stop: ?number[][], then: ?number[][]}}
- *   bands by tier (green, yellow, red: how near the gate stops), the nearest first; both ends of the line where it stops; the
- *   hull where it is two seconds later. All empty while nothing moves, or the robot turns on the spot.
+ * @param {number[]} flatCm known obstacles [x0, y0, x1, y1, ...], centimetres
+ * @returns {{bands: {tier: string, outline: number[][]}[], stop: ?number[][], later: ?number[][]}}
+ *   bands by tier (green, yellow, red: how near the end is), the nearest first; both ends of the line where the gate
+ *   stops; the hull where it is two seconds later. All empty while nothing moves, or the robot turns on the spot.
  */
-export function floorPath(footprint, verdict) {
+export function floorPath(footprint, verdict, flatCm = []) {
   const twist = shownTwist(verdict);
   const speed = Math.hypot(twist.vx, twist.vy);
-  const nothing = { bands: [], stop: null, then: null };
-  if (!moves([twist.vx, twist.vy, 0])) return nothing;
+  if (!moves([twist.vx, twist.vy, 0])) return { bands: [], stop: null, later: null };
   const nose = Math.max(...footprint.map(([x, y]) => (twist.vx * x + twist.vy * y) / speed));
-  const farM = Math.min(FAR_M, twist.w ? (MOST_TURN * speed) / Math.abs(twist.w) : FAR_M);
-  const contactM = wayTo(verdict.point, footprint, twist, farM);
+  const farM = Math.min(FAR_M, (MOST_TURN * speed) / Math.abs(twist.w));
   const isHeld = !moves(verdict.allowed);
-  const endM = nose + (contactM ?? (isHeld ? 0 : farM));
+  const contactM = contactOf(verdict.point, flatCm, reach(footprint), twist);
+  const goesM = isHeld ? 0 : Math.min(contactM, farM);
+  const isStopped = isHeld || contactM <= farM;
   const borderAt = borders(footprint, twist);
-  const tiers = (atM) => {
-    if (isHeld) return "red";
-    return contactM === null ? "green" : tierAt(endM - atM);
-  };
-  const travelled = Math.min(speed * SHOWN_S, contactM ?? Infinity);
+  const tierOf = (atM) => (isStopped ? tierAt(nose + goesM - atM) : "green");
+  const later = poseAfter(twist, Math.min(speed * SHOWN_S, goesM) / speed);
   return {
-    bands: bandsTo(endM, borderAt, tiers),
-    stop: contactM === null && !isHeld ? null : borderAt(endM),
-    then: isHeld ? null : carried(footprint, poseAfter(twist, travelled / speed)),
+    bands: bandsTo(nose + goesM, borderAt, isHeld ? () => "red" : tierOf),
+    stop: isStopped ? borderAt(nose + goesM) : null,
+    later: isHeld ? null : carried(footprint, later),
   };
 }
 
@@ -128,11 +147,7 @@ function bandsTo(endM, borderAt, tierOf) {
 
 /** A place on the floor, in the optical frame. */
 function seen([x, y], m) {
-  return [
-    m[0] * x + m[1] * y + m[3],
-    m[4] * x + m[5] * y + m[7],
-    m[8] * x + m[9] * y + m[11],
-  ];
+  return [m[0] * x + m[1] * y + m[3], m[4] * x + m[5] * y + m[7], m[8] * x + m[9] * y + m[11]];
 }
 
 function pixel([x, y, z], [fx, fy, cx, cy]) {

@@ -24,3 +24,9 @@ export function unpacked(frame) {
 export function fits({ width, height }) {
   return width > 0 && height > 0 && width <= LONGEST_SIDE && height <= LONGEST_SIDE;
 }
+
+/** Where a picture is drawn in a box that it does not fill. @returns {{scale: number, x: number, y: number}} */
+export function placeIn({ width, height }, boxWidth, boxHeight) {
+  const scale = Math.min(boxWidth / width, boxHeight / height);
+  return { scale, x: (boxWidth - width * scale) / 2, y: (boxHeight - height * scale) / 2 };
+}

@@ -1,5 +1,6 @@
 /** The control page: wires the modules together. One `ControlPage` per page; `close()` ends all of it. */
 
+import { CameraPanel } from "../camera/camera_panel.js";
 import { DriveSender } from "../drive/drive_sender.js";
 import { DrivingOptions } from "../drive/driving_options.js";
 import { listenToGamepad } from "../drive/gamepad.js";
@@ -57,6 +58,7 @@ class ControlPage {
   #panel;
   #options;
   #picture;
+  #camera = null; // a robot may have none
   #chart;
   #statusBar;
   #notices;
@@ -111,6 +113,13 @@ class ControlPage {
       notices: this.#notices,
       clock: this.#clock,
     });
+    if (root.dataset.camera) {
+      this.#camera = new CameraPanel(root, this.#parts, {
+        order: (order) => this.#taskPanel.order(order),
+        report: (age) => this.#socket.send({ t: "camera_view", age_ms: age }),
+        tell: (notice) => this.#notices.add(notice),
+      });
+    }
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
     this.#requests = new ControlRequests(
       (message) => this.#socket.send(message),
@@ -143,6 +152,7 @@ class ControlPage {
     clearInterval(this.#timer);
     this.#listening.abort();
     for (const end of this.#endings) end();
+    this.#camera?.close();
     const opened = [
       this.#panel,
       this.#options,
@@ -305,6 +315,7 @@ class ControlPage {
     this.#facts = robot;
     this.#options.facts = robot;
     this.#picture.facts = robot;
+    if (this.#camera) this.#camera.facts = robot;
     this.#statusBar.facts = robot;
     this.#taskPanel.welcome = welcome;
   }
@@ -348,6 +359,7 @@ class ControlPage {
       this.#sender.stop();
     }
     this.#turn.mayAct = drives;
+    if (this.#camera) this.#camera.drives = drives;
     this.#screen.keep(drives);
     mark(this.#root, "drives", drives);
   }
@@ -374,6 +386,7 @@ class ControlPage {
     const echo = this.#echoes.heard(view.state.seq, this.#viewMs);
     if (echo !== null) this.#echoTrips.add(echo);
     this.#picture.view = view;
+    if (this.#camera) this.#camera.view = view;
     this.#chart.add(view.state);
     this.#taskPanel.state = view.state;
     this.#turn.state = view.state;
@@ -409,6 +422,7 @@ class ControlPage {
     if (!asksNeutral || !this.#drives) this.#freeMs = now;
     const cut = this.#isCut();
     this.#picture.stale = cut;
+    if (this.#camera && cut) this.#camera.view = null;
     if (document.hidden) this.#hiddenMs = now;
     const silent = this.#state !== null && isSilent(now - Math.max(this.#viewMs, this.#hiddenMs));
     mark(this.#root, "cut", !this.#socket.open || this.#gone !== null || silent);

@@ -132,6 +132,11 @@ export class TaskPanel {
     this.#history.isShown = tab === "speech";
   }
 
+  /** Send a task that belongs to no panel. @returns {Promise<?object>} why it was refused; null if it was accepted */
+  order(order) {
+    return this.#send(order);
+  }
+
   /** No velocity is repeated any more. */
   zero() {
     this.#topics.zero();

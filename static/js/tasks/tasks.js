@@ -14,6 +14,8 @@ function orderText(order) {
   switch (order.t) {
     case "look_ahead":
       return gettext("Look ahead");
+    case "look_at":
+      return gettext("Turn the head");
     case "forget":
       return gettext("Forget what was seen");
     case "play":

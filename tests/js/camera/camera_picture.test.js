@@ -21,7 +21,11 @@ describe("a camera's picture", () => {
   let done;
   const settle = () => new Promise((resolve) => setTimeout(resolve));
   const take = (number, rest = {}) =>
-    picture.take({ header: headerOf(number, rest), bytes: new Uint8Array(3), takenMs: 10 * number });
+    picture.take({
+      header: headerOf(number, rest),
+      bytes: new Uint8Array(3),
+      takenMs: 10 * number,
+    });
 
   beforeEach(() => {
     ({ canvas, painted } = recordingCanvas());
@@ -82,17 +86,14 @@ describe("a camera's picture", () => {
     expect(picture.painted.header.number).toBe(2);
   });
 
-  it.each([
-    { width: 4097 },
-    { height: 5000 },
-    { width: 0 },
-    { format: "gif" },
-    { width: "many" },
-  ])("does not decode a picture with %s", (rest) => {
-    take(1, rest);
-    expect(asked).toEqual([]);
-    expect(done).toEqual([[1, true]]);
-  });
+  it.each([{ width: 4097 }, { height: 5000 }, { width: 0 }, { format: "gif" }, { width: "many" }])(
+    "does not decode a picture with %s",
+    (rest) => {
+      take(1, rest);
+      expect(asked).toEqual([]);
+      expect(done).toEqual([[1, true]]);
+    },
+  );
 
   it("paints no picture of an earlier connection", async () => {
     take(9);

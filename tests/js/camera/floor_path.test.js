@@ -14,7 +14,8 @@ const DOWN = [0, -1, 0, 0, -1, 0, 0, 0, 0, 0, -1, 1];
 const LENS = [500, 500, 320, 240];
 const header = (pose) => ({ lens: LENS, pose, width: 640, height: 480 });
 const verdict = (allowed, { asked = allowed, point = null } = {}) => ({ allowed, asked, point });
-const round = (points) => points.map((point) => point.map((value) => Math.round(value * 100) / 100));
+const round = (points) =>
+  points.map((point) => point.map((value) => Math.round(value * 100) / 100));
 
 describe("the floor in the picture", () => {
   it("puts a place 2 m ahead and 0.4 m left by the pinhole", () => {
@@ -45,14 +46,14 @@ describe("the floor in the picture", () => {
 
 describe("the way on the floor", () => {
   it("is as wide as the hull, and 4 m long before it", () => {
-    const { bands, stop, then } = floorPath(SQUARE, verdict([0.5, 0, 0]));
+    const { bands, stop, later } = floorPath(SQUARE, verdict([0.5, 0, 0]));
     expect(stop).toBe(null);
     expect(bands.map(({ tier }) => tier)).toEqual(["green"]);
     const xs = bands[0].outline.map(([x]) => x);
     expect(Math.max(...xs)).toBeCloseTo(4.3);
     expect(round(bands[0].outline.slice(0, 1))).toEqual([[0, 0.2]]);
     expect(round(bands[0].outline.slice(-1))).toEqual([[0, -0.2]]);
-    expect(round(then)[0]).toEqual([1.3, 0.2]); // after 2 s
+    expect(round(later)[0]).toEqual([1.3, 0.2]); // after 2 s
   });
 
   it("sweeps a wider ring in a bend, as the outer corners do", () => {
@@ -73,11 +74,30 @@ describe("the way on the floor", () => {
     const { bands, stop } = floorPath(SQUARE, verdict([0.5, 0, 0], { point: [2, 0] }));
     expect(bands.map(({ tier }) => tier)).toEqual(["green", "yellow", "red"]);
     const contact = 2 - Math.hypot(0.3, 0.2); // travelled, by the hull's circle
-    expect(stop[0][0]).toBeGreaterThan(0.3 + contact - 0.03);
-    expect(stop[0][0]).toBeLessThan(0.3 + contact + 0.03);
+    expect(stop[0][0]).toBeCloseTo(0.3 + contact);
     expect(stop.map(([, y]) => y)).toEqual([0.2, -0.2]);
     const yellow = bands[1].outline.map(([x]) => x);
     expect(Math.max(...yellow) - Math.min(...yellow)).toBeCloseTo(0.45, 1);
+  });
+
+  it("ends before the nearest place that any sensor knows", () => {
+    const known = [300, 0, 250, 10, 200, 90, -100, 0, 20, 0];
+    const { stop } = floorPath(SQUARE, verdict([0.5, 0, 0]), known);
+    const hull = Math.hypot(0.3, 0.2);
+    expect(stop[0][0]).toBeCloseTo(0.3 + 2.5 - Math.sqrt(hull ** 2 - 0.1 ** 2));
+  });
+
+  it("touches in a bend what lies on the hull's ring", () => {
+    // About (0, 1): a place a quarter turn on, on the base's own circle of 1 m.
+    const { stop } = floorPath(SQUARE, verdict([0.5, 0, 0.5]), [100, 100]);
+    const hull = Math.hypot(0.3, 0.2);
+    const contact = Math.PI / 2 - Math.acos(1 - hull ** 2 / 2); // radians, and metres
+    const [x, y] = stop[1];
+    expect(Math.atan2(x, 1 - y)).toBeCloseTo(contact + 0.3); // and the nose before it
+    const mirrored = floorPath(SQUARE, verdict([0.5, 0, -0.5]), [100, -100]).stop[0];
+    expect(mirrored[0]).toBeCloseTo(x);
+    expect(mirrored[1]).toBeCloseTo(-y);
+    expect(floorPath(SQUARE, verdict([0.5, 0, 0.5]), [150, 100]).stop).toBe(null);
   });
 
   it("stays green beside an obstacle that it passes", () => {
@@ -88,10 +108,10 @@ describe("the way on the floor", () => {
 
   it("is red to the stop while the gate allows no motion", () => {
     const held = verdict([0, 0, 0], { asked: [0.5, 0, 0], point: [0.7, 0] });
-    const { bands, stop, then } = floorPath(SQUARE, held);
+    const { bands, stop, later } = floorPath(SQUARE, held);
     expect(bands.map(({ tier }) => tier)).toEqual(["red"]);
     expect(stop).not.toBe(null);
-    expect(then).toBe(null);
+    expect(later).toBe(null);
   });
 
   it("goes backwards from the back of the hull", () => {
@@ -100,7 +120,7 @@ describe("the way on the floor", () => {
   });
 
   it.each([[[0, 0, 0]], [[0, 0, 1]]])("is nothing for the twist %s", (twist) => {
-    expect(floorPath(SQUARE, verdict(twist))).toEqual({ bands: [], stop: null, then: null });
+    expect(floorPath(SQUARE, verdict(twist))).toEqual({ bands: [], stop: null, later: null });
   });
 });
 

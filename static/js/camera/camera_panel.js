@@ -1,0 +1,175 @@
+/** The cameras on the control page: wires connection, pictures, views and head together. */
+
+import { socketUrl } from "../lib/socket.js";
+import { CameraSocket } from "./camera_socket.js";
+import { CameraView } from "./camera_view.js";
+import { FloorOverlay } from "./floor_overlay.js";
+import { FullScreen } from "./full_screen.js";
+import { Head } from "./head.js";
+import { decodesVideo } from "./video.js";
+import { Views } from "./views.js";
+
+const LOOK_MS = 100;
+const REPORT_MS = 200;
+const GONE_MS = 3000; // a picture that old is none: beside a plan nobody drives by it any more
+
+export class CameraPanel {
+  #area;
+  #socket;
+  #main;
+  #second;
+  #floor;
+  #head;
+  #views;
+  #fullScreen;
+  #report;
+  #facts = null;
+  #drives = false;
+  #reported = false;
+  #reportMs = -Infinity;
+  #isKnown = false; // which cameras there are
+  #observer;
+  #timer;
+  #listening = new AbortController();
+
+  /**
+   * @param {HTMLElement} root of the page; data-camera is the address of the WebSocket
+   * @param {Record<string, HTMLElement>} parts
+   * @param {object} page
+   * @param {(order: object) => Promise<?object>} page.order sends a task; returns why it was refused
+   * @param {(ageMs: ?number) => void} page.report the age of the picture by which somebody drives; null: by none
+   * @param {(notice: object) => void} page.tell
+   */
+  constructor(root, parts, { order, report, tell }) {
+    this.#area = parts["picture-area"];
+    this.#report = report;
+    this.#socket = new CameraSocket(socketUrl(root.dataset.camera), decodesVideo());
+    this.#main = new CameraView(parts.camera);
+    this.#second = new CameraView(parts.second);
+    this.#floor = new FloorOverlay(parts["camera-floor"]);
+    this.#views = new Views(this.#area, parts);
+    this.#head = new Head(parts["camera-floor"], parts["head-keys"], {
+      order,
+      header: () => this.#main.header,
+    });
+    this.#fullScreen = new FullScreen(root, parts["full-screen"]);
+    this.#listen(parts, tell);
+    this.#observer = new ResizeObserver(() => this.#follow());
+    this.#observer.observe(this.#area);
+    this.#timer = setInterval(() => this.#look(), LOOK_MS);
+  }
+
+  /** @param {object} facts of the robot; they come again when it was edited */
+  set facts(facts) {
+    this.#facts = facts;
+    this.#floor.facts = facts;
+    this.#isKnown = false;
+    this.#socket.open();
+  }
+
+  /** @param {?object} view the robot's newest; null: it is too old to go by */
+  set view(view) {
+    this.#floor.view = view;
+  }
+
+  /** @param {boolean} drives this tab has control */
+  set drives(drives) {
+    this.#drives = drives;
+    this.#head.mayAct = drives;
+    if (!drives) this.#reported = false; // nobody is limited by it any more
+  }
+
+  close() {
+    clearInterval(this.#timer);
+    this.#listening.abort();
+    this.#observer.disconnect();
+    const opened = [this.#socket, this.#main, this.#second, this.#floor, this.#head];
+    for (const part of [...opened, this.#views, this.#fullScreen]) part.close();
+  }
+
+  #listen(parts, tell) {
+    const { signal } = this.#listening;
+    const on = (target, type, act) =>
+      target.addEventListener(type, (event) => act(event.detail), { signal });
+    on(this.#socket, "open", () => this.#shown((view) => view.again()));
+    on(this.#socket, "down", () => this.#down());
+    on(this.#socket, "cameras", (cameras) => {
+      this.#isKnown = true;
+      this.#views.cameras = cameras;
+    });
+    on(this.#socket, "picture", (picture) => this.#of(picture.header.camera)?.take(picture));
+    on(this.#socket, "state", ({ camera, refusal }) => {
+      const text = refusal?.text ?? "";
+      if (camera === null) this.#shown((view) => (view.why = text));
+      else if (this.#of(camera)) this.#of(camera).why = text;
+    });
+    on(this.#socket, "notice", tell);
+    on(this.#socket, "refused", ({ refusal }) =>
+      tell({ level: "warning", code: `camera ${refusal.code}`, text: refusal.text }),
+    );
+    for (const view of [this.#main, this.#second])
+      on(view, "done", ({ header, damaged }) => this.#socket.acknowledge(header, damaged));
+    on(this.#main, "painted", (header) => (this.#floor.header = header));
+    on(this.#views, "change", () => this.#follow());
+    on(parts.snapshot, "click", () => this.#main.save(this.#facts.slug));
+  }
+
+  #shown(act) {
+    for (const view of [this.#main, this.#second]) if (view.camera) act(view);
+  }
+
+  #of(camera) {
+    return [this.#main, this.#second].find((view) => view.camera?.name === camera) ?? null;
+  }
+
+  #down() {
+    const text = gettext("No connection for pictures. Connecting again by itself.");
+    this.#shown((view) => (view.why = text));
+  }
+
+  /** Watch what is shown, and nothing else. */
+  #follow() {
+    const isShown = this.#area.clientWidth > 0; // not on every tab
+    const before = [this.#main, this.#second].map((view) => view.camera?.name);
+    const main = isShown ? this.#views.main : null;
+    const second = isShown ? this.#views.second : null;
+    this.#main.camera = main;
+    this.#second.camera = second;
+    this.#floor.header = this.#main.header;
+    this.#head.moves = Boolean(main?.moves);
+    for (const name of before)
+      if (name && name !== main?.name && name !== second?.name) this.#socket.end(name);
+    if (main) {
+      this.#socket.open();
+      this.#socket.watch(main.name, "full");
+      if (second) this.#socket.watch(second.name, "small");
+    } else if (this.#isKnown) {
+      this.#socket.close();
+    }
+    this.#look();
+  }
+
+  #look() {
+    this.#shown((view) => view.look());
+    this.#tellAge();
+  }
+
+  /** Tell how old the picture is by which this person drives: the gate allows for it. */
+  #tellAge() {
+    if (!this.#drives) return;
+    const nowMs = performance.now();
+    const ageMs = this.#drivenBy();
+    if (ageMs === null ? !this.#reported : nowMs - this.#reportMs < REPORT_MS) return;
+    this.#reported = ageMs !== null;
+    this.#reportMs = nowMs;
+    this.#report(ageMs);
+  }
+
+  /** Age of the picture by which this person drives, or null. With the plan beside it, a picture that is gone is none. */
+  #drivenBy() {
+    if (!this.#main.camera) return null;
+    const { ageMs } = this.#main;
+    const isGone = this.#main.isMissing || ageMs > GONE_MS;
+    return this.#views.view === "both" && isGone ? null : ageMs;
+  }
+}

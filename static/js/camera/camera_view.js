@@ -1,0 +1,138 @@
+/** One camera on the page: its picture, how old that is, and why there is none. */
+
+import { make, mark, sayOrHide } from "../lib/dom.js";
+import { CameraPicture } from "./camera_picture.js";
+
+const SAID_MS = 300; // the age of a newer picture is nobody's concern
+const OLD_MS = 500; // from then on it is grey
+
+/** How old a picture is, in words; empty while it is new. */
+export function ageText(ageMs) {
+  if (ageMs <= SAID_MS) return "";
+  return interpolate(gettext("picture %s s old"), [(ageMs / 1000).toFixed(1)]);
+}
+
+/** robot-camera-time, in local time. @param {Date} date */
+export function fileName(robot, camera, date, type) {
+  const two = (value) => String(value).padStart(2, "0");
+  const day = [date.getFullYear(), two(date.getMonth() + 1), two(date.getDate())].join("-");
+  const time = [date.getHours(), date.getMinutes(), date.getSeconds()].map(two).join("-");
+  return `${robot}-${camera}-${day}-${time}.${type === "image/png" ? "png" : "jpg"}`;
+}
+
+/** Events: "done" (as of `CameraPicture`), "painted" (detail: the header). */
+export class CameraView extends EventTarget {
+  #element;
+  #canvas;
+  #age;
+  #words;
+  #picture;
+  #camera = null;
+  #why = ""; // there are no pictures
+  #isDamaged = false; // the newest picture was
+
+  /** @param {HTMLElement} element holds .camera-picture (a canvas), .camera-age and .camera-words */
+  constructor(element) {
+    super();
+    this.#element = element;
+    this.#canvas = element.querySelector(".camera-picture");
+    this.#age = element.querySelector(".camera-age");
+    this.#words = element.querySelector(".camera-words");
+    this.#picture = new CameraPicture(this.#canvas);
+    this.#picture.addEventListener("painted", ({ detail }) => this.#onPainted(detail));
+    this.#picture.addEventListener("done", ({ detail }) => this.#onDone(detail));
+  }
+
+  /** @param {?object} camera as in the console's list; null: none is shown here */
+  set camera(camera) {
+    const isNew = camera?.name !== this.#camera?.name;
+    this.#camera = camera;
+    if (camera) this.#canvas.setAttribute("aria-label", camera.label);
+    if (isNew) this.begin();
+  }
+
+  get camera() {
+    return this.#camera;
+  }
+
+  /** The header of the picture that is shown, or null. */
+  get header() {
+    return this.#picture.painted?.header ?? null;
+  }
+
+  /** How old the shown picture is; null: none is shown. */
+  get ageMs() {
+    const { painted } = this.#picture;
+    return painted ? Math.max(0, performance.now() - painted.takenMs) : null;
+  }
+
+  /** Whether pictures are known to have ended. */
+  get isMissing() {
+    return this.#why !== "";
+  }
+
+  /** @param {string} text why there are no pictures; empty: they come */
+  set why(text) {
+    this.#why = text;
+    this.look();
+  }
+
+  take(picture) {
+    this.#picture.take(picture);
+  }
+
+  /** Nothing is known of the camera yet. */
+  begin() {
+    this.#picture.clear();
+    this.#why = "";
+    this.#isDamaged = false;
+    this.look();
+  }
+
+  /** A new connection: the next picture may have any number; the last one stays. */
+  again() {
+    this.#picture.renumber();
+  }
+
+  /** Say how old the picture is. Called again and again: age grows also while nothing comes. */
+  look() {
+    const ageMs = this.ageMs;
+    const isOld = ageMs !== null && ageMs > OLD_MS;
+    mark(this.#element, "old", isOld);
+    sayOrHide(this.#age, ageMs === null ? "" : ageText(ageMs));
+    sayOrHide(this.#words, this.#text(ageMs));
+  }
+
+  /** Save the picture to a file. @param {string} robot its slug */
+  async save(robot) {
+    const file = await this.#picture.file();
+    if (!file) return;
+    const link = make("a");
+    link.href = URL.createObjectURL(file);
+    link.download = fileName(robot, this.#camera.name, new Date(), file.type);
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href));
+  }
+
+  close() {
+    this.#picture.close();
+  }
+
+  #text(ageMs) {
+    if (this.#why) return this.#why;
+    if (this.#isDamaged) return gettext("The picture came damaged.");
+    return ageMs === null ? gettext("Waiting for the first picture.") : "";
+  }
+
+  #onPainted({ header }) {
+    this.#why = "";
+    this.look();
+    this.dispatchEvent(new CustomEvent("painted", { detail: header }));
+  }
+
+  #onDone(detail) {
+    this.#isDamaged = detail.damaged;
+    this.look();
+    this.dispatchEvent(new CustomEvent("done", { detail }));
+  }
+}

@@ -1,0 +1,170 @@
+/** Draws the robot's way on the floor over a camera's picture, and at its edges what is near and not in it. */
+
+import { coloursOf, onNewColours } from "../lib/colours.js";
+import { edgeHints, floorPath, inPicture } from "./floor_path.js";
+import { placeIn } from "./frame.js";
+
+const TIERS = ["green", "yellow", "red"];
+const NEAR_M = 0.4; // a hint is then as strong as it gets
+const FAR_M = 1.5;
+const FAINT = 0.35;
+const WEDGE = 18; // pixels of the page, from edge to tip
+
+export class FloorOverlay {
+  #canvas;
+  #pen;
+  #facts = null;
+  #path = null; // of the newest view
+  #near = []; // obstacles to hint at, if the picture does not show them
+  #header = null;
+  #frame = null;
+  #colour = {};
+  #observer;
+  #listening = new AbortController();
+
+  /** @param {HTMLCanvasElement} canvas as large as the picture's; its colours are custom properties named --floor-... */
+  constructor(canvas) {
+    this.#canvas = canvas;
+    this.#pen = canvas.getContext("2d");
+    this.#observer = new ResizeObserver(() => this.#fit());
+    this.#observer.observe(canvas);
+    onNewColours(() => this.#readColours(), this.#listening.signal);
+    this.#readColours();
+  }
+
+  set facts(facts) {
+    this.#facts = facts;
+    this.#redraw();
+  }
+
+  /** @param {?object} view the robot's newest; null: what is known of the robot is too old to draw */
+  set view(view) {
+    this.#path = null;
+    const { laser_cm = [], remembered_cm = [], depth_cm = [] } = view?.scan ?? {};
+    this.#near = [...laser_cm, ...remembered_cm];
+    if (view && this.#facts) {
+      const known = [...this.#near, ...depth_cm];
+      this.#path = floorPath(this.#facts.footprint, view.state.verdict, known);
+    }
+    this.#redraw();
+  }
+
+  /** @param {?object} header of the picture that is shown; nothing is drawn without its lens and pose */
+  set header(header) {
+    this.#header = header?.lens && header.pose ? header : null;
+    this.#redraw();
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#observer.disconnect();
+    cancelAnimationFrame(this.#frame);
+  }
+
+  #readColours() {
+    const names = [...TIERS, "edge"];
+    const colours = coloursOf(
+      this.#canvas.parentElement,
+      names.map((name) => `--floor-${name}`),
+    );
+    this.#colour = Object.fromEntries(names.map((name, i) => [name, colours[i]]));
+    this.#redraw();
+  }
+
+  #fit() {
+    const density = Math.min(devicePixelRatio || 1, 2);
+    this.#canvas.width = Math.round(this.#canvas.clientWidth * density);
+    this.#canvas.height = Math.round(this.#canvas.clientHeight * density);
+    this.#redraw();
+  }
+
+  #redraw() {
+    this.#frame ??= requestAnimationFrame(() => {
+      this.#frame = null;
+      this.#draw();
+    });
+  }
+
+  #draw() {
+    const { width, height } = this.#canvas;
+    const pen = this.#pen;
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    const header = this.#header;
+    if (!width || !height || !header || !this.#path) return;
+    const { scale, x, y } = placeIn(header, width, height);
+    const pixel = Math.min(devicePixelRatio || 1, 2) / scale; // one of the page, in the picture's
+    pen.setTransform(scale, 0, 0, scale, x, y);
+    pen.save();
+    pen.beginPath();
+    pen.rect(0, 0, header.width, header.height);
+    pen.clip();
+    this.#drawPath(header, pixel);
+    this.#drawHints(header, pixel);
+    pen.restore();
+  }
+
+  #drawPath(header, pixel) {
+    const pen = this.#pen;
+    const { bands, stop, later } = this.#path;
+    pen.lineJoin = "round";
+    for (const { tier, outline } of bands) {
+      if (!this.#trace(inPicture(outline, header))) continue;
+      pen.fillStyle = this.#colour[tier];
+      pen.globalAlpha = 0.35;
+      pen.fill();
+      pen.globalAlpha = 0.9;
+      pen.lineWidth = 2 * pixel;
+      pen.strokeStyle = this.#colour[tier];
+      pen.stroke();
+    }
+    pen.globalAlpha = 1;
+    if (later && this.#trace(inPicture(later, header))) {
+      pen.setLineDash([6 * pixel, 5 * pixel]);
+      pen.strokeStyle = this.#colour.edge;
+      pen.stroke();
+      pen.setLineDash([]);
+    }
+    if (stop && this.#trace(inPicture(stop, header))) {
+      pen.lineWidth = 6 * pixel;
+      pen.strokeStyle = this.#colour.red;
+      pen.stroke();
+    }
+  }
+
+  #drawHints(header, pixel) {
+    const pen = this.#pen;
+    const { width, height } = header;
+    const size = WEDGE * pixel;
+    pen.fillStyle = this.#colour.red;
+    pen.strokeStyle = this.#colour.edge;
+    pen.lineWidth = pixel;
+    for (const { edge, at, distanceM } of edgeHints(this.#near, header)) {
+      const strength = Math.min(1, Math.max(0, (FAR_M - distanceM) / (FAR_M - NEAR_M)));
+      pen.globalAlpha = FAINT + (1 - FAINT) * strength;
+      if (edge === "bottom") this.#wedge([at * width, height], [0, -size], [size, 0]);
+      else if (edge === "left") this.#wedge([0, at * height], [size, 0], [0, size]);
+      else this.#wedge([width, at * height], [-size, 0], [0, size]);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  /** A triangle on an edge, which points inwards. */
+  #wedge([x, y], [tipX, tipY], [sideX, sideY]) {
+    this.#trace([
+      [x - sideX, y - sideY],
+      [x + tipX, y + tipY],
+      [x + sideX, y + sideY],
+    ]);
+    this.#pen.fill();
+    this.#pen.stroke();
+  }
+
+  /** @returns {boolean} whether there is anything to paint */
+  #trace(points) {
+    this.#pen.beginPath();
+    for (const [x, y] of points) this.#pen.lineTo(x, y); // the first only moves: the path is empty
+    this.#pen.closePath();
+    return points.length > 1;
+  }
+}

@@ -1,0 +1,185 @@
+/** Turns the robot's head by its picture: drag, click, double click; and by buttons for the keyboard. */
+
+import { dim, mark, show } from "../lib/dom.js";
+import { placeIn } from "./frame.js";
+
+const PERIOD_MS = 200; // five requests a second are enough to follow a finger
+const DRAG_PX = 8; // a finger that moves less rests
+const DOUBLE_MS = 300;
+const STEP_RAD = 0.15; // of a button
+const STEPS = { left: [1, 0], right: [-1, 0], up: [0, 1], down: [0, -1] };
+
+/** Without a lens it is one as cameras of robots often have: 53 degrees wide. */
+function lensOf({ lens, width, height }) {
+  return lens ?? [width, width, width / 2, height / 2];
+}
+
+/** The turn by which the picture follows a finger; pixels of the header's size. Left and up are positive. */
+export function turnByDrag(right, down, header) {
+  const [fx, fy] = lensOf(header);
+  return { pan: Math.atan(right / fx), tilt: Math.atan(down / fy) };
+}
+
+/** The turn that brings a place of the picture into its middle. */
+export function turnToPlace(u, v, header) {
+  const [fx, fy, cx, cy] = lensOf(header);
+  return { pan: Math.atan((cx - u) / fx), tilt: Math.atan((cy - v) / fy) };
+}
+
+export class Head {
+  #area;
+  #keys;
+  #order;
+  #header;
+  #moves = false;
+  #may = false;
+  #pointer = null; // {id, x, y, startX, startY, isDrag}
+  #owed = { pan: 0, tilt: 0 };
+  #sentMs = -Infinity;
+  #timer = null;
+  #click = null; // waits whether it becomes a double click
+  #listening = new AbortController();
+
+  /**
+   * @param {HTMLElement} area the picture
+   * @param {HTMLElement} keys holds buttons with data-turn: left, right, up, down, ahead
+   * @param {object} ways
+   * @param {(order: object) => Promise<?object>} ways.order sends a request; returns why it was refused
+   * @param {() => ?object} ways.header of the picture that is shown
+   */
+  constructor(area, keys, { order, header }) {
+    this.#area = area;
+    this.#keys = keys;
+    this.#order = order;
+    this.#header = header;
+    const { signal } = this.#listening;
+    const on = (type, act) => area.addEventListener(type, act, { signal });
+    on("pointerdown", (event) => this.#down(event));
+    on("pointermove", (event) => this.#move(event));
+    on("pointerup", (event) => this.#up(event));
+    on("pointercancel", (event) => this.#leave(event));
+    keys.addEventListener("click", ({ target }) => this.#press(target.closest("[data-turn]")), {
+      signal,
+    });
+    this.#follow();
+  }
+
+  /** @param {boolean} moves dragging the shown camera's picture turns the head */
+  set moves(moves) {
+    this.#moves = moves;
+    show(this.#keys, moves);
+    this.#follow();
+  }
+
+  /** @param {boolean} may this tab has control */
+  set mayAct(may) {
+    this.#may = may;
+    for (const key of this.#keys.querySelectorAll("[data-turn]")) dim(key, !may);
+    this.#follow();
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#end();
+  }
+
+  #follow() {
+    const can = this.#moves && this.#may;
+    mark(this.#area, "turns", can);
+    if (!can) this.#end();
+  }
+
+  #end() {
+    this.#pointer = null;
+    this.#owed = { pan: 0, tilt: 0 };
+    clearTimeout(this.#timer);
+    clearTimeout(this.#click?.timer);
+    this.#timer = this.#click = null;
+  }
+
+  #down(event) {
+    if (!this.#moves || !this.#may || event.button || this.#pointer || !this.#header()) return;
+    const { pointerId: id, clientX: x, clientY: y } = event;
+    this.#area.setPointerCapture?.(id);
+    this.#pointer = { id, x, y, startX: x, startY: y, isDrag: false };
+  }
+
+  #move({ pointerId, clientX, clientY }) {
+    const pointer = this.#pointer;
+    if (pointer?.id !== pointerId) return;
+    const gone = Math.hypot(clientX - pointer.startX, clientY - pointer.startY);
+    if (!pointer.isDrag && gone < DRAG_PX) return;
+    pointer.isDrag = true;
+    const { header, scale } = this.#place();
+    const right = (clientX - pointer.x) / scale;
+    const down = (clientY - pointer.y) / scale;
+    pointer.x = clientX;
+    pointer.y = clientY;
+    const { pan, tilt } = turnByDrag(right, down, header);
+    this.#owed = { pan: this.#owed.pan + pan, tilt: this.#owed.tilt + tilt };
+    this.#sendSoon();
+  }
+
+  #up(event) {
+    const isClick = this.#pointer?.id === event.pointerId && !this.#pointer.isDrag;
+    this.#leave(event);
+    if (!isClick) return;
+    if (this.#click) {
+      clearTimeout(this.#click.timer);
+      this.#click = null;
+      this.#ask({ t: "look_ahead" });
+      return;
+    }
+    const turn = this.#turnTo(event.clientX, event.clientY);
+    const timer = setTimeout(() => {
+      this.#click = null;
+      this.#look(turn);
+    }, DOUBLE_MS);
+    this.#click = { timer };
+  }
+
+  #leave({ pointerId }) {
+    if (this.#pointer?.id === pointerId) this.#pointer = null;
+  }
+
+  #turnTo(clientX, clientY) {
+    const { header, scale, left, top } = this.#place();
+    return turnToPlace((clientX - left) / scale, (clientY - top) / scale, header);
+  }
+
+  /** Where the picture is on the page. */
+  #place() {
+    const header = this.#header();
+    const box = this.#area.getBoundingClientRect();
+    const { scale, x, y } = placeIn(header, box.width, box.height);
+    return { header, scale, left: box.left + x, top: box.top + y };
+  }
+
+  #press(key) {
+    if (!key) return;
+    const step = STEPS[key.dataset.turn];
+    if (step) this.#look({ pan: step[0] * STEP_RAD, tilt: step[1] * STEP_RAD });
+    else this.#ask({ t: "look_ahead" });
+  }
+
+  #sendSoon() {
+    if (this.#timer !== null) return;
+    const waitMs = Math.max(0, this.#sentMs + PERIOD_MS - performance.now());
+    this.#timer = setTimeout(() => {
+      this.#timer = null;
+      const owed = this.#owed;
+      this.#owed = { pan: 0, tilt: 0 };
+      this.#look(owed);
+    }, waitMs);
+  }
+
+  #look({ pan, tilt }) {
+    this.#sentMs = performance.now();
+    this.#ask({ t: "look_at", pan, tilt });
+  }
+
+  /** A refused drag ends: its next part would be refused, too. */
+  async #ask(order) {
+    if (await this.#order({ ...order, quiet: true })) this.#end();
+  }
+}

@@ -1,0 +1,147 @@
+/** What a person chose to see: plan, camera or both; which camera, and which one small beside it. Kept per person. */
+
+import { make, mark, show } from "../lib/dom.js";
+import { recall, remember } from "../lib/prefs.js";
+
+const VIEWS = ["plan", "camera", "both"];
+const ROOMY_PX = 560; // a smaller picture is not divided, unless somebody wants it so
+
+/** The view to begin with: the chosen one, else whatever there is room for. */
+export function firstView(chosen, width, height) {
+  if (VIEWS.includes(chosen)) return chosen;
+  return Math.min(width, height) >= ROOMY_PX ? "both" : "camera";
+}
+
+/** Event: "change". */
+export class Views extends EventTarget {
+  #area;
+  #parts;
+  #cameras = [];
+  #view = "plan";
+  #main = null;
+  #hasSecond = recall("camera-second", false);
+  #listening = new AbortController();
+
+  /** @param {HTMLElement} area carries data-view for the style sheet */
+  constructor(area, parts) {
+    super();
+    this.#area = area;
+    this.#parts = parts;
+    const { signal } = this.#listening;
+    const on = (name, type, act) => parts[name].addEventListener(type, act, { signal });
+    on("views", "click", ({ target }) => this.#pick(target.closest("[data-view]")));
+    on("camera-select", "change", ({ target }) => this.#turnTo(target.value));
+    on("second-toggle", "click", () => this.#toggleSecond());
+    on("second-swap", "click", () => this.#turnTo(this.second.name));
+    on("view-open", "click", () => this.#open(!this.#isOpen));
+    document.addEventListener(
+      "pointerdown",
+      ({ target }) => {
+        const isInside = parts["view-bar"].contains(target) || parts["view-open"].contains(target);
+        if (!isInside) this.#open(false);
+      },
+      { signal },
+    );
+    on("view-bar", "keydown", (event) => {
+      if (event.key !== "Escape" || !this.#isOpen) return;
+      this.#open(false);
+      parts["view-open"].focus();
+    });
+    this.#show();
+  }
+
+  /** @returns {"plan" | "camera" | "both"} */
+  get view() {
+    return this.#view;
+  }
+
+  /** The camera that is shown large, or null. */
+  get main() {
+    return this.#view === "plan" ? null : this.#main;
+  }
+
+  /** The camera that is shown small beside it, or null. */
+  get second() {
+    if (!this.main || !this.#hasSecond || this.#cameras.length < 2) return null;
+    const at = this.#cameras.indexOf(this.#main);
+    return this.#cameras[(at + 1) % this.#cameras.length];
+  }
+
+  /** @param {object[]} cameras of the robot: a robot with one shows it, unless its person chose the plan */
+  set cameras(cameras) {
+    this.#cameras = cameras;
+    const wanted = this.#main?.name ?? recall("camera-main", null);
+    this.#main = cameras.find(({ name }) => name === wanted) ?? cameras[0] ?? null;
+    const { clientWidth, clientHeight } = this.#area;
+    const isFirst = !this.#area.dataset.cameras;
+    if (!this.#main) this.#view = "plan";
+    else if (isFirst) this.#view = firstView(recall("camera-view"), clientWidth, clientHeight);
+    mark(this.#area, "cameras", cameras.length || null);
+    this.#parts["camera-select"].replaceChildren(
+      ...cameras.map(({ name, label }) => {
+        const option = make("option", { text: label });
+        option.value = name;
+        return option;
+      }),
+    );
+    this.#changed();
+  }
+
+  close() {
+    this.#listening.abort();
+  }
+
+  get #isOpen() {
+    return this.#parts["view-open"].getAttribute("aria-expanded") === "true";
+  }
+
+  /** On a small screen the bar lies over the picture while it is open. */
+  #open(open) {
+    this.#parts["view-open"].setAttribute("aria-expanded", String(open));
+    mark(this.#parts["view-bar"], "open", open);
+  }
+
+  #pick(button) {
+    if (!button) return;
+    this.#view = button.dataset.view;
+    remember("camera-view", this.#view);
+    this.#open(false);
+    this.#changed();
+  }
+
+  #turnTo(name) {
+    this.#main = this.#cameras.find((camera) => camera.name === name) ?? this.#main;
+    remember("camera-main", this.#main.name);
+    this.#parts["camera-select"].blur(); // the keys belong to driving again
+    this.#changed();
+  }
+
+  #toggleSecond() {
+    this.#hasSecond = !this.#hasSecond;
+    remember("camera-second", this.#hasSecond);
+    this.#changed();
+  }
+
+  #changed() {
+    this.#show();
+    this.dispatchEvent(new CustomEvent("change"));
+  }
+
+  #show() {
+    const { views, second, "view-bar": bar, "view-open": opener } = this.#parts;
+    const has = this.#cameras.length > 0;
+    show(bar, has);
+    show(opener, has);
+    mark(this.#area, "view", this.#view);
+    for (const button of views.querySelectorAll("[data-view]"))
+      button.setAttribute("aria-pressed", String(button.dataset.view === this.#view));
+    const many = this.#cameras.length > 1 && this.#view !== "plan";
+    show(this.#parts["camera-pick"], many);
+    show(this.#parts["second-toggle"], many);
+    this.#parts["second-toggle"].setAttribute("aria-pressed", String(this.#hasSecond));
+    this.#parts["camera-select"].value = this.#main?.name ?? "";
+    show(this.#parts.camera, this.main !== null);
+    show(this.#parts.snapshot, this.main !== null);
+    show(second, this.second !== null);
+  }
+}

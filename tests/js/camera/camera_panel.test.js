@@ -1,0 +1,149 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { CameraPanel } from "../../../static/js/camera/camera_panel.js";
+import { parts } from "../../../static/js/lib/dom.js";
+import * as prefs from "../../../static/js/lib/prefs.js";
+import { FakeSocket, made } from "../fake_socket.js";
+import { headerOf, packed } from "./frames.js";
+import { areaElement } from "./page.js";
+
+const HEAD = { name: "head", label: "Head camera", moves: true };
+const FACTS = { slug: "tiago-1", footprint: [[0.3, 0]] };
+const SILENT = { code: "silent", text: "The camera is silent." };
+
+describe("the cameras of the control page", () => {
+  let found;
+  let panel;
+  let page;
+  const settle = () => vi.advanceTimersByTimeAsync(0);
+  const says = (message) => made.at(-1).says(JSON.stringify(message));
+  const sent = () => made.at(-1).sent.filter(({ t }) => t !== "ping");
+  const reported = () => page.report.mock.calls.map(([age]) => age);
+  const picture = async (number) => {
+    says({ t: "camera_pong", sent_ms: performance.now(), now_ms: performance.now() });
+    made.at(-1).says(packed(headerOf(number, { taken_ms: performance.now() - 100 })));
+    await settle();
+  };
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    FakeSocket.begin();
+    vi.stubGlobal("WebSocket", FakeSocket);
+    vi.stubGlobal("createImageBitmap", async () => ({ width: 4, height: 3, close() {} }));
+    vi.stubGlobal(
+      "ResizeObserver",
+      class {
+        observe() {}
+        disconnect() {}
+      },
+    );
+    vi.stubGlobal("requestAnimationFrame", () => 1);
+    for (const name of ["camera-view", "camera-main", "camera-second"]) prefs.remember(name, null);
+    const root = areaElement();
+    found = parts(root);
+    page = { order: vi.fn(async () => null), report: vi.fn(), tell: vi.fn() };
+    panel = new CameraPanel(root, found, page);
+    panel.facts = FACTS;
+    made[0].opens();
+  });
+
+  afterEach(() => {
+    panel.close();
+    vi.unstubAllGlobals();
+    vi.useRealTimers();
+  });
+
+  const press = (view) => found.views.querySelector(`[data-view=${view}]`).click();
+
+  it("watches the camera of a robot that has one", async () => {
+    expect(made[0].url).toContain("/ws/robots/tiago-1/camera/");
+    expect(sent()).toEqual([]);
+    says({ t: "cameras", cameras: [HEAD] });
+    expect(sent()).toMatchObject([{ t: "camera_watch", camera: "head", size: "full" }]);
+    await picture(1);
+    expect(sent().at(-1)).toEqual({ t: "camera_ack", camera: "head", number: 1 });
+  });
+
+  it("closes the connection while no camera is shown", () => {
+    says({ t: "cameras", cameras: [HEAD] });
+    press("plan");
+    expect(sent().at(-1)).toEqual({ t: "camera_end", camera: "head" });
+    expect(made[0].readyState).toBe(3);
+    vi.advanceTimersByTime(10_000);
+    expect(made).toHaveLength(1);
+    press("camera");
+    made[1].opens();
+    expect(sent()).toMatchObject([{ t: "camera_watch", camera: "head" }]);
+  });
+
+  it("closes the connection of a robot without a camera", () => {
+    says({ t: "cameras", cameras: [] });
+    expect(made[0].readyState).toBe(3);
+    panel.facts = FACTS; // it was edited
+    made[1].opens();
+    says({ t: "cameras", cameras: [HEAD] });
+    expect(sent()).toMatchObject([{ t: "camera_watch", camera: "head" }]);
+  });
+
+  it("says why there are no pictures", async () => {
+    says({ t: "cameras", cameras: [HEAD] });
+    const words = () => found.camera.querySelector(".camera-words").textContent;
+    says({ t: "camera_state", camera: "head", refusal: SILENT });
+    expect(words()).toBe("The camera is silent.");
+    says({ t: "camera_state", camera: "head", refusal: null });
+    expect(words()).toBe("Waiting for the first picture.");
+    made[0].close(1006);
+    expect(words()).toContain("No connection for pictures.");
+  });
+
+  it("reports the age of the picture to the console while driving", async () => {
+    says({ t: "cameras", cameras: [HEAD] });
+    await picture(1);
+    vi.advanceTimersByTime(1000);
+    expect(reported()).toEqual([]);
+    panel.drives = true;
+    vi.advanceTimersByTime(1000);
+    expect(reported()).toHaveLength(5);
+    expect(reported()[0]).toBeGreaterThanOrEqual(1100);
+    expect(reported().at(-1) - reported()[0]).toBeCloseTo(800);
+    press("plan");
+    vi.advanceTimersByTime(1000);
+    expect(reported().slice(5)).toEqual([null]);
+    panel.drives = false;
+    press("camera");
+    vi.advanceTimersByTime(1000);
+    expect(reported()).toHaveLength(6);
+  });
+
+  it("reports no picture that is gone while the plan is beside it", async () => {
+    says({ t: "cameras", cameras: [HEAD] });
+    expect(found["picture-area"].dataset.view).toBe("both");
+    panel.drives = true;
+    await picture(1);
+    vi.advanceTimersByTime(4000);
+    expect(reported().at(-1)).toBe(null);
+    press("camera");
+    vi.advanceTimersByTime(300);
+    expect(reported().at(-1)).toBeGreaterThan(4000);
+  });
+
+  it("turns the head by the picture of a camera that moves", async () => {
+    says({ t: "cameras", cameras: [HEAD] });
+    panel.drives = true;
+    await picture(1);
+    expect(found["camera-floor"].dataset.turns).toBe("true");
+    found["head-keys"].querySelector("button").click();
+    expect(page.order).toHaveBeenCalledWith({ t: "look_at", pan: 0.15, tilt: 0, quiet: true });
+    says({ t: "cameras", cameras: [{ ...HEAD, moves: false }] });
+    expect(found["camera-floor"].dataset.turns).toBe(undefined);
+    expect(found["head-keys"].hidden).toBe(true);
+  });
+
+  it("tells what was refused as a notice", () => {
+    says({ t: "refused", of: "camera_watch", refusal: { code: "not_permitted", text: "No." } });
+    expect(page.tell).toHaveBeenCalledWith({
+      level: "warning",
+      code: "camera not_permitted",
+      text: "No.",
+    });
+  });
+});

@@ -1,0 +1,152 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Head, turnByDrag, turnToPlace } from "../../../static/js/camera/head.js";
+import { headerOf } from "./frames.js";
+
+const LENS = [500, 500, 320, 240];
+
+describe("the turn of the head", () => {
+  const header = headerOf(1, { lens: LENS });
+
+  it("follows a finger: to the right looks left, down looks up", () => {
+    expect(turnByDrag(50, 25, header)).toEqual({ pan: Math.atan(0.1), tilt: Math.atan(0.05) });
+  });
+
+  it("brings a place into the middle", () => {
+    expect(turnToPlace(420, 340, header)).toEqual({ pan: Math.atan(-0.2), tilt: Math.atan(-0.2) });
+    expect(turnToPlace(320, 240, header)).toEqual({ pan: 0, tilt: 0 });
+  });
+
+  it("takes a common lens where the camera tells none", () => {
+    expect(turnByDrag(64, 0, headerOf(1)).pan).toBeCloseTo(Math.atan(0.1));
+  });
+});
+
+describe("the picture as a handle of the head", () => {
+  let area;
+  let keys;
+  let orders;
+  let refused;
+  let head;
+
+  beforeEach(() => {
+    vi.useFakeTimers();
+    area = document.body.appendChild(document.createElement("canvas"));
+    // A picture of 640 x 480 in half its size, with bars of 40 at its sides.
+    area.getBoundingClientRect = () => ({ left: 10, top: 20, width: 400, height: 240 });
+    keys = document.body.appendChild(document.createElement("div"));
+    for (const turn of ["left", "up", "ahead"]) {
+      const key = keys.appendChild(document.createElement("button"));
+      key.dataset.turn = turn;
+    }
+    orders = [];
+    refused = null;
+    head = new Head(area, keys, {
+      order: async (order) => {
+        orders.push(order);
+        return refused;
+      },
+      header: () => headerOf(1, { lens: LENS }),
+    });
+    head.moves = true;
+    head.mayAct = true;
+    vi.advanceTimersByTime(1000);
+  });
+
+  afterEach(() => {
+    head.close();
+    document.body.replaceChildren();
+    vi.useRealTimers();
+  });
+
+  const point = (type, clientX, clientY, pointerId = 1) =>
+    area.dispatchEvent(
+      Object.assign(new Event(type, { bubbles: true, cancelable: true }), {
+        clientX,
+        clientY,
+        pointerId,
+        button: 0,
+      }),
+    );
+  const click = (x, y) => {
+    point("pointerdown", x, y);
+    point("pointerup", x, y);
+  };
+
+  it("drags: at most five requests a second, and none is lost", () => {
+    point("pointerdown", 200, 100);
+    for (let i = 1; i <= 20; i += 1) {
+      point("pointermove", 200 + 5 * i, 100);
+      vi.advanceTimersByTime(50);
+    }
+    point("pointerup", 300, 100);
+    vi.advanceTimersByTime(1000);
+    expect(orders.length).toBeGreaterThan(3);
+    expect(orders.length).toBeLessThanOrEqual(6);
+    expect(orders.every(({ t, quiet }) => t === "look_at" && quiet)).toBe(true);
+    const pan = orders.reduce((sum, order) => sum + order.pan, 0);
+    expect(pan).toBeCloseTo(200 / 500, 2); // 100 px of the page are 200 of the picture
+    expect(orders.every(({ tilt }) => tilt === 0)).toBe(true);
+  });
+
+  it("looks at a clicked place, once no second click comes", () => {
+    click(10 + 40 + 210, 20 + 170); // u 420, v 340
+    vi.advanceTimersByTime(250);
+    expect(orders).toEqual([]);
+    vi.advanceTimersByTime(100);
+    expect(orders).toEqual([
+      { t: "look_at", pan: Math.atan(-0.2), tilt: Math.atan(-0.2), quiet: true },
+    ]);
+  });
+
+  it("looks ahead after a double click, and nowhere else", () => {
+    click(100, 100);
+    click(101, 100);
+    vi.advanceTimersByTime(1000);
+    expect(orders).toEqual([{ t: "look_ahead", quiet: true }]);
+  });
+
+  it("follows one finger only", () => {
+    point("pointerdown", 200, 100, 1);
+    point("pointerdown", 100, 100, 2);
+    point("pointermove", 150, 100, 2);
+    point("pointerup", 150, 100, 2);
+    vi.advanceTimersByTime(1000);
+    expect(orders).toEqual([]);
+    point("pointermove", 250, 100, 1);
+    vi.advanceTimersByTime(1000);
+    expect(orders).toHaveLength(1);
+  });
+
+  it("ends a drag that is refused", async () => {
+    refused = { code: "no_head", text: "The head does not move." };
+    point("pointerdown", 200, 100);
+    point("pointermove", 250, 100);
+    await vi.advanceTimersByTimeAsync(0);
+    point("pointermove", 300, 100);
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(orders).toHaveLength(1);
+  });
+
+  it.each(["moves", "mayAct"])("does nothing without %s", (name) => {
+    head[name] = false;
+    expect(area.dataset.turns).toBe(undefined);
+    click(100, 100);
+    point("pointerdown", 200, 100);
+    point("pointermove", 250, 100);
+    vi.advanceTimersByTime(1000);
+    expect(orders).toEqual([]);
+  });
+
+  it("turns by buttons, too", () => {
+    for (const key of keys.children) key.click();
+    expect(orders).toEqual([
+      { t: "look_at", pan: 0.15, tilt: 0, quiet: true },
+      { t: "look_at", pan: 0, tilt: 0.15, quiet: true },
+      { t: "look_ahead", quiet: true },
+    ]);
+    head.mayAct = false;
+    expect(keys.firstChild.getAttribute("aria-disabled")).toBe("true");
+    head.moves = false;
+    expect(keys.hidden).toBe(true);
+  });
+});
