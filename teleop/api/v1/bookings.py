@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from typing import Annotated, Any, Literal, get_args
 from uuid import UUID
 
@@ -180,6 +181,11 @@ class WaitRequest(Struct, frozen=True, forbid_unknown_fields=True):
     ends_at: Moment
 
 
+_read = partial(operation, scope=Scope.READ, refuses=(404,), tag="bookings")
+_change = partial(operation, scope=Scope.BOOK, answer=BookingEntry, refuses=(404, 409), tag="bookings")
+_change_seen = partial(_change, refuses=(404, 409, 412, 428), parameters=[IF_MATCH])
+
+
 class BookingsBase(ApiView):
     """Base of the views of bookings."""
 
@@ -247,15 +253,7 @@ class BookingsBase(ApiView):
 class BookingsView(BookingsBase):
     """`/bookings`."""
 
-    @operation(
-        "bookings_list",
-        "List bookings",
-        scope=Scope.READ,
-        query=BookingsAsked,
-        answer=BookingList,
-        refuses=(404,),
-        tag="bookings",
-    )
+    @_read("bookings_list", "List bookings", query=BookingsAsked, answer=BookingList)
     def get(self, _request: Request, query: BookingsAsked) -> BookingList:
         """Of all robots that you may see, as in the calendar. `from` and `to`: those that overlap this time, also
         cancelled ones."""
@@ -279,17 +277,13 @@ class BookingsView(BookingsBase):
         rows, following = page_by_time(found, "starts_at", query.cursor, query.limit)
         return BookingList(self.entries(rows), following)
 
-    @operation(
+    @_change(
         "bookings_make",
         "Book a slot",
-        scope=Scope.BOOK,
         body=BookRequest,
-        answer=BookingEntry,
         status=201,
-        refuses=(404, 409),
         problem=BookingProblem,
         keyed=True,
-        tag="bookings",
         examples=[
             OpenApiExample(
                 "An hour",
@@ -322,15 +316,7 @@ class BookingsView(BookingsBase):
 class FreeView(BookingsBase):
     """`/bookings/free`."""
 
-    @operation(
-        "bookings_free",
-        "Search free slots",
-        scope=Scope.READ,
-        query=FreeAsked,
-        answer=SlotList,
-        refuses=(404,),
-        tag="bookings",
-    )
+    @_read("bookings_free", "Search free slots", query=FreeAsked, answer=SlotList)
     def get(self, _request: Request, query: FreeAsked) -> SlotList:
         """Within seven days from `after` (now, if left out), slots that no rule would refuse to you."""
         now = timezone.now()
@@ -346,28 +332,13 @@ class FreeView(BookingsBase):
 class BookingView(BookingsBase):
     """`/bookings/{id}`."""
 
-    @operation(
-        "bookings_read",
-        "Read a booking",
-        scope=Scope.READ,
-        answer=BookingEntry,
-        refuses=(404,),
-        tag="bookings",
-    )
+    @_read("bookings_read", "Read a booking", answer=BookingEntry)
     def get(self, _request: Request, booking_id: UUID) -> Response:
         """Its ETag is its version."""
         return self.answer(self.one(booking_id).pk)
 
-    @operation(
-        "bookings_move",
-        "Move, lengthen or shorten a booking",
-        scope=Scope.BOOK,
-        body=MoveRequest,
-        answer=BookingEntry,
-        refuses=(404, 409, 412, 428),
-        problem=BookingProblem,
-        tag="bookings",
-        parameters=[IF_MATCH],
+    @_change_seen(
+        "bookings_move", "Move, lengthen or shorten a booking", body=MoveRequest, problem=BookingProblem
     )
     def patch(self, request: Request, booking_id: UUID, body: MoveRequest) -> Response:
         """By its person, or who manages it. Of a slot that runs, only the end moves."""
@@ -377,16 +348,7 @@ class BookingView(BookingsBase):
         with _alternatives(old.robot, old.person, slot):
             return self.change(request, booking_id, services.booking_move, slot=slot, override=body.override)
 
-    @operation(
-        "bookings_cancel",
-        "Cancel a booking, or finish it early",
-        scope=Scope.BOOK,
-        query=CancelAsked,
-        answer=BookingEntry,
-        refuses=(404, 409, 412, 428),
-        tag="bookings",
-        parameters=[IF_MATCH],
-    )
+    @_change_seen("bookings_cancel", "Cancel a booking, or finish it early", query=CancelAsked)
     def delete(self, request: Request, booking_id: UUID, query: CancelAsked) -> Response:
         """The rest of the slot is free for others at once."""
         return self.change(request, booking_id, services.booking_cancel, reason=query.reason)
@@ -395,17 +357,7 @@ class BookingView(BookingsBase):
 class HandBookingView(BookingsBase):
     """`/bookings/{id}/hand-over`."""
 
-    @operation(
-        "bookings_hand_over",
-        "Hand a booking to a colleague",
-        scope=Scope.BOOK,
-        body=HandBookingRequest,
-        answer=BookingEntry,
-        refuses=(404, 409, 412, 428),
-        keyed=True,
-        tag="bookings",
-        parameters=[IF_MATCH],
-    )
+    @_change_seen("bookings_hand_over", "Hand a booking to a colleague", body=HandBookingRequest, keyed=True)
     def post(self, request: Request, booking_id: UUID, body: HandBookingRequest) -> Response:
         """The rules must allow it for them."""
         version_seen(request)
@@ -417,16 +369,7 @@ class HandBookingView(BookingsBase):
 class ApproveView(BookingsBase):
     """`/bookings/{id}/approve`."""
 
-    @operation(
-        "bookings_approve",
-        "Approve a booking",
-        scope=Scope.BOOK,
-        answer=BookingEntry,
-        refuses=(404, 409, 412, 428),
-        keyed=True,
-        tag="bookings",
-        parameters=[IF_MATCH],
-    )
+    @_change_seen("bookings_approve", "Approve a booking", keyed=True)
     def post(self, request: Request, booking_id: UUID) -> Response:
         """By a supervisor of the robot or of the booking’s course, or staff, at the times that they read."""
         return self.change(request, booking_id, services.booking_approve)
@@ -435,15 +378,7 @@ class ApproveView(BookingsBase):
 class AcceptView(BookingsBase):
     """`/bookings/{id}/accept`."""
 
-    @operation(
-        "bookings_accept",
-        "Accept an offer",
-        scope=Scope.BOOK,
-        answer=BookingEntry,
-        refuses=(404, 409),
-        keyed=True,
-        tag="bookings",
-    )
+    @_change("bookings_accept", "Accept an offer", keyed=True)
     def post(self, _request: Request, booking_id: UUID) -> Response:
         """By the person who waited for the slot, before `offer_until`."""
         self.one(booking_id)
@@ -454,28 +389,19 @@ class AcceptView(BookingsBase):
 class WaitingView(BookingsBase):
     """`/waiting`."""
 
-    @operation(
-        "waiting_list",
-        "List the slots for which you wait",
-        scope=Scope.READ,
-        answer=WaitingList,
-        tag="bookings",
-    )
+    @_read("waiting_list", "List the slots for which you wait", refuses=(), answer=WaitingList)
     def get(self, _request: Request) -> WaitingList:
         """Those to come."""
         found = self.waiting().filter(starts_at__gt=timezone.now()).order_by("starts_at", "pk")
         return WaitingList([_waiting(one) for one in found])
 
-    @operation(
+    @_change(
         "waiting_join",
         "Wait for a slot that is taken",
-        scope=Scope.BOOK,
         body=WaitRequest,
         answer=WaitingEntry,
         status=201,
-        refuses=(404, 409),
         keyed=True,
-        tag="bookings",
     )
     def post(self, _request: Request, body: WaitRequest) -> Response:
         """Refused if the slot is free, or another rule refuses it."""
@@ -495,14 +421,7 @@ class WaitingOneView(WaitingView):
 
     http_method_names = ["delete", "options"]
 
-    @operation(
-        "waiting_leave",
-        "Wait no longer",
-        scope=Scope.BOOK,
-        status=204,
-        refuses=(404,),
-        tag="bookings",
-    )
+    @_change("waiting_leave", "Wait no longer", answer=None, refuses=(404,))
     def delete(self, _request: Request, number: int) -> None:
         """Leave the line for one slot."""
         found = self.waiting().filter(pk=min(number, 2**62)).first()

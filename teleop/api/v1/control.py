@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Any, Literal
 
 from asgiref.sync import async_to_sync
@@ -75,6 +76,9 @@ class Driven(Struct, frozen=True):
     fence: int
 
 
+_control = partial(operation, scope=None, refuses=(404, 409), tag="control")
+
+
 class ProgramView(ApiView):
     """Base of the views that act through a program's connection."""
 
@@ -108,14 +112,7 @@ class ProgramView(ApiView):
 class ControlView(ProgramView):
     """`/robots/{slug}/control`."""
 
-    @operation(
-        "control_read",
-        "Read who has control",
-        scope=Scope.READ,
-        answer=ControlEntry,
-        refuses=(404,),
-        tag="control",
-    )
+    @_control("control_read", "Read who has control", scope=Scope.READ, answer=ControlEntry, refuses=(404,))
     def get(self, _request: Request, slug: str) -> ControlEntry:
         """Reading keeps a program's control in use."""
         robot = self.robot(slug)
@@ -127,15 +124,12 @@ class ControlView(ProgramView):
             return ControlEntry("free")
         return ControlEntry("unknown", holder=lease.name)
 
-    @operation(
+    @_control(
         "control_take",
         "Take control",
-        scope=None,
         keyed=True,
         body=TakeControl,
         answer=ControlEntry,
-        refuses=(404, 409),
-        tag="control",
         examples=[OpenApiExample("Take control", value={}, request_only=True)],
     )
     def post(self, _request: Request, slug: str, body: TakeControl) -> ControlEntry:
@@ -148,9 +142,7 @@ class ControlView(ProgramView):
         message = wire.TakeOver(body.reason) if body.reason else wire.Take()
         return _entry(async_to_sync(connection.change)(message))
 
-    @operation(
-        "control_release", "Give control back", scope=None, status=204, refuses=(404, 409), tag="control"
-    )
+    @_control("control_release", "Give control back")
     def delete(self, _request: Request, slug: str) -> None:
         """The robot stops."""
         async_to_sync(self.connected(self.robot(slug)).change)(wire.Release())
@@ -159,9 +151,7 @@ class ControlView(ProgramView):
 class RenewView(ProgramView):
     """`/robots/{slug}/control/renew`."""
 
-    @operation(
-        "control_renew", "Renew control", scope=None, answer=ControlEntry, refuses=(404, 409), tag="control"
-    )
+    @_control("control_renew", "Renew control", answer=ControlEntry)
     def post(self, _request: Request, slug: str) -> ControlEntry:
         """A fresh term, or a longer slot while nobody else has booked."""
         return _entry(async_to_sync(self.connected(self.robot(slug)).change)(wire.Renew()))
@@ -170,19 +160,12 @@ class RenewView(ProgramView):
 class AskView(ProgramView):
     """`/robots/{slug}/control/line`."""
 
-    @operation(
-        "control_ask",
-        "Wait in line for control",
-        scope=None,
-        answer=ControlEntry,
-        refuses=(404, 409),
-        tag="control",
-    )
+    @_control("control_ask", "Wait in line for control", answer=ControlEntry)
     def post(self, _request: Request, slug: str) -> ControlEntry:
         """Read control at least every 30 s; an offer holds for `offer_s`."""
         return _entry(async_to_sync(self.connection(self.robot(slug)).change)(wire.Ask()))
 
-    @operation("control_leave", "Leave the line", scope=None, status=204, refuses=(404, 409), tag="control")
+    @_control("control_leave", "Leave the line")
     def delete(self, _request: Request, slug: str) -> None:
         """Does nothing for a program that is not in line."""
         async_to_sync(self.connection(self.robot(slug)).change)(wire.AskCancel())
@@ -191,16 +174,7 @@ class AskView(ProgramView):
 class HandOverView(ProgramView):
     """`/robots/{slug}/control/hand-over`."""
 
-    @operation(
-        "control_hand_over",
-        "Hand control over",
-        scope=None,
-        keyed=True,
-        body=HandOver,
-        status=204,
-        refuses=(404, 409),
-        tag="control",
-    )
+    @_control("control_hand_over", "Hand control over", keyed=True, body=HandOver)
     def post(self, _request: Request, slug: str, body: HandOver) -> None:
         """To somebody who waits in line."""
         async_to_sync(self.connected(self.robot(slug)).change)(wire.HandOver(body.request))
@@ -209,14 +183,12 @@ class HandOverView(ProgramView):
 class VelocityView(ProgramView):
     """`/robots/{slug}/velocity`."""
 
-    @operation(
+    @_control(
         "velocity",
         "Drive for at most 0.5 s",
         scope=Scope.DRIVE,
         body=VelocityRequest,
         answer=Driven,
-        refuses=(404, 409),
-        tag="control",
         examples=[OpenApiExample("Forward", value={"forward_mps": 0.2, "seconds": 0.5}, request_only=True)],
     )
     def post(self, _request: Request, slug: str, body: VelocityRequest) -> Driven:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import date, datetime
+from functools import partial
 from typing import Annotated, Any
 from uuid import UUID
 
@@ -144,6 +145,9 @@ class Changed(Struct, frozen=True):
     people: int
 
 
+_course = partial(operation, scope=Scope.MANAGE, refuses=(404,), tag="courses")
+
+
 class CoursesBase(ApiView):
     """Base of the views of courses."""
 
@@ -203,13 +207,7 @@ class CoursesBase(ApiView):
 class CoursesView(CoursesBase):
     """`/courses`."""
 
-    @operation(
-        "courses_list",
-        "List the courses that you manage",
-        scope=Scope.MANAGE,
-        answer=CourseList,
-        tag="courses",
-    )
+    @_course("courses_list", "List the courses that you manage", refuses=(), answer=CourseList)
     def get(self, _request: Request) -> CourseList:
         """Staff manage all."""
         return CourseList([CourseEntry(**_entry(course)) for course in self.courses()])
@@ -218,14 +216,7 @@ class CoursesView(CoursesBase):
 class CourseView(CoursesBase):
     """`/courses/{slug}`."""
 
-    @operation(
-        "courses_read",
-        "Read a course",
-        scope=Scope.MANAGE,
-        answer=CourseDetail,
-        refuses=(404,),
-        tag="courses",
-    )
+    @_course("courses_read", "Read a course", answer=CourseDetail)
     def get(self, _request: Request, slug: str) -> CourseDetail:
         """Robots, dates, quotas, supervisors, and what its robots demand."""
         course = self.course(slug)
@@ -241,14 +232,7 @@ class CourseView(CoursesBase):
 class MembersView(CoursesBase):
     """`/courses/{slug}/members`."""
 
-    @operation(
-        "members_list",
-        "List a course’s people",
-        scope=Scope.MANAGE,
-        answer=MemberList,
-        refuses=(404,),
-        tag="courses",
-    )
+    @_course("members_list", "List a course’s people", answer=MemberList)
     def get(self, _request: Request, slug: str) -> MemberList:
         """With the qualifications that they hold."""
         course = self.course(slug)
@@ -271,15 +255,12 @@ class MembersView(CoursesBase):
             ]
         )
 
-    @operation(
+    @_course(
         "members_enrol",
         "Enrol people by a list",
-        scope=Scope.MANAGE,
         body=EnrolRequest,
         answer=EnrolAnswer,
-        refuses=(404,),
         keyed=True,
-        tag="courses",
         examples=[
             OpenApiExample(
                 "Two people",
@@ -309,14 +290,7 @@ class MembersView(CoursesBase):
 class MemberView(CoursesBase):
     """`/courses/{slug}/members/{username}`."""
 
-    @operation(
-        "members_remove",
-        "Take a person out of a course",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404,),
-        tag="courses",
-    )
+    @_course("members_remove", "Take a person out of a course")
     def delete(self, _request: Request, slug: str, username: str) -> None:
         """Ends the course’s role, and control by it."""
         course = self.course(slug)
@@ -328,15 +302,12 @@ class MemberView(CoursesBase):
 class GrantView(CoursesBase):
     """`/courses/{slug}/qualifications/{qualification}/grant`."""
 
-    @operation(
+    @_course(
         "qualifications_grant",
         "Grant a qualification to people of a course",
-        scope=Scope.MANAGE,
         body=GrantRequest,
         answer=Changed,
-        refuses=(404,),
         keyed=True,
-        tag="courses",
     )
     def post(self, _request: Request, slug: str, qualification: str, body: GrantRequest) -> Changed:
         """In place of an earlier grant."""
@@ -350,15 +321,12 @@ class GrantView(CoursesBase):
 class RevokeView(CoursesBase):
     """`/courses/{slug}/qualifications/{qualification}/revoke`."""
 
-    @operation(
+    @_course(
         "qualifications_revoke",
         "Take a qualification from people of a course",
-        scope=Scope.MANAGE,
         body=PeopleRequest,
         answer=Changed,
-        refuses=(404,),
         keyed=True,
-        tag="courses",
     )
     def post(self, _request: Request, slug: str, qualification: str, body: PeopleRequest) -> Changed:
         """Ends their control of robots that demand it."""

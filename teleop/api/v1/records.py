@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import date, datetime
+from functools import partial
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
@@ -178,6 +179,9 @@ class ExportAsked(RecordsAsked, frozen=True, forbid_unknown_fields=True):
     format: Literal["jsonl", "csv"] = "jsonl"
 
 
+_records = partial(operation, scope=Scope.READ, refuses=(404,), tag="records")
+
+
 class RecordsBase(ApiView):
     """Base of the views of records."""
 
@@ -229,15 +233,7 @@ class RecordsBase(ApiView):
 class SessionsView(RecordsBase):
     """`/sessions`."""
 
-    @operation(
-        "sessions_list",
-        "List control sessions",
-        scope=Scope.READ,
-        query=SessionsAsked,
-        answer=SessionList,
-        refuses=(404,),
-        tag="records",
-    )
+    @_records("sessions_list", "List control sessions", query=SessionsAsked, answer=SessionList)
     def get(self, _request: Request, query: SessionsAsked) -> SessionList:
         """Your own, and those of robots that you supervise; staff read all. `from` and `to`: when they began."""
         found = sessions_seen_by(self.person)
@@ -268,14 +264,7 @@ class SessionsView(RecordsBase):
 class SessionView(RecordsBase):
     """`/sessions/{id}`."""
 
-    @operation(
-        "sessions_read",
-        "Read a control session",
-        scope=Scope.READ,
-        answer=SessionDetail,
-        refuses=(404,),
-        tag="records",
-    )
+    @_records("sessions_read", "Read a control session", answer=SessionDetail)
     def get(self, _request: Request, session_id: UUID) -> SessionDetail:
         """Figures, and what happened in it."""
         session = session_seen_by(self.person, session_id)
@@ -304,15 +293,7 @@ class SessionView(RecordsBase):
 class AuditView(RecordsBase):
     """`/audit`."""
 
-    @operation(
-        "audit_list",
-        "Read the log",
-        scope=Scope.READ,
-        query=AuditAsked,
-        answer=AuditList,
-        refuses=(404,),
-        tag="records",
-    )
+    @_records("audit_list", "Read the log", query=AuditAsked, answer=AuditList)
     def get(self, _request: Request, query: AuditAsked) -> AuditList:
         """Your own records; staff read all. Each request with its outcome."""
         before = decoded(query.cursor, int)[0] if query.cursor else None
@@ -326,14 +307,7 @@ class AuditView(RecordsBase):
 class RecordView(RecordsBase):
     """`/audit/{number}`."""
 
-    @operation(
-        "audit_read",
-        "Read a record",
-        scope=Scope.READ,
-        answer=AuditEntry,
-        refuses=(404,),
-        tag="records",
-    )
+    @_records("audit_read", "Read a record", answer=AuditEntry)
     def get(self, _request: Request, number: int) -> AuditEntry:
         """With its outcome; of an outcome’s number, the request."""
         found = Record.objects.filter(pk=min(number, 2**62)).first()
@@ -349,15 +323,7 @@ class RecordView(RecordsBase):
 class ExportView(RecordsBase):
     """`/audit/export`."""
 
-    @operation(
-        "audit_export",
-        "Export the log",
-        scope=Scope.READ,
-        query=ExportAsked,
-        refuses=(404,),
-        content_type="application/jsonl text/csv",
-        tag="records",
-    )
+    @_records("audit_export", "Export the log", query=ExportAsked, content_type="application/jsonl text/csv")
     def post(self, _request: Request, query: ExportAsked) -> HttpResponseBase:
         """For staff. Streams all records that match, and is itself recorded."""
         if not self.person.is_staff:

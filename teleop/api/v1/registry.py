@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
+from functools import partial
 from typing import Annotated, Any
 
 from django.core.exceptions import ValidationError
@@ -85,6 +86,9 @@ class RegistrationChange(Struct, frozen=True, forbid_unknown_fields=True, omit_d
     max_share: Part | UnsetType = UNSET
 
 
+_registry = partial(operation, scope=Scope.MANAGE, answer=Registration, refuses=(404,), tag="registry")
+
+
 class StaffView(ApiView):
     """Base of the views for staff."""
 
@@ -103,9 +107,7 @@ class StaffView(ApiView):
 class ProfilesView(StaffView):
     """`/profiles`."""
 
-    @operation(
-        "profiles_list", "List the kinds of robots", scope=Scope.READ, answer=ProfileList, tag="registry"
-    )
+    @_registry("profiles_list", "List the kinds of robots", refuses=(), scope=Scope.READ, answer=ProfileList)
     def get(self, _request: Request) -> ProfileList:
         """Their content is edited in the admin."""
         return ProfileList(
@@ -116,16 +118,7 @@ class ProfilesView(StaffView):
 class RegisterView(StaffView):
     """`/registry`."""
 
-    @operation(
-        "registry_add",
-        "Register a robot",
-        scope=Scope.MANAGE,
-        body=RegisterRequest,
-        answer=Registration,
-        status=201,
-        keyed=True,
-        tag="registry",
-    )
+    @_registry("registry_add", "Register a robot", refuses=(), body=RegisterRequest, status=201, keyed=True)
     def post(self, _request: Request, body: RegisterRequest) -> Response:
         """By staff. A bridge is started for it; `GET /robots/{slug}` says how it is."""
         staff = self.staff()
@@ -142,27 +135,17 @@ class RegisterView(StaffView):
 class RegistrationView(StaffView):
     """`/registry/{slug}`."""
 
-    @operation(
-        "registry_read",
-        "Read a registration",
-        scope=Scope.MANAGE,
-        answer=Registration,
-        refuses=(404,),
-        tag="registry",
-    )
+    @_registry("registry_read", "Read a registration")
     def get(self, _request: Request, slug: str) -> Response:
         """By staff."""
         self.staff()
         return self.answer(self.robot(slug))
 
-    @operation(
+    @_registry(
         "registry_change",
         "Change a registration",
-        scope=Scope.MANAGE,
         body=RegistrationChange,
-        answer=Registration,
         refuses=(404, 412, 428),
-        tag="registry",
         parameters=[IF_MATCH],
     )
     def patch(self, request: Request, slug: str, body: RegistrationChange) -> Response:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from functools import partial
 from typing import Any
 
 from django.utils import timezone
@@ -72,10 +73,13 @@ class PhraseList(Struct, frozen=True):
     phrases: list[PhraseEntry]
 
 
+_read = partial(operation, scope=Scope.READ, refuses=(404,))
+
+
 class RobotsView(ApiView):
     """`/robots`."""
 
-    @operation("robots_list", "List the robots that you may see", scope=Scope.READ, answer=RobotList)
+    @_read("robots_list", "List the robots that you may see", refuses=(), answer=RobotList)
     def get(self, _request: Request) -> RobotList:
         """The state of a robot is at its own address."""
         robots = self.robots()
@@ -86,9 +90,7 @@ class RobotsView(ApiView):
 class RobotView(ApiView):
     """`/robots/{slug}`."""
 
-    @operation(
-        "robots_read", "Read one robot and its state", scope=Scope.READ, answer=RobotDetail, refuses=(404,)
-    )
+    @_read("robots_read", "Read one robot and its state", answer=RobotDetail)
     def get(self, _request: Request, slug: str) -> RobotDetail:
         """State, sensors and their ages, battery, stop, gate's verdict, limits."""
         robot = self.robot(slug)
@@ -109,7 +111,7 @@ class RobotView(ApiView):
 class PhrasesView(ApiView):
     """`/robots/{slug}/phrases`."""
 
-    @operation("phrases_list", "List a robot’s phrases", scope=Scope.READ, answer=PhraseList, refuses=(404,))
+    @_read("phrases_list", "List a robot’s phrases", answer=PhraseList)
     def get(self, _request: Request, slug: str) -> PhraseList:
         """Sentences that staff wrote for this robot."""
         lines = [(phrase.pk, phrase.line) for phrase in phrases_of(self.robot(slug))]
@@ -119,10 +121,9 @@ class PhrasesView(ApiView):
 class SpeechHistoryView(ApiView):
     """`/robots/{slug}/speech/history`."""
 
-    @operation(
+    @_read(
         "speech_history",
         "Read what a robot said",
-        scope=Scope.READ,
         answer=SpeechHistory,
         refuses=(400, 404),
         parameters=[

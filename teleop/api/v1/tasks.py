@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from datetime import datetime
+from functools import partial
 from typing import Annotated, Any
 
 from asgiref.sync import async_to_sync
@@ -77,6 +78,10 @@ class MotionList(Struct, frozen=True):
     text: str
 
 
+_task = partial(operation, refuses=(404, 409), tag="tasks")
+_start = partial(_task, keyed=True, answer=TaskEntry, status=202)
+
+
 class TasksBase(ProgramView):
     """Base of the views that ask for tasks."""
 
@@ -96,16 +101,11 @@ class TasksBase(ProgramView):
 class SpeechView(TasksBase):
     """`/robots/{slug}/speech`."""
 
-    @operation(
+    @_start(
         "speech_say",
         "Speak a text",
         scope=Scope.SPEAK,
-        keyed=True,
         body=SayRequest,
-        answer=TaskEntry,
-        status=202,
-        refuses=(404, 409),
-        tag="tasks",
         examples=[
             OpenApiExample("Greeting", value={"text": "Hello!", "language": "en-GB"}, request_only=True)
         ],
@@ -118,9 +118,7 @@ class SpeechView(TasksBase):
             "speech",
         )
 
-    @operation(
-        "speech_cancel", "Cancel speech", scope=Scope.SPEAK, status=204, refuses=(404, 409), tag="tasks"
-    )
+    @_task("speech_cancel", "Cancel speech", scope=Scope.SPEAK)
     def delete(self, _request: Request, slug: str) -> None:
         """The speech of this program’s control."""
         connection = self.connected(self.robot(slug))
@@ -130,9 +128,7 @@ class SpeechView(TasksBase):
 class MotionsView(TasksBase):
     """`/robots/{slug}/motions`."""
 
-    @operation(
-        "motions_list", "List motions", scope=Scope.READ, answer=MotionList, refuses=(404, 409), tag="tasks"
-    )
+    @_task("motions_list", "List motions", scope=Scope.READ, answer=MotionList)
     def get(self, _request: Request, slug: str) -> MotionList:
         """In the robot’s own words."""
         connection = self.connection(self.robot(slug))
@@ -143,16 +139,7 @@ class MotionsView(TasksBase):
 class MotionView(TasksBase):
     """`/robots/{slug}/motions/{name}`."""
 
-    @operation(
-        "motions_play",
-        "Play a motion",
-        scope=Scope.MOTIONS,
-        keyed=True,
-        answer=TaskEntry,
-        status=202,
-        refuses=(404, 409),
-        tag="tasks",
-    )
+    @_start("motions_play", "Play a motion", scope=Scope.MOTIONS)
     def post(self, _request: Request, slug: str, name: str) -> Response:
         """Needs control. The answer’s header Location is the address of its status."""
         return self.start(self.robot(slug), lambda fence, seq: wire.Play(fence, name[:100], seq), "motion")
@@ -161,14 +148,7 @@ class MotionView(TasksBase):
 class MotionCancelView(TasksBase):
     """`/robots/{slug}/motion`."""
 
-    @operation(
-        "motions_cancel",
-        "Cancel the motion",
-        scope=Scope.MOTIONS,
-        status=204,
-        refuses=(404, 409),
-        tag="tasks",
-    )
+    @_task("motions_cancel", "Cancel the motion", scope=Scope.MOTIONS)
     def delete(self, _request: Request, slug: str) -> None:
         """The one that this program’s control started."""
         connection = self.connected(self.robot(slug))
@@ -187,15 +167,11 @@ class DriveByRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class DriveByView(TasksBase):
     """`/robots/{slug}/drive-by`."""
 
-    @operation(
+    @_start(
         "drive_by",
         "Drive a distance, or turn by an angle",
         scope=Scope.DRIVE,
-        keyed=True,
         body=DriveByRequest,
-        answer=TaskEntry,
-        status=202,
-        refuses=(404, 409),
         tag="control",
         examples=[OpenApiExample("One metre on", value={"distance_m": 1.0}, request_only=True)],
     )
@@ -211,9 +187,7 @@ class DriveByView(TasksBase):
             self.robot(slug), lambda fence, seq: wire.DriveBy(fence, **asked, seq=seq), "drive_by"
         )
 
-    @operation(
-        "drive_by_cancel", "End the drive", scope=Scope.DRIVE, status=204, refuses=(404, 409), tag="control"
-    )
+    @_task("drive_by_cancel", "End the drive", scope=Scope.DRIVE, tag="control")
     def delete(self, _request: Request, slug: str) -> None:
         """The robot stands."""
         connection = self.connected(self.robot(slug))
@@ -223,14 +197,7 @@ class DriveByView(TasksBase):
 class LookAheadView(TasksBase):
     """`/robots/{slug}/look-ahead`."""
 
-    @operation(
-        "look_ahead",
-        "Turn the head to where the robot drives",
-        scope=Scope.DRIVE,
-        status=204,
-        refuses=(404, 409),
-        tag="tasks",
-    )
+    @_task("look_ahead", "Turn the head to where the robot drives", scope=Scope.DRIVE)
     def post(self, _request: Request, slug: str) -> None:
         """Needs control."""
         connection = self.connected(self.robot(slug))
@@ -240,13 +207,12 @@ class LookAheadView(TasksBase):
 class ClearView(TasksBase):
     """`/robots/{slug}/stop/clear`."""
 
-    @operation(
+    @_task(
         "stop_clear",
         "Clear the emergency stop",
         scope=Scope.DRIVE,
         body=ClearRequest,
         answer=StopState,
-        refuses=(404, 409),
         tag="stop",
     )
     def post(self, _request: Request, slug: str, body: ClearRequest) -> StopState:
@@ -271,13 +237,12 @@ class ClearView(TasksBase):
 class TaskView(ProgramView):
     """`/robots/{slug}/tasks/{number}`."""
 
-    @operation(
+    @_task(
         "tasks_read",
         "Read what came of a task",
         scope=Scope.READ,
         answer=TaskEntry,
         refuses=(400, 404),
-        tag="tasks",
         parameters=[
             OpenApiParameter(
                 "wait", int, description=f"Wait so many seconds for its end, 0 to {LONGEST_WAIT_S}."

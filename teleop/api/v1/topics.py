@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Annotated, Any, get_args
 
 from asgiref.sync import async_to_sync
@@ -84,6 +85,9 @@ class ChooseRequest(Struct, frozen=True, forbid_unknown_fields=True):
     topic: Annotated[str, Meta(max_length=255)] | None = None
 
 
+_topics = partial(operation, scope=Scope.TOPICS, refuses=(404, 409), tag="topics")
+
+
 class TopicsBase(ProgramView):
     """Base of the views below."""
 
@@ -96,14 +100,7 @@ class TopicsBase(ProgramView):
 class TopicsView(TopicsBase):
     """`/robots/{slug}/topics`."""
 
-    @operation(
-        "topics_list",
-        "List topics, actions and services",
-        scope=Scope.TOPICS,
-        answer=Graph,
-        refuses=(404, 409),
-        tag="topics",
-    )
+    @_topics("topics_list", "List topics, actions and services", answer=Graph)
     def get(self, _request: Request, slug: str) -> Any:
         """As the robot's master has them."""
         return self.ask(slug, wire.ListTopics(), Graph)
@@ -112,15 +109,7 @@ class TopicsView(TopicsBase):
 class DefinitionView(TopicsBase):
     """`/robots/{slug}/topics/definition`."""
 
-    @operation(
-        "topics_definition",
-        "Read the definition of a message",
-        scope=Scope.TOPICS,
-        query=TypeAsked,
-        answer=Described,
-        refuses=(404, 409),
-        tag="topics",
-    )
+    @_topics("topics_definition", "Read the definition of a message", query=TypeAsked, answer=Described)
     def get(self, _request: Request, slug: str, query: TypeAsked) -> Any:
         """As a tree of fields."""
         return self.ask(slug, wire.Describe(query.type, query.topic), Described)
@@ -129,15 +118,7 @@ class DefinitionView(TopicsBase):
 class MessageView(TopicsBase):
     """`/robots/{slug}/topics/message`."""
 
-    @operation(
-        "topics_message",
-        "Read one message of a topic",
-        scope=Scope.TOPICS,
-        query=TopicAsked,
-        answer=Sample,
-        refuses=(404, 409),
-        tag="topics",
-    )
+    @_topics("topics_message", "Read one message of a topic", query=TopicAsked, answer=Sample)
     def get(self, _request: Request, slug: str, query: TopicAsked) -> Any:
         """The next one, within 6 s. Long arrays are shortened. For a stream use the WebSocket of topics."""
         robot = self.robot(slug)
@@ -149,16 +130,7 @@ class MessageView(TopicsBase):
 class PublishView(TopicsBase):
     """`/robots/{slug}/topics/publish`."""
 
-    @operation(
-        "topics_publish",
-        "Publish a message",
-        scope=Scope.TOPICS,
-        body=PublishRequest,
-        status=204,
-        refuses=(404, 409),
-        keyed=True,
-        tag="topics",
-    )
+    @_topics("topics_publish", "Publish a message", body=PublishRequest, keyed=True)
     def post(self, _request: Request, slug: str, body: PublishRequest) -> None:
         """From the allow-list; needs control. A velocity passes the gate, and is valid for 0.3 s."""
         connection = self.connected(self.robot(slug))
@@ -168,15 +140,7 @@ class PublishView(TopicsBase):
             )
         )
 
-    @operation(
-        "topics_publish_end",
-        "Publish no more at a rate",
-        scope=Scope.TOPICS,
-        query=TopicAsked,
-        status=204,
-        refuses=(404, 409),
-        tag="topics",
-    )
+    @_topics("topics_publish_end", "Publish no more at a rate", query=TopicAsked)
     def delete(self, _request: Request, slug: str, query: TopicAsked) -> None:
         """On this topic."""
         connection = self.connected(self.robot(slug))
@@ -186,15 +150,7 @@ class PublishView(TopicsBase):
 class ServiceView(TopicsBase):
     """`/robots/{slug}/services/definition`."""
 
-    @operation(
-        "services_definition",
-        "Read the request of a service",
-        scope=Scope.TOPICS,
-        query=ServiceAsked,
-        answer=Described,
-        refuses=(404, 409),
-        tag="topics",
-    )
+    @_topics("services_definition", "Read the request of a service", query=ServiceAsked, answer=Described)
     def get(self, _request: Request, slug: str, query: ServiceAsked) -> Any:
         """As a tree of fields."""
         return self.ask(slug, wire.DescribeService(query.service), Described)
@@ -203,16 +159,7 @@ class ServiceView(TopicsBase):
 class CallView(TopicsBase):
     """`/robots/{slug}/services/call`."""
 
-    @operation(
-        "services_call",
-        "Call a service",
-        scope=Scope.TOPICS,
-        body=CallRequest,
-        answer=Called,
-        refuses=(404, 409),
-        keyed=True,
-        tag="topics",
-    )
+    @_topics("services_call", "Call a service", body=CallRequest, answer=Called, keyed=True)
     def post(self, _request: Request, slug: str, body: CallRequest) -> Any:
         """Staff, from the allow-list."""
         return self.ask(slug, wire.CallService(body.service, body.fields), Called)
@@ -221,14 +168,7 @@ class CallView(TopicsBase):
 class ParametersView(TopicsBase):
     """`/robots/{slug}/parameters`."""
 
-    @operation(
-        "parameters_list",
-        "List parameters",
-        scope=Scope.TOPICS,
-        answer=Parameters,
-        refuses=(404, 409),
-        tag="topics",
-    )
+    @_topics("parameters_list", "List parameters", answer=Parameters)
     def get(self, _request: Request, slug: str) -> Any:
         """Their names."""
         return self.ask(slug, wire.ListParameters(), Parameters)
@@ -237,28 +177,12 @@ class ParametersView(TopicsBase):
 class ParameterView(TopicsBase):
     """`/robots/{slug}/parameters/value`."""
 
-    @operation(
-        "parameters_read",
-        "Read a parameter",
-        scope=Scope.TOPICS,
-        query=ParameterAsked,
-        answer=Parameter,
-        refuses=(404, 409),
-        tag="topics",
-    )
+    @_topics("parameters_read", "Read a parameter", query=ParameterAsked, answer=Parameter)
     def get(self, _request: Request, slug: str, query: ParameterAsked) -> Any:
         """Or a tree of them."""
         return self.ask(slug, wire.GetParameter(query.name), Parameter)
 
-    @operation(
-        "parameters_set",
-        "Set a parameter",
-        scope=Scope.TOPICS,
-        body=SetRequest,
-        answer=Parameter,
-        refuses=(404, 409),
-        tag="topics",
-    )
+    @_topics("parameters_set", "Set a parameter", body=SetRequest, answer=Parameter)
     def put(self, _request: Request, slug: str, body: SetRequest) -> Any:
         """Staff, from the allow-list."""
         return self.ask(slug, wire.SetParameter(body.name, body.value), Parameter)
@@ -267,14 +191,10 @@ class ParameterView(TopicsBase):
 class InputView(TopicsBase):
     """`/robots/{slug}/inputs/{use}`."""
 
-    @operation(
+    @_topics(
         "inputs_choose",
         "Choose where input goes",
-        scope=Scope.TOPICS,
         body=ChooseRequest,
-        status=204,
-        refuses=(404, 409),
-        tag="topics",
         parameters=[OpenApiParameter("use", str, OpenApiParameter.PATH, enum=list(get_args(Use)))],
     )
     def put(self, _request: Request, slug: str, use: Any, body: ChooseRequest) -> None:
@@ -286,14 +206,7 @@ class InputView(TopicsBase):
 class ForgetView(TopicsBase):
     """`/robots/{slug}/forget`."""
 
-    @operation(
-        "forget",
-        "Forget remembered obstacles",
-        scope=Scope.DRIVE,
-        status=204,
-        refuses=(404, 409),
-        tag="control",
-    )
+    @_topics("forget", "Forget remembered obstacles", scope=Scope.DRIVE, tag="control")
     def post(self, _request: Request, slug: str) -> None:
         """Needs control, and a robot that stands. What sensors see now stays."""
         connection = self.connected(self.robot(slug))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import functools
-import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, TypeVar
 
 import msgspec
 from django.http import HttpResponseBase
-from drf_spectacular.utils import OpenApiResponse, extend_schema
+from drf_spectacular.utils import OpenApiExample, OpenApiParameter, OpenApiResponse, extend_schema
 from msgspec import Struct
 from rest_framework.authentication import SessionAuthentication
 from rest_framework.request import Request
@@ -22,11 +22,10 @@ from fleet.accounts.tokens.models import Scope, Token
 from fleet.accounts.tokens.services import key_of
 from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
-from robots.wire import Refusal
 from teleop.api.v1.door.authentication import TokenAuthentication
 from teleop.api.v1.door.idempotency import KEY_PARAMETER, Caller, once
 from teleop.api.v1.door.parameters import parameters_of, query_of
-from teleop.api.v1.door.parsing import Unparsed
+from teleop.api.v1.door.parsing import Unparsed, decoded
 from teleop.api.v1.door.problems import (
     CONTENT_TYPE,
     NOT_FOUND,
@@ -39,9 +38,6 @@ from teleop.api.v1.door.rates import TOO_OFTEN, asks_too_often
 from teleop.control.scopes import scope_missing
 from teleop.recording import refusals
 from teleop.recording.refusals import RefusedRequest
-
-MOST_BYTES = 64 * 1024
-DEEPEST = 32  # levels of a body
 
 View = TypeVar("View", bound=Callable[..., Any])
 
@@ -91,123 +87,97 @@ class ApiView(APIView):
         return found
 
 
-def operation(
-    name: str,
-    summary: str,
-    *,
-    scope: Scope | None,
-    answer: type[Struct] | None = None,
-    body: type[Struct] | None = None,
-    query: type[Struct] | None = None,
-    status: int = 200,
-    refuses: tuple[int, ...] = (),
-    content_type: str = "",
-    problem: type[Struct] = ProblemDetails,
-    keyed: bool = False,
-    tag: str = "robots",
-    **schema: Any,
-) -> Callable[[View], View]:
-    """Make a method of an `ApiView` an operation.
+@dataclass(frozen=True)
+class Operation:
+    """A decorator that makes a method of an `ApiView` an operation: `@operation("stop_clear", "Clear the stop", ...)`.
 
-    `scope`: what a token needs (None: any token). `body`: its struct, decoded and passed as the argument `body`;
-    `query`: that of the query parameters, passed as `query`. `answer`: the struct that the method returns (None: 204).
-    `refuses`: further statuses of problems, `problem` their struct. `keyed`: it takes an Idempotency-Key.
-    `content_type`: of an answer that is no JSON, or several with spaces between; the method returns a response.
+    Operations of one shape share a `partial(operation, ...)`. The method's docstring is the description. A method that
+    returns a response, such as one with headers, answers with that.
     """
 
-    def decorate(method: View) -> View:
+    name: str
+    summary: str
+    _: KW_ONLY
+    scope: Scope | None  # that a token needs; None: any token
+    body: type[Struct] | None = None  # decoded, and passed as the argument `body`
+    query: type[Struct] | None = None  # of the query parameters, passed as `query`
+    answer: type[Struct] | None = None  # of which the method returns one; None: it returns nothing
+    status: int | None = None  # of the answer; None: 200, or 204 without an answer
+    content_type: str = ""  # of an answer that is no JSON, or several with spaces between
+    refuses: tuple[int, ...] = ()  # further statuses of problems
+    problem: type[Struct] = ProblemDetails  # the struct of problems
+    keyed: bool = False  # it takes an Idempotency-Key
+    tag: str = "robots"
+    parameters: Sequence[OpenApiParameter] = ()  # further ones: of the path, headers
+    examples: Sequence[OpenApiExample] = ()
+
+    def __call__(self, method: View) -> View:
+        """Return the method with its door before it, documented."""
+
         @functools.wraps(method)
         def call(view: ApiView, request: Request, *args: Any, **kwargs: Any) -> HttpResponseBase:
-            _require_scope(view.token, scope)
-            if body is not None:
-                kwargs["body"] = decoded(request, body)
-            if query is not None:
-                kwargs["query"] = query_of(request, query)
+            self._require_scope(view.token)
+            kwargs |= self._asked(request)
 
             def work() -> HttpResponseBase:
-                result = method(view, request, *args, **kwargs)
-                if isinstance(result, HttpResponseBase):
-                    return result
-                return Response(None if answer is None else msgspec.to_builtins(result), status=status)
+                return self._response(method(view, request, *args, **kwargs))
 
-            if not keyed:
-                return work()
-            return once(request, Caller(view.person, view.token), work)
+            return once(request, Caller(view.person, view.token), work) if self.keyed else work()
 
-        problems = {*refuses, 401, 403, 429, 503}
-        problems |= {400, 413} if body else {400} if query else set()
-        problems |= {400, 409, 422} if keyed else set()
-        parameters = [*schema.pop("parameters", []), *(parameters_of(query) if query else [])]
-        parameters += [KEY_PARAMETER] if keyed else []
-        responses: dict[Any, Any] = {
-            (code, CONTENT_TYPE): OpenApiResponse(problem, "refused") for code in sorted(problems)
-        }
-        for kind in content_type.split():
-            responses[status, kind] = OpenApiResponse(str, summary)
-        if not content_type:
-            responses[status] = OpenApiResponse(answer, summary)
-        needs = f"Scope: `{scope.value}`." if scope else "Any token."
-        documented = extend_schema(
-            operation_id=name,
-            summary=summary,
+        documented: View = self._schema(method)(call)
+        return documented
+
+    def _require_scope(self, token: Token | None) -> None:
+        if token is not None and self.scope is not None and not token.opens(self.scope):
+            raise Problem(scope_missing((self.scope,)))
+
+    def _asked(self, request: Request) -> dict[str, Any]:
+        """Return body and query as the method's arguments."""
+        asked = {}
+        if self.body is not None:
+            asked["body"] = decoded(request, self.body)
+        if self.query is not None:
+            asked["query"] = query_of(request, self.query)
+        return asked
+
+    @property
+    def _status(self) -> int:
+        return self.status or (200 if self.answer or self.content_type else 204)
+
+    def _response(self, result: Any) -> HttpResponseBase:
+        if isinstance(result, HttpResponseBase):
+            return result
+        return Response(None if self.answer is None else msgspec.to_builtins(result), status=self._status)
+
+    def _schema(self, method: Callable[..., Any]) -> Callable[..., Any]:
+        """Return the decorator of the schema."""
+        needs = f"Scope: `{self.scope.value}`." if self.scope else "Any token."
+        parameters = [*self.parameters, *(parameters_of(self.query) if self.query else ())]
+        return extend_schema(
+            operation_id=self.name,
+            summary=self.summary,
             description=f"{(method.__doc__ or '').strip()}\n\n{needs}".strip(),
-            request=body,
-            responses=responses,
-            tags=[tag],
-            parameters=parameters or None,
-            **schema,
+            request=self.body,
+            responses=self._answers(),
+            tags=[self.tag],
+            parameters=[*parameters, *([KEY_PARAMETER] if self.keyed else ())] or None,
+            examples=self.examples or None,
         )
-        result: View = documented(call)  # type: ignore[assignment]
-        return result
 
-    return decorate
-
-
-def decoded(request: Request, struct: type[Struct]) -> Any:
-    """Return the body as a struct. Raises `Problem`: too large, no JSON, duplicate or unknown fields, wrong types."""
-    raw = request.data if isinstance(request.data, bytes) else b""
-    if len(raw) > MOST_BYTES:
-        text = f"The body has {len(raw)} bytes; at most {MOST_BYTES} are taken."
-        raise Problem(Refusal("too_large", text, "wire", {"bytes": len(raw), "limit_bytes": MOST_BYTES}))
-    try:
-        _require_plain(json.loads(raw.decode() or "{}", object_pairs_hook=_without_duplicates))
-        return msgspec.json.decode(raw or b"{}", type=struct)
-    except UnicodeDecodeError as error:
-        raise Problem(Refusal("not_utf8", "The body is not UTF-8.", "wire")) from error
-    except RecursionError as error:
-        raise Problem(_TOO_DEEP) from error
-    except msgspec.ValidationError as error:
-        raise Problem(Refusal("invalid", f"The body does not fit: {error}", "wire")) from error
-    except ValueError as error:
-        raise Problem(Refusal("not_json", f"The body is not JSON: {error}", "wire")) from error
+    def _answers(self) -> dict[Any, OpenApiResponse]:
+        problems = {*self.refuses, 401, 403, 429, 503}
+        problems |= {400, 413} if self.body else {400} if self.query else set()
+        problems |= {400, 409, 422} if self.keyed else set()
+        answers: dict[Any, OpenApiResponse] = {
+            (code, CONTENT_TYPE): OpenApiResponse(self.problem, "refused") for code in sorted(problems)
+        }
+        if self.content_type:
+            kinds = self.content_type.split()
+            return answers | {(self._status, kind): OpenApiResponse(str, self.summary) for kind in kinds}
+        return answers | {self._status: OpenApiResponse(self.answer, self.summary)}
 
 
-_TOO_DEEP = Refusal("too_deep", f"The body has more than {DEEPEST} levels.", "wire", {"limit": DEEPEST})
-
-_HAS_NUL = Refusal("invalid", "The body has a text with the character NUL: leave it out.", "wire")
-
-
-def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise Problem(Refusal("duplicate_field", f"The body has the field “{twice[:100]}” twice.", "wire"))
-    return found
-
-
-def _require_plain(value: Any, level: int = 0) -> None:
-    if level > DEEPEST:
-        raise Problem(_TOO_DEEP)
-    if isinstance(value, str) and "\0" in value:
-        raise Problem(_HAS_NUL)
-    for inner in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
-        _require_plain(inner, level + 1)
-
-
-def _require_scope(token: Token | None, scope: Scope | None) -> None:
-    if token is not None and scope is not None and not token.opens(scope):
-        raise Problem(scope_missing((scope,)))
+operation = Operation  # as it reads above a method
 
 
 def _refused(error: Exception, context: dict[str, Any]) -> Response | None:

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from typing import IO, Any
 
+import msgspec
+from msgspec import Struct
 from rest_framework.parsers import BaseParser
+from rest_framework.request import Request
+
+from robots.wire import Refusal
+from teleop.api.v1.door.problems import Problem
+
+MOST_BYTES = 64 * 1024
+DEEPEST = 32  # levels of a body
+
+_TOO_DEEP = Refusal("too_deep", f"The body has more than {DEEPEST} levels.", "wire", {"limit": DEEPEST})
+_HAS_NUL = Refusal("invalid", "The body has a text with the character NUL: leave it out.", "wire")
 
 
 class Unparsed(BaseParser):
@@ -15,3 +28,40 @@ class Unparsed(BaseParser):
     def parse(self, stream: IO[Any], media_type: Any = None, parser_context: Any = None) -> Any:
         """Return the bytes."""
         return stream.read()
+
+
+def decoded(request: Request, struct: type[Struct]) -> Any:
+    """Return the body as a struct. Raises `Problem`: too large, no JSON, duplicate or unknown fields, wrong types."""
+    raw = request.data if isinstance(request.data, bytes) else b""
+    if len(raw) > MOST_BYTES:
+        text = f"The body has {len(raw)} bytes; at most {MOST_BYTES} are taken."
+        raise Problem(Refusal("too_large", text, "wire", {"bytes": len(raw), "limit_bytes": MOST_BYTES}))
+    try:
+        _require_plain(json.loads(raw.decode() or "{}", object_pairs_hook=_without_duplicates))
+        return msgspec.json.decode(raw or b"{}", type=struct)
+    except UnicodeDecodeError as error:
+        raise Problem(Refusal("not_utf8", "The body is not UTF-8.", "wire")) from error
+    except RecursionError as error:
+        raise Problem(_TOO_DEEP) from error
+    except msgspec.ValidationError as error:
+        raise Problem(Refusal("invalid", f"The body does not fit: {error}", "wire")) from error
+    except ValueError as error:
+        raise Problem(Refusal("not_json", f"The body is not JSON: {error}", "wire")) from error
+
+
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise Problem(Refusal("duplicate_field", f"The body has the field “{twice[:100]}” twice.", "wire"))
+    return found
+
+
+def _require_plain(value: Any, level: int = 0) -> None:
+    if level > DEEPEST:
+        raise Problem(_TOO_DEEP)
+    if isinstance(value, str) and "\0" in value:
+        raise Problem(_HAS_NUL)
+    for inner in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _require_plain(inner, level + 1)
