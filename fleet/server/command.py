@@ -68,6 +68,12 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
             scope["extensions"] = {websocket.HEAR_NOW: protocol.hear_now}
         return super().create_application(protocol, scope)
 
+    async def handle_reply(self, protocol: Any, message: dict[str, Any]) -> None:
+        """Pass on a part of an answer. One that goes on waits for its client."""
+        await super().handle_reply(protocol, message)
+        if message.get("more_body") and protocol.channel is not None:
+            await protocol.channel.room()
+
     def entered(self, connection: channel.Channel) -> bool:
         """Return whether there is a place for a new connection; the oldest that only waits leaves for it."""
         address = getattr(connection.transport.getPeer(), "host", None)

@@ -8,7 +8,8 @@ from fleet.accounts.tokens.models import Scope
 from robots import wire
 from robots.wire import Refusal
 
-_ACTING = (Scope.DRIVE, Scope.SPEAK, Scope.MOTIONS, Scope.TOPICS)
+# Control is taken for any of these.
+ACTING = (Scope.DRIVE, Scope.SPEAK, Scope.MOTIONS, Scope.TOPICS)
 _NEEDED: dict[type, tuple[Scope, ...]] = {
     wire.Drive: (Scope.DRIVE,),
     wire.DriveBy: (Scope.DRIVE,),
@@ -25,13 +26,13 @@ _NEEDED: dict[type, tuple[Scope, ...]] = {
     wire.Choose: (Scope.TOPICS,),
     wire.Publish: (Scope.TOPICS,),
     wire.PublishStop: (Scope.TOPICS,),
-    **dict.fromkeys((wire.Hello, wire.Ack, wire.Ping, wire.Refresh), (Scope.READ, *_ACTING)),
+    **dict.fromkeys((wire.Hello, wire.Ack, wire.Ping, wire.Refresh), (Scope.READ, *ACTING)),
 }
 
 
 def needed_scopes(message: Any) -> tuple[Scope, ...]:
     """Return the scopes of which a token needs one. Control is taken for anything that needs it."""
-    return _NEEDED.get(type(message), _ACTING)
+    return _NEEDED.get(type(message), ACTING)
 
 
 def scope_missing(scopes: tuple[Scope, ...]) -> Refusal:

@@ -23,6 +23,7 @@ from teleop.api.v1.door.problems import Problem
 from teleop.api.v1.programs.connection import Caller, ProgramConnection, Velocity
 from teleop.api.v1.programs.registry import UNUSED_S, programs
 from teleop.control import rules
+from teleop.control.scopes import ACTING
 from teleop.control.selectors import lease_of
 
 LONGEST_S = 0.5  # of a velocity
@@ -70,13 +71,14 @@ class VelocityRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Driven(Struct, frozen=True):
-    """The velocity was sent so long; the robot's state tells what the gate made of it."""
+    """The velocity was sent so long, or until a newer one took its place; the robot's state tells what the gate made
+    of it."""
 
     seconds: float
     fence: int
 
 
-_control = partial(operation, scope=None, refuses=(404, 409), tag="control")
+_control = partial(operation, scope=ACTING, refuses=(404, 409), tag="control")
 
 
 class ProgramView(ApiView):
@@ -87,10 +89,12 @@ class ProgramView(ApiView):
         request = self.request
         host = request.get_host()
         if (token := self.token) is not None:
-            return Caller(key_of(token), (("Authorization", request.headers["Authorization"]),), host, None)
+            headers = (("Authorization", request.headers["Authorization"]),)
+            return Caller(key_of(token), self.person.pk, headers, host, None)
         origin = f"{'https' if settings.FLEET_TLS else 'http'}://{host}"
         cookie = request.headers.get("Cookie", "")
-        return Caller(request.session.session_key or "", (("Cookie", cookie),), host, origin)
+        key = request.session.session_key or ""
+        return Caller(key, self.person.pk, (("Cookie", cookie),), host, origin)
 
     def keep_control(self, slug: str) -> None:
         """Count this request as use of the program's control."""
@@ -134,8 +138,7 @@ class ControlView(ProgramView):
     )
     def post(self, _request: Request, slug: str, body: TakeControl) -> ControlEntry:
         """By the rules of the pages: account, booking, lease. Control ends with the term, with the slot, when it is
-        given back, and when the program asks for nothing for 30 s. Needs one of the scopes drive, speak, motions,
-        topics."""
+        given back, and when the program asks for nothing for 30 s."""
         connection = self.connection(self.robot(slug))
         if connection.fence is not None:
             return _entry(connection.control)
@@ -196,8 +199,8 @@ class VelocityView(ProgramView):
         robot = self.robot(slug)
         connection = self.connected(robot)
         fence = connection.fence or 0
-        async_to_sync(connection.drive)(_velocity(robot, body), body.seconds)
-        return Driven(body.seconds, fence)
+        seconds = async_to_sync(connection.drive)(_velocity(robot, body), body.seconds)
+        return Driven(round(seconds, 3), fence)
 
 
 def _velocity(robot: Robot, asked: VelocityRequest) -> Velocity:

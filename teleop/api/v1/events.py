@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import AsyncIterator, Collection
+from typing import Annotated
 from uuid import UUID
 
 from django.http import StreamingHttpResponse
-from drf_spectacular.utils import OpenApiParameter
-from msgspec import Struct
+from msgspec import Meta, Struct
 from rest_framework.renderers import BaseRenderer, JSONRenderer
 from rest_framework.request import Request
 
@@ -27,13 +27,15 @@ from teleop.webhooks.events import NEWS, data_of, is_news, rfc3339
 from teleop.webhooks.news import lines_after, newest_record
 
 LOOK_S = 1.0
+REST_S = 0.1  # between two parts of a long way to the newest record
 QUIET_S = 15.0  # then a comment shows that the stream is alive
 LONGEST_S = 600.0  # then the client connects again: what it has not read is not kept for ever
 MOST_STREAMS = 50  # of this process
-_HIGHEST = 2**62
+MOST_OF_PERSON = 10
 
 _FULL = Refusal("busy", "Too many event streams are open: try again later.", "wire")
-_open: set[object] = set()
+_FULL_OF_YOURS = Refusal("busy", f"You have {MOST_OF_PERSON} event streams open: close one first.", "wire")
+_open: dict[object, UUID] = {}  # streams, with their persons
 
 
 class EventStream(BaseRenderer):
@@ -52,6 +54,16 @@ class Reader(Struct, frozen=True):
     slug: str | None
 
 
+class EventsAsked(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which events."""
+
+    robot: Annotated[str, Meta(max_length=100, description="Only of this one.")] | None = None
+    after: (
+        Annotated[int, Meta(ge=0, description="After this number; the header Last-Event-ID says the same.")]
+        | None
+    ) = None
+
+
 class EventsView(ApiView):
     """`/events`."""
 
@@ -64,43 +76,41 @@ class EventsView(ApiView):
         refuses=(404, 406),
         content_type="text/event-stream",
         tag="events",
-        parameters=[
-            OpenApiParameter("robot", str, description="Only of this one."),
-            OpenApiParameter(
-                "after", int, description="After this number; the header Last-Event-ID says the same."
-            ),
-        ],
+        query=EventsAsked,
     )
-    def get(self, request: Request) -> StreamingHttpResponse:
+    def get(self, request: Request, query: EventsAsked) -> StreamingHttpResponse:
         """Server-sent events: bookings, control, stops, ends of motions and speech, as webhooks have them. Each has the
         number of its record as id; with Last-Event-ID nothing is missed. The stream ends after ten minutes, when the
         token ends, or when the person may no longer see a robot: connect again."""
         if len(_open) >= MOST_STREAMS:
             raise Problem(_FULL)
-        slug = request.query_params.get("robot")
-        if slug is not None:
-            self.robot(slug)
+        if list(_open.values()).count(self.person.pk) >= MOST_OF_PERSON:
+            raise Problem(_FULL_OF_YOURS)
+        if query.robot is not None:
+            self.robot(query.robot)
         token = self.token
         bound = frozenset(UUID(robot) for robot in token.robots) if token else frozenset()
         key = key_of(token) if token else request.session.session_key or ""
-        last = request.headers.get("Last-Event-ID") or request.query_params.get("after") or ""
-        start = (
-            min(int(last), _HIGHEST)
-            if last.isascii() and last.isdigit() and len(last) < 20
-            else newest_record()
-        )
+        start, newest = _last_event(request, query), newest_record()
+        start = newest if start is None else min(start, newest)
         response = StreamingHttpResponse(
-            _stream(Reader(self.person, key, bound, slug), start), content_type="text/event-stream"
+            _stream(Reader(self.person, key, bound, query.robot), start), content_type="text/event-stream"
         )
         response["Cache-Control"] = "no-store"
         response["X-Accel-Buffering"] = "no"
         return response
 
 
+def _last_event(request: Request, query: EventsAsked) -> int | None:
+    """Return the number of the event that the client read last; None: it read none, or says none of ours."""
+    said = request.headers.get("Last-Event-ID", "")
+    return int(said) if said.isascii() and said.isdigit() and len(said) < 20 else query.after
+
+
 async def _stream(reader: Reader, start: int) -> AsyncIterator[bytes]:
     """Yield the events after a record, until the reader's right ends or `LONGEST_S`."""
     place = object()
-    _open.add(place)
+    _open[place] = reader.user.pk
     try:
         yield b"retry: 2000\n\n"
         loop = asyncio.get_running_loop()
@@ -109,6 +119,7 @@ async def _stream(reader: Reader, start: int) -> AsyncIterator[bytes]:
             robots = await in_database(_robots_of, reader)
             if robots is None:
                 return
+            before = start
             start, events = await in_database(_events, robots, start)
             if events:
                 yield b"".join(events)
@@ -116,9 +127,9 @@ async def _stream(reader: Reader, start: int) -> AsyncIterator[bytes]:
             elif loop.time() - said_s > QUIET_S:
                 yield b": nothing new\n\n"
                 said_s = loop.time()
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(LOOK_S if start == before else REST_S)
     finally:
-        _open.discard(place)
+        del _open[place]
 
 
 def _robots_of(reader: Reader) -> set[UUID] | None:

@@ -27,6 +27,7 @@ from teleop.api.v1.control import ProgramView
 from teleop.api.v1.door.operation import operation
 from teleop.api.v1.door.parameters import whole_number
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.webhooks.news import newest_record
 
 LONGEST_WAIT_S = 30
 LOOK_S = 0.2
@@ -88,10 +89,11 @@ class TasksBase(ProgramView):
     def start(self, robot: Robot, make: Callable[[int, int], Any], kind: str) -> Response:
         """Ask for a task; answer 202 with its status and its address."""
         connection = self.connected(robot)
+        control, newest = connection.control, newest_record()
         async_to_sync(connection.request)(make)
-        session = connection.control.session if connection.control else None
-        requests = Record.objects.filter(kind=_KINDS[kind][0], session_id=session, of=None)
-        found = requests.order_by("-pk").first()
+        session = control.session if control else None
+        requests = Record.objects.filter(pk__gt=newest, kind=_KINDS[kind][0], session_id=session, of=None)
+        found = requests.order_by("pk").first()
         if found is None:
             raise Problem(_NOT_RECORDED)
         address = f"/api/v1/robots/{robot.slug}/tasks/{found.pk}"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Annotated, Any, get_args
 
@@ -20,6 +22,7 @@ from robots.wire import (
     Parameter,
     Parameters,
     Rate,
+    Refusal,
     Sample,
     TopicName,
     TypeName,
@@ -27,8 +30,14 @@ from robots.wire import (
 )
 from teleop.api.v1.control import ProgramView
 from teleop.api.v1.door.operation import operation
+from teleop.api.v1.door.problems import Problem
 from teleop.api.v1.programs import topic_queries
 from teleop.api.v1.programs.registry import programs
+
+MOST_ASKING = 6  # questions at once: each keeps a thread, and pages need some, too
+
+_asking = threading.BoundedSemaphore(MOST_ASKING)
+_BUSY = Refusal("busy", "Too many questions about topics are asked at once: try again in a moment.", "robot")
 
 
 class TopicAsked(Struct, frozen=True, forbid_unknown_fields=True):
@@ -93,8 +102,20 @@ class TopicsBase(ProgramView):
 
     def ask(self, slug: str, query: Any, answer: Any) -> Any:
         """Ask one question. Raises `Problem` or `NotDone`."""
+        return self._answer(slug, topic_queries.ask, query, answer)
+
+    def message(self, slug: str, topic: str) -> Any:
+        """Return one message of a topic. Raises `Problem` or `NotDone`."""
+        return self._answer(slug, topic_queries.one_message, topic)
+
+    def _answer(self, slug: str, question: Callable[..., Awaitable[Any]], *asked: Any) -> Any:
         robot = self.robot(slug)
-        return async_to_sync(topic_queries.ask)(programs.path(), robot.slug, self.caller(), query, answer)
+        if not _asking.acquire(blocking=False):
+            raise Problem(_BUSY)
+        try:
+            return async_to_sync(question)(programs.path(), robot.slug, self.caller(), *asked)
+        finally:
+            _asking.release()
 
 
 class TopicsView(TopicsBase):
@@ -121,10 +142,7 @@ class MessageView(TopicsBase):
     @_topics("topics_message", "Read one message of a topic", query=TopicAsked, answer=Sample)
     def get(self, _request: Request, slug: str, query: TopicAsked) -> Any:
         """The next one, within 6 s. Long arrays are shortened. For a stream use the WebSocket of topics."""
-        robot = self.robot(slug)
-        return async_to_sync(topic_queries.one_message)(
-            programs.path(), robot.slug, self.caller(), query.topic
-        )
+        return self.message(slug, query.topic)
 
 
 class PublishView(TopicsBase):

@@ -1,11 +1,16 @@
-"""The page with the reference of the API."""
+"""The page with the reference of the API, and the schema."""
 
 from __future__ import annotations
 
+from functools import cache
+
 from csp.decorators import csp_update
+from django.contrib.auth.decorators import login_not_required
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.views.decorators.http import require_safe
+from drf_spectacular.generators import SchemaGenerator
+from drf_spectacular.renderers import OpenApiJsonRenderer
 
 
 @csp_update({"img-src": ["data:"]})  # the library's icons
@@ -13,3 +18,17 @@ from django.views.decorators.http import require_safe
 def reference(request: HttpRequest) -> HttpResponse:
     """Show every operation, and try it as the person who is signed in."""
     return render(request, "api/reference.html")
+
+
+@login_not_required
+@require_safe
+def schema(_request: HttpRequest) -> HttpResponse:
+    """Answer the OpenAPI schema, to anybody."""
+    return HttpResponse(_schema(), content_type=OpenApiJsonRenderer.media_type)
+
+
+@cache
+def _schema() -> bytes:
+    # Not for each request: that takes longer than a page, and strangers may ask.
+    described = SchemaGenerator().get_schema(request=None, public=True)  # type: ignore[no-untyped-call]
+    return bytes(OpenApiJsonRenderer().render(described, renderer_context={}))

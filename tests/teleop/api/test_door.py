@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
@@ -78,6 +79,8 @@ def test_a_token_opens_its_scopes_and_robots_only(
     refused = post(headers, {"forward_mps": 0.1})
     assert (refused.status_code, refused.json()["figures"]) == (403, {"scope": "drive"})
     assert Client().get("/api/v1/robots", headers=headers).json()["code"] == "scope_missing"
+    refused = post(made(Scope.BOOK)[1], {}, CONTROL)
+    assert refused.json()["figures"] == {"scope": "drive speak motions topics"}
     _, headers = made(Scope.READ, robots=[robot.pk])
     listed = Client().get("/api/v1/robots", headers=headers).json()["robots"]
     assert [one["slug"] for one in listed] == [robot.slug]
@@ -107,6 +110,9 @@ def test_a_request_with_a_cookie_is_held_to_its_origin(robot: Robot, made: Any, 
         (b'{"seconds": 0.6}', 400, "invalid", "$.seconds"),
         (b'{"forwards": 0.1}', 400, "invalid", "forwards"),
         (b'{"forward_mps": 0.1, "forward_mps": 0.2}', 400, "duplicate_field", "forward_mps"),
+        (b'{"\\ud800": 1, "\\ud800": 2}', 400, "duplicate_field", "?"),
+        (b'{"a": "\\u0000"}', 400, "invalid", "NUL"),
+        (b'{"a\\u0000": 1}', 400, "invalid", "NUL"),
         (b"[]", 400, "invalid", "array"),
         ('{"a": "ü"}'.encode("latin-1"), 400, "not_utf8", "UTF-8"),
         (b'{"a":' + b"[" * 40 + b"]" * 40 + b"}", 400, "too_deep", "levels"),
@@ -122,6 +128,14 @@ def test_a_body_that_does_not_fit_is_named(
     assert answer.json()["code"] == code or not code
     assert words in answer.json()["detail"]
     assert "control.take" not in Record.objects.values_list("kind", flat=True)
+
+
+def test_a_field_that_is_there_twice_is_found_in_no_time(robot: Robot, made: Any) -> None:
+    headers, names = made(Scope.DRIVE)[1], [f"{number:x}" for number in range(6500)]
+    body = ",".join(f'"{name}":1' for name in [*names, names[-1]])
+    began_s = time.thread_time()
+    assert post(headers, f"{{{body}}}".encode()).json()["code"] == "duplicate_field"
+    assert time.thread_time() - began_s < 0.3  # twice as many names took four times as long
 
 
 def test_other_types_and_methods_get_words(robot: Robot, made: Any) -> None:

@@ -9,6 +9,7 @@ from django.utils import timezone as clock
 
 from fleet.bookings import services
 from fleet.bookings.models import Booking
+from robots.wire import NotDone, Refusal
 from teleop.api.v1.door import idempotency
 from teleop.models import KeyedRequest
 from tests.teleop.api.test_bookings import hour, wish, words
@@ -96,6 +97,22 @@ def test_nobody_repeats_the_work_of_a_process_that_ended(robot, operator, progra
     answer = api("POST", "/bookings", wish(robot), Idempotency_Key=KEY)
     assert (answer.status_code, answer.data["code"]) == (409, "outcome_unknown")
     assert Booking.objects.count() == 0
+
+
+@pytest.mark.parametrize("code", ["no_answer", "connection_lost", "not_recorded"])
+def test_a_request_that_may_be_done_is_not_repeated(robot, operator, program, monkeypatch, code):
+    api, times = program(operator), []
+
+    def unsure(**_facts):
+        times.append(1)
+        raise NotDone(Refusal(code, "It was sent.", "audit"))
+
+    monkeypatch.setattr(services, "booking_make", unsure)
+    first = api("POST", "/bookings", wish(robot), Idempotency_Key=KEY)
+    again = api("POST", "/bookings", wish(robot), Idempotency_Key=KEY)
+    assert (first.status_code, first.data["code"]) == (503, code)
+    assert (again.status_code, again.data["code"]) == (409, "outcome_unknown")
+    assert len(times) == 1
 
 
 @pytest.mark.django_db(transaction=True)

@@ -10,6 +10,7 @@ from django.utils import timezone as clock
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from robots.registry.models import RobotRole
+from teleop.api.v1.door.cursors import encoded
 from teleop.models import ControlSession
 
 pytestmark = pytest.mark.django_db
@@ -214,6 +215,11 @@ def test_each_needs_the_scope(sessions, staff, program):
         ("/audit?session=7", "UUID"),
         ("/audit?cursor=WyJhIl0", "cursor"),
         ("/audit?cursor=%C3%A4", "cursor"),
+        (f"/sessions?cursor={encoded('0001-01-01T00:00:00+14:00', str(uuid4()))}", "cursor"),
+        (f"/bookings?cursor={encoded('9999-12-31T23:00:00-14:00', str(uuid4()))}", "cursor"),
+        (f"/bookings?cursor={encoded('2026-01-01T00:00:00Z', 'x')}", "cursor"),
+        ("/events?after=x", "after"),
+        ("/events?robots=a", "unknown field `robots`"),
         ("/audit?q=%00", "NUL"),
         ("/audit?limit=-1", "limit"),
     ],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from datetime import datetime
+from datetime import datetime, timezone
 from typing import Any, TypeVar
 
 from django.core.exceptions import ValidationError
@@ -41,9 +41,9 @@ def page_by_time(
     if cursor:
         at, key = decoded(cursor, str, str)
         try:
-            moment = datetime.fromisoformat(at)
+            moment = datetime.fromisoformat(at).astimezone(timezone.utc)
             found = found.filter(Q(**{f"{field}__lt": moment}) | Q(**{field: moment, "pk__lt": key}))
-        except (ValueError, ValidationError) as error:
+        except (ValueError, OverflowError, ValidationError) as error:
             raise Problem(_WRONG) from error
     rows = list(found.order_by(f"-{field}", "-pk")[: limit + 1])
     if len(rows) <= limit:

@@ -49,6 +49,7 @@ KEY_PARAMETER = OpenApiParameter(
 
 _waiting = threading.BoundedSemaphore(MOST_WAITING)
 _NOT_KEPT = (401, 429)  # nothing was done: the same key may try again
+_MAY_BE_DONE = ("no_answer", "connection_lost", "not_recorded")  # it was sent
 _WRONG_KEY = Refusal("invalid", f"{HEADER} has 1 to 100 visible ASCII characters.", "wire")
 _REUSED = Refusal(
     "key_reused",
@@ -113,7 +114,9 @@ def _worked(claim: KeyedRequest, work: Callable[[], HttpResponseBase]) -> HttpRe
         response = work()
     except Exception as error:
         problem = problem_of(error)
-        if problem is not None:  # else it is a fault of the console, of which nobody knows how far it came
+        if problem is not None and problem.refusal.code in _MAY_BE_DONE:
+            _keep(claim, 409, body_of(Problem(_UNKNOWN, 409)), {})
+        elif problem is not None:  # else it is a fault of the console, of which nobody knows how far it came
             _keep(claim, problem.status, body_of(problem), {})
         raise
     if isinstance(response, Response):

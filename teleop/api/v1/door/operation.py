@@ -98,7 +98,7 @@ class Operation:
     name: str
     summary: str
     _: KW_ONLY
-    scope: Scope | None  # that a token needs; None: any token
+    scope: Scope | tuple[Scope, ...] | None  # that a token needs, or of which it needs one; None: any token
     body: type[Struct] | None = None  # decoded, and passed as the argument `body`
     query: type[Struct] | None = None  # of the query parameters, passed as `query`
     answer: type[Struct] | None = None  # of which the method returns one; None: it returns nothing
@@ -127,9 +127,13 @@ class Operation:
         documented: View = self._schema(method)(call)
         return documented
 
+    @property
+    def _scopes(self) -> tuple[Scope, ...]:
+        return () if self.scope is None else self.scope if isinstance(self.scope, tuple) else (self.scope,)
+
     def _require_scope(self, token: Token | None) -> None:
-        if token is not None and self.scope is not None and not token.opens(self.scope):
-            raise Problem(scope_missing((self.scope,)))
+        if token is not None and self._scopes and not any(map(token.opens, self._scopes)):
+            raise Problem(scope_missing(self._scopes))
 
     def _asked(self, request: Request) -> dict[str, Any]:
         """Return body and query as the method's arguments."""
@@ -151,7 +155,9 @@ class Operation:
 
     def _schema(self, method: Callable[..., Any]) -> Callable[..., Any]:
         """Return the decorator of the schema."""
-        needs = f"Scope: `{self.scope.value}`." if self.scope else "Any token."
+        names = ", ".join(f"`{scope.value}`" for scope in self._scopes)
+        one_of = "one of " if len(self._scopes) > 1 else ""
+        needs = f"Scope: {one_of}{names}." if names else "Any token."
         parameters = [*self.parameters, *(parameters_of(self.query) if self.query else ())]
         return extend_schema(
             operation_id=self.name,

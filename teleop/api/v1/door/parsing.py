@@ -50,11 +50,14 @@ def decoded(request: Request, struct: type[Struct]) -> Any:
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise Problem(Refusal("duplicate_field", f"The body has the field “{twice[:100]}” twice.", "wire"))
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            shown = (
+                name[:100].encode(errors="replace").decode()
+            )  # half of a surrogate pair cannot be answered
+            raise Problem(Refusal("duplicate_field", f"The body has the field “{shown}” twice.", "wire"))
+        found[name] = value
     return found
 
 
@@ -63,5 +66,7 @@ def _require_plain(value: Any, level: int = 0) -> None:
         raise Problem(_TOO_DEEP)
     if isinstance(value, str) and "\0" in value:
         raise Problem(_HAS_NUL)
-    for inner in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+    if isinstance(value, dict):
+        value = [*value, *value.values()]
+    for inner in value if isinstance(value, list) else ():
         _require_plain(inner, level + 1)

@@ -24,7 +24,15 @@ from robots.wire import NotDone, Refusal, Rule
 
 CONTENT_TYPE = "application/problem+json"
 _BY_RULE: dict[str, int] = {"account": 403, "wire": 400, "audit": 503, "database": 503}
-_OUT_OF_REACH = ("bridge_down", "bridge_silent", "other_robot", "no_programs", "connection_lost", "no_answer")
+_OUT_OF_REACH = (
+    "bridge_down",
+    "bridge_silent",
+    "other_robot",
+    "no_programs",
+    "not_connected",
+    "connection_lost",
+    "no_answer",
+)
 _BY_CODE = {
     "signed_out": 401,
     "token_invalid": 401,

@@ -11,14 +11,15 @@ from collections.abc import Callable
 from contextlib import suppress
 from itertools import count
 from typing import Any
+from uuid import UUID
 
 import msgspec
-from msgspec import Struct
+from msgspec import Struct, structs
 from websockets.asyncio.client import ClientConnection, unix_connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from robots import wire
-from robots.wire import Accepted, Control, NotDone, Offers, Refusal, Refused, Welcome, kind_of
+from robots.wire import Accepted, Booked, Control, NotDone, Offers, Refusal, Refused, Welcome, kind_of
 
 log = logging.getLogger(__name__)
 
@@ -33,16 +34,26 @@ REPEAT_S = 0.05  # between two drive messages
 NEUTRAL_S = 0.15  # of standing still, where the bridge asks for it
 
 GONE = Refusal("connection_lost", "The connection to the robot's control ended: take control again.", "lease")
+NOT_CONNECTED = Refusal("not_connected", "The robot's control was not reached: try again.", "lease")
 _SILENT = Refusal("no_answer", "The console did not answer in time. Look at the robot's state.", "lease")
 _NOT_YOURS = Refusal("no_lease", "This program does not have control: take it first.", "lease")
 
 Wanted = Callable[[Any], bool]
+
+# By which `Control` shows that a request was carried out: others' requests change it, too.
+_CARRIED_OUT: dict[type, Callable[[Control], bool]] = {
+    **dict.fromkeys((wire.Take, wire.TakeOver, wire.Renew), lambda control: control.state == "yours"),
+    **dict.fromkeys((wire.Release, wire.HandOver), lambda control: control.state != "yours"),
+    wire.Ask: lambda control: control.state == "yours" or control.ahead is not None,
+    wire.AskCancel: lambda control: control.ahead is None,
+}
 
 
 class Caller(Struct, frozen=True):
     """How a program is signed in, passed on as it came: the headers of its request."""
 
     key: str  # of the token, or of the session
+    person: UUID
     headers: tuple[tuple[str, str], ...]
     host: str
     origin: str | None
@@ -61,7 +72,8 @@ class ProgramConnection:
     """A WebSocket as that of a robot page, held by this process for a program."""
 
     def __init__(self, socket: ClientConnection) -> None:
-        self.control: Control | None = None
+        self._control: Control | None = None
+        self._control_s = 0.0  # when it was heard
         self.welcome: Welcome | None = None
         self.offers: Offers | None = None
         self.used_s = time.monotonic()  # by its program
@@ -70,7 +82,7 @@ class ProgramConnection:
         self._count = 0  # of messages heard
         self._heard: deque[tuple[int, Any]] = deque(maxlen=200)
         self._news = asyncio.Condition()
-        self._driving = asyncio.Lock()
+        self._newest_drive = 0
         self._closed = False
         self._reading = asyncio.create_task(self._read())
         self._pinging = asyncio.create_task(self._ping())
@@ -90,15 +102,28 @@ class ProgramConnection:
             )
         except (OSError, InvalidHandshake, TimeoutError) as error:
             log.warning("A program was not connected to robot %s: %s", slug, error)
-            raise NotDone(GONE) from error
+            raise NotDone(NOT_CONNECTED) from error
         connection = cls(socket)
         try:
-            mark = await connection._say(wire.Hello(secrets.token_urlsafe(24)))
-            await connection._until(lambda one: isinstance(one, Control), mark, ANSWER_S)
-        except NotDone:
+            await connection._ask(wire.Hello(secrets.token_urlsafe(24)), lambda one: isinstance(one, Control))
+        except BaseException:
             await connection.close()
             raise
         return connection
+
+    @property
+    def control(self) -> Control | None:
+        """Return control as it was heard last, with the seconds that remain now; None: not heard yet."""
+        control, age_s = self._control, time.monotonic() - self._control_s
+        if control is None:
+            return None
+        return structs.replace(
+            control,
+            remaining_s=_left(control.remaining_s, age_s),
+            offer_s=_left(control.offer_s, age_s),
+            booked=_aged(control.booked, age_s),
+            next_booked=_aged(control.next_booked, age_s),
+        )
 
     @property
     def open_now(self) -> bool:
@@ -108,39 +133,40 @@ class ProgramConnection:
     @property
     def fence(self) -> int | None:
         """The fencing number of the program's control; None without control."""
-        yours = self.open_now and self.control is not None and self.control.state == "yours"
-        return self.control.fence if yours and self.control else None
+        control = self._control
+        return control.fence if self.open_now and control and control.state == "yours" else None
 
     async def change(self, message: Any) -> Control:
         """Ask for a change of control. Returns control after it. Raises `NotDone`."""
-        kind = kind_of(message)
-        mark = await self._say(message)
-        heard = await self._until(
-            lambda one: isinstance(one, Control) or (isinstance(one, Refused) and one.of == kind),
-            mark,
-            ANSWER_S,
-        )
-        if isinstance(heard, Refused):
-            raise NotDone(heard.refusal)
-        control: Control = heard
+        carried_out = _CARRIED_OUT[type(message)]
+        control: Control = await self._ask(message, lambda one: isinstance(one, Control) and carried_out(one))
         return control
 
-    async def request(self, make: Callable[[int, int], Any], *, fence: bool = True) -> None:
+    async def request(self, make: Callable[[int, int], Any]) -> None:
         """Send a task, made with fencing number and sequence number. Returns when it was taken; else `NotDone`."""
-        held = self.fence
-        if held is None and fence:
+        fence = self.fence
+        if fence is None:
             raise NotDone(_NOT_YOURS)
-        seq = next(self._numbers)
-        message = make(held or 0, seq)
-        mark = await self._say(message)
+        message = make(fence, next(self._numbers))
+        kind = kind_of(message)
+        await self._ask(
+            message,
+            lambda one: isinstance(one, Accepted) and (one.of, one.seq) == (kind, message.seq),
+            seq=message.seq,
+        )
+
+    async def _ask(self, message: Any, answers: Wanted, seq: int | None = None) -> Any:
+        """Send a message, and return its answer. Raises `NotDone`: refused, or no answer in time."""
         kind = kind_of(message)
 
-        def answers(one: Any) -> bool:
-            return isinstance(one, Accepted | Refused) and one.of == kind and one.seq in (seq, None)
+        def refuses(one: Any) -> bool:
+            return isinstance(one, Refused) and one.of == kind and one.seq in (seq, None)
 
-        heard = await self._until(answers, mark, ANSWER_S)
+        mark = await self._say(message)
+        heard = await self._until(lambda one: answers(one) or refuses(one), mark, ANSWER_S)
         if isinstance(heard, Refused):
             raise NotDone(heard.refusal)
+        return heard
 
     async def tell(self, message: Any) -> Refusal | None:
         """Send a message that is answered only by a refusal. Returns it, or None if none comes at once."""
@@ -161,27 +187,36 @@ class ProgramConnection:
             await self._until(lambda one: isinstance(one, Offers), 0, ANSWER_S)
         return self.offers or Offers()
 
-    async def drive(self, velocity: Velocity, seconds: float) -> None:
-        """Drive so long, then stand. Calls follow each other. Raises `NotDone`: refused."""
+    async def drive(self, velocity: Velocity, seconds: float) -> float:
+        """Drive so long, then stand. A newer call takes the place of this one: a velocity that waited would be old.
+
+        Returns the seconds for which it was sent. Raises `NotDone`: refused.
+        """
         fence = self.fence
         if fence is None:
             raise NotDone(_NOT_YOURS)
-        async with self._driving:
-            until_s = time.monotonic() + seconds
-            zero = Velocity(0.0, 0.0, 0.0, velocity.share)
-            refused: Refused | None = None
-            while time.monotonic() < until_s and self.fence == fence and refused is None:
-                refused = await self._refused(await self._drive(fence, velocity))
-                if refused is not None and refused.refusal.code == "neutral_needed":
-                    refused = None
-                    await self._drive(fence, zero)
-                    await asyncio.sleep(NEUTRAL_S)
+        self._newest_drive = number = self._newest_drive + 1
+        began_s = time.monotonic()
+        zero = Velocity(0.0, 0.0, 0.0, velocity.share)
+        refused: Refused | None = None
+        while refused is None and self._goes_on(number, fence) and time.monotonic() - began_s < seconds:
+            refused = await self._refused(await self._drive(fence, velocity))
+            if refused is not None and refused.refusal.code == "neutral_needed":
+                refused = None
+                await self._drive(fence, zero)
+                await asyncio.sleep(NEUTRAL_S)
+        lasted_s = time.monotonic() - began_s
+        if self._goes_on(number, fence):
             with suppress(NotDone):
                 await self._drive(fence, zero)
         if refused is not None:
             raise NotDone(refused.refusal)
         if self.fence != fence:
             raise NotDone(_NOT_YOURS)
+        return lasted_s
+
+    def _goes_on(self, drive: int, fence: int) -> bool:
+        return self._newest_drive == drive and self.fence == fence
 
     async def _drive(self, fence: int, velocity: Velocity) -> int:
         return await self._say(
@@ -214,10 +249,14 @@ class ProgramConnection:
         self._pinging.cancel()
 
     async def _say(self, message: Any) -> int:
-        """Send a message. Returns the mark after which its answer is heard."""
+        """Send a message. Returns the mark after which its answer is heard. Raises `NotDone`."""
+        raw = wire.encode(message)
+        wire.browser_message(
+            raw
+        )  # one that does not fit is refused here: a very large one would end the connection
         mark = self._count
         try:
-            await self._socket.send(wire.encode(message).decode())
+            await self._socket.send(raw.decode())
         except ConnectionClosed as error:
             raise NotDone(self._why_gone()) from error
         return mark
@@ -269,7 +308,7 @@ class ProgramConnection:
         except msgspec.DecodeError:
             return  # a view of the robot, or other news that programs do not need
         if isinstance(message, Control):
-            self.control = message
+            self._control, self._control_s = message, time.monotonic()
         elif isinstance(message, Welcome):
             self.welcome = message
         elif isinstance(message, Offers):
@@ -278,3 +317,11 @@ class ProgramConnection:
             self._count += 1
             self._heard.append((self._count, message))
             self._news.notify_all()
+
+
+def _left(seconds: float | None, age_s: float) -> float | None:
+    return None if seconds is None else max(0.0, round(seconds - age_s, 1))
+
+
+def _aged(booked: Booked | None, age_s: float) -> Booked | None:
+    return booked and structs.replace(booked, seconds=max(0.0, booked.seconds - age_s))

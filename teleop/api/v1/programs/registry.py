@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import time
+from uuid import UUID
 
 from robots.wire import NotDone, Refusal
 from teleop.api.v1.programs.connection import Caller, ProgramConnection
@@ -13,6 +14,7 @@ SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the process that drives listens for us
 UNUSED_S = 30.0  # without a request, a program's connection closes, and control ends
 LOOK_S = 1.0
 MOST = 100
+MOST_OF_PERSON = 20
 
 _NO_SERVER = Refusal(
     "no_programs",
@@ -20,35 +22,63 @@ _NO_SERVER = Refusal(
     "robot",
 )
 _FULL = Refusal("busy", "Too many programs are connected: try again later.", "robot")
+_FULL_OF_YOURS = Refusal(
+    "busy", f"Programs of yours have {MOST_OF_PERSON} connections: give control back with some.", "robot"
+)
+
+
+class _Place:
+    """The connection of one program to one robot."""
+
+    def __init__(self, person: UUID) -> None:
+        self.person = person
+        self.opening = asyncio.Lock()
+        self.users = 0  # requests that open it, or wait for that
+        self.connection: ProgramConnection | None = None
+
+    @property
+    def open_connection(self) -> ProgramConnection | None:
+        found = self.connection
+        return found if found is not None and found.open_now else None
+
+    def unused(self, now_s: float) -> bool:
+        found = self.open_connection
+        return not self.users and (found is None or now_s - found.used_s > UNUSED_S)
 
 
 class Programs:
     """Opens connections when they are needed, and closes those that are no longer used."""
 
     def __init__(self) -> None:
-        self._open: dict[tuple[str, str], ProgramConnection] = {}
-        self._opening: dict[tuple[str, str], asyncio.Lock] = {}
+        self._places: dict[tuple[str, str], _Place] = {}
         self._cleaning: asyncio.Task[None] | None = None
 
     async def connection(self, slug: str, caller: Caller) -> ProgramConnection:
         """Return the program's connection to a robot. Raises `NotDone`."""
         key = (caller.key, slug)
+        path = self.path()
+        if key not in self._places:
+            self._require_room(caller)
+        place = self._places.setdefault(key, _Place(caller.person))
         if self._cleaning is None or self._cleaning.done():
             self._cleaning = asyncio.create_task(self._clean())
-        lock = self._opening.setdefault(key, asyncio.Lock())
-        async with lock:
-            found = self._open.get(key)
-            if found is None or not found.open_now:
-                found = self._open[key] = await ProgramConnection.open(self.path(), slug, caller)
+        place.users += 1
+        try:
+            async with place.opening:
+                found = place.open_connection
+                if found is None:
+                    found = place.connection = await ProgramConnection.open(path, slug, caller)
+        finally:
+            place.users -= 1
         found.used_s = time.monotonic()
         return found
 
     def found(self, slug: str, caller: Caller) -> ProgramConnection | None:
         """Return the connection if there is one; None: the program has asked for nothing yet."""
-        found = self._open.get((caller.key, slug))
-        if found is None or not found.open_now:
-            return None
-        found.used_s = time.monotonic()
+        place = self._places.get((caller.key, slug))
+        found = place.open_connection if place else None
+        if found is not None:
+            found.used_s = time.monotonic()
         return found
 
     def path(self) -> str:
@@ -56,18 +86,24 @@ class Programs:
         path = os.environ.get(SOCKET)
         if not path:
             raise NotDone(_NO_SERVER)
-        if len(self._open) >= MOST:
-            raise NotDone(_FULL)
         return path
 
+    def _require_room(self, caller: Caller) -> None:
+        if len(self._places) >= MOST:
+            raise NotDone(_FULL)
+        if sum(place.person == caller.person for place in self._places.values()) >= MOST_OF_PERSON:
+            raise NotDone(_FULL_OF_YOURS)
+
     async def _clean(self) -> None:
-        while self._open:
+        """Close what is unused, all at once: one that does not answer delays no other."""
+        while self._places:
             await asyncio.sleep(LOOK_S)
-            for key, one in list(self._open.items()):
-                if not one.open_now or time.monotonic() - one.used_s > UNUSED_S:
-                    del self._open[key]
-                    self._opening.pop(key, None)
-                    await one.close()
+            now_s = time.monotonic()
+            unused = {key: place for key, place in self._places.items() if place.unused(now_s)}
+            for key in unused:
+                del self._places[key]
+            closing = [place.connection.close() for place in unused.values() if place.connection]
+            await asyncio.gather(*closing)
 
 
 programs = Programs()

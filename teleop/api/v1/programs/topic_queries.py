@@ -12,7 +12,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 from robots import wire
 from robots.wire import NotDone, Refusal, Refused, Sample, Subscribe, TopicQuery, kind_of
-from teleop.api.v1.programs.connection import GONE, OPEN_S, Caller
+from teleop.api.v1.programs.connection import GONE, NOT_CONNECTED, OPEN_S, Caller
 
 ANSWER_S = 12.0  # the inspector may have to start
 MESSAGE_S = 6.0
@@ -42,28 +42,37 @@ async def one_message(path: str, slug: str, caller: Caller, topic: str) -> Sampl
 async def _exchange(
     path: str, slug: str, caller: Caller, message: Any, answer: type[Struct], within_s: float, late: Refusal
 ) -> Any:
+    raw = wire.encode(message)
+    wire.topics_message(raw)  # one that does not fit is refused here
     until_s = time.monotonic() + within_s
+    connecting = unix_connect(
+        path,
+        uri=f"ws://{caller.host}/ws/robots/{slug}/topics/",
+        additional_headers=list(caller.headers),
+        origin=caller.origin,
+        open_timeout=OPEN_S,
+        max_size=None,
+        compression=None,
+    )
     try:
-        async with unix_connect(
-            path,
-            uri=f"ws://{caller.host}/ws/robots/{slug}/topics/",
-            additional_headers=list(caller.headers),
-            origin=caller.origin,
-            open_timeout=OPEN_S,
-            max_size=None,
-            compression=None,
-        ) as socket:
-            await socket.send(wire.encode(message).decode())
-            while True:
-                raw = await asyncio.wait_for(socket.recv(), max(0.0, until_s - time.monotonic()))
-                heard = wire.topics_report(raw)
-                if isinstance(heard, Refused) and heard.of == kind_of(message):
-                    raise NotDone(heard.refusal)
-                if isinstance(heard, Sample) and heard.refusal is None and not heard.number:
-                    await socket.send(wire.encode(wire.Ack()).decode())  # none came yet
-                elif isinstance(heard, answer):
-                    return heard
+        socket = await connecting
+    except (OSError, InvalidHandshake, TimeoutError) as error:
+        raise NotDone(NOT_CONNECTED) from error
+    try:
+        await socket.send(raw.decode())
+        while True:
+            heard = wire.topics_report(
+                await asyncio.wait_for(socket.recv(), max(0.0, until_s - time.monotonic()))
+            )
+            if isinstance(heard, Refused) and heard.of == kind_of(message):
+                raise NotDone(heard.refusal)
+            if isinstance(heard, Sample) and heard.refusal is None and not heard.number:
+                await socket.send(wire.encode(wire.Ack()).decode())  # none came yet
+            elif isinstance(heard, answer):
+                return heard
     except asyncio.TimeoutError as error:
         raise NotDone(late) from error
-    except (OSError, InvalidHandshake, ConnectionClosed) as error:
+    except (OSError, ConnectionClosed) as error:
         raise NotDone(GONE) from error
+    finally:
+        await socket.close()
