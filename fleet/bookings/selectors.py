@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from datetime import date, datetime, timedelta, timezone
 from enum import Enum
-from typing import Protocol
+from typing import Any, Protocol
 from uuid import UUID
 
 from django.db.models import F, Q, QuerySet
@@ -18,7 +18,7 @@ from fleet.bookings.rules import FAR, LONGEST, Quota, Slot, Taken, Wish, refusal
 from fleet.zones import viewers, zone_of
 from robots.access.models import Course, RobotGroup
 from robots.access.selectors import given_on, lab_date, missing_qualifications, role_on
-from robots.access.sources import OWN
+from robots.access.sources import OWN, demanded
 from robots.registry.models import Robot, Role
 
 ALTERNATIVES = 3
@@ -29,7 +29,16 @@ TRIES = 200  # starts of one robot
 WEEK = timedelta(days=7)
 SWITCHED_OFF = gettext_lazy("staff switched it off")
 
-_TAKEN = ("starts_at", "held_until", "state", "used_at", "person_id", "person__full_name", "person__username")
+_TAKEN = (
+    "id",
+    "starts_at",
+    "held_until",
+    "state",
+    "used_at",
+    "person_id",
+    "person__full_name",
+    "person__username",
+)
 
 
 class Stage(Enum):
@@ -145,33 +154,60 @@ def _why(period: OutOfService) -> str:
     return f"{period.get_why_display()}: {period.note}" if period.note else str(period.get_why_display())
 
 
-def taken_between(
-    robot: Robot,
-    starts: datetime,
-    ends: datetime,
-    grace: timedelta,
-    now: datetime,
-    but: Booking | None = None,
-    of: UUID | None = None,
-) -> list[Taken]:
-    """Return the bookings of a robot between two moments, apart from the one that is moved; `of`: whose are own."""
-    held = held_between([robot], starts, ends)
-    if but is not None:
-        held = held.exclude(pk=but.pk)
-    rows = held.values_list(*_TAKEN, named=True)  # a fourth of the time of models
+def _taken(facts: RobotFacts, now: datetime, *, but: Booking | None, of: UUID) -> list[Taken]:
+    """Return the bookings of a robot, apart from the one that is moved. `of`: whose are own."""
+    grace = grace_of(facts.policy)
     return [
         Taken(held_slot(one, grace, now), one.person__full_name or one.person__username, one.person_id == of)
-        for one in rows
+        for one in facts.held
+        if but is None or one.id != but.pk
     ]
 
 
-def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Booking | None = None) -> Wish:
-    """Return the wish with the facts by which it is judged. `moved`: the booking that it replaces."""
-    policy = policy_of(robot)
+class RobotFacts(Struct, frozen=True):
+    """The facts of a robot by which every wish for a slot is judged, whoever wants it."""
+
+    policy: Policy
+    held: tuple[Any, ...]  # rows of the bookings that hold time in the week from the slot's start on
+    out: tuple[Taken, ...]  # out-of-service periods of that week
+    demanded: frozenset[int]  # keys of qualifications
+
+
+def robot_facts(robot: Robot, slot: Slot) -> RobotFacts:
+    """Read a robot's facts for a slot. Four queries."""
+    week = _week_from(slot)
+    held = held_between([robot], week.starts_at, week.ends_at).values_list(*_TAKEN, named=True)
+    return RobotFacts(
+        policy_of(robot),
+        tuple(held),  # a fourth of the time of models
+        tuple(out_between(robot, week.starts_at, week.ends_at)),
+        frozenset(demanded(robot.id)),
+    )
+
+
+def _week_from(slot: Slot) -> Slot:
+    """Return the time in which free slots are searched: a week from the slot's start, or all of a longer slot."""
+    starts = slot.starts_at
+    return Slot(starts, max(slot.ends_at, min(starts, FAR - SEARCH) + SEARCH))
+
+
+def wish_of(
+    *,
+    robot: Robot,
+    person: User,
+    slot: Slot,
+    now: datetime,
+    moved: Booking | None = None,
+    facts: RobotFacts | None = None,
+) -> Wish:
+    """Return the wish with the facts by which it is judged. `moved`: the booking that it replaces.
+
+    `facts`: those of the robot for this slot, if they are read already.
+    """
+    facts = facts or robot_facts(robot, slot)
+    policy, out = facts.policy, facts.out
     starts, ends = slot.starts_at, max(slot.ends_at, slot.starts_at)
-    week = max(ends, min(starts, FAR - SEARCH) + SEARCH)
-    taken = taken_between(robot, starts, week, grace_of(policy), now, moved, of=person.pk)
-    out = out_between(robot, starts, week)
+    taken = _taken(facts, now, but=moved, of=person.pk)
     own = _own_slots(policy, person, slot, now, moved)
     role, course = _role_and_course(person, robot, starts)
     last = max(starts, ends - timedelta.resolution)  # midnight belongs to the next day
@@ -186,7 +222,7 @@ def wish_of(*, robot: Robot, person: User, slot: Slot, now: datetime, moved: Boo
         zone=viewers(),
         role=role,
         role_until=_role_until(person, robot, starts, now) if _rank(role) < Role.OPERATOR.rank else None,
-        missing=tuple(one.name for one in missing_qualifications(person, robot, starts)),
+        missing=tuple(one.name for one in missing_qualifications(person, robot, starts, facts.demanded)),
         quota=_quota_of(course, person, slot, now, moved) if course else None,
         own=tuple(one for one, _ in own),
         own_here=tuple(one for one, robot_id in own if robot_id == robot.id),

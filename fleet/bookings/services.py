@@ -6,8 +6,7 @@ Every change first locks the robot's row, then checks, then writes; the database
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
 from typing import Any
@@ -28,6 +27,7 @@ from fleet.bookings.letters import changed_by_another
 from fleet.bookings.models import Booking, State
 from fleet.bookings.rules import Slot, Wish, check_cancel, refusals
 from fleet.bookings.selectors import (
+    RobotFacts,
     Stage,
     course_of,
     free_slots,
@@ -35,6 +35,7 @@ from fleet.bookings.selectors import (
     held_between,
     held_slot,
     policy_of,
+    robot_facts,
     stage_of,
     wish_of,
 )
@@ -44,9 +45,6 @@ from robots.registry.models import Robot
 from robots.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)
-TURN_S = 1.0
-
-_turn = threading.Lock()
 
 changed = Signal()  # robot_id: the robot's bookings changed; sent after the commit
 
@@ -97,20 +95,6 @@ def robot_locked(robot_id: UUID) -> Iterator[Robot]:
         raise BookingRefused([_TAKEN]) from error
 
 
-@contextmanager
-def in_turn() -> Iterator[None]:
-    """Let one request of this process book at a time, or after `TURN_S` several.
-
-    Of fifty who want one slot, all would otherwise find it free, and wait for the database's lock to be refused.
-    """
-    mine = _turn.acquire(timeout=TURN_S)
-    try:
-        yield
-    finally:
-        if mine:
-            _turn.release()
-
-
 def account_named(username: str) -> User:
     """Return the person to book for or to hand a booking to."""
     found = User.objects.filter(username=username, is_active=True).first()
@@ -140,10 +124,12 @@ def booking_make(
     override: str = "",
     series: UUID | None = None,
     lesson_of: Course | None = None,
+    facts: Callable[[Robot, Slot], RobotFacts] = robot_facts,
 ) -> Booking:
     """Book a slot for a person. `actor`: who books for them. `override`: the reason for which staff pass the rules.
 
     `lesson_of`: a course that the actor manages, which this is a lesson of; no quota counts it.
+    `facts` reads the robot for the check before the lock (`turns.in_turn`).
     """
     actor = actor or person
     if lesson_of is not None and not may_manage(actor, lesson_of):
@@ -152,7 +138,7 @@ def booking_make(
         raise BookingRefused([_FOR_ANOTHER])
     override = _valid_reason(override, actor, robot)
     # First without the lock: the many who come too late for a slot must not wait for each other.
-    _check(robot, person, slot, now, actor=actor, override=override)
+    _check(robot, person, slot, now, actor=actor, override=override, facts=facts(robot, slot))
     with robot_locked(robot.id) as robot:
         free_unused(robot, slot, now)
         course = quotas_locked(robot, person, slot)
@@ -343,12 +329,13 @@ def _check(
     actor: User,
     override: str = "",
     moved: Booking | None = None,
+    facts: RobotFacts | None = None,
 ) -> None:
     """Raise BookingRefused with all refusals. `override`: the reason of a person who may pass the policy.
 
     If `actor` is another person than the one who drives, the words say whom they are about.
     """
-    wish = wish_of(robot=robot, person=person, slot=slot, now=now, moved=moved)
+    wish = wish_of(robot=robot, person=person, slot=slot, now=now, moved=moved, facts=facts)
     if moved is not None and moved.starts_at == slot.starts_at:
         wish = structs.replace(wish, start_kept=True)
     found = refusals(wish, override=bool(override))

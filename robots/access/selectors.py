@@ -170,18 +170,22 @@ def grants_in(course: Course, now: datetime) -> dict[UUID, list[QualificationGra
     return held
 
 
-def missing_qualifications(user: User, robot: Robot, now: datetime) -> list[Qualification]:
+def missing_qualifications(
+    user: User, robot: Robot, now: datetime, demands: Collection[int] | None = None
+) -> list[Qualification]:
     """Return the qualifications that the robot demands and `user` does not hold at `now`. Staff need none."""
-    return lacking(robot, [user], now).get(user.id, [])
+    return lacking(robot, [user], now, demands).get(user.id, [])
 
 
-def lacking(robot: Robot, users: Iterable[User], now: datetime) -> dict[UUID, list[Qualification]]:
+def lacking(
+    robot: Robot, users: Iterable[User], now: datetime, demands: Collection[int] | None = None
+) -> dict[UUID, list[Qualification]]:
     """`missing_qualifications` of many people; who lacks none is left out.
 
-    One query, or three if the robot demands any.
+    One query, or three if the robot demands any. `demands`: the keys of what it demands, if they are read already.
     """
     people = [user.id for user in users if not user.is_staff]
-    keys = demanded(robot.id) if people else []
+    keys = (demanded(robot.id) if demands is None else demands) if people else ()
     if not keys:
         return {}
     wanted = list(Qualification.objects.filter(pk__in=keys))

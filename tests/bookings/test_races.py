@@ -5,6 +5,8 @@ from datetime import datetime, timedelta, timezone
 
 import pytest
 from django.db import connection
+from django.test.utils import CaptureQueriesContext
+from django.urls import reverse
 
 from fleet.bookings.models import Booking, Policy
 from fleet.bookings.policies import POLICY_FIELDS, policy_set
@@ -13,6 +15,7 @@ from fleet.bookings.services import BookingRefused, booking_make
 from robots.access.models import Course, Enrolment
 from robots.access.services import role_set
 from robots.registry.models import Robot, Role
+from tests.bookings.test_pages import JSON, fields
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -94,3 +97,17 @@ def test_a_courses_common_quota_holds_over_several_robots(robots, django_user_mo
     )
     assert codes(errors) == {"quota_common_week"}
     assert Booking.objects.count() == 1
+
+
+def test_those_who_come_together_share_what_one_read(signed_in, robot, operator):
+    browsers = [signed_in(operator) for _ in range(12)]
+    answers, reads = [], []
+
+    def book(browser):
+        with CaptureQueriesContext(connection) as queries:
+            answers.append(browser.post(reverse("booking-new"), fields(robot), **JSON).status_code)
+        reads.extend(query for query in queries.captured_queries if "outofservice" in query["sql"])
+
+    assert all_at_once([lambda browser=browser: book(browser) for browser in browsers]) == []
+    assert sorted(answers) == [200] + [409] * 11
+    assert len(reads) < 12, len(reads)

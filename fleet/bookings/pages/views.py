@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Any
 from uuid import UUID
@@ -30,6 +31,7 @@ from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm, typed_day
 from fleet.bookings.rules import Slot, shown
 from fleet.bookings.selectors import (
     OPEN,
+    RobotFacts,
     Stage,
     bookings_of,
     free_slots,
@@ -39,6 +41,7 @@ from fleet.bookings.selectors import (
     stage_of,
 )
 from fleet.bookings.services import BookingRefused
+from fleet.bookings.turns import in_turn
 from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
 from fleet.zones import viewers
 from robots.access.selectors import (
@@ -108,11 +111,11 @@ def booking_new(request: HttpRequest) -> HttpResponse:
     person = person_of(request)
     if request.method != "POST":
         return _form_page(request, SlotForm(initial=_initial(request), **_form_options(person)))
-    with services.in_turn():
-        return _book(request, person)
+    with in_turn() as facts:
+        return _book(request, person, facts)
 
 
-def _book(request: HttpRequest, person: User) -> HttpResponse:
+def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], RobotFacts]) -> HttpResponse:
     form = SlotForm(request.POST, **_form_options(person))
     if not form.is_valid():
         return _refused(request, form, _form_refusals(form))
@@ -125,6 +128,7 @@ def _book(request: HttpRequest, person: User) -> HttpResponse:
             purpose=form.cleaned_data["purpose"],
             override=form.cleaned_data.get("override", ""),
             now=timezone.now(),
+            facts=facts,
         )
     except BookingRefused as error:
         return _refused(request, form, error.refusals, _alternatives(person, form, error))
@@ -339,6 +343,7 @@ def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
         robots, role = robots_and_role(person)
         above = role is not None and role >= Role.SUPERVISOR
         overrides = above and robots_managed_by(person).exists()
+        robots = robots.select_related(None)  # two tables less for each request
         return {"robots": robots, "supervises": above, "overrides": overrides}
     manages = manages_robot(person, robot)
     return {"robots": Robot.objects.filter(pk=robot.pk), "supervises": manages, "overrides": manages}

@@ -24,6 +24,7 @@ from fleet.bookings.models import Booking, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import ALTERNATIVES, OPEN, free_slots, grace_of, policies_of, stage_of
 from fleet.bookings.services import BookingRefused
+from fleet.bookings.turns import in_turn
 from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
 from robots.access.selectors import courses_managed_by
 from robots.registry.models import Robot
@@ -300,7 +301,7 @@ class BookingsView(BookingsBase):
         """All rules that refuse stand in `refusals`; if the time is taken, `alternatives` has free slots."""
         robot, slot, now = self.robot(body.robot), _slot(body.starts_at, body.ends_at), timezone.now()
         owner = services.account_named(body.person) if body.person else self.person
-        with _alternatives(robot, owner, slot), services.in_turn():
+        with _alternatives(robot, owner, slot), in_turn() as facts:
             booking = services.booking_make(
                 robot=robot,
                 person=owner,
@@ -309,6 +310,7 @@ class BookingsView(BookingsBase):
                 purpose=body.purpose,
                 override=body.override,
                 now=now,
+                facts=facts,
             )
         return self.answer(booking.pk, 201)
 

@@ -1,0 +1,58 @@
+"""Requests for bookings take turns in a process, and share what one of them has read since the others came.
+
+Of fifty who want one slot, all would otherwise find it free, and wait for the database's lock to be refused.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+from uuid import UUID
+
+from django.dispatch import receiver
+
+from fleet.bookings.rules import Slot
+from fleet.bookings.selectors import RobotFacts, robot_facts
+from fleet.bookings.services import changed
+from robots.registry.models import Robot
+
+TURN_S = 1.0
+
+_turn = threading.Lock()
+_newest: tuple[UUID, Slot, float, RobotFacts] | None = None  # with the monotonic time before it was read
+
+
+@contextmanager
+def in_turn() -> Iterator[Callable[[Robot, Slot], RobotFacts]]:
+    """Let one request of this process book at a time, or after `TURN_S` several.
+
+    Yields a reader of a robot's facts, no older than this call: good to refuse early, not to decide under the lock.
+    """
+    came_s = time.monotonic()
+
+    def read(robot: Robot, slot: Slot) -> RobotFacts:
+        global _newest
+        newest = _newest  # another thread may change it meanwhile
+        if newest is not None and newest[:2] == (robot.id, slot) and newest[2] >= came_s:
+            return newest[3]
+        read_s = time.monotonic()
+        facts = robot_facts(robot, slot)
+        _newest = (robot.id, slot, read_s, facts)
+        return facts
+
+    mine = _turn.acquire(timeout=TURN_S)
+    try:
+        yield read
+    finally:
+        if mine:
+            _turn.release()
+
+
+@receiver(changed)
+def _forget(**_options: Any) -> None:
+    """Let the next request read again: with the facts from before a booking, it would find the slot free."""
+    global _newest
+    _newest = None
