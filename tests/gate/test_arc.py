@@ -48,18 +48,13 @@ outlines = st.sampled_from(
 def contact_times(hull, points, twist, growth=0.0):
     """Time (s) at which the hull first touches each point; infinity for never."""
     way = arc.way(twist)
-    courses = [arc.course(arc.seen_along(point[None], way), way, twist) for point in points]
-    return np.array(
-        [
-            min((contact.until_s for contact in hull.contacts(course, growth, 0.0)), default=math.inf)
-            for course in courses
-        ]
-    )
+    each = [arc.courses(arc.seen_along(point[None], way), way, [twist]) for point in points]
+    return np.array([hull.contacts(courses, growth, 0.0)[0].until_s for courses in each])
 
 
 def clearances_of(hull, points, twist):
     way = arc.way(twist)
-    return clearances(arc.course(arc.seen_along(points, way), way, twist).track, twist, hull)
+    return clearances(arc.courses(arc.seen_along(points, way), way, [twist]).track(0), twist, hull)
 
 
 def path_in_base_frame(point, twist):
@@ -115,17 +110,14 @@ def test_the_first_point_touched_is_reported(twist, several, outline, reserve_m)
     for hull in (Disc(RADIUS), Polygon(outline), Discs(((-0.15, 0.0, 0.25), (0.2, 0.1, 0.22)))):
         each = hull.gaps(together) - 0.01  # each point has its growth
         for growth in (float(each.min()), each):
-            course = arc.course(arc.seen_along(together, way), way, twist)
-            first = min(hull.contacts(course, growth, reserve_m), default=arc.NEVER)
+            courses = arc.courses(arc.seen_along(together, way), way, [twist])
+            first = hull.contacts(courses, growth, reserve_m)[0]
             alone = [
-                min(
-                    hull.contacts(
-                        arc.course(arc.seen_along(together[[n]], way), way, twist),
-                        growth if isinstance(growth, float) else growth[[n]],
-                        reserve_m,
-                    ),
-                    default=arc.NEVER,
-                ).until_s
+                hull.contacts(
+                    arc.courses(arc.seen_along(together[[n]], way), way, [twist]),
+                    growth if isinstance(growth, float) else growth[[n]],
+                    reserve_m,
+                )[0].until_s
                 for n in range(len(together))
             ]
             assert first.until_s == pytest.approx(min(alone))

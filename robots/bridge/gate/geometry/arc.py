@@ -1,7 +1,7 @@
 """When the hull first touches a point, if the twist stays as it is (docs/gate.md, 1).
 
 A robot with a constant twist turns about the centre of rotation C = (-vy/w, vx/w); in its own base frame each point
-of the world then runs on a circle about C, the other way round. `Line` and `Circle` hold these courses, seen along
+of the world then runs on a circle about C, the other way round. `Line` and `Circles` hold these courses, seen along
 the twist's first direction: x in this direction, y to the left, and so C = (0, v/w). The data of a
 twist, a disc or an edge are plain numbers, those of points arrays (N,): calling numpy costs more than the
 arithmetic does. Contact times are in seconds, infinity for never; they are those of points outside the hull.
@@ -10,7 +10,7 @@ arithmetic does. Contact times are in seconds, infinity for never; they are thos
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -70,29 +70,43 @@ def seen_along(points: Points, way: Way) -> Points:
 class Line(NamedTuple):
     """Points that run straight past the base: `x` ahead of it, `track` to the left."""
 
-    way: Way
     v: float
     x: Metres
     track: Metres
 
 
-class Circle(NamedTuple):
-    """Points that run on circles about C, a distance `rho` to the left of the way (`sense` 1) or right (-1).
+class Circles(NamedTuple):
+    """Points that run on circles about the C of several twists: arrays over twists are (twists, N).
 
-    Seen from C, `x` is ahead and `radial` in the base's direction; `track` is D, the distance. `turning` is |w|.
+    Each C is a distance `rho` to the left of the way (`sense` 1) or right (-1). Seen from there, `x` is ahead and
+    `radial` in the base's direction; `track` is D, the distance. `turning` is |w|.
     """
 
-    way: Way
-    v: float
-    rho: float
-    sense: float
-    turning: float
+    rho: list[float]
+    sense: list[float]
+    turning: list[float]
     x: Metres
     radial: Metres
     track: Metres
 
 
-Course = Line | Circle
+class Courses(NamedTuple):
+    """How points run past the base for several twists, equally fast, that set out one way.
+
+    `numbers`: of each twist its row in `circles`; -1 for straight ones, which all run along the one `line`. Twists are
+    computed together, since calling numpy costs more than the arithmetic does.
+    """
+
+    way: Way
+    v: float
+    numbers: list[int]
+    line: Line | None
+    circles: Circles | None
+    tracks: list[Metres]  # of each row in `circles`, then of the line
+
+    def track(self, twist: int) -> Metres:
+        """The tracks of all points for one of the twists."""
+        return self.tracks[self.numbers[twist]]
 
 
 class Contact(NamedTuple):
@@ -105,15 +119,24 @@ class Contact(NamedTuple):
 NEVER = Contact(math.inf, -1)
 
 
-def course(points: Points, way: Way, twist: Velocity) -> Course:
-    """How points, seen along the way of the twist, run past the base."""
+def courses(points: Points, way: Way, twists: Sequence[Velocity]) -> Courses:
+    """How points, seen along the way of the twists, run past the base."""
     x, y = points.T
-    v, turning = speed(twist), abs(twist.w)
-    if turning <= STRAIGHT_PER_M * v:
-        return Line(way, v, x, y)
-    rho, sense = v / turning, math.copysign(1.0, twist.w)
-    radial = rho - sense * y
-    return Circle(way, v, rho, sense, turning, x, radial, np.sqrt(x * x + radial * radial))
+    v = speed(twists[0])
+    turns = [twist.w for twist in twists if abs(twist.w) > STRAIGHT_PER_M * v]
+    line = Line(v, x, y) if len(turns) < len(twists) else None
+    bent = iter(range(len(turns)))
+    numbers = [next(bent) if abs(twist.w) > STRAIGHT_PER_M * v else -1 for twist in twists]
+    circles = _circles(x, y, v, turns) if turns else None
+    return Courses(way, v, numbers, line, circles, [*(circles.track if circles else ()), y])
+
+
+def _circles(x: Metres, y: Metres, v: float, turns: list[float]) -> Circles:
+    turning = [abs(w) for w in turns]
+    rho, sense = [v / rate for rate in turning], [math.copysign(1.0, w) for w in turns]
+    column = np.array((rho, sense))[..., None]
+    radial = column[0] - column[1] * y
+    return Circles(rho, sense, turning, x, radial, np.sqrt(x * x + radial * radial))
 
 
 def _of(growth: Growth, rows: Rows) -> Growth:
@@ -123,15 +146,22 @@ def _of(growth: Growth, rows: Rows) -> Growth:
 
 def _first(rows: Rows, ways: Metres, rate: float) -> Contact:
     """The one that has the shortest way to go, in m or rad, at this rate."""
+    if not len(rows):
+        return NEVER
     first = int(ways.argmin())
     return Contact(float(ways[first]) / rate, int(rows[first]))
 
 
-def disc_contact(course: Course, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
-    """Contact with a disc about (x, y), seen along the way. The reserve is left along the path of the point."""
-    if isinstance(course, Line):
-        return _disc_straight(course, x, y, radius, reserve_m)
-    return _disc_turning(course, x, y, radius, reserve_m)
+def _each(courses: Courses, straight: Contact, turning: list[Contact]) -> list[Contact]:
+    """The contact of each twist."""
+    return [turning[number] if number >= 0 else straight for number in courses.numbers]
+
+
+def disc_contacts(courses: Courses, x: float, y: float, radius: Growth, reserve_m: float) -> list[Contact]:
+    """Contact of each twist with a disc about (x, y), seen along the way. The reserve is left on the point's path."""
+    line, circles = courses.line, courses.circles
+    straight = _disc_straight(line, x, y, radius, reserve_m) if line else NEVER
+    return _each(courses, straight, _disc_turning(circles, x, y, radius, reserve_m) if circles else [])
 
 
 def _disc_straight(line: Line, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
@@ -144,21 +174,35 @@ def _disc_straight(line: Line, x: float, y: float, radius: Growth, reserve_m: fl
     return _first(rows, np.maximum(ahead.take(rows) - half_chord, 0.0) - reserve_m, line.v)
 
 
-def _disc_turning(circle: Circle, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
+def _disc_turning(circles: Circles, x: float, y: float, radius: Growth, reserve_m: float) -> list[Contact]:
     """t = (phi - Delta) / |w|, Delta = arccos((D^2 + rho^2 - r^2) / (2 D rho)).
 
     rho and phi are those of the disc's middle.
     """
-    radial = circle.rho - circle.sense * y
-    rho, begin = math.hypot(x, radial), math.atan2(x, radial)
-    rows = (np.abs(circle.track - rho) < radius).nonzero()[0]
-    if not len(rows):
-        return NEVER
-    d, r = circle.track.take(rows), _of(radius, rows)
-    phi = np.arctan2(circle.x.take(rows), circle.radial.take(rows)) - begin
+    middles = [rho - sense * y for rho, sense in zip(circles.rho, circles.sense, strict=True)]
+    rhos = np.array([math.hypot(x, radial) for radial in middles])
+    begins = np.array([math.atan2(x, radial) for radial in middles])
+    hits = (np.abs(circles.track - rhos[:, None]) < radius).ravel().nonzero()[0]
+    if not len(hits):
+        return [NEVER] * len(middles)
+    arcs = hits // len(circles.x)
+    rows = hits - len(circles.x) * arcs
+    d, r, rho = circles.track.take(hits), _of(radius, rows), rhos.take(arcs)
+    phi = np.arctan2(circles.x.take(rows), circles.radial.take(hits)) - begins.take(arcs)
     phi += math.tau * (phi < 0.0)
     delta = np.arccos(np.minimum((d * d + (rho * rho - r * r)) / (2.0 * rho * d), 1.0))
-    return _first(rows, np.maximum(phi - delta, 0.0) - reserve_m / d, circle.turning)
+    return _firsts(arcs, rows, np.maximum(phi - delta, 0.0) - reserve_m / d, circles.turning)
+
+
+def _firsts(arcs: Rows, rows: Rows, ways: Metres, rates: list[float]) -> list[Contact]:
+    """The first contact on each arc; `arcs` grow."""
+    if len(rates) == 1:
+        return [_first(rows, ways, rates[0])]
+    ends = arcs.searchsorted(range(len(rates) + 1)).tolist()
+    return [
+        _first(rows[begin:end], ways[begin:end], rate)
+        for begin, end, rate in zip(ends, ends[1:], rates, strict=False)
+    ]
 
 
 class Edges:
@@ -237,54 +281,80 @@ def _sides(edges: Edges, way: Way) -> tuple[_Side, ...]:
     return tuple(sorted(sides, reverse=True))  # what is in front meets the most
 
 
-def polygon_contacts(course: Course, edges: Edges, growth: Growth, reserve_m: float) -> Iterator[Contact]:
-    """First contact with each edge of a convex polygon that is grown. The reserve is left along the path of the point.
+def polygon_contacts(courses: Courses, edges: Edges, growth: Growth, reserve_m: float) -> list[Contact]:
+    """First contact of each twist with a convex polygon that is grown. The reserve is left along the point's path.
 
     A point comes in through an edge if its track lies between those of the edge's ends.
     """
-    for side in _sides(edges, course.way):
-        height = side.offset + growth
-        low, high = side.low + growth * side.low_stretch, side.high + growth * side.high_stretch
-        if isinstance(course, Line):
-            yield _enter_straight(course, side, height, low, high, reserve_m)
-        else:
-            yield _enter_turning(course, side, height, low, high, reserve_m)
+    sides = [
+        _Grown(
+            side.nx,
+            side.ny,
+            side.offset + growth,
+            side.low + growth * side.low_stretch,
+            side.high + growth * side.high_stretch,
+        )
+        for side in _sides(edges, courses.way)
+    ]
+    line, circles = courses.line, courses.circles
+    straight = min(_enter_straight(line, side, reserve_m) for side in sides) if line else NEVER
+    return _each(courses, straight, _enter_turning(circles, sides, reserve_m) if circles else [])
 
 
-def _enter_straight(
-    line: Line, side: _Side, height: Growth, low: Growth, high: Growth, reserve_m: float
-) -> Contact:
+class _Grown(NamedTuple):
+    """A side of the grown hull; `height` is how far it lies out."""
+
+    nx: float
+    ny: float
+    height: Growth
+    low: Growth
+    high: Growth
+
+
+def _enter_straight(line: Line, side: _Grown, reserve_m: float) -> Contact:
     """When a point, moving along -v, first comes in through an edge."""
     if side.nx <= 0.0:
         return NEVER
-    rightmost, leftmost = side.ny * height + side.nx * low, side.ny * height + side.nx * high
+    rightmost = side.ny * side.height + side.nx * side.low
+    leftmost = side.ny * side.height + side.nx * side.high
     rows = ((line.track >= rightmost) & (line.track <= leftmost)).nonzero()[0]
     if not len(rows):
         return NEVER
-    way = line.x.take(rows) - (_of(height, rows) - side.ny * line.track.take(rows)) / side.nx
+    way = line.x.take(rows) - (_of(side.height, rows) - side.ny * line.track.take(rows)) / side.nx
     return _first(rows, np.where(way >= 0.0, way, np.inf) - reserve_m, line.v)
 
 
-def _enter_turning(
-    circle: Circle, side: _Side, height: Growth, low: Growth, high: Growth, reserve_m: float
-) -> Contact:
-    """When a point, on its circle about C, first comes in through an edge.
+def _enter_turning(circles: Circles, sides: Sequence[_Grown], reserve_m: float) -> list[Contact]:
+    """When a point, on its circle about C, first comes in through any edge.
 
-    The edge's line is `height` away from C along its normal; the circle of radius D crosses it at angles of
+    An edge's line is `height` away from C along its normal; the circle of radius D crosses it at angles of
     -+arccos(height / D) from the normal, and comes in at the minus sign, counted in the turning sense.
     """
-    left = circle.sense * circle.rho  # of C
-    height, low, high = height - side.ny * left, low - side.nx * left, high - side.nx * left
-    begin, end = (-high, -low) if circle.sense > 0.0 else (low, high)  # of the side on which points come in
-    if isinstance(end, float) and end <= 0.0:
-        return NEVER
-    rows = ((circle.track > _hypot(height, begin)) & (circle.track <= _hypot(height, end))).nonzero()[0]
-    if not len(rows):
-        return NEVER
-    d = circle.track.take(rows)
-    bearing = np.arctan2(circle.x.take(rows), circle.radial.take(rows))
-    entry = math.atan2(side.nx, -circle.sense * side.ny) - np.arccos(_of(height, rows) / d)
-    return _first(rows, np.mod(bearing - entry, math.tau) - reserve_m / d, circle.turning)
+    ways_in: list[tuple[int, float, Growth, Growth, Growth]] = []
+    for arc, (rho, sense) in enumerate(zip(circles.rho, circles.sense, strict=True)):
+        left = sense * rho  # of C
+        for nx, ny, height, low, high in sides:
+            height, low, high = height - ny * left, low - nx * left, high - nx * left
+            begin, end = (-high, -low) if sense > 0.0 else (low, high)  # where points come in
+            if not (isinstance(end, float) and end <= 0.0):
+                facing = math.atan2(nx, -sense * ny)
+                ways_in.append((arc, facing, height, _hypot(height, begin), _hypot(height, end)))
+    if not ways_in:
+        return [NEVER] * len(circles.rho)
+    arcs, facings, heights, begins, ends = map(np.array, zip(*ways_in, strict=True))
+    if heights.ndim == 1:
+        heights, begins, ends = heights[:, None], begins[:, None], ends[:, None]
+    tracks = circles.track.take(arcs, axis=0)
+    hits = ((tracks > begins) & (tracks <= ends)).ravel().nonzero()[0]
+    if not len(hits):
+        return [NEVER] * len(circles.rho)
+    points = len(circles.x)
+    through = hits // points
+    rows, arcs, d = hits - points * through, arcs.take(through), tracks.take(hits)
+    height = heights.take(through) if heights.shape[1] == 1 else heights.take(hits)
+    bearing = np.arctan2(circles.x.take(rows), circles.radial.take(points * arcs + rows))
+    entry = facings.take(through) - np.arccos(height / d)
+    return _firsts(arcs, rows, np.mod(bearing - entry, math.tau) - reserve_m / d, circles.turning)
 
 
 def _hypot(height: Growth, along: Growth) -> Growth:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from functools import reduce
 from typing import Protocol
 
@@ -11,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.arc import Contact, Course, Growth, Metres
-from robots.bridge.gate.geometry.planar import Path, Points, from_columns
-from robots.bridge.gate.values import GateProfile, Velocity
+from robots.bridge.gate.geometry.arc import Contact, Courses, Growth, Metres
+from robots.bridge.gate.geometry.planar import Path, Points, from_columns, placed
+from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
 Band = tuple[float, float]
 Quick = NDArray[np.float32]  # a roll-out compares poses by the thousand: 2 um are exact enough there
@@ -39,8 +38,11 @@ class Footprint(Protocol):
     def gaps(self, points: Points) -> Metres:
         """Return how far each point lies outside the hull; negative inside."""
 
-    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
-        """When each part of the hull, grown, first touches one of the points, which lie outside.
+    def gaps_from(self, there: Pose, points: Points) -> Metres:
+        """Return the same once the base is `there`."""
+
+    def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
+        """When the hull, grown, first touches one of the points, which lie outside; for each twist.
 
         The reserve is left on the path.
         """
@@ -76,10 +78,19 @@ class Disc:
         gaps: Metres = np.sqrt(x**2 + y**2) - self.radius_m
         return gaps
 
-    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
-        first = arc.disc_contact(course, 0.0, 0.0, self.radius_m + growth, 0.0)
-        if first is not arc.NEVER:  # turning a disc brings it no nearer to anything: the base's path counts
-            yield Contact(first.until_s - reserve_m / course.v, first.row)
+    def gaps_from(self, there: Pose, points: Points) -> Metres:
+        x, y = points.T
+        dx, dy = x - there.x, y - there.y
+        gaps: Metres = np.sqrt(dx * dx + dy * dy) - self.radius_m
+        return gaps
+
+    def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
+        firsts = arc.disc_contacts(courses, 0.0, 0.0, self.radius_m + growth, 0.0)
+        # Turning a disc brings it no nearer to anything: the base's path counts.
+        return [
+            first if first is arc.NEVER else Contact(first.until_s - reserve_m / courses.v, first.row)
+            for first in firsts
+        ]
 
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(0.0, 0.0, self.radius_m, twist)]
@@ -112,10 +123,22 @@ class Discs:
     def gaps(self, points: Points) -> Metres:
         return _least([disc.gaps(_from(points, x, y)) for x, y, disc in self._discs])
 
-    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
-        middles = arc.seen_along(self._middles, course.way).tolist()
-        for (x, y), (_, _, disc) in zip(middles, self._discs, strict=True):
-            yield arc.disc_contact(course, x, y, disc.radius_m + growth, reserve_m)
+    def gaps_from(self, there: Pose, points: Points) -> Metres:
+        middles = placed(self._middles, there).tolist()
+        return _least(
+            [
+                disc.gaps(_from(points, x, y))
+                for (x, y), (_, _, disc) in zip(middles, self._discs, strict=True)
+            ]
+        )
+
+    def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
+        middles = arc.seen_along(self._middles, courses.way).tolist()
+        each = [
+            arc.disc_contacts(courses, x, y, disc.radius_m + growth, reserve_m)
+            for (x, y), (_, _, disc) in zip(middles, self._discs, strict=True)
+        ]
+        return [min(firsts) for firsts in zip(*each, strict=True)]
 
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(x, y, disc.radius_m, twist) for x, y, disc in self._discs]
@@ -146,6 +169,8 @@ class Polygon:
         self._corners = [(float(x), float(y)) for x, y in outline]
         lengths = self.edges.lengths.tolist()
         self._sides = list(zip(self._corners, self.edges.along.tolist(), lengths, strict=True))
+        self._lines = list(zip(*self.edges.normals.T.tolist(), self.edges.offsets.tolist(), strict=True))
+        self._columns = np.array((*self.edges.normals.T, self.edges.offsets))[..., None, None]
         distances: list[float] = np.hypot(*self.edges.vertices.T).tolist()
         self._corner_reaches: list[tuple[float, float]] = list(
             zip(distances, self.edges.corner_stretch.tolist(), strict=True)
@@ -157,8 +182,21 @@ class Polygon:
     def gaps(self, points: Points) -> Metres:
         return self.edges.gaps(points)
 
-    def contacts(self, course: Course, growth: Growth, reserve_m: float) -> Iterator[Contact]:
-        return arc.polygon_contacts(course, self.edges, growth, reserve_m)
+    def gaps_from(self, there: Pose, points: Points) -> Metres:
+        """One product of the edges' lines, turned to `there`, and the points."""
+        cos, sin = math.cos(there.yaw), math.sin(there.yaw)
+        normals, offsets = np.empty((len(self._lines), 2)), np.empty((len(self._lines), 1))
+        for row, (nx, ny, offset) in enumerate(self._lines):
+            normals[row, 0] = across = cos * nx - sin * ny
+            normals[row, 1] = up = sin * nx + cos * ny
+            offsets[row, 0] = offset + across * there.x + up * there.y
+        beyond = normals @ points.T
+        beyond -= offsets
+        gaps: Metres = np.maximum.reduce(beyond)
+        return gaps
+
+    def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
+        return arc.polygon_contacts(courses, self.edges, growth, reserve_m)
 
     def bands(self, twist: Velocity) -> list[Band]:
         if arc.is_straight(twist):
@@ -168,18 +206,17 @@ class Polygon:
 
     def least_gaps(self, path: Path, points: Points, drift: Points | None = None) -> Quick:
         """Each edge of each pose is a half-plane; its distances to all points are one row of the product."""
-        cos, sin = np.cos(path.yaw)[..., None], np.sin(path.yaw)[..., None]
-        (nx, ny), offsets = self.edges.normals.T, self.edges.offsets
-        across, up = cos * nx - sin * ny, sin * nx + cos * ny  # (rows, poses, edges), normals in the world
-        away = -(across * path.x[..., None] + up * path.y[..., None] + offsets)
+        cos, sin = np.cos(path.yaw), np.sin(path.yaw)
+        nx, ny, offsets = self._columns
+        across, up = cos * nx - sin * ny, sin * nx + cos * ny  # (edges, rows, poses), normals in the world
+        away = -(across * path.x + up * path.y + offsets)
         planes: list[Metres | float] = [across, up, away]
         moments: list[Metres | float] = [*points.T, 1.0]
         if drift is not None:
-            time_s = path.time_s[..., None]
-            planes += [time_s * across, time_s * up]
+            planes += [path.time_s * across, path.time_s * up]
             moments += [*drift.T]
         beyond = _product(planes, across.shape, moments, points.shape[:1])
-        least: Quick = beyond.max(axis=2).min(axis=1)
+        least: Quick = np.maximum.reduce(beyond).min(axis=1)
         return least
 
     def _ring(self, cx: float, cy: float) -> tuple[float, float]:

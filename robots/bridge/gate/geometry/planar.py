@@ -43,9 +43,13 @@ def chosen(points: Points, rows: NDArray[np.intp]) -> Points:
 
 def placed(points: Points, pose: Pose) -> Points:
     """Points given in the frame that stands at `pose`, in the frame in which `pose` is given."""
-    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    there = np.array(((cos, -sin), (sin, cos))) @ points.T
-    there += ((pose.x,), (pose.y,))
+    turn, shift = np.empty((2, 2)), np.empty((2, 1))  # filled one by one: quicker than from nested tuples
+    turn[0, 0] = turn[1, 1] = math.cos(pose.yaw)
+    turn[1, 0] = sin = math.sin(pose.yaw)
+    turn[0, 1] = -sin
+    shift[0, 0], shift[1, 0] = pose.x, pose.y
+    there = turn @ points.T
+    there += shift
     return there.T
 
 

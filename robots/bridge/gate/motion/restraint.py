@@ -6,14 +6,14 @@ Pure: no state.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.arc import Contact, Course, Growth, Metres, Rows, Way
+from robots.bridge.gate.geometry.arc import Courses, Growth, Metres, Rows, Way
 from robots.bridge.gate.geometry.footprint import Footprint, clearances
 from robots.bridge.gate.geometry.planar import Points, chosen
 from robots.bridge.gate.motion import braking
@@ -124,56 +124,54 @@ def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Gro
 
 def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
     """The largest share at which every one of these twists is safe."""
-    courses = _courses(arcs, surroundings)
-    limit = min((_braking_share(twist, courses[twist], surroundings) for twist in arcs), key=_by_share)
+    courses = arc.courses(surroundings.points, surroundings.way, arcs)
+    limit = min(_braking_shares(arcs, courses, surroundings), key=_by_share)
     passed = _passed(arcs[0], surroundings, limit.share)
     if len(passed):
-        passes = [_passing_share(twist, courses[twist], passed, surroundings, limit.share) for twist in arcs]
+        passes = [
+            _passing_share(twist, courses.track(number), passed, surroundings, limit.share)
+            for number, twist in enumerate(arcs)
+        ]
         limit = min((limit, *passes), key=_by_share)
     return limit
 
 
 def _first_whole(candidates: Sequence[Velocity], surroundings: Surroundings) -> Velocity | None:
     """The first of these twists that is safe as it is."""
+    if not candidates:
+        return None
+    courses = arc.courses(surroundings.points, surroundings.way, candidates)
+    limits = _braking_shares(candidates, courses, surroundings)
     passed: Rows | None = None  # of the first that brakes in time: all are equally fast
-    for twist in candidates:
-        course = arc.course(surroundings.points, surroundings.way, twist)
-        in_time = all(
-            _braked_before(contact, twist, surroundings.profile) > _WHOLE
-            for contact in _contacts(course, surroundings)
-        )
-        if not in_time:
+    for number, twist in enumerate(candidates):
+        if limits[number].share <= _WHOLE:
             continue
         if passed is None:
             passed = _passed(twist, surroundings, 1.0)
-        if not len(passed) or _passing_share(twist, course, passed, surroundings, 1.0).share > _WHOLE:
+        if not len(passed):
+            return twist
+        if _passing_share(twist, courses.track(number), passed, surroundings, 1.0).share > _WHOLE:
             return twist
     return None
-
-
-def _courses(twists: Sequence[Velocity], surroundings: Surroundings) -> dict[Velocity, Course]:
-    return {twist: arc.course(surroundings.points, surroundings.way, twist) for twist in twists}
 
 
 def _by_share(limit: Share) -> float:
     return limit.share
 
 
-def _braking_share(twist: Velocity, course: Course, surroundings: Surroundings) -> Share:
+def _braking_shares(twists: Sequence[Velocity], courses: Courses, surroundings: Surroundings) -> list[Share]:
     """Braking ends before contact, with the front margin left along the path (methods 1 and 2)."""
-    first = min(_contacts(course, surroundings), default=arc.NEVER)
-    share = _braked_before(first, twist, surroundings.profile)
-    return Share(share, OBSTACLE, first.row) if share < 1.0 else FREE
-
-
-def _contacts(course: Course, surroundings: Surroundings) -> Iterator[Contact]:
-    margin_m = surroundings.profile.parameters.front_margin_m
-    return surroundings.footprint.contacts(course, surroundings.growth, margin_m)
-
-
-def _braked_before(contact: Contact, twist: Velocity, profile: GateProfile) -> float:
-    braking_s = braking.braking_time(twist, profile)
-    return braking.scale(contact.until_s, profile.parameters.latency_s, braking_s)
+    profile = surroundings.profile
+    margin_m, latency_s = profile.parameters.front_margin_m, profile.parameters.latency_s
+    contacts = surroundings.footprint.contacts(courses, surroundings.growth, margin_m)
+    shares = [
+        braking.scale(contact.until_s, latency_s, braking.braking_time(twist, profile))
+        for twist, contact in zip(twists, contacts, strict=True)
+    ]
+    return [
+        Share(share, OBSTACLE, contact.row) if share < 1.0 else FREE
+        for share, contact in zip(shares, contacts, strict=True)
+    ]
 
 
 def _passed(twist: Velocity, surroundings: Surroundings, below: float) -> Rows:
@@ -197,7 +195,7 @@ def harmless_m(v: float, parameters: Parameters) -> float:
 
 
 def _passing_share(
-    twist: Velocity, course: Course, passed: Rows, surroundings: Surroundings, below: float
+    twist: Velocity, track: Metres, passed: Rows, surroundings: Surroundings, below: float
 ) -> Share:
     """Passing close by is slow (method 3): v <= v_creep + (clearance - m_lat) / c_lat where the hull is nearest.
 
@@ -207,7 +205,7 @@ def _passing_share(
     """
     v = arc.speed(twist)
     parameters = surroundings.profile.parameters
-    clear = clearances(course.track.take(passed), twist, surroundings.footprint)
+    clear = clearances(track.take(passed), twist, surroundings.footprint)
     growth = surroundings.growth_of(passed)
     near = ((clear < harmless_m(below * v, parameters)) & (clear >= growth)).nonzero()[0]
     if not len(near):

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.arc import Growth, Metres
+from robots.bridge.gate.geometry.arc import Growth, Metres, Rows
 from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import ORIGIN, Path, Points, chosen, placed, seen_from
+from robots.bridge.gate.geometry.planar import Path, Points, chosen
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.restraint import STANDING_MPS, way_out
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
@@ -116,12 +116,16 @@ def safe_share(
     rates = _rates(profile)
     onset = _played(queue, velocity, rates, latency_s)
     whole = _moved(onset[-1], candidate, rates, period_s)
-    if drift is None and _keeps_off(points, onset, whole, rates, footprint, profile):
-        return CLEAR
-    first = _followed(_path(onset), _stopped([whole], rates, footprint))
-    met = _within(points, drift, first, footprint)
-    if not len(met):
-        return CLEAR
+    if drift is None:
+        met = _near(points, onset, whole, rates, footprint, profile, period_s)
+        if not len(met):
+            return CLEAR
+        first = _stopped([whole], rates, footprint, onset)
+    else:
+        first = _stopped([whole], rates, footprint, onset)
+        met = _within(points, drift, first, footprint)
+        if not len(met):
+            return CLEAR
     points = chosen(points, met)
     drift = None if drift is None else drift[met]
     margins = _margins(len(met), drift, profile)
@@ -208,15 +212,10 @@ def _obey(command: Velocity, until_s: float, states: list[_State], rates: _Rates
 
 def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _State:
     """The base a short span later, its speeds having changed evenly."""
-    x, y, yaw, time_s, (vx, vy, w) = state
-    linear_up, linear_down = rates.linear_up * span_s, rates.linear_down * span_s
-    after = Velocity(
-        _changed(vx, command.vx, linear_up, linear_down),
-        _changed(vy, command.vy, linear_up, linear_down),
-        _changed(w, command.w, rates.angular_up * span_s, rates.angular_down * span_s),
-    )
-    half = span_s / 2.0
-    forward, left, turned = half * (vx + after.vx), half * (vy + after.vy), half * (w + after.w)
+    x, y, yaw, time_s, before = state
+    after = before if before == command else _followed_up(before, command, rates, span_s)
+    (vx, vy, w), (vx_after, vy_after, w_after), half = before, after, span_s / 2.0
+    forward, left, turned = half * (vx + vx_after), half * (vy + vy_after), half * (w + w_after)
     heading = yaw + turned / 2.0
     cos, sin = math.cos(heading), math.sin(heading)
     return _State(
@@ -225,6 +224,16 @@ def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _S
         yaw + turned,
         time_s + span_s,
         after,
+    )
+
+
+def _followed_up(before: Velocity, command: Velocity, rates: _Rates, span_s: float) -> Velocity:
+    """The speeds a short span later, on their way to the commanded ones."""
+    linear_up, linear_down = rates.linear_up * span_s, rates.linear_down * span_s
+    return Velocity(
+        _changed(before.vx, command.vx, linear_up, linear_down),
+        _changed(before.vy, command.vy, linear_up, linear_down),
+        _changed(before.w, command.w, rates.angular_up * span_s, rates.angular_down * span_s),
     )
 
 
@@ -237,23 +246,44 @@ def _changed(speed: float, command: float, up: float, down: float) -> float:
     return command if (command < reached) == (command > speed) else reached
 
 
-def _stopped(begun: list[_State], rates: _Rates, footprint: Footprint) -> Path:
-    """From each state a row: full braking to standstill. Arrays over axes are (3, rows, poses)."""
+def _stopped(
+    begun: Sequence[_State], rates: _Rates, footprint: Footprint, lead: Sequence[_State] = ()
+) -> Path:
+    """From each state a row: the states that `lead` to it, then full braking to standstill."""
     poses = max(_poses_until_still(state.velocity, rates, footprint) for state in begun)
-    starts = np.array([(*state[:4], *state.velocity, _still_s(state.velocity, rates)) for state in begun])
-    x, y, yaw, time_s, *_, still_s = columns = starts.T[..., None]
-    speeds = columns[4:7]
-    rate = np.array([[[rates.linear_down]], [[rates.linear_down]], [[rates.angular_down]]])
+    starts = np.array([(*state[:4], _still_s(state.velocity, rates)) for state in begun])
+    path = np.empty((4, len(begun), len(lead) + poses + 1))
+    if lead:
+        path[:, :, : len(lead)] = np.array([state[:4] for state in lead]).T[:, None]
+    x, y, yaw, time_s, still_s = starts.T[..., None]
     passed_s = still_s * _evenly_along_a_braked_way(poses)
-    braked_s = np.minimum(passed_s, np.abs(speeds) / rate)
-    forward, left, turned = braked_s * (speeds - np.copysign(rate / 2.0, speeds) * braked_s)
+    sideways = any(state.velocity.vy for state in begun)
+    forward = _braked(passed_s, [state.velocity.vx for state in begun], rates.linear_down)
+    turned = _braked(passed_s, [state.velocity.w for state in begun], rates.angular_down)
     heading = yaw + (turned[:, 1:] + turned[:, :-1]) / 2.0
-    way = forward + 1j * left  # x + iy, which turns by a product
-    places = np.empty_like(way)
-    places[:, :1] = x + 1j * y
-    np.multiply(way[:, 1:] - way[:, :-1], np.exp(1j * heading), out=places[:, 1:])
-    np.cumsum(places, axis=1, out=places)
-    return Path(places.real, places.imag, yaw + turned, time_s + passed_s)
+    cos, sin, ahead = np.cos(heading), np.sin(heading), forward[:, 1:] - forward[:, :-1]
+    places, ways = path[:2, :, len(lead) :], np.empty((2, *passed_s.shape))
+    ways[0, :, :1], ways[1, :, :1] = x, y
+    np.multiply(ahead, cos, out=ways[0, :, 1:])
+    np.multiply(ahead, sin, out=ways[1, :, 1:])
+    if sideways:
+        left = _braked(passed_s, [state.velocity.vy for state in begun], rates.linear_down)
+        aside = left[:, 1:] - left[:, :-1]
+        ways[0, :, 1:] -= aside * sin
+        ways[1, :, 1:] += aside * cos
+    np.add.accumulate(ways, axis=2, out=places)
+    np.add(yaw, turned, out=path[2, :, len(lead) :])
+    np.add(time_s, passed_s, out=path[3, :, len(lead) :])
+    return Path(*path)
+
+
+def _braked(passed_s: Metres, speeds: list[float], rate: float) -> Metres:
+    """How far each speed has carried, a row each, while it was braked for so long."""
+    column = np.array([(speed, abs(speed) / rate, math.copysign(rate / 2.0, speed)) for speed in speeds])
+    begun, ends_s, half = column.T[..., None]
+    braked_s = np.minimum(passed_s, ends_s)
+    way: Metres = braked_s * (begun - half * braked_s)
+    return way
 
 
 def _still_s(velocity: Velocity, rates: _Rates) -> float:
@@ -281,26 +311,23 @@ def _path(states: list[_State]) -> Path:
     return Path(*np.array([state[:4] for state in states]).T[:, None])
 
 
-def _followed(first: Path, then: Path) -> Path:
-    """One path after the other."""
-    return Path(*(np.concatenate(parts, axis=1) for parts in zip(first, then, strict=True)))
-
-
 # --- obstacles on the way -------------------------------------------------------------------------
 
 
-def _keeps_off(
+def _near(
     points: Points,
     onset: list[_State],
     whole: _State,
     rates: _Rates,
     footprint: Footprint,
     profile: GateProfile,
-) -> bool:
-    """Return whether one check at the begin of braking shows no contact: all points are farther than the hull moves.
+    period_s: float,
+) -> Rows:
+    """Rows of the points that the hull may come too near to; the others are farther than it moves.
 
-    Until then and from then on, each part of the hull is at most as far from there as the base goes and its rim
-    swings.
+    Until braking begins, and from then on, each part of the hull is at most as far from there as the base goes and
+    its rim swings. With a smaller share of the candidate the base is never faster, and begins to brake nearby: in one
+    period speeds differ by no more than they can change.
     """
     swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
     until_m = max(
@@ -309,9 +336,14 @@ def _keeps_off(
     )
     vx, vy, w = whole.velocity
     braking_m = (vx * vx + vy * vy) / (2.0 * rates.linear_down) + swing_m * w * w / (2.0 * rates.angular_down)
+    elsewhere_m = period_s**2 * (
+        2.0 * (rates.linear_up + rates.linear_down) + swing_m * (rates.angular_up + rates.angular_down)
+    )
     margin_m = footprint.sharpness * (profile.parameters.hard_margin_m + _EXACT_M)
-    there = placed(points, seen_from(ORIGIN, Pose(whole.x, whole.y, whole.yaw)))
-    return float(footprint.gaps(there).min(initial=math.inf)) > max(until_m, braking_m) + margin_m
+    gaps = footprint.gaps_from(Pose(whole.x, whole.y, whole.yaw), points)
+    reach_m = max(until_m, braking_m) + margin_m
+    near: Rows = (gaps <= reach_m + elsewhere_m).nonzero()[0]
+    return near if len(near) and gaps.take(near).min() <= reach_m else near[:0]
 
 
 def _within(points: Points, drift: Points | None, path: Path, footprint: Footprint) -> NDArray[np.intp]:
