@@ -111,6 +111,7 @@ TOLD = {
         (Posture(at_home=False), 0.1),
     ],
     "observe_operator": [(1 / 3,), (None,)],
+    "observe_camera_view": [(1 / 3,), (None,)],
     "forget": [(True,), (False,)],
     "observe_acknowledgement": [(1 / 3, 100.1)],
 }

@@ -156,7 +156,7 @@ def test_errors_of_a_topic_are_explained_with_advice(
     for what, level in (
         ("odometry", "fail"),
         ("scan /scan_raw", "fail"),
-        ("camera", "warn"),
+        ("camera /xtion/rgb/image_raw/compressed", "warn"),
         ("map", "warn"),
     ):
         check = answer(config, with_topic(well, what, **changes), what)
