@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import logging
 import math
+from dataclasses import replace
 
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import Robot
-from robots.simulator.sensors.body import BODIES
+from robots.simulator.sensors.body import BODIES, REAR_CAMERA
 from robots.simulator.sensors.odometry import Drift
 from robots.simulator.worlds import World, load_world
 
@@ -42,6 +43,10 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--base", choices=sorted(BODIES), default="tiago", help="kind of robot")
     parser.add_argument("--drift", type=float, default=1.0, help="odometry drift, 1 as on a good day, 0 none")
     parser.add_argument("--depth-encoding", choices=("32FC1", "16UC1"), default="32FC1")
+    parser.add_argument("--rear-camera", action="store_true", help="add a camera that looks back")
+    parser.add_argument(
+        "--camera-clock", action="store_true", help="draw a code of the time into the head camera's pictures"
+    )
     parser.add_argument("--exit-with-parent", action="store_true", help="exit when standard input ends")
     return parser.parse_args()
 
@@ -54,12 +59,17 @@ def main() -> None:
         logging.getLogger(chatty).setLevel(logging.WARNING)
     x, y, degrees = asked.world.starts[0] if asked.world.starts else (0.0, 0.0, 0.0)
     start = asked.pose or Pose(x, y, math.radians(degrees))
-    robot = Robot(asked.world, BODIES[asked.base], start, asked.seed, Drift().times(asked.drift))
+    body = BODIES[asked.base]
+    if asked.rear_camera:
+        body = replace(body, rear_camera=REAR_CAMERA)
+    robot = Robot(asked.world, body, start, asked.seed, Drift().times(asked.drift))
 
     # Imported here, so that --help and a wrong world need no ROS.
+    from robots.simulator.ros.node import CameraOptions
     from robots.simulator.ros.process import run
 
-    run(robot, asked.name, asked.depth_encoding, asked.exit_with_parent)
+    cameras = CameraOptions(asked.depth_encoding, asked.camera_clock)
+    run(robot, asked.name, cameras, asked.exit_with_parent)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,16 @@ class Faults:
     odom_dead: bool = False
     odom_frozen: bool = False
     depth_dead: bool = False
+    camera_dead: bool = False  # of the head, in colour; so are all named camera_
+    camera_frozen: bool = False  # the same picture with the same stamp, again and again
+    camera_corrupt: bool = False  # bytes of no picture; raw: rows of 7 bytes
+    camera_truncated: bool = False  # half of the bytes
+    camera_huge: bool = False  # declares 20,000 x 20,000 pixels
+    camera_bomb: bool = False  # 400 kB of PNG that take 400 MB decoded
+    camera_zero: bool = False  # no pixels, no bytes
+    camera_encoding_changes: bool = False  # with each picture: JPEG and PNG; raw: rgb8, bgr8 and mono8
+    camera_rate_hz: float = 0.0  # at most so many pictures a second; 0: as usual
+    camera_info_wrong: bool = False  # in turn: zeros, another size, not numbers
     motion_fails: bool = False  # motions are aborted half-way
     command_delay_s: float = 0.0  # commands reach the controller late
     brake_share: float = 1.0  # of the controller's nominal deceleration

@@ -104,7 +104,10 @@ class SimulatorProcess:
         self.node = f"/simulator_{name}".replace("-", "_")
         self.log = log
         self._master = master
-        flags = [f"--{key.replace('_', '-')}={value}" for key, value in options.items()]
+        flags = [
+            f"--{key.replace('_', '-')}" + ("" if value is True else f"={value}")
+            for key, value in options.items()
+        ]
         with open(log, "wb") as output:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "robots.simulator", f"--name={name}", "--exit-with-parent", *flags],

@@ -16,6 +16,7 @@ from robots.simulator.joints.joint_table import CAMERA_M, HEAD_PAN_M, HEAD_TILT_
 from robots.simulator.sensors.body import Body
 
 _UP = (0.0, 0.0, 1.0)
+_TO_OPTICAL = (-math.pi / 2.0, 0.0, -math.pi / 2.0)  # from x ahead, z up to z ahead, x right
 OPTICAL_FRAME = "xtion_rgb_optical_frame"
 
 
@@ -62,11 +63,15 @@ def frames(body: Body) -> list[Frame]:
         found.append(Frame(base, frame, (x, y, z), (0.0, 0.0, yaw)))
     if body.upper_body:
         found += _upper_body(base)
+    if body.rear_camera is not None:
+        x, y, z, yaw, pitch = body.rear_camera.pose
+        link = body.rear_camera.link
+        found.append(Frame(base, link, (x, y, z), (0.0, pitch, yaw)))
+        found.append(Frame(link, body.rear_camera.optical_frame, (0.0, 0.0, 0.0), _TO_OPTICAL))
     return found
 
 
 def _upper_body(base: str) -> list[Frame]:
-    quarter = math.pi / 2.0
     return [
         Frame(base, "torso_lift_link", TORSO_M, joint="torso_lift_joint", kind="prismatic"),
         Frame("torso_lift_link", "head_1_link", HEAD_PAN_M, joint="head_1_joint", kind="revolute"),
@@ -80,7 +85,7 @@ def _upper_body(base: str) -> list[Frame]:
             axis=(0.0, -1.0, 0.0),
         ),
         Frame("head_2_link", "xtion_rgb_frame", CAMERA_M),
-        Frame("xtion_rgb_frame", OPTICAL_FRAME, (0.0, 0.0, 0.0), (-quarter, 0.0, -quarter)),
+        Frame("xtion_rgb_frame", OPTICAL_FRAME, (0.0, 0.0, 0.0), _TO_OPTICAL),
         *_arm("torso_lift_link"),
     ]
 

@@ -1,6 +1,6 @@
 """A world and one robot, written as MuJoCo's XML.
 
-Geometry groups: 0 objects that robots touch and sensors see; 3 the robot itself.
+Geometry groups: 0 objects that robots touch and sensors see; 3 the robot itself; 4 decoration for colour cameras.
 """
 
 from __future__ import annotations
@@ -14,15 +14,19 @@ from robots.simulator.joints.frames import frames
 from robots.simulator.sensors.body import Body
 from robots.simulator.worlds import Box, Chair, Person, Table, Wall, World
 
+OBJECT_GROUP = 0
 ROBOT_GROUP = 3
+DECORATION_GROUP = 4
 TIMESTEP_S = 0.005
 
-_WALL = "0.85 0.85 0.82 1"
 _WOOD = "0.62 0.46 0.30 1"
 _STEEL = "0.35 0.37 0.40 1"
-_CLOTH = "0.25 0.35 0.55 1"
-_SKIN = "0.80 0.45 0.30 1"
+_TROUSERS = "0.20 0.24 0.35 1"
+_SHIRT = "0.75 0.30 0.25 1"
+_SKIN = "0.85 0.63 0.50 1"
 _ROBOT = "0.95 0.95 0.95 1"
+_SKIRTING = "0.25 0.27 0.30 1"
+_SKIRTING_M = 0.10
 _CHAIR_LEG_M = 0.025
 _GYRATION_M = 0.28
 
@@ -33,28 +37,72 @@ def scene_xml(world: World, body: Body) -> str:
     SubElement(root, "compiler", angle="degree", autolimits="true")
     SubElement(root, "option", timestep=str(TIMESTEP_S), integrator="implicitfast", cone="elliptic")
     visual = SubElement(root, "visual")
-    SubElement(visual, "quality", shadowsize="0")
-    SubElement(visual, "headlight", ambient="0.5 0.5 0.5", diffuse="0.5 0.5 0.5")
+    SubElement(visual, "quality", shadowsize="0", offsamples="0")
+    SubElement(visual, "headlight", ambient="0.7 0.7 0.7", diffuse="0.3 0.3 0.3", specular="0 0 0")
     SubElement(visual, "map", znear="0.02", zfar="40")
     SubElement(visual, "global", offwidth="640", offheight="480")
+    _materials(root)
     static = SubElement(root, "worldbody")
+    # From a side, so that walls of different directions differ in brightness.
+    SubElement(
+        static, "light", directional="true", dir="0.4 0.7 -1", diffuse="0.3 0.3 0.28", castshadow="false"
+    )
     _floor(static, world)
     for wall in world.walls:
-        _wall(static, wall)
+        _slab(static, wall.name, wall, (wall.thickness, wall.height), _rgba(wall.colour))
     for table in world.tables:
         _table(static, table)
     for chair in world.chairs:
         _chair(static, chair)
     for box in world.boxes:
         _box(static, box)
+    _decorate(static, world)
     for person in world.people:
         _person(static, person)
     _robot(static, body)
     return ElementTree.tostring(root, encoding="unicode")
 
 
+def _materials(root: Element) -> None:
+    """The floor's tiles of half a metre, whose joints show the robot's motion, the ceiling's panels, and the sky."""
+    asset = SubElement(root, "asset")
+    looks = {"tiles": ("0.62 0.63 0.61", "0.52 0.55 0.54"), "panels": ("0.88 0.88 0.86", "0.80 0.81 0.80")}
+    for name, (bright, dark) in looks.items():
+        SubElement(
+            asset,
+            "texture",
+            name=name,
+            type="2d",
+            builtin="checker",
+            rgb1=bright,
+            rgb2=dark,
+            mark="edge",
+            markrgb="0.36 0.38 0.38",
+            width="128",
+            height="128",
+        )
+        SubElement(
+            asset, "material", name=name, texture=name, texuniform="true", texrepeat="1 1", specular="0"
+        )
+    SubElement(
+        asset,
+        "texture",
+        type="skybox",
+        builtin="gradient",
+        rgb1="0.75 0.82 0.90",
+        rgb2="0.90 0.90 0.88",
+        width="16",
+        height="96",
+    )
+
+
 def _numbers(*values: float) -> str:
     return " ".join(f"{value:.6g}" for value in values)
+
+
+def _rgba(colour: str) -> str:
+    """``#rrggbb`` as MuJoCo's numbers."""
+    return _numbers(*(value / 255.0 for value in bytes.fromhex(colour[1:])), 1.0)
 
 
 def _floor(parent: Element, world: World) -> None:
@@ -71,10 +119,35 @@ def _floor(parent: Element, world: World) -> None:
         type="plane",
         pos=_numbers((west + east) / 2, (south + north) / 2, 0.0),
         size=_numbers((east - west) / 2, (north - south) / 2, 1.0),
-        rgba="0.55 0.58 0.55 1",
+        material="tiles",
         contype="0",
         conaffinity="2",
     )
+
+
+def _decorate(parent: Element, world: World) -> None:
+    """Skirting boards, a ceiling and the world's own decoration: no collision, no echo, no ray meets them."""
+    group = SubElement(parent, "body", name="decoration")
+    for wall in world.walls:
+        _slab(group, f"{wall.name} skirting", wall, (wall.thickness + 0.02, _SKIRTING_M), _SKIRTING)
+    for box in world.decoration:
+        _box(group, box)
+    if world.walls:
+        west, south, east, north = world.size
+        SubElement(
+            group,
+            "geom",
+            name="ceiling",
+            type="plane",
+            pos=_numbers((west + east) / 2, (south + north) / 2, max(wall.height for wall in world.walls)),
+            size=_numbers((east - west) / 2, (north - south) / 2, 1.0),
+            euler="180 0 0",
+            material="panels",
+        )
+    for geom in group.iter("geom"):
+        geom.set("group", str(DECORATION_GROUP))
+        geom.set("contype", "0")
+        geom.set("conaffinity", "0")
 
 
 def _solid(
@@ -103,12 +176,14 @@ def _piece(parent: Element, name: str, at: tuple[float, float], yaw: float) -> E
     return SubElement(parent, "body", name=name, pos=_numbers(*at, 0.0), euler=_numbers(0, 0, yaw))
 
 
-def _wall(parent: Element, wall: Wall) -> None:
+def _slab(parent: Element, name: str, wall: Wall, size: tuple[float, float], rgba: str) -> None:
+    """A slab along the line of `wall`; `size`: thickness and height."""
+    thickness, height = size
     (x0, y0), (x1, y1) = wall.start, wall.end
     length = math.hypot(x1 - x0, y1 - y0)
     yaw = math.degrees(math.atan2(y1 - y0, x1 - x0))
-    centre = ((x0 + x1) / 2, (y0 + y1) / 2, wall.height / 2)
-    _solid(parent, wall.name, centre, (length, wall.thickness, wall.height), _WALL, yaw)
+    centre = ((x0 + x1) / 2, (y0 + y1) / 2, height / 2)
+    _solid(parent, name, centre, (length, thickness, height), rgba, yaw)
 
 
 def _legs(parent: Element, name: str, half_x: float, half_y: float, thickness: float, height: float) -> None:
@@ -132,11 +207,12 @@ def _table(parent: Element, table: Table) -> None:
 def _chair(parent: Element, chair: Chair) -> None:
     piece = _piece(parent, chair.name, chair.at, chair.yaw)
     half = chair.seat / 2
+    cloth = _rgba(chair.colour)
     _solid(
-        piece, f"{chair.name} seat", (0.0, 0.0, chair.height - 0.02), (chair.seat, chair.seat, 0.04), _CLOTH
+        piece, f"{chair.name} seat", (0.0, 0.0, chair.height - 0.02), (chair.seat, chair.seat, 0.04), cloth
     )
     _solid(
-        piece, f"{chair.name} back", (-half + 0.02, 0.0, chair.height + 0.25), (0.04, chair.seat, 0.4), _CLOTH
+        piece, f"{chair.name} back", (-half + 0.02, 0.0, chair.height + 0.25), (0.04, chair.seat, 0.4), cloth
     )
     inset = half - _CHAIR_LEG_M / 2
     _legs(piece, chair.name, inset, inset, _CHAIR_LEG_M, chair.height - 0.04)
@@ -144,7 +220,7 @@ def _chair(parent: Element, chair: Chair) -> None:
 
 def _box(parent: Element, box: Box) -> None:
     centre = (*box.at, box.z + box.size[2] / 2)
-    _solid(parent, box.name, centre, box.size, _WOOD, box.yaw)
+    _solid(parent, box.name, centre, box.size, _rgba(box.colour), box.yaw)
 
 
 def _person(parent: Element, person: Person) -> None:
@@ -152,8 +228,8 @@ def _person(parent: Element, person: Person) -> None:
     figure = SubElement(parent, "body", name=person.name, mocap="true", pos=_numbers(*person.at, 0.0))
     hips = person.height * 0.5
     for side, y in (("left", 0.1), ("right", -0.1)):
-        _upright(figure, f"{person.name} {side} leg", (0.0, y), 0.07, 0.0, hips, _CLOTH)
-    _upright(figure, f"{person.name} trunk", (0.0, 0.0), person.radius, hips, person.height - 0.3, _SKIN)
+        _upright(figure, f"{person.name} {side} leg", (0.0, y), 0.07, 0.0, hips, _TROUSERS)
+    _upright(figure, f"{person.name} trunk", (0.0, 0.0), person.radius, hips, person.height - 0.3, _SHIRT)
     _upright(figure, f"{person.name} head", (0.0, 0.0), 0.11, person.height - 0.3, person.height, _SKIN)
 
 

@@ -13,8 +13,10 @@ import rospy
 from robots.simulator.joints.frames import urdf
 from robots.simulator.robot import TICK_HZ, TICK_S, Robot
 from robots.simulator.ros.base import BaseTopics
+from robots.simulator.ros.cameras.colour import CameraPublisher, head_camera, rear_camera
+from robots.simulator.ros.cameras.depth import DepthPublisher
+from robots.simulator.ros.cameras.drawing_thread import DrawingThread
 from robots.simulator.ros.controllers import CONTROLLERS, TrajectoryController
-from robots.simulator.ros.eyes import Eyes
 from robots.simulator.ros.gripper import GripperServer
 from robots.simulator.ros.head import HeadServer
 from robots.simulator.ros.inertial import InertialTopics
@@ -30,51 +32,60 @@ _LONGEST_LAG_S = 0.2
 
 
 class Duty(NamedTuple):
-    """A job that runs every `every` ticks; `phase` spreads costly jobs over the ticks."""
+    """A job that runs `rate_hz` times a second; `phase`, in ticks, spreads costly jobs over the ticks."""
 
-    every: int
+    rate_hz: int
     phase: int
     tell: Callable[[rospy.Time], None]
+
+    def due(self, tick: int) -> bool:
+        """Return whether it runs in this tick."""
+        return (tick - self.phase) * self.rate_hz % TICK_HZ < self.rate_hz
+
+
+class CameraOptions(NamedTuple):
+    """Encoding of depth, and whether the head's colour camera draws the clock code (`cameras.clock_code`)."""
+
+    depth_encoding: str = "32FC1"
+    clock: bool = False
 
 
 class SimulatorNode:
     """Runs one robot until the stop event."""
 
-    def __init__(self, robot: Robot, name: str, depth_encoding: str = "32FC1") -> None:
+    def __init__(self, robot: Robot, name: str, cameras: CameraOptions) -> None:
         self._robot = robot
         self._name = name
         self._tick = 0
         self.set_parameters()
         self._truth = GroundTruth(robot)
         self._duties = [
-            Duty(1, 0, BaseTopics(robot).publish),
-            Duty(TICK_HZ // 5, 6, NavigationTopics(robot).publish),
-            Duty(1, 0, JointTopics(robot).publish),
-            Duty(1, 0, InertialTopics(robot).publish),
-            Duty(TICK_HZ, 7, PowerTopics(robot).publish),
-            Duty(1, 0, self._truth.publish_contacts),
-            Duty(1, 0, self._truth.publish_pose),
-            Duty(TICK_HZ // 25, 1, self._truth.publish_clearance),
+            Duty(TICK_HZ, 0, BaseTopics(robot).publish),
+            Duty(5, 6, NavigationTopics(robot).publish),
+            Duty(TICK_HZ, 0, JointTopics(robot).publish),
+            Duty(TICK_HZ, 0, InertialTopics(robot).publish),
+            Duty(1, 7, PowerTopics(robot).publish),
+            Duty(TICK_HZ, 0, self._truth.publish_contacts),
+            Duty(TICK_HZ, 0, self._truth.publish_pose),
+            Duty(25, 1, self._truth.publish_clearance),
         ]
         sonars = SonarTopic(robot)
         for index, sonar in enumerate(robot.sonars):
-            self._duties.append(Duty(TICK_HZ // 5, 3 * index + 1, partial(sonars.publish, sonar)))
+            self._duties.append(Duty(5, 3 * index + 1, partial(sonars.publish, sonar)))
         self._servers: list[Callable[[float], None]] = []
-        self._eyes: Eyes | None = None
         if robot.body.upper_body:
             self._servers = [SpeechServer().step, MotionServer(robot).step, GripperServer(robot).step]
             for index, name in enumerate(CONTROLLERS):
                 controller = TrajectoryController(robot, name)
                 self._servers.append(controller.step)
-                self._duties.append(Duty(TICK_HZ // 10, index, controller.publish))
+                self._duties.append(Duty(10, index, controller.publish))
             head = HeadServer(robot)
             self._servers.append(head.step)
-            self._duties.append(Duty(TICK_HZ // 10, 4, head.publish))
-            self._eyes = Eyes(robot, depth_encoding)
-            self._duties.append(Duty(TICK_HZ // 10, 2, self._eyes.publish_depth))
-            self._duties.append(Duty(TICK_HZ // 5, 4, self._eyes.publish_rgb))
+            self._duties.append(Duty(10, 4, head.publish))
+        self._drawing_thread = DrawingThread(robot.physics)
+        self._duties += self._camera_duties(cameras)
         # Last, so that everything else is published before a scan.
-        self._duties.append(Duty(TICK_HZ // 10, 0, LaserTopics(robot).publish))
+        self._duties.append(Duty(10, 0, LaserTopics(robot).publish))
 
     def run(self, stop: threading.Event) -> None:
         """Tick at a fixed rate of the monotonic clock until `stop` is set."""
@@ -92,7 +103,7 @@ class SimulatorNode:
             step(now)
         stamp = rospy.Time.now()
         for duty in self._duties:
-            if self._tick % duty.every == duty.phase % duty.every:
+            if duty.due(self._tick):
                 duty.tell(stamp)
         self._tick += 1
 
@@ -104,5 +115,16 @@ class SimulatorNode:
 
     def close(self) -> None:
         """End all parts that have their own thread."""
-        if self._eyes is not None:
-            self._eyes.close()
+        self._drawing_thread.close()
+
+    def _camera_duties(self, options: CameraOptions) -> list[Duty]:
+        robot, thread = self._robot, self._drawing_thread
+        duties = []
+        if robot.body.upper_body:
+            depth = DepthPublisher(robot, thread, options.depth_encoding)
+            head = CameraPublisher(robot, thread, head_camera(robot, clock=options.clock))
+            duties += [Duty(10, 2, depth.publish), Duty(15, 4, head.publish)]
+        if robot.body.rear_camera is not None:
+            rear = CameraPublisher(robot, thread, rear_camera(robot.body, robot.body.rear_camera))
+            duties.append(Duty(10, 3, rear.publish))
+        return duties

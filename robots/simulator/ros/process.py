@@ -15,7 +15,7 @@ import rospy
 from robots.bridge.ros.network.master import Master, MasterError
 from robots.processes.shutdown import end_event
 from robots.simulator.robot import Robot
-from robots.simulator.ros.node import SimulatorNode
+from robots.simulator.ros.node import CameraOptions, SimulatorNode
 from robots.simulator.ros.registration import watch_registration
 
 log = logging.getLogger(__name__)
@@ -25,14 +25,14 @@ _FAREWELL_S = 1.0  # time to unregister from a master that answers
 _END_S = 5.0  # from the end signal to the exit, even if a part hangs
 
 
-def run(robot: Robot, name: str, depth_encoding: str, exit_with_parent: bool) -> None:
+def run(robot: Robot, name: str, cameras: CameraOptions, exit_with_parent: bool) -> None:
     """Run `robot` as one ROS node until SIGTERM, SIGINT or, if asked, the end of standard input."""
     stop = end_event(sys.stdin.fileno() if exit_with_parent else None, _END_S)
     if not _wait_for_master(stop):
         return
     os.environ.setdefault("ROS_PYTHON_LOG_CONFIG_FILE", str(Path(__file__).with_name("logging.yaml")))
     rospy.init_node(_node_name(name), disable_signals=True)
-    node = SimulatorNode(robot, name, depth_encoding)
+    node = SimulatorNode(robot, name, cameras)
     try:
         log.info("%s is up at %s", name, rosgraph.get_master_uri())
         watch_registration(stop, node.set_parameters)

@@ -52,6 +52,19 @@ class SonarMount:
 
 
 @dataclass(frozen=True)
+class CameraMount:
+    """A fixed colour camera: frame of its body, pose (x, y, z, yaw, pitch). A positive pitch looks down."""
+
+    link: str
+    pose: tuple[float, float, float, float, float]
+
+    @property
+    def optical_frame(self) -> str:
+        """The frame of its pictures."""
+        return f"{self.link.removesuffix('_link')}_optical_frame"
+
+
+@dataclass(frozen=True)
 class WheelBase:
     """Two driven wheels."""
 
@@ -82,6 +95,7 @@ class Body:
     laser: LaserMount = field(default_factory=LaserMount)
     sonars: tuple[SonarMount, ...] = ()
     wheels: WheelBase | None = None  # those in /joint_states
+    rear_camera: CameraMount | None = None
     upper_body: bool = False  # torso, head, arm: joints, camera, speech and motions
 
 
@@ -90,6 +104,7 @@ _SONARS = (
     SonarMount("base_sonar_02_link", (-0.259, 0.0, 0.2715, math.radians(180.0))),
     SonarMount("base_sonar_03_link", (-0.183, 0.183, 0.2715, math.radians(135.0))),
 )
+REAR_CAMERA = CameraMount("rear_camera_link", (-0.25, 0.0, 0.85, math.pi, math.radians(25.0)))
 _PMB2_WHEELS = WheelBase(radius_m=0.0985, separation_m=0.4044)
 _PMB2_BASE = Part("base", (0.0, 0.0), 0.0, 0.30, radius=0.27)
 _GENERIC_NAMES = Names("/cmd_vel", "/odom", "base_link", "/scan", filtered_scan=None, mux=False)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.simulator.physics.mujoco_world import Physics
-from robots.simulator.physics.scene import ROBOT_GROUP
+from robots.simulator.physics.scene import OBJECT_GROUP
 
 RESOLUTION_M = 0.05
 HALF_CELL_M = (
@@ -50,7 +50,7 @@ def surveyed(physics: Physics, size: tuple[float, float, float, float], height_m
 def _standing(physics: Physics, height_m: float) -> list[int]:
     """Return the fixed boxes at that height: walls and furniture, no people."""
     model, heights = physics.model, physics.data.geom_xpos[:, 2]
-    still = (model.geom_group != ROBOT_GROUP) & (model.body_mocapid[model.geom_bodyid] < 0)
+    still = (model.geom_group == OBJECT_GROUP) & (model.body_mocapid[model.geom_bodyid] < 0)
     met = np.abs(heights - height_m) <= model.geom_size[:, 2]
     return np.flatnonzero(still & met & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)).tolist()
 

@@ -10,6 +10,7 @@ from msgspec import Meta, Struct
 
 Point = tuple[float, float]
 Positive = Annotated[float, Meta(gt=0.0)]
+Colour = Annotated[str, Meta(pattern="^#[0-9a-f]{6}$")]  # red, green, blue
 
 
 class Wall(Struct, frozen=True, rename={"start": "from", "end": "to"}, forbid_unknown_fields=True):
@@ -20,6 +21,7 @@ class Wall(Struct, frozen=True, rename={"start": "from", "end": "to"}, forbid_un
     end: Point
     height: Positive = 2.4
     thickness: Positive = 0.1
+    colour: Colour = "#d9d9d1"
 
 
 class Table(Struct, frozen=True, forbid_unknown_fields=True):
@@ -43,6 +45,7 @@ class Chair(Struct, frozen=True, forbid_unknown_fields=True):
     yaw: float = 0.0
     seat: Positive = 0.42
     height: Positive = 0.45
+    colour: Colour = "#40598c"
 
 
 class Box(Struct, frozen=True, forbid_unknown_fields=True):
@@ -53,6 +56,7 @@ class Box(Struct, frozen=True, forbid_unknown_fields=True):
     size: tuple[Positive, Positive, Positive]
     yaw: float = 0.0
     z: float = 0.0
+    colour: Colour = "#9e754d"
 
 
 class Person(Struct, frozen=True, forbid_unknown_fields=True):
@@ -76,6 +80,7 @@ class World(Struct, frozen=True, forbid_unknown_fields=True):
     tables: list[Table] = []
     chairs: list[Chair] = []
     boxes: list[Box] = []
+    decoration: list[Box] = []  # seen by colour cameras only
     people: list[Person] = []
     starts: list[tuple[float, float, float]] = []
 

@@ -1,20 +1,25 @@
-"""The head's colour camera: MuJoCo draws off-screen through EGL, without shadows.
+"""MuJoCo draws pictures in colour off-screen through EGL, without shadows.
 
-A context belongs to the thread that made it: make, use and close a `Camera` in one thread.
+A context belongs to the thread that made it: make, use and close a `Drawing` in one thread.
 """
 
 from __future__ import annotations
 
 import math
+import os
 from typing import Any
+
+# Mesa draws in software, if this computer has no graphics card: on this thread alone, not on all cores at once.
+os.environ.setdefault("LP_NUM_THREADS", "0")
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.simulator.cameras.lens import HEAD_LENS, Lens
 from robots.simulator.joints.joint_table import CameraPose
 from robots.simulator.physics.mujoco_world import Onlooker
-from robots.simulator.sensors.depth import FOCAL_PX, HEIGHT, WIDTH
+from robots.simulator.physics.scene import DECORATION_GROUP
 
 _MOST_GEOMS = 500
 
@@ -23,8 +28,8 @@ class NoCameraError(Exception):
     """This machine cannot draw without a display."""
 
 
-class Camera:
-    """Takes pictures in colour; raises `NoCameraError` if this computer cannot draw."""
+class Drawing:
+    """Draws the pictures of all colour cameras; raises `NoCameraError` if this computer cannot draw."""
 
     def __init__(self, onlooker: Onlooker) -> None:
         self._context = _context()
@@ -34,22 +39,23 @@ class Camera:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._options = mujoco.MjvOption()
+        self._options.geomgroup[DECORATION_GROUP] = 1
         self._renderer = mujoco.MjrContext(onlooker.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._renderer)
-        self._frame = mujoco.MjrRect(0, 0, WIDTH, HEIGHT)
         self._view = mujoco.MjvCamera()
 
-    def image(self, pose: CameraPose) -> NDArray[np.uint8]:
-        """The camera image from `pose` (base frame): (480, 640, 3), red green blue."""
+    def image(self, pose: CameraPose, lens: Lens) -> NDArray[np.uint8]:
+        """The picture of a camera at `pose` (base frame): (height, width, 3), red green blue."""
         looker = self._onlooker
         everything = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
             looker.model, looker.data, self._options, None, self._view, everything, self._scene
         )
-        self._aim(pose)
-        mujoco.mjr_render(self._frame, self._scene, self._renderer)
-        upside_down = np.empty((HEIGHT, WIDTH, 3), dtype=np.uint8)
-        mujoco.mjr_readPixels(upside_down, None, self._frame, self._renderer)
+        self._aim(pose, lens)
+        frame = mujoco.MjrRect(0, 0, lens.width, lens.height)
+        mujoco.mjr_render(frame, self._scene, self._renderer)
+        upside_down = np.empty((lens.height, lens.width, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(upside_down, None, frame, self._renderer)
         return upside_down[::-1]
 
     def close(self) -> None:
@@ -57,7 +63,7 @@ class Camera:
         self._renderer.free()
         self._context.free()
 
-    def _aim(self, pose: CameraPose) -> None:
+    def _aim(self, pose: CameraPose, lens: Lens) -> None:
         """Place both of the scene's eyes at the camera."""
         robot = self._onlooker.pose
         cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
@@ -69,10 +75,10 @@ class Camera:
             eye.forward = axes[:, 0]
             eye.up = axes[:, 2]
             near = eye.frustum_near
-            eye.frustum_top = near * HEIGHT / 2.0 / FOCAL_PX
+            eye.frustum_top = near * lens.height / 2.0 / lens.focal_px
             eye.frustum_bottom = -eye.frustum_top
             eye.frustum_center = 0.0
-            eye.frustum_width = near * WIDTH / 2.0 / FOCAL_PX
+            eye.frustum_width = near * lens.width / 2.0 / lens.focal_px
 
 
 def _context() -> Any:
@@ -84,6 +90,6 @@ def _context() -> Any:
     except (ImportError, AttributeError, OSError) as error:
         raise NoCameraError(str(error)) from error
     try:
-        return GLContext(WIDTH, HEIGHT)
+        return GLContext(HEAD_LENS.width, HEAD_LENS.height)
     except (ImportError, RuntimeError, GraphicsError) as error:
         raise NoCameraError(str(error)) from error

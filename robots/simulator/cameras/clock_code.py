@@ -1,0 +1,50 @@
+"""A code of the monotonic time in a picture, so that a picture on a page tells when it was taken.
+
+Along the top edge lie 40 blocks of 16 x 16 pixels of a picture 640 pixels wide: white, black, 32 bits of time (0.1 ms
+since the start of CLOCK_MONOTONIC, most significant first, modulo 2**32), 4 bits of parity, black, white. A white
+block is a one. The parity is the exclusive or of the eight groups of four bits, and of 1010. Blocks survive JPEG and
+H.264, and half the size; benchmarks/parts/camera_page.py reads them from a canvas.
+"""
+
+from __future__ import annotations
+
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+BLOCKS = 40
+TICKS_PER_S = 10_000
+_TIME_BITS = 32
+_BEFORE, _AFTER = (1, 0), (0, 1)
+
+
+def draw_clock(pixels: NDArray[np.uint8], monotonic_s: float) -> None:
+    """Draw the code of a time into a picture (height, width, 3); its width is a multiple of 40."""
+    side = pixels.shape[1] // BLOCKS
+    ticks = round(monotonic_s * TICKS_PER_S) % 2**_TIME_BITS
+    code = np.array((*_BEFORE, *_bits(ticks, _TIME_BITS), *_bits(_parity(ticks), 4), *_AFTER), dtype=np.uint8)
+    pixels[:side] = np.repeat(code * 255, side)[None, :, None]
+
+
+def read_clock(pixels: NDArray[np.uint8]) -> float | None:
+    """Return the time in a picture (height, width, 3), in seconds modulo 2**32 / 10,000; None if there is no code."""
+    side = pixels.shape[1] / BLOCKS
+    middles = ((np.arange(BLOCKS) + 0.5) * side).astype(int)
+    bits = (pixels[int(side / 2), middles].mean(axis=-1) > 127).astype(int).tolist()
+    ticks, parity = _number(bits[2:34]), _number(bits[34:38])
+    if (*bits[:2], *bits[38:]) != (*_BEFORE, *_AFTER) or parity != _parity(ticks):
+        return None
+    return ticks / TICKS_PER_S
+
+
+def _parity(ticks: int) -> int:
+    return reduce(lambda parity, shift: parity ^ (ticks >> shift) & 0b1111, range(0, _TIME_BITS, 4), 0b1010)
+
+
+def _bits(number: int, count: int) -> list[int]:
+    return [number >> place & 1 for place in reversed(range(count))]
+
+
+def _number(bits: list[int]) -> int:
+    return reduce(lambda number, bit: number << 1 | bit, bits, 0)

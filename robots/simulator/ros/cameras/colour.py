@@ -1,0 +1,132 @@
+"""A colour camera: raw and compressed picture, camera info."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import rospy
+from numpy.typing import NDArray
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from robots.simulator.cameras import encoding
+from robots.simulator.cameras.clock_code import draw_clock
+from robots.simulator.cameras.lens import HEAD_LENS, REAR_LENS, Lens
+from robots.simulator.faults import Faults
+from robots.simulator.joints.frames import OPTICAL_FRAME, frames, place
+from robots.simulator.joints.joint_table import CameraPose, camera_pose
+from robots.simulator.robot import Robot
+from robots.simulator.ros.cameras.drawing_thread import DrawingThread, Moment
+from robots.simulator.ros.cameras.messages import anybody, camera_info, stamped
+from robots.simulator.sensors.body import Body, CameraMount
+
+_WRONG_SIZE = Lens(100, 100, 50.0)
+
+
+class Make(NamedTuple):
+    """One make of camera: topic, frame, lens, pose, and whether it sends compressed pictures, too."""
+
+    topic: str
+    frame: str
+    lens: Lens
+    pose: Callable[[], CameraPose]
+    compressed: bool = False
+    clock: bool = False  # draws the clock code
+    breaks: bool = False  # has the faults named camera_
+
+
+def head_camera(robot: Robot, *, clock: bool) -> Make:
+    """The head's camera, as on TIAGo."""
+
+    def pose() -> CameraPose:
+        return camera_pose(robot.player.positions)
+
+    return Make("/xtion/rgb", OPTICAL_FRAME, HEAD_LENS, pose, compressed=True, clock=clock, breaks=True)
+
+
+def rear_camera(body: Body, mount: CameraMount) -> Make:
+    """A camera that looks back, without compressed pictures."""
+    placed = CameraPose(*place(frames(body), mount.link, {}))
+    return Make("/rear_camera", mount.optical_frame, REAR_LENS, lambda: placed)
+
+
+class CameraPublisher:
+    """Publishes the pictures of one colour camera."""
+
+    def __init__(self, robot: Robot, thread: DrawingThread, make: Make) -> None:
+        self._robot = robot
+        self._thread = thread
+        self._make = make
+        self._raw = rospy.Publisher(f"{make.topic}/image_raw", Image, queue_size=1, tcp_nodelay=True)
+        self._publishers = [self._raw]
+        self._compressed = None
+        if make.compressed:
+            self._compressed = rospy.Publisher(
+                f"{make.topic}/image_raw/compressed", CompressedImage, queue_size=1, tcp_nodelay=True
+            )
+            self._publishers.append(self._compressed)
+        self._info = rospy.Publisher(f"{make.topic}/camera_info", CameraInfo, queue_size=1, tcp_nodelay=True)
+        self._publishers.append(self._info)
+        self._number = 0
+        self._requested_s = -math.inf
+        self._last: list[tuple[rospy.Publisher, Any]] = []  # the messages of the last picture
+
+    def publish(self, stamp: rospy.Time) -> None:
+        """Request a picture, if it has subscribers."""
+        faults, now_s = self._faults, time.monotonic()
+        if not anybody(*self._publishers) or self._thread.blind or faults.camera_dead:
+            return
+        if faults.camera_rate_hz and now_s < self._requested_s + 1.0 / faults.camera_rate_hz:
+            return
+        self._requested_s = now_s
+        self._thread.request(self, Moment(stamp, now_s, self._robot.physics.snapshot(), self._make.pose()))
+
+    def take(self, thread: DrawingThread, moment: Moment) -> None:
+        """Draw and publish, on the drawing thread."""
+        if not self._faults.camera_frozen or not self._last:
+            pixels = thread.colour(moment, self._make.lens)
+            if pixels is None:
+                return
+            if self._make.clock:
+                draw_clock(pixels, moment.monotonic_s)
+            self._number += 1
+            self._last = self._messages(pixels, moment)
+        for publisher, message in self._last:
+            publisher.publish(message)
+
+    @property
+    def _faults(self) -> Faults:
+        return self._robot.faults if self._make.breaks else Faults()
+
+    def _messages(self, pixels: NDArray[np.uint8], moment: Moment) -> list[tuple[rospy.Publisher, Any]]:
+        found: list[tuple[rospy.Publisher, Any]] = [(self._info, self._camera_info())]
+        if self._raw.get_num_connections():
+            raw = encoding.raw(pixels, self._number, self._faults)
+            message = Image(
+                height=raw.height, width=raw.width, encoding=raw.encoding, step=raw.step, data=raw.data
+            )
+            found.append((self._raw, message))
+        if self._compressed is not None and self._compressed.get_num_connections():
+            kind, data = encoding.compressed(pixels, self._number, self._faults)
+            found.append(
+                (self._compressed, CompressedImage(format=f"rgb8; {kind} compressed bgr8", data=data))
+            )
+        for _, message in found:
+            stamped(message, moment.stamp, self._make.frame)
+        return found
+
+    def _camera_info(self) -> CameraInfo:
+        """The lens; with a fault, in turn: not calibrated (zeros), another size, not a number."""
+        info = camera_info(self._make.lens)
+        if self._faults.camera_info_wrong:
+            match self._number % 3:
+                case 0:
+                    info.K, info.P = [0.0] * 9, [0.0] * 12
+                case 1:
+                    info = camera_info(_WRONG_SIZE)
+                case 2:
+                    info.K, info.P = [math.nan] * 9, [math.nan] * 12
+        return info

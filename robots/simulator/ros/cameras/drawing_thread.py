@@ -1,0 +1,89 @@
+"""One thread takes the pictures of all cameras, so that they never hold the robot up."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import rospy
+from numpy.typing import NDArray
+
+from robots.simulator.cameras.drawing import Drawing, NoCameraError
+from robots.simulator.cameras.lens import Lens
+from robots.simulator.joints.joint_table import CameraPose
+from robots.simulator.physics.mujoco_world import Onlooker, Physics, Snapshot
+
+log = logging.getLogger(__name__)
+
+_END_S = 2.0
+
+
+class Moment(NamedTuple):
+    """The world and the camera at one moment. `monotonic_s`: that moment on CLOCK_MONOTONIC."""
+
+    stamp: rospy.Time
+    monotonic_s: float
+    snapshot: Snapshot
+    camera: CameraPose
+
+
+class Taker(Protocol):
+    """A camera: takes and publishes a picture, on the drawing thread."""
+
+    def take(self, thread: DrawingThread, moment: Moment) -> None:
+        """Take the picture of `moment`; `thread.onlooker` shows the world as it was."""
+
+
+class DrawingThread:
+    """Takes pictures in the order of the requests. A camera has one waiting request: a newer one takes its place."""
+
+    def __init__(self, physics: Physics) -> None:
+        self.onlooker = Onlooker(physics)
+        self.blind = False  # this computer cannot draw in colour
+        self._drawing: Drawing | None = None
+        self._waiting: dict[Taker, Moment] = {}
+        self._ending = False
+        self._news = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name="drawing", daemon=True)
+        self._thread.start()
+
+    def request(self, taker: Taker, moment: Moment) -> None:
+        """Let `taker` take a picture of `moment` soon."""
+        with self._news:
+            self._waiting[taker] = moment
+            self._news.notify()
+
+    def colour(self, moment: Moment, lens: Lens) -> NDArray[np.uint8] | None:
+        """Draw the world in colour: (height, width, 3), red green blue; None if this computer cannot."""
+        if self._drawing is None and not self.blind:
+            try:
+                self._drawing = Drawing(self.onlooker)
+            except NoCameraError as error:
+                self.blind = True
+                log.warning("no colour camera on this machine: %s", error)
+        return self._drawing.image(moment.camera, lens) if self._drawing is not None else None
+
+    def close(self) -> None:
+        """End the thread; only it can release the drawing context."""
+        with self._news:
+            self._ending = True
+            self._news.notify()
+        self._thread.join(_END_S)
+
+    def _run(self) -> None:
+        while (request := self._next()) is not None:
+            taker, moment = request
+            self.onlooker.follow(moment.snapshot)
+            taker.take(self, moment)
+        if self._drawing is not None:
+            self._drawing.close()
+
+    def _next(self) -> tuple[Taker, Moment] | None:
+        with self._news:
+            self._news.wait_for(lambda: self._waiting or self._ending)
+            if self._ending:
+                return None
+            taker = next(iter(self._waiting))
+            return taker, self._waiting.pop(taker)
