@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from types import TracebackType
 from typing import Any
@@ -72,12 +72,13 @@ _DRIVE = """
 
 
 @asynccontextmanager
-async def signed_in(stack: Stack, cookie: str) -> AsyncIterator[Page]:
-    """Context: an empty page of a signed-in person."""
+async def signed_in(stack: Stack, cookie: str, mapped: Sequence[str] = ()) -> AsyncIterator[Page]:
+    """Context: an empty page of a signed-in person. `mapped`: Chromium's rules for other addresses of hosts."""
     async with AsyncExitStack() as closing:
         playwright = await closing.enter_async_context(async_playwright())
         browser = await playwright.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
+            executable_path=CHROMIUM,
+            args=["--no-sandbox", "--disable-gpu", *(f"--host-resolver-rules={rule}" for rule in mapped)],
         )
         closing.push_async_callback(browser.close)
         context = await browser.new_context()
@@ -87,6 +88,16 @@ async def signed_in(stack: Stack, cookie: str) -> AsyncIterator[Page]:
         ]
         await context.add_cookies(cookies)
         yield await context.new_page()
+
+
+async def clock_offset_s(page: Page) -> float:
+    """Return the start of performance.now(): the navigation's start, which DevTools reports on CLOCK_MONOTONIC."""
+    tools = await page.context.new_cdp_session(page)
+    await tools.send("Performance.enable")
+    answer = await tools.send("Performance.getMetrics")
+    metrics = {metric["name"]: metric["value"] for metric in answer["metrics"]}
+    await tools.detach()
+    return float(metrics["NavigationStart"])
 
 
 async def topics_shown_s(stack: Stack, slug: str, cookie: str, topics: int) -> float:
@@ -112,7 +123,7 @@ class ChromiumPage:
         self._page: Page = await self._closing.enter_async_context(signed_in(self._stack, self._cookie))
         # A page of the console's origin without scripts.
         await self._page.goto(f"{self._stack.url}/healthz")
-        self._offset_s = await self._clock_offset_s()
+        self._offset_s = await clock_offset_s(self._page)
         address = f"{self._stack.url.replace('http', 'ws', 1)}/ws/robots/{self._slug}/"
         self.full_turn_radps = await self._page.evaluate(_OPEN, address)
         return self
@@ -126,12 +137,3 @@ class ChromiumPage:
         """Send these turns at this period; returns when each was sent, in seconds of CLOCK_MONOTONIC."""
         sent_ms: list[float] = await self._page.evaluate(_DRIVE, [turns, 1000.0 * period_s, share])
         return [self._offset_s + ms / 1000.0 for ms in sent_ms]
-
-    async def _clock_offset_s(self) -> float:
-        """Return the start of performance.now(): the navigation's start, which DevTools reports on CLOCK_MONOTONIC."""
-        tools = await self._page.context.new_cdp_session(self._page)
-        await tools.send("Performance.enable")
-        answer = await tools.send("Performance.getMetrics")
-        metrics = {metric["name"]: metric["value"] for metric in answer["metrics"]}
-        await tools.detach()
-        return float(metrics["NavigationStart"])

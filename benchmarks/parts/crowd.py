@@ -1,10 +1,11 @@
 """Many viewers of one robot, in a separate process:
 
-    python -m benchmarks.parts.crowd HOST PORT SLUG ORIGIN COUNT [--stall]
+    python -m benchmarks.parts.crowd HOST PORT SLUG ORIGIN COUNT [--camera NAME] [--stall]
 
 reads a Cookie header from stdin, opens COUNT control pages and acknowledges every view. It prints "ready", then
-for every view and viewer a line: viewer's number, arrival (monotonic ns), checksum of the view. With --stall
-the last viewer says hello and then reads nothing at all.
+for every view and viewer a line: viewer's number, arrival (monotonic ns), checksum of the view. With --camera it
+opens camera sockets instead and prints the pictures' numbers; lines "watch" and "end" of stdin begin and end watching.
+With --stall the last viewer says hello and then reads nothing at all.
 
 Fifty WebSockets of a library would keep this process busier than the measured console, so a page here does the minimum.
 It assumes that the console sends no fragments.
@@ -12,11 +13,14 @@ It assumes that the console sends no fragments.
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import secrets
 import sys
 import time
 import zlib
+
+import msgspec
 
 from robots import wire
 
@@ -31,15 +35,52 @@ def frame(text: bytes) -> bytes:
     return bytes((_TEXT, _MASKED | len(text))) + _NO_MASK + text
 
 
-ACKNOWLEDGE = frame(wire.encode(wire.Ack()))
+class Views:
+    """Views of a control page."""
+
+    path = ""
+    _acknowledge = frame(wire.encode(wire.Ack()))
+
+    def hello(self) -> bytes:
+        """Return the first frame."""
+        return frame(wire.encode(wire.Hello(secrets.token_urlsafe(24))))
+
+    def seen(self, message: bytes) -> tuple[int, bytes] | None:
+        """Return what identifies this view, and the answer; None for other messages."""
+        return (zlib.crc32(message), self._acknowledge) if message.startswith(VIEW) else None
+
+
+class Pictures:
+    """Pictures of one camera."""
+
+    path = "camera/"
+
+    def __init__(self, camera: str) -> None:
+        self._camera = camera
+        self.watch = frame(wire.encode(wire.CameraWatch(camera)))
+        self.end = frame(wire.encode(wire.CameraEnd(camera)))
+
+    def hello(self) -> bytes:
+        """Return the first frame."""
+        return self.watch
+
+    def seen(self, message: bytes) -> tuple[int, bytes] | None:
+        """Return the picture's number, and the answer; None for messages without a picture."""
+        if message.startswith(b"{"):
+            return None
+        header = msgspec.json.decode(
+            message[4 : 4 + int.from_bytes(message[:4], "big")], type=wire.PictureHeader
+        )
+        return header.number, frame(wire.encode(wire.CameraAck(self._camera, header.number)))
 
 
 class Page(asyncio.Protocol):
-    """A control page that draws nothing."""
+    """A page that draws nothing."""
 
-    def __init__(self, number: int, request: bytes, *, stalls: bool) -> None:
+    def __init__(self, number: int, request: bytes, shown: Views | Pictures, *, stalls: bool) -> None:
         self._number = number
         self._request = request
+        self._shown = shown
         self._stalls = stalls
         self._received = b""
         self.opened: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -57,9 +98,13 @@ class Page(asyncio.Protocol):
         if not self.opened.done():
             self._open()
         while self.opened.done() and (text := self._next()) is not None:
-            if text.startswith(VIEW):
-                self._transport.write(ACKNOWLEDGE)
-                sys.stdout.write(f"{self._number} {now_ns} {zlib.crc32(text)}\n")
+            if (seen := self._shown.seen(text)) is not None:
+                self._transport.write(seen[1])
+                sys.stdout.write(f"{self._number} {now_ns} {seen[0]}\n")
+
+    def send(self, text_frame: bytes) -> None:
+        """Send one frame."""
+        self._transport.write(text_frame)
 
     def _open(self) -> None:
         head, end, rest = self._received.partition(b"\r\n\r\n")
@@ -68,7 +113,7 @@ class Page(asyncio.Protocol):
         if b" 101 " not in head.partition(b"\r\n")[0]:
             raise ConnectionRefusedError(head.decode())
         self._received = rest
-        self._transport.write(frame(wire.encode(wire.Hello(secrets.token_urlsafe(24)))))
+        self._transport.write(self._shown.hello())
         if self._stalls:
             self._transport.pause_reading()
         self.opened.set_result(None)
@@ -81,16 +126,18 @@ class Page(asyncio.Protocol):
         begin, length = 2, received[1]
         if length == 126:
             begin, length = 4, int.from_bytes(received[2:4], "big")
+        elif length == 127:
+            begin, length = 10, int.from_bytes(received[2:10], "big")
         if len(received) < begin + length:
             return None
         self._received = received[begin + length :]
         return received[begin : begin + length]
 
 
-def upgrade(host: str, port: str, slug: str, origin: str, cookie: str) -> bytes:
+def upgrade(host: str, port: str, path: str, origin: str, cookie: str) -> bytes:
     """Return the request that opens a WebSocket."""
     lines = (
-        f"GET /ws/robots/{slug}/ HTTP/1.1",
+        f"GET {path} HTTP/1.1",
         f"Host: {host}:{port}",
         f"Origin: {origin}",
         f"Cookie: {cookie}",
@@ -104,18 +151,37 @@ def upgrade(host: str, port: str, slug: str, origin: str, cookie: str) -> bytes:
 
 async def main() -> None:
     """Run until killed."""
-    host, port, slug, origin, count, *rest = sys.argv[1:]
-    request = upgrade(host, port, slug, origin, sys.stdin.readline().strip())
+    parser = argparse.ArgumentParser()
+    for word in ("host", "port", "slug", "origin"):
+        parser.add_argument(word)
+    parser.add_argument("count", type=int)
+    parser.add_argument("--camera")
+    parser.add_argument("--stall", action="store_true")
+    asked = parser.parse_args()
+    shown = Pictures(asked.camera) if asked.camera else Views()
+    path = f"/ws/robots/{asked.slug}/{shown.path}"
+    request = upgrade(asked.host, asked.port, path, asked.origin, sys.stdin.readline().strip())
     loop = asyncio.get_running_loop()
-    for number in range(int(count)):
-        stalls = "--stall" in rest and number == int(count) - 1
-        page = Page(number, request, stalls=stalls)
-        await loop.create_connection(lambda page=page: page, host, int(port))  # type: ignore[misc]
+    pages = []
+    for number in range(asked.count):
+        stalls = asked.stall and number == asked.count - 1
+        page = Page(number, request, shown, stalls=stalls)
+        await loop.create_connection(lambda page=page: page, asked.host, int(asked.port))  # type: ignore[misc]
         await page.opened
+        pages.append(page)
+    if isinstance(shown, Pictures):
+        loop.add_reader(sys.stdin, obey, pages, {"watch": shown.watch, "end": shown.end})
     print("ready", flush=True)
     while True:  # write records in blocks: writing must not affect the measurement
         await asyncio.sleep(0.2)
         sys.stdout.flush()
+
+
+def obey(pages: list[Page], frames: dict[str, bytes]) -> None:
+    """Do what the next line of stdin says, on all pages."""
+    word = sys.stdin.readline().strip()
+    for page in pages:
+        page.send(frames[word])
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ Run by the distribution's Python, on the master in ROS_MASTER_URI:
     ros_side.py watch_map            reads the bytes of this map, as a display does
     ros_side.py live                 strings at 100 Hz to /bench_live
     ros_side.py many                 500 topics without messages
+    ros_side.py watch_camera         subscribes to the head camera, so that it takes pictures all the time
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ DRIVE_TOPIC = "/key_vel"
 BARE_TOPIC = "/bench_bare"
 RATE_HZ = 50.0
 LIVE_TOPIC, LIVE_HZ = "/bench_live", 100.0
+CAMERA_TOPIC = "/xtion/rgb/image_raw/compressed"
 MANY = 500
 
 
@@ -132,6 +134,12 @@ def publish_many() -> None:
     rospy.spin()
 
 
+def watch_camera() -> None:
+    """Subscribe to the camera."""
+    rospy.Subscriber(CAMERA_TOPIC, rospy.AnyMsg, lambda _message: None, tcp_nodelay=True)
+    rospy.spin()
+
+
 def main() -> None:
     """Run the role of the first argument."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
@@ -144,6 +152,7 @@ def main() -> None:
         "watch_map": watch_map,
         "live": publish_live,
         "many": publish_many,
+        "watch_camera": watch_camera,
     }
     roles[role](*words)
 

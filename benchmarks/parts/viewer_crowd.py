@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
+import time
 from collections import defaultdict
+from collections.abc import Callable
 from types import TracebackType
 
 from script.stack.places import REPOSITORY
@@ -15,19 +17,34 @@ READY_S = 60.0
 
 
 class Crowd:
-    """Async context: `count` viewers of `slug`. `seen`: view's checksum -> viewer's number -> arrival in seconds."""
+    """Async context: `count` viewers of `slug`. `seen`: view's checksum -> viewer's number -> arrival in seconds.
 
-    def __init__(self, stack: Stack, slug: str, cookie: str, count: int, *, one_stalls: bool = False) -> None:
+    With `camera` they watch that camera, and `seen` has the pictures' numbers in place of checksums.
+    """
+
+    def __init__(
+        self,
+        stack: Stack,
+        slug: str,
+        cookie: str,
+        count: int,
+        *,
+        camera: str | None = None,
+        one_stalls: bool = False,
+    ) -> None:
         self._stack = stack
         self._slug = slug
         self._cookie = cookie
         self._count = count
+        self._camera = camera
         self._one_stalls = one_stalls
         self.seen: dict[int, dict[int, float]] = defaultdict(dict)
 
     async def __aenter__(self) -> Crowd:
         stack = self._stack
         words = [stack.hosts[0], str(stack.port), self._slug, stack.url, str(self._count)]
+        if self._camera:
+            words += ["--camera", self._camera]
         if self._one_stalls:
             words.append("--stall")
         self._process = await asyncio.create_subprocess_exec(
@@ -49,6 +66,20 @@ class Crowd:
         self._process.kill()
         await self._process.wait()
         await self._reader
+
+    async def watch(self, *, on: bool) -> None:
+        """Begin or end watching the camera, on all viewers."""
+        assert self._process.stdin  # noqa: S101 - we asked for a pipe
+        self._process.stdin.write(b"watch\n" if on else b"end\n")
+        await self._process.stdin.drain()
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        """Wait until `condition()` is true, which is checked from time to time."""
+        end_s = time.monotonic() + READY_S
+        while not condition():
+            if time.monotonic() > end_s:
+                raise TimeoutError("The viewers waited in vain.")
+            await asyncio.sleep(0.05)
 
     async def _opened(self, lines: asyncio.StreamReader) -> None:
         while await lines.readline() != b"ready\n":

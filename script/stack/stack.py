@@ -55,7 +55,7 @@ class PracticeRobot:
     """A simulated robot: its name in the registry and its pose (metres, degrees).
 
     Robot and console advertise these addresses to each other. `inside` is a command prefix that runs a command in
-    the robot's own network, if it has one.
+    the robot's own network, if it has one. `options` are further ones of its simulator.
     """
 
     slug: str
@@ -66,6 +66,8 @@ class PracticeRobot:
     inside: tuple[str, ...] = ()
     # (): no input filters between stick and gate; None: those of the profile
     stick: tuple[()] | None = None
+    rear_camera: bool = False
+    options: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ class Certificate:
 
 PRACTICE_ROBOTS = (
     PracticeRobot("tiago-1", "TIAGo One", (2.0, 1.8, 0.0)),
-    PracticeRobot("tiago-2", "TIAGo Two", (3.8, 2.4, 0.0)),
+    PracticeRobot("tiago-2", "TIAGo Two", (3.8, 2.4, 0.0), rear_camera=True),
     PracticeRobot("tiago-3", "TIAGo Three", (7.4, 4.9, 180.0)),
 )
 
@@ -134,6 +136,8 @@ class SimulatedRobot:
                 *self.plan.inside,
                 *(sys.executable, "-m", "robots.simulator", "--world", "office", "--name", self.plan.slug),
                 *(f"--pose={pose}", "--seed", str(self.plan.slug.encode()[-1])),
+                *(("--rear-camera",) if self.plan.rear_camera else ()),
+                *self.plan.options,
             ],
             self.environment,
         )
@@ -311,6 +315,7 @@ class Stack:
                 "master_uri": robot.master_uri,
                 "advertised_address": robot.plan.console_address,
                 "stick": robot.plan.stick,
+                "rear_camera": robot.plan.rear_camera,
             }
             for robot in self.robots.values()
         ]

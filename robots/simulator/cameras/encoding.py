@@ -83,9 +83,9 @@ def _declared_huge(jpeg: bytes) -> bytes:
 
 
 def _overwritten(data: bytes, number: int) -> bytes:
-    """Random bytes in place of all but the head."""
+    """Random bytes in place of all but head and end: only a decoder notices."""
     head = data.index(_START_OF_FRAME) + 40 if _START_OF_FRAME in data else 40
-    return data[:head] + np.random.default_rng(number).bytes(len(data) - head)
+    return data[:head] + np.random.default_rng(number).bytes(len(data) - head - 12) + data[-12:]
 
 
 @cache

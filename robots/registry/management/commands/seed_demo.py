@@ -1,6 +1,6 @@
 """``manage.py seed_demo FILE``: the practice robots and accounts of script/demo.
 
-FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick"}],
+FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick", "rear_camera"}],
 "accounts": [{"username", "role", "password"}]}, and perhaps "students" for `seed_demo_week`.
 A new robot gets a small allow-list for practice. A second run
 updates only the robots' masters. Prints {slug: path of the bridge's socket}.
@@ -36,6 +36,15 @@ ALLOWED = (
 )
 
 
+REAR_CAMERA = {
+    "name": "rear",
+    "label": "Rear camera",
+    "topic": "/rear_camera/image_raw",
+    "type": "sensor_msgs/Image",
+    "info": "/rear_camera/camera_info",
+}
+
+
 class PracticeRobot(Struct, frozen=True):
     """A robot of FILE."""
 
@@ -44,6 +53,7 @@ class PracticeRobot(Struct, frozen=True):
     master_uri: str
     advertised_address: str
     stick: list[Any] | None = None
+    rear_camera: bool = False
 
 
 class Account(Struct, frozen=True):
@@ -89,14 +99,17 @@ def seed_robot(planned: PracticeRobot) -> Robot:
     if robot is not None:
         robot.master_uri = planned.master_uri
         return robot_save(robot=robot, actor=here())
+    profile = RobotProfile.objects.get(slug=PROFILE)
+    cameras = {"cameras": [*profile.topics["cameras"], REAR_CAMERA]}
     robot = Robot(
         slug=planned.slug,
         name=planned.name,
-        profile=RobotProfile.objects.get(slug=PROFILE),
+        profile=profile,
         practice=True,
         master_uri=planned.master_uri,
         advertised_address=planned.advertised_address,
         stick=planned.stick,
+        overrides={"topics": cameras} if planned.rear_camera else {},
     )
     robot_save(robot=robot, actor=here())
     for allowed in ALLOWED:

@@ -1,0 +1,268 @@
+"""Live camera: glass to glass in Chromium beside plain MJPEG, cost, a slow network, a stalled viewer, commands.
+
+The simulated head camera draws the time into its pictures; Chromium's page reads it from its canvas. A picture's age
+counts from the robot's stamp, so drawing and encoding in the simulator are part of it. `FLEET_BENCH_PARTS`,
+`FLEET_BENCH_SECONDS`, `FLEET_BENCH_SLOTS`: fewer parts, shorter ones.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from benchmarks.drive import BARE_STICKS, SLOT, delays, drive
+from benchmarks.harness import Figure, progress, quantile
+from benchmarks.parts import process_stats
+from benchmarks.parts.cable import Cable, Profile
+from benchmarks.parts.camera_page import CameraPage, Measured, console_page, mjpeg_page
+from benchmarks.parts.observer import SYSTEM_PYTHON, Observer, start_ros_side
+from benchmarks.parts.priority import prefer_loops_or_say
+from benchmarks.parts.viewer_crowd import Crowd
+from script.stack.client import Driver, sign_in
+from script.stack.processes import ReservedPort
+from script.stack.stack import Stack, temporary_stack
+
+ROBOT, CAMERA = "tiago-1", "head"
+PLAN = replace(BARE_STICKS[0], options=("--camera-clock",))
+MJPEG = Path(__file__).parent / "parts/mjpeg.py"
+PARTS = ("glass", "slow", "stall", "cost", "commands")
+MEASURED_S = 20.0
+SETTLED_S = 3.0
+VIEWERS = 10
+SLOTS = 10  # with viewers and without, each, in turn
+SLOW = Profile("500 kbit/s, 100 ms", 500, 100)
+ADAPTED_S = 12.0  # until the quality fits a slow network
+AGE_P50_MS, AGE_P95_MS = 60.0, 120.0
+SLOW_HZ, SLOW_P95_MS = 8.0, 400.0
+LOST_PERCENT = 1.0
+CORE_PERCENT = 5.0
+COMMAND_TIMES = 1.2
+
+PageOf = Callable[[], AbstractAsyncContextManager[CameraPage]]
+
+
+def measure() -> list[Figure]:
+    """Run one robot; watch its camera."""
+    with temporary_stack((PLAN,)) as stack:
+        return asyncio.run(measure_on(stack))
+
+
+async def measure_on(stack: Stack) -> list[Figure]:
+    """Return all figures, one part after the other."""
+    parts = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()
+    prefer_loops_or_say(stack)
+    cookie = await asyncio.to_thread(sign_in, stack, "observer")
+    bench = Bench(stack, cookie)
+    figures: list[Figure] = []
+    with bench.mjpeg():
+        if "glass" in parts:
+            figures += await bench.glass_to_glass()
+        if "slow" in parts:
+            figures += await bench.slow_network()
+    if "stall" in parts:
+        figures += await bench.one_stalls()
+    if "cost" in parts:
+        figures += await bench.cost()
+    if "commands" in parts:
+        figures += await commands(stack, cookie)
+    return figures
+
+
+class Bench:
+    """One robot, its viewers and the baseline."""
+
+    def __init__(self, stack: Stack, cookie: str) -> None:
+        self._stack = stack
+        self._cookie = cookie
+        self._seconds = float(os.environ.get("FLEET_BENCH_SECONDS", MEASURED_S))
+        self._mjpeg_port = 0
+
+    @contextmanager
+    def mjpeg(self) -> Iterator[None]:
+        """Serve the same camera as MJPEG over HTTP, the baseline."""
+        port = ReservedPort()
+        self._mjpeg_port = port.number
+        robot = self._stack.robots[ROBOT]
+        command = [SYSTEM_PYTHON, str(MJPEG), str(port.number)]
+        child = self._stack.start_child("bench-mjpeg", command, robot.environment)
+        try:
+            yield
+        finally:
+            self._stack.release(child)
+            port.close()
+
+    # --- glass to glass ----------------------------------------------------------------------------
+
+    async def glass_to_glass(self) -> list[Figure]:
+        """Measure the age of pictures on a page: MJPEG, then ours with one and with ten viewers."""
+        mjpeg = await self._watched("MJPEG", lambda: mjpeg_page(self._stack, self._cookie, self._mjpeg_port))
+        figures = ages("MJPEG, 1 viewer", mjpeg)
+        alone = await self._watched("1 viewer", self._console)
+        figures += ages("1 viewer", alone, AGE_P50_MS, AGE_P95_MS)
+        async with self._crowd(VIEWERS - 1):
+            crowded = await self._watched(f"{VIEWERS} viewers", self._console)
+        figures += ages(f"{VIEWERS} viewers", crowded, AGE_P50_MS, AGE_P95_MS)
+        return figures
+
+    async def _watched(self, name: str, page_of: PageOf) -> Measured:
+        progress(f"{name} ...")
+        async with page_of() as page:
+            await asyncio.sleep(SETTLED_S)
+            return await page.measure(self._seconds)
+
+    def _console(self) -> AbstractAsyncContextManager[CameraPage]:
+        return console_page(self._stack, ROBOT, self._cookie)
+
+    def _crowd(self, count: int, *, one_stalls: bool = False) -> Crowd:
+        return Crowd(self._stack, ROBOT, self._cookie, count, camera=CAMERA, one_stalls=one_stalls)
+
+    # --- a slow network ----------------------------------------------------------------------------
+
+    async def slow_network(self) -> list[Figure]:
+        """Measure age and rate over a slow network. Pages load over a fast one, which then becomes slow."""
+        figures: list[Figure] = []
+        for name, port, limits in (
+            ("MJPEG", self._mjpeg_port, (None, None)),
+            ("ours", self._stack.port, (SLOW_P95_MS, SLOW_HZ)),
+        ):
+            progress(f"{name} at {SLOW.name} ...")
+            async with self._slow_page(name, port) as page:
+                measured = await page.measure(self._seconds)
+            title = f"{name} at {SLOW.name}"
+            figures += ages(title, measured, None, limits[0])
+            if limits[1] is not None:
+                period_ms = 1000.0 / measured.rate_hz if measured.rate_hz else math.nan
+                figures.append(Figure(f"{title}: between pictures", period_ms, "ms", 1000.0 / limits[1]))
+        return figures
+
+    @asynccontextmanager
+    async def _slow_page(self, name: str, port: int) -> AsyncIterator[CameraPage]:
+        async with AsyncExitStack() as closing:
+            cable = await closing.enter_async_context(Cable(("127.0.0.1", 0), ("127.0.0.1", port)))
+            if name == "MJPEG":
+                page = await closing.enter_async_context(mjpeg_page(self._stack, self._cookie, cable.port))
+            else:
+                opening = console_page(self._stack, ROBOT, self._cookie, cable.port)
+                page = await closing.enter_async_context(opening)
+            cable.profile = SLOW
+            await asyncio.sleep(ADAPTED_S)
+            yield page
+
+    # --- one viewer stalls -------------------------------------------------------------------------
+
+    async def one_stalls(self) -> list[Figure]:
+        """Let one of ten viewers read nothing; count the pictures that others miss."""
+        progress("one viewer stalls ...")
+        async with self._crowd(VIEWERS, one_stalls=True) as crowd:
+            await crowd.until(lambda: crowd.seen)
+            await asyncio.sleep(SETTLED_S)
+            crowd.seen.clear()
+            await asyncio.sleep(self._seconds)
+            numbers = sorted(crowd.seen)[1:-1]  # the first and the last are not complete
+            got = sum(len(crowd.seen[number]) for number in numbers)
+        made = numbers[-1] - numbers[0] + 1 if numbers else 0
+        lost = 100.0 * (1.0 - got / (made * (VIEWERS - 1))) if made else math.nan
+        return [
+            Figure("one stalls: pictures for each other", made / self._seconds, "/s"),
+            Figure("one stalls: others lose", lost, "%", LOST_PERCENT),
+        ]
+
+    # --- cost --------------------------------------------------------------------------------------
+
+    async def cost(self) -> list[Figure]:
+        """Measure the processor time that ten viewers of passed-through JPEG add."""
+        progress("cost ...")
+        await asyncio.sleep(SETTLED_S)
+        idle, _ = await self._used(0)
+        async with self._crowd(VIEWERS) as crowd:
+            await crowd.until(lambda: crowd.seen)
+            await asyncio.sleep(SETTLED_S)
+            [camera] = self._camera_processes()
+            crowd.seen.clear()
+            web, process = await self._used(camera)
+            shown_hz = sum(len(arrivals) for arrivals in crowd.seen.values()) / VIEWERS / self._seconds
+            memory = process_stats.resident_mb(camera)
+        name = f"{VIEWERS} viewers"
+        return [
+            Figure(f"{name}: web process adds", web - idle, "%"),
+            Figure(f"{name}: camera process", process, "%"),
+            Figure(f"{name}: both", web - idle + process, "%", CORE_PERCENT),
+            Figure(f"{name}: pictures each", shown_hz, "/s"),
+            Figure("camera process: memory", memory, "MB"),
+        ]
+
+    async def _used(self, camera: int) -> tuple[float, float]:
+        """Return the percent of a core that web process and camera process (its id, 0: none) use."""
+        pids = [self._stack.web.pid, *([camera] if camera else [])]
+        began_s, before_s = time.monotonic(), [process_stats.cpu_s(pid) for pid in pids]
+        await asyncio.sleep(self._seconds)
+        spent_s = time.monotonic() - began_s
+        used = [
+            100.0 * (process_stats.cpu_s(pid) - before) / spent_s
+            for pid, before in zip(pids, before_s, strict=True)
+        ]
+        return used[0], sum(used[1:])
+
+    def _camera_processes(self) -> list[int]:
+        return [
+            child
+            for bridge in process_stats.children(self._stack.supervisor.pid)
+            for child in process_stats.children(bridge)
+            if "robots.bridge.ros.camera" in process_stats.arguments(child)
+        ]
+
+
+def ages(
+    name: str, measured: Measured, p50_ms: float | None = None, p95_ms: float | None = None
+) -> list[Figure]:
+    """Return p50 and p95 of the pictures' ages on the page, and how many it showed."""
+    return [
+        Figure(f"{name}: age p50", measured.age_ms(0.50), "ms", p50_ms),
+        Figure(f"{name}: age p95", measured.age_ms(0.95), "ms", p95_ms),
+        Figure(f"{name}: pictures", measured.rate_hz, "/s"),
+    ]
+
+
+async def commands(stack: Stack, cookie: str) -> list[Figure]:
+    """Compare delays of commands with and without ten camera viewers, in turn.
+
+    A node of the robot subscribes to the camera all the time, so that the simulator always draws: only the console's
+    work differs.
+    """
+    progress(f"commands, with {VIEWERS} camera viewers and without, in turn ...")
+    robot = stack.robots[ROBOT]
+    watcher = start_ros_side(stack, robot, "watch_camera")
+    operator = await asyncio.to_thread(sign_in, stack, "operator")
+    alone_s: list[float] = []
+    watched_s: list[float] = []
+    async with (
+        Observer(robot) as observer,
+        Driver(stack, ROBOT, operator) as driver,
+        Crowd(stack, ROBOT, cookie, VIEWERS, camera=CAMERA) as crowd,
+    ):
+        await driver.take()
+        await driver.until(lambda: driver.state and all(sensor.ok for sensor in driver.state.sensors))
+        for _ in range(int(os.environ.get("FLEET_BENCH_SLOTS", SLOTS))):
+            await crowd.watch(on=False)
+            alone_s += await drive(driver, observer, SLOT)
+            crowd.seen.clear()
+            await crowd.watch(on=True)
+            await crowd.until(lambda: crowd.seen)
+            watched_s += await drive(driver, observer, SLOT)
+    stack.release(watcher)
+    return [
+        *delays("commands without viewers", alone_s),
+        *delays(f"commands with {VIEWERS} viewers", watched_s),
+        Figure(
+            f"commands with {VIEWERS} viewers p99 / without",
+            quantile(watched_s, 0.99) / quantile(alone_s, 0.99),
+            "times",
+            COMMAND_TIMES,
+        ),
+    ]

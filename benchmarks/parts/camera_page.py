@@ -1,0 +1,139 @@
+"""Reads the clock code of camera pictures from a canvas in a real browser: how old each picture is when it is shown."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from playwright.async_api import Page
+
+from benchmarks.harness import quantile
+from benchmarks.parts.chromium import clock_offset_s, signed_in
+from robots.simulator.cameras.clock_code import BLOCKS, TICKS_PER_S
+from script.stack.stack import Stack
+
+CANVAS = "canvas.camera-picture"  # of a robot's page
+FIRST_PICTURE_S = 30.0
+
+# At each frame of the page: [time in the picture in 0.1 ms, performance.now()] of each new picture. `from` is an image
+# that is drawn into the canvas first. The code is described in robots/simulator/cameras/clock_code.py.
+_WATCH = """
+([selector, from, blocks]) => {
+  const canvas = document.querySelector(selector);
+  const image = from && document.querySelector(from);
+  const pen = canvas.getContext("2d");
+  const seen = (window.benchSeen = []);
+  const bits = (ones, begin, end) => ones.slice(begin, end).reduce((number, one) => number * 2 + one, 0);
+  const read = () => {
+    const side = canvas.width / blocks;
+    if (side < 4) return null;
+    const row = pen.getImageData(0, Math.floor(side / 2), canvas.width, 1).data;
+    const ones = Array.from({ length: blocks }, (_, block) => {
+      const at = 4 * Math.floor((block + 0.5) * side);
+      return row[at] + row[at + 1] + row[at + 2] > 381 ? 1 : 0;
+    });
+    let parity = 10;
+    for (let group = 2; group < 34; group += 4) parity ^= bits(ones, group, group + 4);
+    const framed = ones[0] && !ones[1] && !ones[38] && ones[39];
+    return framed && parity === bits(ones, 34, 38) ? bits(ones, 2, 34) : null;
+  };
+  let last = null;
+  const look = () => {
+    if (image && image.complete !== undefined && image.naturalWidth) pen.drawImage(image, 0, 0);
+    const ticks = read();
+    if (ticks !== null && ticks !== last) seen.push([ticks, performance.now()]);
+    last = ticks ?? last;
+    requestAnimationFrame(look);
+  };
+  requestAnimationFrame(look);
+}
+"""
+
+
+class Shown(NamedTuple):
+    """A picture: its age in seconds when the page first showed it, and that moment (CLOCK_MONOTONIC)."""
+
+    age_s: float
+    at_s: float
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All pictures of some seconds."""
+
+    pictures: list[Shown]
+    seconds: float
+
+    def age_ms(self, share: float) -> float:
+        """Return a quantile of the ages, in milliseconds."""
+        return 1000.0 * quantile([picture.age_s for picture in self.pictures], share)
+
+    @property
+    def rate_hz(self) -> float:
+        """Return the pictures shown in a second."""
+        return len(self.pictures) / self.seconds
+
+
+class CameraPage:
+    """A page whose canvas shows pictures with a clock code."""
+
+    def __init__(self, page: Page, offset_s: float) -> None:
+        self._page = page
+        self._offset_s = offset_s
+
+    async def measure(self, seconds: float) -> Measured:
+        """Watch for some seconds."""
+        await self._page.evaluate("window.benchSeen.length = 0")
+        await asyncio.sleep(seconds)
+        seen: list[list[float]] = await self._page.evaluate("window.benchSeen")
+        shown = []
+        for ticks, at_ms in seen:
+            at_s = self._offset_s + at_ms / 1000.0
+            shown.append(Shown((at_s - ticks / TICKS_PER_S) % (2**32 / TICKS_PER_S), at_s))
+        return Measured(shown, seconds)
+
+
+async def _watching(page: Page, canvas: str, image: str | None) -> CameraPage:
+    await page.wait_for_selector(canvas)
+    await page.evaluate(_WATCH, [canvas, image, BLOCKS])
+    await page.wait_for_function("window.benchSeen.length > 0", timeout=1000.0 * FIRST_PICTURE_S)
+    return CameraPage(page, await clock_offset_s(page))
+
+
+@asynccontextmanager
+async def console_page(
+    stack: Stack, slug: str, cookie: str, port: int | None = None
+) -> AsyncIterator[CameraPage]:
+    """Context: the robot's page, which shows its camera. `port` is that of a cable to the console."""
+    rules = (f"MAP {stack.hosts[0]}:{stack.port} {stack.hosts[0]}:{port}",) if port else ()
+    async with signed_in(stack, cookie, rules) as page:
+        await page.goto(f"{stack.url}/robots/{slug}/")
+        yield await _watching(page, CANVAS, None)
+
+
+@asynccontextmanager
+async def mjpeg_page(stack: Stack, cookie: str, port: int) -> AsyncIterator[CameraPage]:
+    """Context: a page that shows a plain MJPEG stream."""
+    async with AsyncExitStack() as closing:
+        page = await closing.enter_async_context(signed_in(stack, cookie))
+        await until_connected(port)
+        await page.goto(f"http://127.0.0.1:{port}/", wait_until="commit")  # its stream never ends
+        yield await _watching(page, "canvas", "img")
+
+
+async def until_connected(port: int) -> None:
+    """Wait until a server listens on this port."""
+    end_s = time.monotonic() + FIRST_PICTURE_S
+    while time.monotonic() < end_s:
+        try:
+            _, writer = await asyncio.open_connection("127.0.0.1", port)
+        except OSError:
+            await asyncio.sleep(0.1)
+        else:
+            writer.close()
+            return
+    raise TimeoutError(f"Nobody listens on port {port}.")
