@@ -82,6 +82,8 @@ class Person:
         socket.on("framesent", self._sent)
 
     def _received(self, frame: str | bytes) -> None:
+        if isinstance(frame, bytes):
+            return  # a camera's picture
         message = json.loads(frame)
         self.heard[message["t"]] = message
 

@@ -76,7 +76,9 @@ export class CameraPanel {
   set drives(drives) {
     this.#drives = drives;
     this.#head.mayAct = drives;
-    if (!drives) this.#reported = false; // nobody is limited by it any more
+    if (drives || !this.#reported) return;
+    this.#reported = false;
+    this.#report(null);
   }
 
   close() {

@@ -175,11 +175,12 @@ export class Head {
 
   #look({ pan, tilt }) {
     this.#sentMs = performance.now();
-    this.#ask({ t: "look_at", pan, tilt });
+    this.#ask({ t: "turn_head", pan, tilt });
   }
 
-  /** A refused drag ends: its next part would be refused, too. */
+  /** A refused drag ends: its next part would be refused, too. A late answer is no refusal. */
   async #ask(order) {
-    if (await this.#order({ ...order, quiet: true })) this.#end();
+    const refusal = await this.#order({ ...order, quiet: true });
+    if (refusal && refusal.code !== "no_answer") this.#end();
   }
 }

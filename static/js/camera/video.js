@@ -12,12 +12,11 @@ export async function decodesVideo() {
   }
 }
 
-/** Decodes in order, from a key picture on; a gap or damage makes it wait for the next key picture. */
+/** Decodes in order, from a key picture on; damage makes it wait for the next key picture. */
 export class VideoStream {
   #painter;
   #decoder = null;
   #waiting = new Map(); // headers in the decoder, by number
-  #last = null; // number of the picture decoded last
 
   /**
    * @param {object} painter
@@ -31,8 +30,7 @@ export class VideoStream {
   decode(header, bytes) {
     const { number, key } = header;
     if (key) this.#begin();
-    else if (!this.#decoder || number !== this.#last + 1) return this.#fail(header);
-    this.#last = number;
+    else if (!this.#decoder) return this.#painter.damaged(header);
     this.#waiting.set(number, header);
     const type = key ? "key" : "delta";
     try {
@@ -65,9 +63,9 @@ export class VideoStream {
     frame.close();
   }
 
-  /** All in the decoder is lost, and so is this picture that does not follow on it. */
-  #fail(...unfit) {
-    const lost = [...this.#waiting.values(), ...unfit];
+  /** All in the decoder is lost. */
+  #fail() {
+    const lost = [...this.#waiting.values()];
     this.close();
     for (const header of lost) this.#painter.damaged(header);
   }

@@ -42,7 +42,7 @@ export class Views extends EventTarget {
       },
       { signal },
     );
-    on("view-bar", "keydown", (event) => {
+    on("picture-area", "keydown", (event) => {
       if (event.key !== "Escape" || !this.#isOpen) return;
       this.#open(false);
       parts["view-open"].focus();

@@ -14,7 +14,7 @@ function orderText(order) {
   switch (order.t) {
     case "look_ahead":
       return gettext("Look ahead");
-    case "look_at":
+    case "turn_head":
       return gettext("Turn the head");
     case "forget":
       return gettext("Forget what was seen");

@@ -82,7 +82,7 @@ describe("the picture as a handle of the head", () => {
     vi.advanceTimersByTime(1000);
     expect(orders.length).toBeGreaterThan(3);
     expect(orders.length).toBeLessThanOrEqual(6);
-    expect(orders.every(({ t, quiet }) => t === "look_at" && quiet)).toBe(true);
+    expect(orders.every(({ t, quiet }) => t === "turn_head" && quiet)).toBe(true);
     const pan = orders.reduce((sum, order) => sum + order.pan, 0);
     expect(pan).toBeCloseTo(200 / 500, 2); // 100 px of the page are 200 of the picture
     expect(orders.every(({ tilt }) => tilt === 0)).toBe(true);
@@ -94,7 +94,7 @@ describe("the picture as a handle of the head", () => {
     expect(orders).toEqual([]);
     vi.advanceTimersByTime(100);
     expect(orders).toEqual([
-      { t: "look_at", pan: Math.atan(-0.2), tilt: Math.atan(-0.2), quiet: true },
+      { t: "turn_head", pan: Math.atan(-0.2), tilt: Math.atan(-0.2), quiet: true },
     ]);
   });
 
@@ -127,6 +127,16 @@ describe("the picture as a handle of the head", () => {
     expect(orders).toHaveLength(1);
   });
 
+  it("goes on when only the answer is late", async () => {
+    refused = { code: "no_answer", text: "No answer within 0.75 s." };
+    point("pointerdown", 200, 100);
+    point("pointermove", 250, 100);
+    await vi.advanceTimersByTimeAsync(0);
+    point("pointermove", 300, 100);
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(orders).toHaveLength(2);
+  });
+
   it.each(["moves", "mayAct"])("does nothing without %s", (name) => {
     head[name] = false;
     expect(area.dataset.turns).toBe(undefined);
@@ -140,8 +150,8 @@ describe("the picture as a handle of the head", () => {
   it("turns by buttons, too", () => {
     for (const key of keys.children) key.click();
     expect(orders).toEqual([
-      { t: "look_at", pan: 0.15, tilt: 0, quiet: true },
-      { t: "look_at", pan: 0, tilt: 0.15, quiet: true },
+      { t: "turn_head", pan: 0.15, tilt: 0, quiet: true },
+      { t: "turn_head", pan: 0, tilt: 0.15, quiet: true },
       { t: "look_ahead", quiet: true },
     ]);
     head.mayAct = false;
