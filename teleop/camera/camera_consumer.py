@@ -54,6 +54,8 @@ class CameraConsumer(RobotSocket):
     async def robot_edited(self, entry: RobotEntry) -> None:
         """Tell the page the robot's cameras, and watch on where they are now."""
         await self._send_cameras(entry)
+        for gone in self._viewers.keys() - {camera.name for camera in entry.facts.cameras}:
+            await self._end(gone)
         if self._feed is not None and self._feed.link is not self.hub.link:
             viewers = dict(self._viewers)
             await self._end_all()

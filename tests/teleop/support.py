@@ -184,6 +184,15 @@ class FakeBridge:
                 link.report(wire.Accepted(kind, message.seq, fence))
 
 
+def _decoded(event: dict[str, Any]) -> dict[str, Any]:
+    """Return a message; a camera picture as {"t": "picture", "encoded": ..., and the fields of its header}."""
+    if event.get("text") is not None:
+        return json.loads(event["text"])
+    frame = event["bytes"]
+    begin = 4 + int.from_bytes(frame[:4], "big")
+    return {"t": "picture", "encoded": frame[begin:], **json.loads(frame[4:begin])}
+
+
 class Page:
     """One page in one browser tab."""
 
@@ -242,21 +251,21 @@ class Page:
             event = await self._event()
             if event["type"] == "websocket.close":
                 return int(event["code"])
-            self.inbox.append(json.loads(event["text"]))
+            self.inbox.append(_decoded(event))
 
     async def hears_nothing(self, t: str, within_s: float = 0.2) -> None:
         with suppress(asyncio.TimeoutError):
             while True:
                 event = await asyncio.wait_for(self._socket.output_queue.get(), within_s)
-                message = json.loads(event["text"])
+                message = _decoded(event)
                 assert message["t"] != t, message
                 self.inbox.append(message)
 
     async def _message(self) -> dict[str, Any]:
         event = await self._event()
         assert event["type"] == "websocket.send", event
-        self.last_raw = event["text"]
-        return json.loads(self.last_raw)
+        self.last_raw = event.get("text", "")
+        return _decoded(event)
 
     async def _event(self) -> dict[str, Any]:
         got = asyncio.ensure_future(self._socket.output_queue.get())

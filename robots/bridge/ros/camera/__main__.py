@@ -18,10 +18,10 @@ from typing import Any
 import msgspec
 
 from robots import wire
+from robots.bridge.camera.picture_server import PictureServer
 from robots.bridge.config import BridgeConfig
 from robots.bridge.ros import child_node
 from robots.bridge.ros.bounds.memory import limit_memory
-from robots.bridge.ros.camera.picture_server import PictureServer
 from robots.bridge.ros.camera.producer import Producer
 from robots.bridge.ros.network.master import CAMERA
 from robots.bridge.ros.vital import start_vital

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 
 from robots.bridge.camera.encoding import VIDEO_HZ, VIDEO_WIDTH, Video, decoded, small
 from robots.bridge.camera.image_header import Damaged
+from robots.bridge.camera.picture_server import Wants
 from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.camera.camera_topics import Arrival, CameraPicture, CameraTopics
 from robots.bridge.ros.sensors.tf import TfTopics
@@ -23,8 +24,6 @@ log = logging.getLogger(__name__)
 STATE_S = 0.5  # between two looks at cameras that are silent
 THUMBNAIL_HZ = 1.0  # below this rate, the camera is unsubscribed between two pictures
 EARLY_SHARE = 0.8  # of the time between two pictures: a picture may come a little early
-
-Wants = Mapping[str, Mapping[Variant, float]]
 
 
 class _Watched:

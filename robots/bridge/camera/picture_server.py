@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -16,11 +16,12 @@ from websockets.exceptions import ConnectionClosed
 from robots import wire
 from robots.bridge.camera.camera_client import socket_path
 from robots.bridge.config import LinkAddress
-from robots.bridge.ros.camera.producer import Wants
 from robots.bridge.server.listening import listen, remove_socket
-from robots.wire import CameraAt, CameraState, TakenPicture, WireError
+from robots.wire import CameraAt, CameraState, TakenPicture, Variant, WireError
 
 log = logging.getLogger(__name__)
+
+Wants = Mapping[str, Mapping[Variant, float]]  # camera -> variant -> highest rate (Hz)
 
 
 class _Waiting(NamedTuple):
