@@ -78,9 +78,9 @@ class CameraConsumer(RobotSocket):
                     await self.refuse(kind_of(message), _no_camera(camera))
             case wire.CameraEnd(camera=camera):
                 await self._end(camera)
-            case wire.CameraAck(camera=camera, number=number):
+            case wire.CameraAck(camera=camera, number=number, damaged=damaged):
                 if self._feed is not None and camera in self._viewers:
-                    self._viewers[camera].acknowledge(number)
+                    self._viewers[camera].acknowledge(number, damaged)
                     self._feed.acknowledged()
             case wire.Ping(sent_ms=sent_ms):
                 now_ms = round(time.monotonic() * 1000.0, 3)

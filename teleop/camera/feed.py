@@ -51,8 +51,12 @@ class CameraViewer:
         self._broken = True  # video: earlier pictures are missing
         self.delay_s: float | None = None  # from sending to acknowledgement
 
-    def acknowledge(self, number: int) -> None:
-        """Note that this picture, and so each earlier one, was painted or thrown away."""
+    def acknowledge(self, number: int, damaged: bool = False) -> None:
+        """Note that this picture, and so each earlier one, was painted or thrown away.
+
+        After a `damaged` one the page decodes no video until the next key picture.
+        """
+        self._broken |= damaged
         now_s = time.monotonic()
         for earlier in [waiting for waiting in self._unacknowledged if waiting <= number]:
             self.delay_s = now_s - self._unacknowledged.pop(earlier)

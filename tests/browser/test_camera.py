@@ -83,7 +83,9 @@ def test_the_whole_screen_keeps_joystick_and_stop(person: Arrive) -> None:
         ), name
     observer.part("view-open").click()
     x, y = observer.middle_of("stop")
-    assert observer.page.evaluate("([x, y]) => document.elementFromPoint(x, y).closest('.stop') !== null", [x, y])
+    assert observer.page.evaluate(
+        "([x, y]) => document.elementFromPoint(x, y).closest('.stop') !== null", [x, y]
+    )
     observer.part("full-screen").click()
     expect(observer.page.locator("main[data-full]")).to_have_count(0)
     assert observer.complaints == []
