@@ -100,7 +100,11 @@ class CameraPage:
 async def _watching(page: Page, canvas: str, image: str | None) -> CameraPage:
     await page.wait_for_selector(canvas)
     await page.evaluate(_WATCH, [canvas, image, BLOCKS])
-    await page.wait_for_function("window.benchSeen.length > 0", timeout=1000.0 * FIRST_PICTURE_S)
+    end_s = time.monotonic() + FIRST_PICTURE_S
+    while not await page.evaluate("window.benchSeen.length"):
+        if time.monotonic() > end_s:
+            raise TimeoutError(f"{page.url} shows no picture with a clock code.")
+        await asyncio.sleep(0.1)
     return CameraPage(page, await clock_offset_s(page))
 
 

@@ -48,6 +48,7 @@ class Handler(BaseHTTPRequestHandler):
     """Serves the page and its stream."""
 
     newest = Newest()
+    protocol_version = "HTTP/1.1"
 
     def do_GET(self) -> None:
         """Answer one request; a stream goes on until the client leaves."""
