@@ -121,6 +121,12 @@ class Person:
         """Press the visible button of this name."""
         self.page.get_by_role("button", name=name).click()
 
+    def open_drawer(self, name: str) -> None:
+        """Open a drawer of a small screen. On a wide screen its contents are in sight anyway."""
+        opener = self.page.get_by_role("button", name=name, exact=True)
+        if opener.is_visible() and opener.get_attribute("aria-expanded") == "false":
+            opener.click()
+
     # --- control ---------------------------------------------------------------------------------
 
     def take(self, slug: str) -> None:

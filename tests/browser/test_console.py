@@ -273,6 +273,7 @@ def test_choices_are_visible_in_forced_colours(person: Arrive) -> None:
 def test_notices_are_logged_and_never_cover_stop_or_stick(person: Arrive, width: int, height: int) -> None:
     observer = person("observer", width=width, height=height)
     observer.watch("tiago-2")
+    observer.open_drawer("Actions")
     play = observer.part("motion-list").get_by_role("button").first
     play.wait_for()
     for _ in range(6):

@@ -147,6 +147,9 @@ def test_axe_accepts_control_stopped_page_and_dialogs(person: Arrive, theme: str
     staff = person("staff", theme=theme, width=360, height=640)
     staff.take("tiago-1")
     assert found_by_axe(staff) == []
+    for drawer in ("Actions", "More"):
+        staff.open_drawer(drawer)
+        assert found_by_axe(staff) == [], drawer
     staff.press("Details")
     assert found_by_axe(staff) == []
     staff.page.keyboard.press("Escape")
@@ -166,7 +169,9 @@ def test_joystick_and_stop_are_visible_in_every_window(person: Arrive, width: in
     everything_is_in_sight(operator, width, height)
     stick, stop = places_of_stick_and_stop(operator)
     assert stick["x"] < stop["x"] or width < height
-    operator.press("Swap")
+    operator.open_drawer("More")
+    operator.press("Swap sides")
+    operator.page.keyboard.press("Escape")
     assert operator.page.locator("[data-sides=swapped]").count() == 1
     everything_is_in_sight(operator, width, height)
     stick, stop = places_of_stick_and_stop(operator)
@@ -193,7 +198,6 @@ def test_controls_fit_a_finger_and_do_not_jump(person: Arrive) -> None:
     hand_over = operator.page.get_by_role("button", name="Hand over to Staff")
     hand_over.wait_for()
     assert (box_of(keep), places_on_tabs(operator)) == places
-    assert not overlap(box_of(hand_over), box_of(operator.page.locator(".motions .hit").first))
     assert too_small(operator) == []
     operator.page.locator("summary").click()
     assert too_small(operator) == []
@@ -203,12 +207,12 @@ def test_controls_fit_a_finger_and_do_not_jump(person: Arrive) -> None:
 
 
 def places_on_tabs(person: Person) -> list[dict[str, float]]:
-    """Places of stick, stop, first motion and first phrase; also checks that no control is too small."""
+    """Places of stick, speeds, stop, first motion and phrase; also checks that no control is too small."""
     places = []
     for tab, names in {
         "motions": [".motions .hit"],
         "speech": [".phrases .hit"],
-        "centre": [".zone", ".motions .hit", ".phrases .hit"],
+        "centre": [".zone", ".openers", ".segments"],
     }.items():
         person.page.evaluate("tab => { location.hash = tab }", tab)
         person.page.locator(f".control[data-tab={tab}]").wait_for()
@@ -216,6 +220,29 @@ def places_on_tabs(person: Person) -> list[dict[str, float]]:
         for name in [*names, "form.stop .stop-button"]:
             places.append(box_of(person.page.locator(name).first))
     return places
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_the_picture_has_two_fifths_of_an_upright_phone(person: Arrive, theme: str) -> None:
+    operator = person("operator", width=360, height=640, touch=True, theme=theme)
+    operator.take("tiago-2")
+    picture = box_of(operator.part("picture"))
+    assert picture["width"] * picture["height"] >= 0.4 * 360 * 640
+    widest = "() => Math.max(...[...document.querySelectorAll('*')].map((one) => one.scrollWidth))"
+    for drawer, name in (("Actions", "Play Wave"), ("More", "Look ahead")):
+        operator.open_drawer(drawer)
+        operator.page.get_by_role("button", name=name, exact=drawer == "More").scroll_into_view_if_needed()
+        assert too_small(operator) == [], drawer
+        assert operator.page.evaluate(widest) <= 360, drawer
+    operator.open_drawer("Actions")
+    operator.press("Phrases")
+    operator.page.locator(".phrases .hit").first.click()
+    operator.until(lambda: operator.state["speech"], "the phrase")
+    operator.push("a", until=lambda: operator.state["odometry"]["w"] > 0.05, what="a turn")
+    expect(operator.page.locator("#actions")).to_be_hidden()  # nobody drives without the picture
+    operator.let_go("a")
+    operator.until(lambda: operator.state["speech"] is None, "its end")
+    operator.release()
 
 
 def too_small(person: Person) -> list[str]:
@@ -308,7 +335,9 @@ def test_nothing_that_opens_covers_the_stop(person: Arrive, width: int, height: 
     operator.take("tiago-1")
     staff.watch("tiago-1")
     nothing_covers_the_stop(staff, width, height)
-    staff.press("Swap")
+    staff.open_drawer("More")
+    staff.press("Swap sides")
+    staff.page.keyboard.press("Escape")
     nothing_covers_the_stop(staff, width, height)
     operator.release()
 
@@ -324,6 +353,7 @@ def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
 
     assert is_free()
     if width < 1000:
+        staff.open_drawer("More")
         staff.press("Details")
         assert is_free()
         staff.page.keyboard.press("Escape")

@@ -24,6 +24,7 @@ import { TaskPanel } from "../tasks/task_panel.js";
 import { isHeld, isSilent, isStale, seenAt } from "./control_banner.js";
 import { ControlPanel } from "./control_panel.js";
 import { ControlRequests, isControlRequest } from "./control_requests.js";
+import { Drawers } from "./drawers.js";
 import { StatusBar } from "./status_bar.js";
 import { StopButton } from "./stop_button.js";
 
@@ -39,6 +40,9 @@ const SHOWN_ELSEWHERE = new Set([
   "motion_running",
   "robot_offline",
 ]);
+
+// Notices of the console that the panel of control shows: a person who asks stands in its list.
+const SHOWN_BY_PANEL = new Set(["asked"]);
 
 class ControlPage {
   #root;
@@ -64,6 +68,7 @@ class ControlPage {
   #notices;
   #taskPanel;
   #tabs;
+  #drawers;
   #screen = screenLock();
   #echoes = new DelayEchoes();
   #echoTrips = new RoundTrips();
@@ -121,6 +126,7 @@ class ControlPage {
       });
     }
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
+    this.#drawers = new Drawers(root);
     this.#requests = new ControlRequests(
       (message) => this.#socket.send(message),
       (notice) => this.#notices.add(notice),
@@ -153,6 +159,7 @@ class ControlPage {
     this.#listening.abort();
     for (const end of this.#endings) end();
     this.#camera?.close();
+    this.#drawers.end();
     const opened = [
       this.#panel,
       this.#options,
@@ -196,7 +203,7 @@ class ControlPage {
     });
     on(this.#tabs, "change", ({ tab, before }) => this.#changed(tab, before));
     on(this.#joystick, "released", ({ reason }) => this.#stickReleased(reason));
-    on(this.#stick, "change", ({ axes }) => this.#statusBar.hint(this.#reverseHint(axes)));
+    on(this.#stick, "change", ({ axes, input }) => this.#stickMoved(axes, input));
     on(this.#parts.clear, "click", () => {
       this.#stopAsked = this.#state?.stop.number ?? 0;
       this.#clear.ask();
@@ -242,7 +249,13 @@ class ControlPage {
   /** Another tab is shown: the base stands, without a stop. */
   #changed(tab, before) {
     if (before !== null) this.#zero("tab-changed");
+    this.#drawers.close();
     if (!this.#outdated) this.#taskPanel.tab = tab;
+  }
+
+  #stickMoved(axes, input) {
+    this.#statusBar.hint(this.#reverseHint(axes));
+    if (input && input !== "turn") this.#drawers.close(); // that one is held by a button in a drawer
   }
 
   /** The socket, with every command's number remembered until the robot's bridge echoes it. */
@@ -297,7 +310,7 @@ class ControlPage {
         this.#taskPanel.offers = message;
         return;
       case "notice":
-        return this.#notices.add(message);
+        return this.#notices.add({ ...message, quiet: SHOWN_BY_PANEL.has(message.code) });
       case "refused":
         return this.#onRefused(message);
       case "bridge_gone":
@@ -334,11 +347,9 @@ class ControlPage {
     this.#panel.control = control;
     const begins = this.#mine && control.fence !== fence;
     if (begins) this.#stick.neutralise("control-began");
-    // Without having been asked for just now it was handed over, or goes on after a reload or a loss of the connection.
-    if (!this.#requests.heard(control) && begins) {
-      const handed = gettext("Control was handed to you.");
-      this.#tell("success", "control", asking ? handed : gettext("You have control."));
-    }
+    // Without having been asked for just now: it was handed over.
+    if (!this.#requests.heard(control) && begins && asking)
+      this.#tell("success", "control", gettext("Control was handed to you."));
     // "away" and "elsewhere" may be this tab itself, before it has its control again.
     if (this.#left && ["free", "other"].includes(control.state))
       this.#tell("warning", "left", gettext("Control ended while the connection was lost."));

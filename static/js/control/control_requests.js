@@ -106,7 +106,7 @@ export class ControlRequests {
   done(t, control = {}) {
     if (!this.#forget(t)) return;
     const text = doneText(t, control);
-    if (text) this.#tell({ level: "success", code: `${t} done`, text });
+    if (text) this.#tell({ level: "success", code: `${t} done`, text, quiet: true }); // panel and banner show it
   }
 
   refused(t, { code, text }) {

@@ -1,7 +1,9 @@
 /** The side panel: sensors, standing limits, who watches, what the robot refused. */
 
 import { make, say, sayOrHide, show } from "../lib/dom.js";
+import { timeText } from "../lib/times.js";
 import { overloadText, watchdogText } from "./control_banner.js";
+import { namesOf, plain, sensorName, stickWords } from "./plain_words.js";
 
 function sensorText({ ok, age_s: ageS, text }) {
   if (text) return text;
@@ -29,6 +31,12 @@ export function skewText({ clock_skew_s: skewS }) {
   return interpolate(text, [Math.abs(skewS).toFixed(1)]);
 }
 
+/** A sensor's plain name over its technical one, and how it is. */
+function sensorRow() {
+  const name = make("span", { className: "first-upper", children: [make("span"), make("code")] });
+  return make("li", { children: [name, make("span")] });
+}
+
 function sameTexts(list, texts) {
   return (
     list.children.length === texts.length &&
@@ -42,16 +50,35 @@ function fill(list, texts) {
 
 export class Details {
   #parts;
+  #names = new Map(); // of distance sensors
 
   constructor(parts) {
     this.#parts = parts;
+  }
+
+  set facts({ sonars, stick, drive_topic: topic, profile }) {
+    this.#names = namesOf(sonars);
+    say(this.#parts["drive-topic"], topic);
+    say(this.#parts.profile, profile);
+    say(this.#parts["stick-words"], stickWords(stick));
+    say(this.#parts["stick-steps"], stick);
+  }
+
+  /** @param {{text: string, limit: number, at: Date}[]} reasons the last ones, newest first */
+  set reasons(reasons) {
+    const rows = reasons.map(({ text, limit, at }) => {
+      const speed =
+        limit > 0 ? interpolate(gettext("%s m/s"), [limit.toFixed(2)]) : gettext("stood");
+      return `${timeText(at)}: ${text} (${speed})`;
+    });
+    fill(this.#parts.reasons, rows.length ? rows : [gettext("Nothing yet")]);
   }
 
   set state(state) {
     const { watchers, sensors, clock, latency, foreign, refusals } = this.#parts;
     const { "all-limits": limits, overload, watchdog } = this.#parts;
     const { limits: standing = [] } = state.verdict;
-    const texts = standing.map(({ text }) => text);
+    const texts = standing.map(({ text }) => plain(text, this.#names));
     fill(limits, texts.length ? texts : [gettext("None")]);
     say(latency, latencyText(state));
     say(watchers, watchersText(state));
@@ -72,11 +99,11 @@ export class Details {
 
   #showSensors(list, sensors) {
     sensors.forEach((sensor, i) => {
-      const row =
-        list.children[i] ??
-        list.appendChild(make("li", { children: [make("span"), make("span")] }));
-      say(row.children[0], sensor.name);
-      say(row.children[1], sensorText(sensor));
+      const row = list.children[i] ?? list.appendChild(sensorRow());
+      const [name, technical] = row.children[0].children;
+      say(name, sensorName(sensor, this.#names));
+      say(technical, sensor.name);
+      say(row.children[1], plain(sensorText(sensor), this.#names));
       row.dataset.level = sensor.ok ? "ok" : "fail";
     });
     while (list.children.length > sensors.length) list.lastElementChild.remove();

@@ -12,6 +12,8 @@ import {
   verdictText,
 } from "./control_banner.js";
 import { Details, fill } from "./details.js";
+import { namesOf, plain } from "./plain_words.js";
+import { Reasons } from "./reasons.js";
 import { SAID_MS } from "./stop_button.js";
 
 const LOW_BATTERY_PERCENT = 20;
@@ -21,6 +23,8 @@ export class StatusBar {
   #parts;
   #details;
   #announcer;
+  #reasons = new Reasons();
+  #names = new Map(); // plain names of sensors, by technical ones
   #bannerTitle = "";
   #stopSaid = { text: "", untilMs: 0 };
 
@@ -46,9 +50,8 @@ export class StatusBar {
   }
 
   set facts(robot) {
-    say(this.#parts["drive-topic"], robot.drive_topic);
-    say(this.#parts.profile, robot.profile);
-    say(this.#parts["stick-steps"], robot.stick);
+    this.#names = namesOf(robot.sonars);
+    this.#details.facts = robot;
   }
 
   /** Show the progress of a pressed stop, until the robot itself reports it. */
@@ -110,13 +113,17 @@ export class StatusBar {
   #showGate(verdict, cut) {
     const { words, limits } = this.#parts;
     const standing = cut ? [] : limitsOf(verdict);
-    fill(
-      limits,
-      standing.map(({ text }) => text),
-    );
+    const texts = standing.map(({ text }) => plain(text, this.#names));
+    fill(limits, texts);
     for (const [i, { holds }] of standing.entries()) mark(limits.children[i], "held", holds);
-    const text = cut ? "" : verdictText(verdict);
-    say(words, standing.some(({ holds }) => holds) ? "" : text); // once is enough
+    const text = cut ? "" : plain(verdictText(verdict), this.#names);
+    const now = performance.now();
+    this.#reasons.hear(verdict, text, now);
+    const shown = text || (cut ? "" : this.#reasons.recent(now));
+    const once = standing.some(({ holds }) => holds) || texts.includes(shown);
+    say(words, once ? "" : shown); // the limits above it say it already
+    mark(words, "past", !text);
+    this.#details.reasons = this.#reasons.list;
     if (text) this.#announcer.say(text, `${verdict.code} ${verdict.side}`);
   }
 }

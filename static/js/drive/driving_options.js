@@ -1,6 +1,6 @@
 /** How a person wants to drive: speed, what sideways means, a stick that stays, which side is which. */
 
-import { makeButton, mark, say, show } from "../lib/dom.js";
+import { make, makeButton, mark, say, show } from "../lib/dom.js";
 import { recall, remember } from "../lib/prefs.js";
 
 /** A speed as people walk; up to so many m/s. */
@@ -17,6 +17,12 @@ function paces() {
 /** How fast that is, in words. Pure. @param {number} speed m/s */
 export function paceText(speed) {
   return paces().find(([upTo]) => speed <= upTo)[1];
+}
+
+/** A speed on a button: 0.4, but 0.25. Pure. @param {number} speed m/s */
+export function speedText(speed) {
+  const text = speed.toFixed(2);
+  return text.endsWith("0") ? text.slice(0, -1) : text;
 }
 
 /** The speed shares offered: steps of a fifth, as far as the robot's own limit allows. */
@@ -65,13 +71,11 @@ export class DrivingOptions extends EventTarget {
     show(this.#parts.slides, holonomic);
     const shares = sharesUpTo(max_share);
     const buttons = shares.map((share) => {
+      const speed = speedText(share * limits.forward_mps);
       const percent = Math.round(share * 100);
-      const button = makeButton({ text: `${percent}`, data: { share } }, () => this.#pick(share));
-      button.setAttribute(
-        "aria-label",
-        interpolate(gettext("%s percent of full speed"), [percent]),
-      );
-      return button;
+      const unit = make("span", { className: "only-read", text: " m/s, " });
+      const children = [speed, unit, make("small", { text: `${percent} %` })];
+      return makeButton({ data: { share }, children }, () => this.#pick(share));
     });
     this.#parts.shares.replaceChildren(...buttons);
     this.#pick(shares.includes(this.#share) ? this.#share : firstShare(shares, default_share));

@@ -23,6 +23,7 @@ export class Joystick extends EventTarget {
   #timer = null;
   #sticky = false;
   #slides = false;
+  #onChange = ({ detail }) => this.#follow(detail);
   #onZero = ({ detail }) => this.#letGo(detail.reason);
 
   /** @param {HTMLElement} zone @param {import("./stick.js").Stick} stick */
@@ -31,6 +32,7 @@ export class Joystick extends EventTarget {
     this.#zone = zone;
     this.#stick = stick;
     this.#stick.addEventListener("zero", this.#onZero);
+    this.#stick.addEventListener("change", this.#onChange);
     this.#observer = new ResizeObserver(() => this.#fit());
     this.#observer.observe(zone);
   }
@@ -59,6 +61,7 @@ export class Joystick extends EventTarget {
   close() {
     this.#observer.disconnect();
     this.#stick.removeEventListener("zero", this.#onZero);
+    this.#stick.removeEventListener("change", this.#onChange);
     this.#letGo("closed");
     this.#collection?.destroy();
     factory.destroy();
@@ -95,6 +98,16 @@ export class Joystick extends EventTarget {
   #move({ x: right, y: up }) {
     if (!this.#touched) return;
     this.#stick.feed("joystick", fromJoystick({ right, up }, this.#slides));
+  }
+
+  /** The knob goes where keys, a gamepad or a button move the stick, and back with them. */
+  #follow({ axes, input }) {
+    if (input === "joystick" || this.#touched || this.#held || !this.#collection) return;
+    const [right, down] = [-(axes.w || axes.y), -axes.x];
+    const reach = (0.5 * RING * this.#size) / Math.max(Math.hypot(right, down), 1);
+    const [x, y] = [right * reach, down * reach];
+    const { frontPosition: now } = this.#knob;
+    if (x !== now.x || y !== now.y) this.#knob.setPosition(undefined, { x, y });
   }
 
   #release() {

@@ -24,6 +24,7 @@ const COLOURS = [
   "unseen",
   "robot",
   "robot-edge",
+  "arm",
   "path",
   "path-body",
   "hold",
@@ -34,6 +35,10 @@ export function moves([vx, vy, w]) {
   return (
     Math.abs(vx) > SLOWEST_SHOWN || Math.abs(vy) > SLOWEST_SHOWN || Math.abs(w) > SLOWEST_SHOWN
   );
+}
+
+function away([x, y]) {
+  return Math.hypot(x, y);
 }
 
 export class Picture {
@@ -230,7 +235,7 @@ export class Picture {
 
   #drawRobot(pixel) {
     const pen = this.#pen;
-    this.#drawArm(this.#view.state.arm ?? []);
+    this.#drawArm(this.#view.state.arm ?? [], pixel);
     this.#outline(this.#facts.footprint);
     pen.fillStyle = this.#colour.robot;
     pen.fill();
@@ -247,14 +252,27 @@ export class Picture {
     pen.fill();
   }
 
-  #drawArm(discs) {
+  /** The arm from the body to its end, as wide as it counts, and named at the end. */
+  #drawArm(discs, pixel) {
+    if (discs.length === 0) return;
     const pen = this.#pen;
-    pen.fillStyle = this.#colour["robot-edge"];
-    for (const [x, y, radius] of discs) {
+    const radius = discs[0][2];
+    pen.lineCap = "round";
+    pen.lineJoin = "round";
+    for (const [colour, width] of [
+      ["robot-edge", 2 * radius],
+      ["arm", 2 * radius - 4 * pixel],
+    ]) {
       pen.beginPath();
-      pen.arc(x, y, radius, 0, 2 * Math.PI);
-      pen.fill();
+      pen.moveTo(0, 0);
+      for (const [x, y] of discs) pen.lineTo(x, y);
+      pen.strokeStyle = this.#colour[colour];
+      pen.lineWidth = Math.max(width, pixel);
+      pen.stroke();
     }
+    const [x, y] = discs.reduce((far, disc) => (away(disc) > away(far) ? disc : far));
+    const beyond = 1 + (radius + 12 * pixel) / away([x, y]);
+    this.#write(gettext("arm"), x * beyond, y * beyond, pixel);
   }
 
   #drawHold(point, pixel) {

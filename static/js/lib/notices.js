@@ -6,9 +6,9 @@ import { SearchList } from "./list.js";
 import { timeText } from "./times.js";
 
 const SHOWN_MS = 5000;
-const SHOWN_AT_MOST = 4;
-const SHOWN_WHERE_LOW = 2; // more would cover what one presses
-const LOW = "(max-height: 34.9375em)";
+const SHOWN_AT_MOST = 3;
+const SHOWN_WHERE_SMALL = 1; // more would cover the picture
+const SMALL = "(max-width: 68.6875em), (max-height: 39.9375em)";
 const KEPT = 100;
 const ANNOUNCED_MS = 1500; // then a screen reader has it, and finds it on the page once
 const LEAST_MS = 1000; // for what was held until its time was nearly over
@@ -156,14 +156,15 @@ export class Notices {
    * @param {object} notice
    * @param {"success" | "info" | "warning" | "error"} notice.level
    * @param {string} notice.code what it is about: the same while one is shown is one, counted
+   * @param {boolean} [notice.quiet] the page shows it already: it is only logged, and read to those who listen
    */
-  add({ level, code, text }) {
+  add({ level, code, text, quiet = false }) {
     const key = `${level} ${code}`;
     const before = this.#shown.get(key);
     const entry = before?.entry ?? { level, times: 0 };
     Object.assign(entry, { text, times: entry.times + 1, at: new Date() });
     if (before) before.item.update(entry);
-    else this.#begin(key, entry);
+    else if (!quiet) this.#begin(key, entry);
     this.#announce(key, entry);
     this.#log = [entry, ...this.#log.filter((other) => other !== entry)].slice(0, KEPT);
     if (this.#parts["log-dialog"].open) this.#list.items = this.#log;
@@ -177,7 +178,7 @@ export class Notices {
   }
 
   #begin(key, entry) {
-    const most = matchMedia(LOW).matches ? SHOWN_WHERE_LOW : SHOWN_AT_MOST;
+    const most = matchMedia(SMALL).matches ? SHOWN_WHERE_SMALL : SHOWN_AT_MOST;
     if (this.#shown.size >= most) this.#oldest.end();
     const item = new Shown(entry, (hadFocus) => this.#ended(key, hadFocus));
     this.#shown.set(key, { item, entry });

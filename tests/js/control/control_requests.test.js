@@ -38,7 +38,7 @@ describe("control requests", () => {
     expect(requests.heard(control)).toBe(true);
     expect(requests.heard(control)).toBe(false);
     vi.advanceTimersByTime(20_000);
-    expect(told).toEqual([{ level: "success", code: `${t} done`, text }]);
+    expect(told).toEqual([{ level: "success", code: `${t} done`, text, quiet: true }]);
   });
 
   it("are not answered by an older state", () => {

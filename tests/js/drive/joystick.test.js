@@ -63,6 +63,17 @@ describe("the joystick", () => {
     expect(stick.axes).toEqual(NEUTRAL);
   });
 
+  it("shows where keys hold the stick", () => {
+    const knob = zone.querySelector(".front");
+    stick.feed("keyboard", { x: 1, y: 0, w: 0 });
+    expect(knob.style.transform).toBe("translate(0px, -72px)");
+    stick.feed("keyboard", { x: 1, y: 0, w: 1 });
+    expect(knob.style.transform).toMatch(/^translate\(-50\.9\d*px, -50\.9\d*px\)$/); // within the rim
+    stick.feed("keyboard", NEUTRAL);
+    expect(knob.style.transform).toBe("translate(0px, 0px)");
+    expect(stick.axes).toEqual(NEUTRAL); // the moving knob drives nothing
+  });
+
   it("keeps a sticky position for 30 seconds", () => {
     joystick.sticky = true;
     push();

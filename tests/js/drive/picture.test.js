@@ -81,4 +81,19 @@ describe("the picture from above", () => {
     picture.view = view(null);
     expect(sectors()).toEqual([]);
   });
+
+  it("draws the arm as one, with its name at the far end", () => {
+    picture.facts = FACTS;
+    calls.length = 0;
+    const arm = [
+      [0.3, 0, 0.09],
+      [0.5, -0.1, 0.09],
+    ];
+    const shown = view(scan);
+    shown.state.arm = arm;
+    picture.view = shown;
+    const lines = calls.filter(([name]) => name === "lineTo").map(([, x, y]) => [x, y]);
+    for (const [x, y] of arm) expect(lines).toContainEqual([x, y]);
+    expect(calls.filter(([name, text]) => name === "fillText" && text === "arm")).toHaveLength(1);
+  });
 });

@@ -1,0 +1,45 @@
+import { describe, expect, it } from "vitest";
+import {
+  distanceSensorName,
+  namesOf,
+  plain,
+  sensorName,
+  stickWords,
+} from "../../../static/js/control/plain_words.js";
+
+const SONARS = [
+  { name: "base_sonar_01_link", yaw: 3.927 },
+  { name: "base_sonar_03_link", yaw: 2.3562 },
+];
+
+describe("plain words", () => {
+  it.each([
+    [0, "front distance sensor"],
+    [-0.8, "front right distance sensor"],
+    [Math.PI, "rear distance sensor"],
+    [-Math.PI, "rear distance sensor"],
+    [6.2, "front distance sensor"],
+  ])("name a range sensor that looks to %s rad", (yaw, name) => {
+    expect(distanceSensorName(yaw)).toBe(name);
+  });
+
+  it("stand in a bridge's sentence instead of technical names", () => {
+    const text =
+      "held to 0.1 m/s in reverse: sonar silent (base_sonar_01_link, base_sonar_03_link)";
+    expect(plain(text, namesOf(SONARS))).toBe(
+      "held to 0.1 m/s in reverse: distance sensor silent (rear right distance sensor, rear left distance sensor)",
+    );
+    expect(plain("between and above the sonars")).toBe("between and above the distance sensors");
+  });
+
+  it("name every sensor of the list", () => {
+    const known = namesOf(SONARS);
+    expect(sensorName({ name: "base_sonar_03_link", kind: "sonar" }, known)).toMatch(/^rear left/);
+    expect(sensorName({ name: "/scan_raw", kind: "scan" }, known)).toBe("laser scanner");
+  });
+
+  it("tell what becomes of a stick position", () => {
+    expect(stickWords("dead zone 0.03, steadied (One-Euro)")).toMatch(/^steadied/);
+    expect(stickWords("no filter")).toMatch(/as it is/);
+  });
+});
