@@ -7,14 +7,20 @@ from django.shortcuts import render
 from django.views.decorators.http import require_safe
 
 from fleet.accounts.requests import person_of
-from robots.access.selectors import robot_seen_by, robots_visible_to, supervises
+from robots.access.selectors import robot_seen_by, robots_visible_to, roles_of, supervises
+from robots.registry.models import Role
 from robots.wire import PROTOCOL
 
 
 @require_safe
 def fleet(request: HttpRequest) -> HttpResponse:
-    """Show a card for each robot that this person may see."""
-    return render(request, "teleop/fleet.html", {"robots": robots_visible_to(person_of(request))})
+    """Show a card for each robot that this person may see; with `?wall`, large and with nothing to press."""
+    person = person_of(request)
+    robots = robots_visible_to(person)
+    if "wall" not in request.GET:
+        return render(request, "teleop/fleet.html", {"robots": robots})
+    only_watches = set(roles_of(person, robots).values()) <= {Role.OBSERVER} and not person.is_staff
+    return render(request, "teleop/wall.html", {"robots": robots, "stays": only_watches})
 
 
 @require_safe

@@ -32,6 +32,7 @@ urlpatterns = [
     path("metrics", MetricsView.as_view()),
     path("cookies/", views.cookies, name="cookies"),
     path("privacy/", views.privacy, name="privacy"),
+    path("help/", include("fleet.help.urls")),
     path("texts.js", _script_texts, name="script-texts"),
     path("api/", include("teleop.api.urls")),
     path("", include("fleet.bookings.pages.urls")),

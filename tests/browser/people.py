@@ -22,11 +22,17 @@ from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
 PATIENCE_S = 30.0
 expect.set_options(timeout=1000.0 * PATIENCE_S)
 POLL_MS = 50
+# This person was here before: the hints for newcomers are read.
+HINTS_SEEN = """{
+  const kept = JSON.parse(localStorage.getItem("fleet-console") ?? "{}");
+  localStorage.setItem("fleet-console", JSON.stringify({ ...kept, [%s]: true }));
+}"""
 
 
 class Person:
     """A person with an account of `role`, in a separate browser context.
 
+    A `newcomer` is shown the hints of a first visit.
     `heard` holds the newest message of each kind from the server, `drives` every drive message that the page sent.
     """
 
@@ -40,6 +46,7 @@ class Person:
         height: int = 900,
         touch: bool = False,
         theme: str = "light",
+        newcomer: bool = False,
     ) -> None:
         self.stack = stack
         self.account = stack.accounts[role]
@@ -48,6 +55,8 @@ class Person:
             reduced_motion="reduce",
             ignore_https_errors=stack.certificate is not None,  # as a person who ignores the warning
         )
+        if not newcomer:
+            self.context.add_init_script(HINTS_SEEN % json.dumps(f"hints-seen {self.account.username}"))
         self.page: Page = self.context.new_page()
         self.complaints: list[str] = []
         self.heard: dict[str, Any] = {}

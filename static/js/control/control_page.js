@@ -25,6 +25,8 @@ import { isHeld, isSilent, isStale, seenAt } from "./control_banner.js";
 import { ControlPanel } from "./control_panel.js";
 import { ControlRequests, isControlRequest } from "./control_requests.js";
 import { Drawers } from "./drawers.js";
+import { Hints } from "./hints.js";
+import { Panels } from "./panels.js";
 import { StatusBar } from "./status_bar.js";
 import { StopButton } from "./stop_button.js";
 
@@ -69,6 +71,8 @@ class ControlPage {
   #taskPanel;
   #tabs;
   #drawers;
+  #hints;
+  #panels;
   #screen = screenLock();
   #echoes = new DelayEchoes();
   #echoTrips = new RoundTrips();
@@ -83,6 +87,7 @@ class ControlPage {
   #seen = null; // when the robot was last heard, in seconds since 1970
   #viewMs = -Infinity;
   #hiddenMs = -Infinity; // when the page was last hidden: it is sent no pictures then, which is no silence
+  #moved = false; // the stick was moved on this page
   #freeMs = 0; // when the stick was last not asked to return to the middle
   #timer;
   #endings = [];
@@ -127,6 +132,10 @@ class ControlPage {
     }
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
     this.#drawers = new Drawers(root);
+    this.#hints = new Hints(root, this.#parts, root.dataset.person);
+    this.#panels = new Panels(root, root.dataset.person, (text) =>
+      this.#notices.add({ level: "success", code: "moved", text, quiet: true }),
+    );
     this.#requests = new ControlRequests(
       (message) => this.#socket.send(message),
       (notice) => this.#notices.add(notice),
@@ -160,6 +169,8 @@ class ControlPage {
     for (const end of this.#endings) end();
     this.#camera?.close();
     this.#drawers.end();
+    this.#hints.close();
+    this.#panels.close();
     const opened = [
       this.#panel,
       this.#options,
@@ -227,7 +238,11 @@ class ControlPage {
       menu.querySelector("summary").focus();
       menu.open = false;
     };
-    for (const opener of [this.#parts["log-open"], this.#parts["keys-open"]])
+    for (const opener of [
+      this.#parts["log-open"],
+      this.#parts["keys-open"],
+      this.#parts["hints-open"],
+    ])
       opener.addEventListener("click", shut, { signal, capture: true });
     this.#endings.push(
       listenToKeys(host),
@@ -256,6 +271,8 @@ class ControlPage {
   #stickMoved(axes, input) {
     this.#statusBar.hint(this.#reverseHint(axes));
     if (input && input !== "turn") this.#drawers.close(); // that one is held by a button in a drawer
+    if (input) this.#moved = true;
+    else if (this.#moved) this.#hints.done("stick"); // it was pushed and released
   }
 
   /** The socket, with every command's number remembered until the robot's bridge echoes it. */
@@ -324,7 +341,8 @@ class ControlPage {
 
   #onWelcome(welcome) {
     if (welcome.protocol !== Number(this.#root.dataset.protocol)) return this.#outdate();
-    const { robot } = welcome;
+    const { robot, role } = welcome;
+    if (role !== "observer") this.#hints.begin();
     this.#facts = robot;
     this.#options.facts = robot;
     this.#picture.facts = robot;
@@ -347,6 +365,7 @@ class ControlPage {
     this.#panel.control = control;
     const begins = this.#mine && control.fence !== fence;
     if (begins) this.#stick.neutralise("control-began");
+    if (this.#mine) this.#hints.done("take");
     // Without having been asked for just now: it was handed over.
     if (!this.#requests.heard(control) && begins && asking)
       this.#tell("success", "control", gettext("Control was handed to you."));
@@ -414,6 +433,7 @@ class ControlPage {
 
   /** Over the socket; true only if an answer can be expected there. */
   #sendStop() {
+    this.#hints.done("stop");
     this.#zero("stop");
     return this.#socket.send({ t: "stop" }) && !this.#isCut();
   }

@@ -1,88 +1,20 @@
 /** The fleet page: a card per robot, live. */
 
-import {
-  batteryText,
-  connectionFact,
-  isSeen,
-  pendingText,
-  phaseTitle,
-  seenAt,
-  standstillText,
-  unknownText,
-  verdictText,
-} from "../control/control_banner.js";
-import { minutesText } from "../control/lease.js";
+import { connectionFact } from "../control/control_banner.js";
 import { StopButton } from "../control/stop_button.js";
 import { StopWords } from "../control/stop_words.js";
-import { mark, parts, say, sayOrHide, show } from "../lib/dom.js";
+import { mark, parts, say, show } from "../lib/dom.js";
 import { Heartbeat } from "../lib/heartbeat.js";
 import { matches, searches } from "../lib/list.js";
 import { recallInTab, rememberInTab } from "../lib/prefs.js";
 import { LiveSocket, socketUrl } from "../lib/socket.js";
+import { showRobot, showStop } from "./card.js";
+import { cardOf } from "./card_words.js";
 import { ClearAll } from "./clear_all.js";
 
 const STALE_MS = 3000;
 const SIGNED_OUT = 4401;
 const RELOADED_FOR = "fleet-reloaded-for"; // the robots for which this tab last reloaded the page
-
-/** Text of a robot's card: its state, or the refusal that says why it is not known. Pure. */
-export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending = null }) {
-  if (!state) {
-    const unknown = unknownText(seenByConsole);
-    return {
-      level: "fail",
-      status: refusal?.code === "bridge_silent" ? gettext("No news") : gettext("No link"),
-      why: refusal?.text ?? "",
-      driver: "–",
-      battery: "–",
-      gate: unknown,
-      stop: pending ? gettext("Pending") : unknown,
-      stopped: false,
-      stopWhy: pendingText(pending),
-    };
-  }
-  const online = state.phase === "online";
-  const { stop } = state;
-  const latched = stop.state !== "clear";
-  const unknown = isSeen(state) ? "" : unknownText(seenAt(state));
-  const standstill = unknown
-    ? interpolate(gettext("Whether it stands: %s"), [unknown])
-    : standstillText(stop);
-  return {
-    level: online && !state.watchdog_missing ? "ok" : "warn",
-    status: phaseTitle(state.phase),
-    why: [online ? "" : state.text, state.watchdog_missing ? watchdogMissing() : ""]
-      .filter(Boolean)
-      .join(" "),
-    driver: state.holder ?? gettext("Nobody"),
-    battery: unknown ? "–" : batteryText(state),
-    gate: unknown || verdictText(state.verdict) || gettext("Free"),
-    stop: stopWord(stop.state, unknown),
-    stopped: latched,
-    stopWhy: latched
-      ? [stop.by && interpolate(gettext("by %s"), [stop.by]), standstill].filter(Boolean).join(". ")
-      : "",
-  };
-}
-
-/** The present booking and the next one in words. Pure. */
-export function bookingWords({ booked = null, next_booked: next = null }) {
-  const name = (one) => (one.mine ? gettext("You") : one.name);
-  if (booked)
-    return interpolate(gettext("%s, %s left"), [name(booked), minutesText(booked.seconds)]);
-  if (next) return interpolate(gettext("Free, %s in %s"), [name(next), minutesText(next.seconds)]);
-  return gettext("Free");
-}
-
-function watchdogMissing() {
-  return gettext("Its watchdog is missing: a stop depends on its bridge alone. Tell staff.");
-}
-
-function stopWord(state, unknown) {
-  if (state === "clear") return unknown || gettext("Clear");
-  if (unknown) return gettext("Pressed");
-  return state === "stopping" ? gettext("Stopping") : gettext("Stopped");
-}
 
 export class FleetPage {
   #socket;
@@ -243,23 +175,12 @@ export class FleetPage {
   #show(slug, robot) {
     const held = this.#cards.get(slug);
     if (!held) return;
-    const { card, own } = held;
     const shown = cardOf(robot);
     if (shown.stopped) this.#words.delivered(slug);
-    mark(card, "level", shown.level);
-    mark(card, "stopped", shown.stopped);
-    mark(own.status, "level", shown.level);
-    say(own.status, shown.status);
-    sayOrHide(own.why, shown.why);
-    say(own.battery, shown.battery);
-    say(own.driver, shown.driver);
-    say(own.booking, bookingWords(robot));
-    say(own.gate, shown.gate);
-    // It has not reported since the press.
-    if (!robot.state && !robot.pending && own["stop-state"].dataset.fresh) return;
-    say(own["stop-state"], shown.stop);
-    mark(own["stop-state"], "fresh", false);
-    sayOrHide(own["stop-why"], shown.stopWhy);
+    showRobot(held, shown, robot);
+    // Without news since the press, what was said about it stays.
+    const silent = !robot.state && !robot.pending && held.own["stop-state"].dataset.fresh;
+    if (!silent) showStop(held, shown);
   }
 
   #lost(code) {

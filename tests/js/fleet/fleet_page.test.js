@@ -1,5 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { cardOf, FleetPage } from "../../../static/js/fleet/fleet_page.js";
+import { cardOf, doingText } from "../../../static/js/fleet/card_words.js";
+import { FleetPage } from "../../../static/js/fleet/fleet_page.js";
 import { FakeSocket, made } from "../fake_socket.js";
 
 const state = {
@@ -45,6 +46,22 @@ describe("a card", () => {
       gate: "Free",
       stop: "Clear",
     });
+  });
+
+  it.each([
+    [{}, "Stands, nobody has control"],
+    [{ charging: false, holder: "Ann" }, "Stands, Ann has control"],
+    [{ charging: true }, "Charges"],
+    [{ odometry: { vx: 0.4, vy: 0, w: 0.2 } }, "Drives at 0.4 m/s"],
+    [{ odometry: { vx: -0.1, vy: 0, w: 0 } }, "Reverses at 0.1 m/s"],
+    [{ odometry: { vx: 0, vy: 0, w: -0.3 } }, "Turns on the spot"],
+    [{ motion: { name: "close_hand" } }, "Moves its arm: close hand"],
+    [{ speech: { text: "Good morning." } }, "Says “Good morning.”"],
+    [{ drive_by: { who: "Bo" } }, "Drives by itself, for Bo"],
+    [{ stop: { state: "stopped" }, motion: { name: "wave" } }, "Stopped"],
+    [{ phase: "waiting" }, "Waiting for the robot"],
+  ])("says what the robot does now: %o", (now, words) => {
+    expect(doingText({ ...state, charging: false, odometry: null, ...now })).toBe(words);
   });
 
   it("says why a robot is unreachable", () => {
@@ -111,7 +128,7 @@ describe("the fleet page", () => {
   const card = (slug, name) => `
     <article data-robot="${slug}">
       <h2 data-part="name">${name}</h2><a href="/robots/${slug}/" id="open-${slug}"></a><span data-part="status"></span><p data-part="why"></p>
-      <b data-part="battery"></b><b data-part="driver"></b><b data-part="booking"></b><b data-part="gate"></b>
+      <b data-part="doing"></b><b data-part="battery"></b><b data-part="driver"></b><b data-part="booking"></b><b data-part="gate"></b>
       <b data-part="stop-state"></b><b data-part="stop-why"></b>
       <form data-part="stop" action="/robots/${slug}/stop/"><button></button></form>
     </article>`;

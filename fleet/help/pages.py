@@ -1,0 +1,111 @@
+"""The pages of docs/ as HTML: found by name, rendered once, their links leading to each other."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import urlsplit
+
+from django.conf import settings
+from django.urls import reverse
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+
+DOCS: Path = settings.BASE_DIR / "docs"
+INDEX = "README"  # of each folder; it has the folder's own address
+
+
+class Page(NamedTuple):
+    """A rendered page: its title, and its body as HTML."""
+
+    title: str
+    body: str
+
+
+@cache
+def known() -> frozenset[str]:
+    """Return the names of all pages, as in addresses: "operators", "decisions/braking-is-counted-at-two-thirds"."""
+    return frozenset(str(path.relative_to(DOCS).with_suffix("")) for path in DOCS.rglob("*.md"))
+
+
+@cache
+def pictures() -> frozenset[str]:
+    """Return the file names of all pictures."""
+    return frozenset(path.name for path in (DOCS / "img").glob("*.png"))
+
+
+@cache
+def page(name: str) -> Page:
+    """Return a page of `known`."""
+    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+    tokens = markdown.parse((DOCS / f"{name}.md").read_text(encoding="utf-8"))
+    title = name
+    for at, token in enumerate(tokens):
+        if token.type == "heading_open":
+            words = _words(tokens[at + 1])
+            token.attrSet("id", _anchor(words))
+            title = words if token.tag == "h1" else title
+        _lead(token, posixpath.dirname(name))
+    tokens = _scrolling(tokens)
+    return Page(title, markdown.renderer.render(tokens, markdown.options, {}))
+
+
+def _words(inline: Token) -> str:
+    """Return a heading's text without its markup."""
+    return "".join(child.content for child in inline.children or [])
+
+
+def _anchor(heading: str) -> str:
+    """Return the name by which links know a heading, as GitHub makes it."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+def _lead(token: Token, folder: str) -> None:
+    """Rewrite addresses below a token: links between pages stay links, and links out of docs/ become text."""
+    closing = 0
+    for child in token.children or []:
+        if child.type == "image":
+            child.attrSet("src", reverse("help-picture", args=[posixpath.basename(str(child.attrs["src"]))]))
+        elif child.type == "link_open":
+            target = _address(str(child.attrs["href"]), folder)
+            if target is None:
+                child.tag, child.attrs = "span", {}
+                closing += 1
+            else:
+                child.attrSet("href", target)
+        elif child.type == "link_close" and closing:
+            child.tag = "span"
+            closing -= 1
+
+
+def _address(target: str, folder: str) -> str | None:
+    """Return where a link of a page in `folder` leads here; None if that is not a page of help."""
+    parts = urlsplit(target)
+    if parts.scheme or not parts.path:
+        return target
+    path = posixpath.normpath(posixpath.join(folder, parts.path))
+    name = path.removesuffix(".md") if path.endswith(".md") else posixpath.join(path, INDEX)
+    if name not in known():
+        return None
+    return address_of(name) + (f"#{parts.fragment}" if parts.fragment else "")
+
+
+def address_of(name: str) -> str:
+    """Return a page's address. The index of a folder has the folder's."""
+    shown = posixpath.dirname(name) if posixpath.basename(name) == INDEX else name
+    return reverse("help-page", args=[shown]) if shown else reverse("help")
+
+
+def _scrolling(tokens: list[Token]) -> list[Token]:
+    """Put each table into a box that scrolls, so that a phone's page does not."""
+    boxed: list[Token] = []
+    for token in tokens:
+        if token.type == "table_open":
+            boxed.append(Token("box_open", "div", 1, attrs={"class": "table-scroll", "tabindex": "0"}))
+        boxed.append(token)
+        if token.type == "table_close":
+            boxed.append(Token("box_close", "div", -1))
+    return boxed

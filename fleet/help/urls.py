@@ -1,0 +1,13 @@
+"""Addresses of help."""
+
+from __future__ import annotations
+
+from django.urls import path
+
+from fleet.help import views
+
+urlpatterns = [
+    path("", views.show, name="help"),
+    path("img/<str:name>", views.picture, name="help-picture"),
+    path("<path:name>/", views.show, name="help-page"),
+]

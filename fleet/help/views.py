@@ -1,0 +1,28 @@
+"""Help: a page of docs/, and a picture in it."""
+
+from __future__ import annotations
+
+from django.http import FileResponse, Http404, HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.views.decorators.cache import cache_control
+from django.views.decorators.http import require_safe
+
+from fleet.help import pages
+
+
+@require_safe
+def show(request: HttpRequest, name: str = "") -> HttpResponse:
+    """Show a page of help; without a name, the list of all."""
+    found = next((one for one in (name, f"{name}/{pages.INDEX}".lstrip("/")) if one in pages.known()), None)
+    if found is None:
+        raise Http404
+    return render(request, "help.html", {"page": pages.page(found)})
+
+
+@require_safe
+@cache_control(private=True, max_age=3600)
+def picture(_request: HttpRequest, name: str) -> FileResponse:
+    """Send a picture of the pages."""
+    if name not in pages.pictures():
+        raise Http404
+    return FileResponse((pages.DOCS / "img" / name).open("rb"), content_type="image/png")

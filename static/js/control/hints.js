@@ -1,0 +1,73 @@
+/** Three hints for a first visit: take control, push the stick, stop. Each goes when it was done; all are shown once. */
+
+import { mark, say, show } from "../lib/dom.js";
+import { recall, remember } from "../lib/prefs.js";
+
+const STEPS = ["take", "stick", "stop"];
+
+function hintText(step) {
+  return {
+    take: gettext("Press Take control: then you drive, and nobody else."),
+    stick: gettext("Push the stick: up is forward. Let go, and the robot stands."),
+    stop: gettext("Stop works at any time, for everybody. Press it whenever you are not sure."),
+  }[step];
+}
+
+export class Hints {
+  #root;
+  #parts;
+  #key;
+  #step = null;
+  #listening = new AbortController();
+
+  /**
+   * @param {HTMLElement} root carries data-hint for the style sheet
+   * @param {{hint, "hint-count", "hint-text", "hint-next", "hint-close", "hints-open"}} parts
+   * @param {string} person who has seen them, or not
+   */
+  constructor(root, parts, person) {
+    this.#root = root;
+    this.#parts = parts;
+    this.#key = `hints-seen ${person}`;
+    const { signal } = this.#listening;
+    parts["hint-next"].addEventListener("click", () => this.#next(), { signal });
+    parts["hint-close"].addEventListener("click", () => this.#end(), { signal });
+    parts["hints-open"].addEventListener("click", () => this.#show(0), { signal });
+  }
+
+  /** Begin, for somebody who may drive and has not seen them. */
+  begin() {
+    if (this.#step === null && !recall(this.#key, false)) this.#show(0);
+  }
+
+  /** @param {"take" | "stick" | "stop"} step that the person has just done */
+  done(step) {
+    if (STEPS[this.#step] === step) this.#next();
+  }
+
+  close() {
+    this.#listening.abort();
+  }
+
+  #next() {
+    if (this.#step === STEPS.length - 1) this.#end();
+    else this.#show(this.#step + 1);
+  }
+
+  #show(step) {
+    this.#step = step;
+    mark(this.#root, "hint", STEPS[step]);
+    const { hint, "hint-count": count, "hint-text": text, "hint-next": next } = this.#parts;
+    say(count, interpolate(gettext("%s of %s"), [step + 1, STEPS.length]));
+    say(text, hintText(STEPS[step]));
+    say(next, step === STEPS.length - 1 ? gettext("Got it") : gettext("Next"));
+    show(hint, true);
+  }
+
+  #end() {
+    this.#step = null;
+    remember(this.#key, true);
+    mark(this.#root, "hint", null);
+    show(this.#parts.hint, false);
+  }
+}

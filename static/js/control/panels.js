@@ -1,0 +1,126 @@
+/** The places of the panels on a desk: dragged by their handles, or moved by the arrow keys. Kept per person. */
+
+import { mark } from "../lib/dom.js";
+import { recall, remember } from "../lib/prefs.js";
+
+const PLACES = ["left", "top", "bottom"]; // beside the stick; at the other side, above and below
+const STANDARD = { chart: "left", motions: "top", phrases: "bottom" };
+const STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
+
+function placeWords(place) {
+  return {
+    left: gettext("above the stick"),
+    top: gettext("beside the picture, above"),
+    bottom: gettext("beside the picture, below"),
+  }[place];
+}
+
+/** Exchange a panel with the one at its new place. Pure. @param {Record<string, string>} places by panel */
+export function moved(places, panel, place) {
+  const there = Object.keys(places).find((other) => places[other] === place);
+  return { ...places, [there]: places[panel], [panel]: place };
+}
+
+/** Whether what was kept is an arrangement: each panel has a place of its own. */
+function isArrangement(places) {
+  const kept = Object.keys(STANDARD).map((panel) => places?.[panel]);
+  return PLACES.every((place) => kept.includes(place));
+}
+
+export class Panels {
+  #panels;
+  #places;
+  #key;
+  #tell;
+  #dragged = null;
+  #listening = new AbortController();
+
+  /**
+   * @param {HTMLElement} root its elements with data-panel are the panels, those with data-moves their handles
+   * @param {string} person whose places these are
+   * @param {(text: string) => void} tell what was moved, for those who listen
+   */
+  constructor(root, person, tell) {
+    this.#key = `panels ${person}`;
+    this.#tell = tell;
+    this.#panels = new Map(
+      [...root.querySelectorAll("[data-panel]")].map((panel) => [panel.dataset.panel, panel]),
+    );
+    const kept = recall(this.#key, STANDARD);
+    this.#place(isArrangement(kept) ? kept : STANDARD);
+    const { signal } = this.#listening;
+    for (const handle of root.querySelectorAll("[data-moves]")) {
+      handle.addEventListener("keydown", (event) => this.#pressed(event, handle), { signal });
+      handle.addEventListener("pointerdown", (event) => this.#grab(event, handle), { signal });
+      handle.addEventListener("pointermove", (event) => this.#drag(event), { signal });
+      handle.addEventListener("pointerup", (event) => this.#drop(event), { signal });
+      handle.addEventListener("pointercancel", () => this.#letGo(), { signal });
+    }
+  }
+
+  close() {
+    this.#listening.abort();
+  }
+
+  #place(places) {
+    this.#places = places;
+    for (const [name, panel] of this.#panels) mark(panel, "place", places[name]);
+  }
+
+  #move(name, place) {
+    if (place === undefined || this.#places[name] === place) return;
+    this.#place(moved(this.#places, name, place));
+    remember(this.#key, this.#places);
+    this.#tell(placeWords(place));
+  }
+
+  /** The arrows that drive do not drive from here. */
+  #pressed(event, handle) {
+    const step = STEPS[event.key];
+    if (!step || event.ctrlKey || event.altKey || event.metaKey) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const name = handle.dataset.moves;
+    this.#move(name, PLACES[PLACES.indexOf(this.#places[name]) + step]);
+    handle.focus();
+  }
+
+  #grab(event, handle) {
+    event.preventDefault();
+    handle.focus();
+    handle.setPointerCapture?.(event.pointerId);
+    this.#dragged = handle.dataset.moves;
+    mark(this.#panels.get(this.#dragged), "dragged", true);
+  }
+
+  #drag(event) {
+    if (this.#dragged === null) return;
+    const over = this.#at(event);
+    for (const [name, panel] of this.#panels)
+      mark(panel, "target", name === over && name !== this.#dragged);
+  }
+
+  #drop(event) {
+    if (this.#dragged === null) return;
+    const over = this.#at(event);
+    if (over) this.#move(this.#dragged, this.#places[over]);
+    this.#letGo();
+  }
+
+  #letGo() {
+    this.#dragged = null;
+    for (const panel of this.#panels.values()) {
+      mark(panel, "dragged", false);
+      mark(panel, "target", false);
+    }
+  }
+
+  /** The panel under the pointer. */
+  #at({ clientX: x, clientY: y }) {
+    for (const [name, panel] of this.#panels) {
+      const { left, right, top, bottom } = panel.getBoundingClientRect();
+      if (x >= left && x <= right && y >= top && y <= bottom) return name;
+    }
+    return null;
+  }
+}

@@ -1,0 +1,108 @@
+/** A robot on the fleet page and on the lab's monitor, in words. Pure. */
+
+import {
+  batteryText,
+  isSeen,
+  pendingText,
+  phaseTitle,
+  seenAt,
+  standstillText,
+  unknownText,
+  verdictText,
+} from "../control/control_banner.js";
+import { minutesText } from "../control/lease.js";
+import { plain } from "../control/plain_words.js";
+import { shortened } from "../tasks/tasks.js";
+
+const MOVES_MPS = 0.02;
+const TURNS_RADPS = 0.05;
+
+/** Text of a robot's card: its state, or the refusal that says why it is not known. Pure. */
+export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending = null }) {
+  if (!state) {
+    const unknown = unknownText(seenByConsole);
+    return {
+      level: "fail",
+      status: refusal?.code === "bridge_silent" ? gettext("No news") : gettext("No link"),
+      why: refusal?.text ?? "",
+      doing:
+        refusal?.code === "bridge_silent"
+          ? gettext("Nothing is heard of it")
+          : gettext("Out of reach"),
+      driver: "–",
+      battery: "–",
+      gate: unknown,
+      stop: pending ? gettext("Pending") : unknown,
+      stopped: false,
+      stopWhy: pendingText(pending),
+    };
+  }
+  const online = state.phase === "online";
+  const { stop } = state;
+  const latched = stop.state !== "clear";
+  const unknown = isSeen(state) ? "" : unknownText(seenAt(state));
+  const standstill = unknown
+    ? interpolate(gettext("Whether it stands: %s"), [unknown])
+    : standstillText(stop);
+  return {
+    level: online && !state.watchdog_missing ? "ok" : "warn",
+    status: phaseTitle(state.phase),
+    why: [online ? "" : state.text, state.watchdog_missing ? watchdogMissing() : ""]
+      .filter(Boolean)
+      .join(" "),
+    doing: unknown || doingText(state),
+    driver: state.holder ?? gettext("Nobody"),
+    battery: unknown ? "–" : batteryText(state),
+    gate: unknown || plain(verdictText(state.verdict)) || gettext("Free"),
+    stop: stopWord(stop.state, unknown),
+    stopped: latched,
+    stopWhy: latched
+      ? [stop.by && interpolate(gettext("by %s"), [stop.by]), standstill].filter(Boolean).join(". ")
+      : "",
+  };
+}
+
+/** The present booking and the next one in words. Pure. */
+export function bookingWords({ booked = null, next_booked: next = null }) {
+  const name = (one) => (one.mine ? gettext("You") : one.name);
+  if (booked)
+    return interpolate(gettext("%s, %s left"), [name(booked), minutesText(booked.seconds)]);
+  if (next) return interpolate(gettext("Free, %s in %s"), [name(next), minutesText(next.seconds)]);
+  return gettext("Free");
+}
+
+function watchdogMissing() {
+  return gettext("Its watchdog is missing: a stop depends on its bridge alone. Tell staff.");
+}
+
+function stopWord(state, unknown) {
+  if (state === "clear") return unknown || gettext("Clear");
+  if (unknown) return gettext("Pressed");
+  return state === "stopping" ? gettext("Stopping") : gettext("Stopped");
+}
+
+/** What a robot does now, in a few words. Pure. @param {object} state of the robot */
+export function doingText(state) {
+  const { stop, motion, speech, drive_by: driveBy, holder, charging } = state;
+  if (stop.state === "stopping") return gettext("Is being stopped");
+  if (stop.state === "stopped") return gettext("Stopped");
+  if (state.phase !== "online") return phaseTitle(state.phase);
+  if (motion) return interpolate(gettext("Moves its arm: %s"), [motion.name.replaceAll("_", " ")]);
+  if (driveBy) return interpolate(gettext("Drives by itself, for %s"), [driveBy.who]);
+  if (speech) return interpolate(gettext("Says “%s”"), [shortened(speech.text)]);
+  const drives = drivingText(state.odometry);
+  if (drives) return drives;
+  if (holder) return interpolate(gettext("Stands, %s has control"), [holder]);
+  return charging ? gettext("Charges") : gettext("Stands, nobody has control");
+}
+
+function drivingText(odometry) {
+  if (!odometry) return "";
+  const speed = Math.hypot(odometry.vx, odometry.vy);
+  if (speed > MOVES_MPS) {
+    const text =
+      odometry.vx < -MOVES_MPS ? gettext("Reverses at %s m/s") : gettext("Drives at %s m/s");
+    return interpolate(text, [speed.toFixed(1)]);
+  }
+  return Math.abs(odometry.w) > TURNS_RADPS ? gettext("Turns on the spot") : "";
+}

@@ -1,0 +1,93 @@
+/** The lab's monitor: a card per robot, large and live, with nothing to press. It looks after itself. */
+
+import { connectionFact } from "../control/control_banner.js";
+import { screenLock } from "../drive/wake_lock.js";
+import { mark, parts, say } from "../lib/dom.js";
+import { Heartbeat } from "../lib/heartbeat.js";
+import { LiveSocket, socketUrl } from "../lib/socket.js";
+import { timeText } from "../lib/times.js";
+import { showRobot, showStop } from "./card.js";
+import { cardOf } from "./card_words.js";
+
+const STALE_MS = 3000;
+const LOOK_MS = 500;
+const SIGNED_OUT = 4401;
+// A new page once an hour: of the newest version, and a sign-in ends after twelve hours without one.
+const FRESH_MS = 60 * 60 * 1000;
+
+export class WallPage {
+  #root;
+  #socket;
+  #heartbeat;
+  #parts;
+  #cards = new Map();
+  #heardMs = -Infinity;
+  #openedMs = performance.now();
+  #screen = screenLock();
+  #timer;
+
+  /** @param {HTMLElement} root its data-stays: this account only watches, and its sign-in may last */
+  constructor(root) {
+    this.#root = root;
+    this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
+    this.#heartbeat = new Heartbeat(this.#socket);
+    this.#parts = parts(document);
+    for (const card of root.querySelectorAll("[data-robot]"))
+      this.#cards.set(card.dataset.robot, { card, own: parts(card) });
+    this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
+    this.#socket.addEventListener("open", () => this.#heartbeat.begin());
+    this.#socket.addEventListener("down", ({ detail }) => {
+      if (detail.code === SIGNED_OUT) location.reload(); // the server leads to the sign-in page
+    });
+    this.#screen.keep(true);
+    this.#timer = setInterval(() => this.#look(), LOOK_MS);
+    this.#look();
+    this.#socket.connect();
+  }
+
+  close() {
+    clearInterval(this.#timer);
+    this.#screen.close();
+    this.#heartbeat.close();
+    this.#socket.close();
+  }
+
+  #heard(message) {
+    this.#heartbeat.heard(message);
+    if (message.t !== "fleet") return;
+    this.#heardMs = performance.now();
+    for (const [slug, robot] of Object.entries(message.robots)) this.#show(slug, robot);
+    requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
+  }
+
+  #show(slug, robot) {
+    const held = this.#cards.get(slug);
+    if (!held) return; // it is there with the next page
+    const shown = cardOf(robot);
+    showRobot(held, shown, robot);
+    showStop(held, shown);
+  }
+
+  #look() {
+    const now = performance.now();
+    const live = this.#socket.open && now - this.#heardMs < STALE_MS;
+    const { level, text } = connectionFact({
+      connected: this.#socket.open,
+      heard: this.#heardMs > -Infinity,
+      stale: !live,
+    });
+    mark(this.#parts.connection, "level", level);
+    say(this.#parts.connection, text);
+    say(this.#parts.clock, timeText(new Date()));
+    for (const { card } of this.#cards.values()) mark(card, "stale", !live);
+    if (live && this.#root.dataset.stays === "true" && now - this.#openedMs > FRESH_MS)
+      location.reload();
+  }
+}
+
+const root = document.querySelector("[data-page=wall]");
+if (root) {
+  const page = new WallPage(root);
+  window.addEventListener("pagehide", () => page.close());
+  window.addEventListener("pageshow", ({ persisted }) => persisted && location.reload());
+}

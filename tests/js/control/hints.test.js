@@ -1,0 +1,50 @@
+import { beforeEach, describe, expect, it } from "vitest";
+import { Hints } from "../../../static/js/control/hints.js";
+
+const NAMES = ["hint", "hint-count", "hint-text", "hint-next", "hint-close", "hints-open"];
+
+describe("the hints of a first visit", () => {
+  let root;
+  let parts;
+  const open = (person) => {
+    root = document.createElement("main");
+    parts = Object.fromEntries(NAMES.map((name) => [name, document.createElement("button")]));
+    parts.hint.hidden = true;
+    const hints = new Hints(root, parts, person);
+    hints.begin();
+    return hints;
+  };
+  let person = 0;
+  beforeEach(() => {
+    person += 1;
+  });
+
+  it("go on with each thing that is done, and end for good", () => {
+    const hints = open(person);
+    expect(root.dataset.hint).toBe("take");
+    hints.done("stop"); // of no interest yet
+    expect(parts["hint-count"].textContent).toBe("1 of 3");
+    for (const step of ["take", "stick", "stop"]) hints.done(step);
+    expect(parts.hint.hidden).toBe(true);
+    open(person);
+    expect(parts.hint.hidden).toBe(true);
+  });
+
+  it("can be dismissed, and called again from the menu", () => {
+    open(person);
+    parts["hint-close"].click();
+    open(person);
+    expect(root.dataset.hint).toBeUndefined();
+    parts["hints-open"].click();
+    expect(root.dataset.hint).toBe("take");
+    parts["hint-next"].click();
+    expect(root.dataset.hint).toBe("stick");
+  });
+
+  it("are new to each person", () => {
+    open(person);
+    parts["hint-close"].click();
+    open(`${person} and another`);
+    expect(parts.hint.hidden).toBe(false);
+  });
+});
