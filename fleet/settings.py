@@ -231,6 +231,7 @@ CONTENT_SECURITY_POLICY = {
         "script-src": [SELF],
         "style-src": [SELF],
         "img-src": [SELF],
+        "manifest-src": [SELF],
         "connect-src": [SELF],  # browsers count the same host's ws: and wss: as 'self'
         "form-action": [SELF],
         "base-uri": [NONE],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from django.http import FileResponse, Http404, HttpRequest, HttpResponse
+from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.views.decorators.cache import cache_control
 from django.views.decorators.http import require_safe
@@ -21,8 +21,8 @@ def show(request: HttpRequest, name: str = "") -> HttpResponse:
 
 @require_safe
 @cache_control(private=True, max_age=3600)
-def picture(_request: HttpRequest, name: str) -> FileResponse:
+def picture(_request: HttpRequest, name: str) -> HttpResponse:
     """Send a picture of the pages."""
     if name not in pages.pictures():
         raise Http404
-    return FileResponse((pages.DOCS / "img" / name).open("rb"), content_type="image/png")
+    return HttpResponse((pages.DOCS / "img" / name).read_bytes(), content_type="image/png")

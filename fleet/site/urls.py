@@ -7,7 +7,7 @@ from django.views.decorators.cache import cache_control
 from django.views.generic import RedirectView
 from django.views.i18n import JavaScriptCatalog
 
-from fleet.site import setup, views
+from fleet.site import app, setup, views
 from teleop.api.metrics import MetricsView
 
 admin.site.site_title = admin.site.site_header = "Fleet console"
@@ -32,6 +32,7 @@ urlpatterns = [
     path("metrics", MetricsView.as_view()),
     path("cookies/", views.cookies, name="cookies"),
     path("privacy/", views.privacy, name="privacy"),
+    path("", include(app)),
     path("help/", include("fleet.help.urls")),
     path("texts.js", _script_texts, name="script-texts"),
     path("api/", include("teleop.api.urls")),

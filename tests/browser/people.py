@@ -32,7 +32,7 @@ HINTS_SEEN = """{
 class Person:
     """A person with an account of `role`, in a separate browser context.
 
-    A `newcomer` is shown the hints of a first visit.
+    A `newcomer` is shown the hints of a first visit, and their browser may keep the page for offline.
     `heard` holds the newest message of each kind from the server, `drives` every drive message that the page sent.
     """
 
@@ -53,6 +53,8 @@ class Person:
         self.context = browser.new_context(
             has_touch=touch,
             reduced_motion="reduce",
+            # It would answer some requests that a test wants to answer itself.
+            service_workers="allow" if newcomer else "block",
             ignore_https_errors=stack.certificate is not None,  # as a person who ignores the warning
         )
         if not newcomer:

@@ -53,6 +53,10 @@ PAGES = [
     "/admin/audit/record/",
     "/admin/audit/speechrecord/",
     "/admin/teleop/controlsession/",
+    "/help/",
+    "/help/operators/",
+    "/?wall",
+    "/offline/",
     "/nowhere/",
 ]
 SIZES = [(360, 640), (844, 390), (1440, 900)]

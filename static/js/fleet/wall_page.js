@@ -80,8 +80,7 @@ export class WallPage {
     say(this.#parts.connection, text);
     say(this.#parts.clock, timeText(new Date()));
     for (const { card } of this.#cards.values()) mark(card, "stale", !live);
-    if (live && this.#root.dataset.stays === "true" && now - this.#openedMs > FRESH_MS)
-      location.reload();
+    if (live && "stays" in this.#root.dataset && now - this.#openedMs > FRESH_MS) location.reload();
   }
 }
 

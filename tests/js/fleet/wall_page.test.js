@@ -32,7 +32,7 @@ describe("the lab's monitor", () => {
     vi.useFakeTimers();
     vi.stubGlobal("WebSocket", FakeSocket);
     FakeSocket.begin();
-    document.body.innerHTML = `<main data-socket="/ws/fleet/" data-stays="true">
+    document.body.innerHTML = `<main data-socket="/ws/fleet/" data-stays>
       <span data-part="connection"></span><time data-part="clock"></time>
       <li data-robot="one">${NAMES.map((name) => `<p data-part="${name}"></p>`).join("")}</li></main>`;
     root = document.querySelector("main");

@@ -1,0 +1,113 @@
+"""A newcomer: hints, help, one's own arrangement, the lab's monitor, the console as an installed app."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.browser.people import Person
+from tests.browser.test_pages import SIZES, box_of, found_by_axe, overlap, too_small
+
+Arrive = Callable[..., Person]
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: int) -> None:
+    operator = person("operator", width=width, height=height, newcomer=True, apart=True)
+    operator.watch("tiago-2")
+    hint = operator.part("hint")
+    expect(hint).to_contain_text("1 of 3")
+    assert found_by_axe(operator) == []
+    assert [one for one in too_small(operator) if "hint" in one] == []
+    operator.press("Take control")
+    operator.until_in_control()
+    expect(hint).to_contain_text("2 of 3")
+    operator.push("a", until=lambda: operator.state["odometry"]["w"] > 0.05, what="a turn")
+    operator.let_go("a")
+    expect(hint).to_contain_text("3 of 3")
+    assert not overlap(box_of(hint), box_of(operator.page.locator("form.stop .stop-button")))
+    operator.page.get_by_role("button", name="Got it").click()
+    expect(hint).to_be_hidden()
+    operator.watch("tiago-2")
+    expect(hint).to_be_hidden()
+    operator.page.locator("summary").first.click()
+    operator.press("First steps")
+    expect(hint).to_contain_text("1 of 3")
+    operator.until_in_control()
+    operator.release()
+
+
+def test_help_in_the_menu_leads_to_the_operators_page(person: Arrive) -> None:
+    observer = person("observer", width=360, height=640)
+    observer.watch("tiago-2")
+    observer.page.locator("summary").first.click()
+    observer.page.get_by_role("link", name="Help").click()
+    page = observer.page
+    page.get_by_role("heading", name="For operators").wait_for()
+    page.get_by_role("link", name="the student's page").click()
+    page.get_by_role("heading", name="Drive a robot").wait_for()
+    assert page.evaluate("[...document.querySelectorAll('article img')].every((one) => one.naturalWidth > 0)")
+    assert page.evaluate("document.scrollingElement.scrollWidth") == 360
+    assert found_by_axe(observer) == []
+    assert observer.complaints == []
+
+
+def test_panels_move_by_drag_and_keys_and_stay(person: Arrive) -> None:
+    operator = person("operator")
+    operator.take("tiago-2")
+    page = operator.page
+    panel = {name: page.locator(f"[data-panel={name}]") for name in ("chart", "motions", "phrases")}
+    before = {name: box_of(one) for name, one in panel.items()}
+    page.get_by_role("button", name="Move the motions").press("ArrowLeft")
+    assert operator.drives == [] or {(drive["x"], drive["w"]) for drive in operator.drives} == {(0, 0)}
+    assert abs(box_of(panel["motions"])["x"] - before["chart"]["x"]) < 2
+    x, y = (before["motions"][key] + 20 for key in ("x", "y"))
+    page.get_by_role("button", name="Move the phrases").hover()
+    page.mouse.down()
+    page.mouse.move(x, y, steps=4)
+    page.mouse.up()
+    moved = {name: box_of(one) for name, one in panel.items()}
+    assert moved["phrases"] == before["motions"]
+    assert found_by_axe(operator) == []
+    operator.watch("tiago-2")
+    assert {name: box_of(one) for name, one in panel.items()} == moved
+    operator.until_in_control()
+    operator.release()
+
+
+def test_the_labs_monitor_has_nothing_to_press(person: Arrive) -> None:
+    observer, operator = person("observer", width=1920, height=1080), person("operator")
+    observer.open("/?wall")
+    page = observer.page
+    card = page.locator("[data-robot=tiago-2]")
+    expect(card).to_contain_text("Stands, nobody has control")
+    assert page.locator("a:not(.skip), button, input, form, summary").count() == 0
+    assert found_by_axe(observer) == []
+    operator.take("tiago-2")
+    operator.push("a", until=lambda: operator.state["odometry"]["w"] > 0.1, what="a turn")
+    expect(card).to_contain_text("Turns on the spot")
+    operator.let_go("a")
+    expect(card).to_contain_text("Stands, Operator has control")
+    operator.release()
+    operator.open("/?wall")
+    expect(operator.page.get_by_text("This account may drive robots.")).to_be_visible()
+
+
+def test_offline_the_app_says_so_and_comes_back(person: Arrive) -> None:
+    operator = person("operator", width=360, height=640, newcomer=True, apart=True)
+    page = operator.page
+    operator.open("/")
+    page.evaluate("navigator.serviceWorker.ready")
+    operator.context.set_offline(True)
+    operator.open("/robots/tiago-2/")
+    expect(page).to_have_title(re.compile("Offline"))
+    assert found_by_axe(operator) == []
+    kept = """caches.keys().then((names) => Promise.all(names.map((name) => caches.open(name).then((cache) => cache.keys()))))
+      .then((caches) => caches.flat().map(({ url }) => new URL(url).pathname))"""
+    assert [path for path in page.evaluate(kept) if not path.startswith("/static/")] == ["/offline/"]
+    operator.context.set_offline(False)
+    page.get_by_role("link", name="Try again").click()
+    expect(page).to_have_title(re.compile("TIAGo Two"))
