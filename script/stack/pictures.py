@@ -44,6 +44,13 @@ LOOKING_AROUND = "Inspect surroundings"
 HEAD = ("head_1_joint", "head_2_joint")
 PLOTTED_S = 7.0  # until there is a curve to show
 
+# These people have read the hints for newcomers.
+BEEN_HERE = """{
+  const kept = JSON.parse(localStorage.getItem("fleet-console") ?? "{}");
+  const read = { "hints-seen operator": true, "hints-seen staff": true };
+  localStorage.setItem("fleet-console", JSON.stringify({ ...kept, ...read }));
+}"""
+
 
 def main() -> None:
     """Fleet page, the tabs of the control page on a desk, the centre on a phone, and a control session afterwards."""
@@ -79,11 +86,13 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             look_back(page, stack)
             page.screenshot(path=PICTURES / "session.png")
             show_bookings(page, stack)
-        with page_of(stack, browser, cookie, 844, 390, "dark", scale=2) as page:
-            page.goto(f"{stack.url}/robots/{ROBOT}/")
-            page.get_by_role("button", name="Take control").click()
-            page.get_by_role("button", name="Release").wait_for()
-            page.screenshot(path=PICTURES / "phone.png")
+        for name, width, height in (("phone", 844, 390), ("phone-upright", 360, 640)):
+            with page_of(stack, browser, cookie, width, height, "dark", scale=2) as page:
+                page.goto(f"{stack.url}/robots/{ROBOT}/")
+                page.get_by_role("button", name="Take control").click()
+                page.get_by_role("button", name="Release").wait_for()
+                page.screenshot(path=PICTURES / f"{name}.png")
+                page.get_by_role("button", name="Release").click()
         with page_of(stack, browser, sign_in(stack, "staff"), 1100, 900, "light") as page:
             make_a_course(page, stack.url)
         browser.close()
@@ -102,6 +111,7 @@ def page_of(
     )
     pairs = (pair.split("=", 1) for pair in cookie.split("; "))
     context.add_cookies([{"name": name, "value": value, "url": stack.url} for name, value in pairs])
+    context.add_init_script(BEEN_HERE)
     try:
         yield context.new_page()
     finally:

@@ -41,7 +41,12 @@ def test_links_to_headings_find_them(reader: Client) -> None:
 
 
 def test_what_is_no_page_of_help_is_not_sent(reader: Client) -> None:
-    for address in ("/help/nothing/", "/help/../fleet/settings/", "/help/img/nothing.png", "/help/openapi.json/"):
+    for address in (
+        "/help/nothing/",
+        "/help/../fleet/settings/",
+        "/help/img/nothing.png",
+        "/help/openapi.json/",
+    ):
         assert reader.get(address).status_code == 404, address
 
 

@@ -22,7 +22,7 @@ export class Hints {
 
   /**
    * @param {HTMLElement} root carries data-hint for the style sheet
-   * @param {{hint, "hint-count", "hint-text", "hint-next", "hint-close", "hints-open"}} parts
+   * @param {{"first-steps", "hint-count", "hint-text", "hint-next", "hint-close", "hints-open"}} parts
    * @param {string} person who has seen them, or not
    */
   constructor(root, parts, person) {
@@ -57,17 +57,22 @@ export class Hints {
   #show(step) {
     this.#step = step;
     mark(this.#root, "hint", STEPS[step]);
-    const { hint, "hint-count": count, "hint-text": text, "hint-next": next } = this.#parts;
+    const {
+      "first-steps": card,
+      "hint-count": count,
+      "hint-text": text,
+      "hint-next": next,
+    } = this.#parts;
     say(count, interpolate(gettext("%s of %s"), [step + 1, STEPS.length]));
     say(text, hintText(STEPS[step]));
     say(next, step === STEPS.length - 1 ? gettext("Got it") : gettext("Next"));
-    show(hint, true);
+    show(card, true);
   }
 
   #end() {
     this.#step = null;
     remember(this.#key, true);
     mark(this.#root, "hint", null);
-    show(this.#parts.hint, false);
+    show(this.#parts["first-steps"], false);
   }
 }

@@ -1,7 +1,7 @@
 import { beforeEach, describe, expect, it } from "vitest";
 import { Hints } from "../../../static/js/control/hints.js";
 
-const NAMES = ["hint", "hint-count", "hint-text", "hint-next", "hint-close", "hints-open"];
+const NAMES = ["first-steps", "hint-count", "hint-text", "hint-next", "hint-close", "hints-open"];
 
 describe("the hints of a first visit", () => {
   let root;
@@ -9,7 +9,7 @@ describe("the hints of a first visit", () => {
   const open = (person) => {
     root = document.createElement("main");
     parts = Object.fromEntries(NAMES.map((name) => [name, document.createElement("button")]));
-    parts.hint.hidden = true;
+    parts["first-steps"].hidden = true;
     const hints = new Hints(root, parts, person);
     hints.begin();
     return hints;
@@ -25,9 +25,9 @@ describe("the hints of a first visit", () => {
     hints.done("stop"); // of no interest yet
     expect(parts["hint-count"].textContent).toBe("1 of 3");
     for (const step of ["take", "stick", "stop"]) hints.done(step);
-    expect(parts.hint.hidden).toBe(true);
+    expect(parts["first-steps"].hidden).toBe(true);
     open(person);
-    expect(parts.hint.hidden).toBe(true);
+    expect(parts["first-steps"].hidden).toBe(true);
   });
 
   it("can be dismissed, and called again from the menu", () => {
@@ -45,6 +45,6 @@ describe("the hints of a first visit", () => {
     open(person);
     parts["hint-close"].click();
     open(`${person} and another`);
-    expect(parts.hint.hidden).toBe(false);
+    expect(parts["first-steps"].hidden).toBe(false);
   });
 });
