@@ -5,6 +5,7 @@ from __future__ import annotations
 from uuid import uuid4
 
 from django.conf import settings
+from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 from django.db.models import F, Q
@@ -14,6 +15,15 @@ from robots.access.models import Course, RobotGroup
 from robots.registry.models import Robot
 
 WEEKDAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
+DAY_NAMES = (
+    _("Monday"),
+    _("Tuesday"),
+    _("Wednesday"),
+    _("Thursday"),
+    _("Friday"),
+    _("Saturday"),
+    _("Sunday"),
+)
 
 
 class State(models.TextChoices):
@@ -157,6 +167,15 @@ class Policy(models.Model):
     def __str__(self) -> str:
         return str(self.robot or self.group or _("all robots"))
 
+    def clean(self) -> None:
+        """Refuse hours and lengths that exclude each other."""
+        for day, (opens, closes) in self.opening.items():
+            if closes <= opens:
+                name = DAY_NAMES[WEEKDAYS.index(day)]
+                raise ValidationError(_("On %(day)s the robot closes before it opens.") % {"day": name})
+        if None not in (self.shortest_min, self.longest_min) and self.shortest_min > self.longest_min:
+            raise ValidationError(_("The shortest slot is longer than the longest."))
+
 
 class OutOfService(models.Model):
     """A period in which a robot cannot be driven: repair, an empty battery, reserved for research."""
@@ -187,6 +206,11 @@ class OutOfService(models.Model):
 
     def __str__(self) -> str:
         return f"{self.robot}: {self.get_why_display()}"
+
+    def clean(self) -> None:
+        """Refuse a period that ends before it begins."""
+        if self.ends_at is not None and self.ends_at <= self.starts_at:
+            raise ValidationError(_("The period ends before it begins: exchange the two times."))
 
 
 class Waiting(models.Model):

@@ -87,10 +87,10 @@ def out_of_service_add(
     note: str,
     actor: User,
     now: datetime,
-) -> list[Booking]:
+) -> tuple[OutOfService, list[Booking]]:
     """Take a robot out of service for a period; `ends_at` None: until further notice.
 
-    Returns the affected bookings, which are not over.
+    Returns the period and the affected bookings, which are not over. Raises `ValidationError`.
     """
     period = OutOfService(robot=robot, starts_at=starts_at, ends_at=ends_at, why=why, note=note)
     period.full_clean()
@@ -103,7 +103,7 @@ def out_of_service_add(
     for booking in affected:
         reason = f"{period.get_why_display()} {note}".strip()
         changed_by_another(booking, actor, _("the robot is out of service"), reason, now)
-    return affected
+    return period, affected
 
 
 @transaction.atomic

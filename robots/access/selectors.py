@@ -95,6 +95,13 @@ def robots_managed_by(user: User) -> QuerySet[Robot]:
     return robots.filter(Q(pk__in=own) | Q(pk__in=of_groups.values("robots")))
 
 
+def robots_supervised_by(user: User) -> QuerySet[Robot]:
+    """Return the robots that a person supervises, also by a course only."""
+    robots = robots_visible_to(user)
+    roles = roles_of(user, robots)
+    return robots.filter(pk__in=[robot for robot, role in roles.items() if role >= Role.SUPERVISOR])
+
+
 def robots_visible_to(user: User) -> QuerySet[Robot]:
     """Return the robots that `user` may view, also disabled ones, by name."""
     return robots_and_role(user)[0]

@@ -39,6 +39,11 @@ def _mark(user: User) -> str:
     return salted_hmac(SALT, user.password).hexdigest()[:16]
 
 
+def waiting_among(people: Sequence[User]) -> list[User]:
+    """Return those who can set their first password by e-mail."""
+    return [one for one in people if one.email and one.is_active and not one.has_usable_password()]
+
+
 def send_later(people: Sequence[User], *, course: Course, site: str) -> None:
     """Send each person their link once the transaction is committed. A slow mail server delays nobody."""
     emails.send_later([_message(person, course, site) for person in people if person.email])

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from datetime import datetime
+from typing import Annotated
 
 from django.db.models import QuerySet
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
@@ -21,7 +22,7 @@ class SpokenText(Struct, frozen=True):
     language: str
     topic: str
     who: str
-    at: datetime
+    at: Annotated[datetime, Meta(tz=True)]
     outcome: str | None  # as `robots.wire.SpeechEnd`; None: not known yet
     why: str
 

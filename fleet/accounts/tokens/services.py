@@ -51,10 +51,12 @@ def token_make(
     actor: User | SystemAccount,
     robots: Sequence[UUID] = (),
     token_id: UUID | None = None,
+    made_with: Token | None = None,
 ) -> tuple[Token, str]:
     """Make a token, and return it with its text, which is shown once.
 
     `token_id`: the id that it shall have, so that a form that is sent twice makes one token (`TokenExists`).
+    `made_with`: the token by which a program makes it, and with which it ends (`TokenInvalid`: it has).
     """
     User.objects.select_for_update(no_key=True).get(pk=user.pk)
     token_id = token_id or uuid4()
@@ -62,6 +64,8 @@ def token_make(
         raise TokenExists
     if tokens_of(user).count() >= MOST:
         raise TooManyTokens
+    if made_with and not Token.objects.select_for_update(no_key=True).filter(pk=made_with.pk).exists():
+        raise TokenInvalid("token_invalid", "The token that asks has ended.")
     now = timezone.now()
     expires_at = min(expires_at, now + LONGEST)
     text = PREFIX + secrets.token_urlsafe(32)
@@ -75,6 +79,7 @@ def token_make(
         scopes=[scope.value for scope in Scope if scope in scopes],
         robots=[str(robot) for robot in robots],
         made_by=actor if isinstance(actor, User) else user,
+        made_with=made_with,
     )
     facts = {
         "user": str(user.pk),
@@ -82,6 +87,7 @@ def token_make(
         "scopes": token.scopes,
         "robots": token.robots,
         "expires": expires_at.isoformat(),
+        **({"made_with": str(made_with.id)} if made_with else {}),
     }
     record("token.make", actor=actor, parameters=facts, private={"name": name})
     return token, text
@@ -89,10 +95,22 @@ def token_make(
 
 @transaction.atomic
 def token_end(*, token: Token, actor: User) -> None:
-    """End a token: its streams and its control end within a second."""
+    """End a token and those that it made: their streams and their control end within a second."""
+    for child in Token.objects.filter(made_with=token.pk):
+        token_end(token=child, actor=actor)
     if Token.objects.filter(pk=token.pk).delete()[0]:
         parameters = {"user": str(token.user_id), "token": str(token.id)}
         record("token.end", actor=actor, parameters=parameters, private={"name": token.name})
+
+
+@transaction.atomic
+def tokens_end(*, user: User, actor: User) -> int:
+    """End all tokens of a person. Returns how many were valid."""
+    now, valid = timezone.now(), 0
+    for token in Token.objects.filter(user=user):
+        valid += token.expires_at > now
+        token_end(token=token, actor=actor)
+    return valid
 
 
 def tokens_of(user: User) -> QuerySet[Token]:

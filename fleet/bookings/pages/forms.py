@@ -11,7 +11,7 @@ from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.models import User
-from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
+from fleet.bookings.models import DAY_NAMES, WEEKDAYS, OutOfService, Policy
 from fleet.bookings.policies import POLICY_FIELDS
 from fleet.bookings.rules import Slot, to_utc
 from fleet.bookings.series import MOST_WEEKS
@@ -21,15 +21,6 @@ from robots.registry.models import Robot
 from robots.wire import Refusal
 
 TIME_FORMAT = "%Y-%m-%dT%H:%M"
-DAY_NAMES = (
-    _("Monday"),
-    _("Tuesday"),
-    _("Wednesday"),
-    _("Thursday"),
-    _("Friday"),
-    _("Saturday"),
-    _("Sunday"),
-)
 YEARS = range(2000, 2200)  # that people may mean
 LONG_YEAR = re.compile(r"\s*\d{5,}-")  # a browser's field takes six digits
 
@@ -153,12 +144,8 @@ class PolicyForm(forms.ModelForm):  # type: ignore[type-arg]
             if opens is None or closes is None:
                 continue
             end = "24:00" if f"{closes:%H:%M}" == "00:00" else f"{closes:%H:%M}"
-            if end <= f"{opens:%H:%M}":
-                raise ValidationError(_("On %(day)s the robot closes before it opens.") % {"day": name})
             opening[day] = [f"{opens:%H:%M}", end]
-        values["opening"] = opening
-        if values.get("shortest_min", 0) > values.get("longest_min", 0):
-            raise ValidationError(_("The shortest slot is longer than the longest."))
+        values["opening"] = self.instance.opening = opening
         return values
 
     @property

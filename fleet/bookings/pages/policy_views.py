@@ -8,7 +8,7 @@ from uuid import UUID
 
 from django.contrib import messages
 from django.core.exceptions import PermissionDenied
-from django.db.models import Q, QuerySet
+from django.db.models import Q
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
@@ -17,7 +17,6 @@ from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
-from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.bookings import policies as policy_services
 from fleet.bookings.models import OutOfService, Policy
@@ -32,10 +31,9 @@ from robots.access.selectors import (
     courses_managed_by,
     manages_robot,
     robots_managed_by,
-    robots_visible_to,
-    roles_of,
+    robots_supervised_by,
 )
-from robots.registry.models import Robot, Role
+from robots.registry.models import Robot
 
 
 @never_cache
@@ -118,7 +116,7 @@ def out_of_service(request: HttpRequest) -> HttpResponse:
         for robot in chosen
         for booking in policy_services.out_of_service_add(
             robot=robot, **period, actor=person_of(request), now=now
-        )
+        )[1]
     ]
     text = ngettext(
         "Out of service. %(number)d booking is affected: %(people)s.",
@@ -144,7 +142,7 @@ def out_of_service_end(request: HttpRequest, period_id: UUID) -> HttpResponse:
 def series(request: HttpRequest) -> HttpResponse:
     """Preview a weekly series with its conflicts, then book it."""
     person, now = person_of(request), timezone.now()
-    choice = _supervised(person)
+    choice = robots_supervised_by(person)
     if not choice:
         raise PermissionDenied("Weekly series are for supervisors and staff.")
     courses = courses_managed_by(person).filter(archived=False)
@@ -227,13 +225,6 @@ def _managed(request: HttpRequest) -> list[Robot]:
     if not robots and not person_of(request).is_staff:
         raise PermissionDenied("Booking policies are for supervisors of a robot and staff.")
     return robots
-
-
-def _supervised(person: User) -> QuerySet[Robot]:
-    """Return the robots that the person supervises, also by a course only."""
-    robots = robots_visible_to(person)
-    roles = roles_of(person, robots)
-    return robots.filter(pk__in=[robot for robot, role in roles.items() if role >= Role.SUPERVISOR])
 
 
 def _out_form(robots: list[Robot], request: HttpRequest | None = None) -> OutOfServiceForm:

@@ -146,11 +146,7 @@ def _do(request: HttpRequest, course: Course, values: dict[str, Any]) -> str:
         count = enrolment.unenrol(course=course, people=people, actor=actor)
         text = ngettext("%(n)d person left %(course)s.", "%(n)d people left %(course)s.", count)
     elif action == "invite":
-        waiting = [
-            person
-            for person in people
-            if person.email and person.is_active and not person.has_usable_password()
-        ]
+        waiting = welcome.waiting_among(people)
         welcome.send_later(waiting, course=course, site=_site(request))
         count = len(waiting)
         text = ngettext("%(n)d e-mail is on its way.", "%(n)d e-mails are on their way.", count)

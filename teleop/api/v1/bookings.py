@@ -30,7 +30,7 @@ from robots.access.selectors import courses_managed_by
 from robots.registry.models import Robot
 from teleop.api.v1.door.cursors import page_by_time
 from teleop.api.v1.door.operation import ApiView, operation
-from teleop.api.v1.door.parameters import Cursor, Limit, Moment, utc
+from teleop.api.v1.door.parameters import Cursor, Limit, Moment, Time, utc
 from teleop.api.v1.door.problems import NOT_FOUND, Problem, ProblemDetails
 from teleop.api.v1.door.versions import etag_of, version_seen
 
@@ -63,14 +63,14 @@ class BookingEntry(Struct, frozen=True):
     yours: bool
     may_change: bool  # you may move, cancel and hand it over now
     course: str | None  # for which it counts; of your own bookings, and of those that you manage
-    starts_at: datetime
-    ends_at: datetime
-    held_until: datetime  # others can book from here on
+    starts_at: Time
+    ends_at: Time
+    held_until: Time  # others can book from here on
     stage: StageName
     purpose: str
-    offer_until: datetime | None
+    offer_until: Time | None
     series: UUID | None
-    made_at: datetime
+    made_at: Time
 
 
 class BookingList(Struct, frozen=True):
@@ -84,8 +84,8 @@ class SlotEntry(Struct, frozen=True):
     """A slot of a robot."""
 
     robot: str
-    starts_at: datetime
-    ends_at: datetime
+    starts_at: Time
+    ends_at: Time
 
 
 class SlotList(Struct, frozen=True):
@@ -99,9 +99,9 @@ class WaitingEntry(Struct, frozen=True):
 
     id: int
     robot: str
-    starts_at: datetime
-    ends_at: datetime
-    since: datetime
+    starts_at: Time
+    ends_at: Time
+    since: Time
 
 
 class WaitingList(Struct, frozen=True):

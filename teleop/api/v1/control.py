@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from typing import Annotated, Any, Literal
+from uuid import UUID
 
 from asgiref.sync import async_to_sync
 from django.conf import settings
@@ -39,7 +40,7 @@ class ControlEntry(Struct, frozen=True):
     )  # "yours": this program's; "unknown": it has asked for nothing yet
     holder: str | None = None
     fence: int | None = None  # fencing number, of one's own control
-    session: str | None = None  # control session, as in the log
+    session: UUID | None = None  # control session, as in the log
     term_s: float | None = None  # until control ends, unless it is renewed
     unused_s: float | None = None  # control ends, too, when the program asks for nothing so long
     ahead: int | None = None  # programs and people in line before this one; null: not in line
@@ -231,7 +232,7 @@ def _entry(control: Control | None) -> ControlEntry:
         state=control.state,
         holder=control.holder,
         fence=control.fence,
-        session=control.session,
+        session=UUID(control.session) if control.session else None,
         term_s=control.remaining_s,
         unused_s=UNUSED_S if mine else None,
         ahead=control.ahead,

@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
-from datetime import date, datetime
+from datetime import date
 from functools import partial
-from typing import Annotated, Any
-from uuid import UUID
+from typing import Annotated, Any, Literal
 
+from django.core.exceptions import ValidationError
+from django.db import transaction
 from django.db.models import Count
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiExample
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.request import Request
+from rest_framework.response import Response
 
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from robots.access import enrolment, services
 from robots.access.models import Course, Qualification
-from robots.access.pages.forms import ActionForm, end_of
+from robots.access.pages.forms import ActionForm, end_of, free_slug
 from robots.access.people_lists import read_people
 from robots.access.selectors import courses_managed_by, demanded_in, grants_in, lab_date, robots_of
 from robots.registry.models import Robot
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import ApiView, operation
+from teleop.api.v1.door.operation import operation
+from teleop.api.v1.door.parameters import Time
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.setup.base import IF_MATCH, SetupView, invalid, named_groups, require_unchanged
+from teleop.api.v1.setup.groups import account_named
+
+_NO_ROBOT = Refusal("robot_needed", "Name at least one robot or robot group.", "wire")
 
 
 class CourseEntry(Struct, frozen=True):
@@ -64,7 +71,8 @@ class QualificationEntry(Struct, frozen=True):
 class CourseDetail(CourseEntry, frozen=True):
     """A course."""
 
-    robots: list[str]
+    robots: list[str]  # of its groups, too
+    groups: list[str]
     supervisors: list[str]  # names
     quotas: Quotas
     qualifications: list[QualificationEntry]
@@ -74,7 +82,7 @@ class HeldQualification(Struct, frozen=True):
     """A qualification that a person holds; `expires_at` null: for good."""
 
     qualification: str
-    expires_at: datetime | None
+    expires_at: Time | None
 
 
 class Member(Struct, frozen=True):
@@ -83,7 +91,7 @@ class Member(Struct, frozen=True):
     username: str
     name: str
     email: str
-    since: datetime
+    since: Time
     active: bool  # the account is open
     qualifications: list[HeldQualification]
 
@@ -127,6 +135,46 @@ class EnrolAnswer(Struct, frozen=True):
     notes: list[str]
 
 
+Names = Annotated[list[str], Meta(max_length=1000)]
+Minutes = Annotated[int, Meta(ge=1)]
+
+
+class QuotasRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """Minutes, and bookings to come; null: no quota."""
+
+    day_min: Minutes | None = None
+    week_min: Minutes | None = None
+    at_once: Minutes | None = None
+    course_week_min: Minutes | None = None
+
+
+class CourseRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A new course: at least one robot or robot group (slugs); supervisors by user name."""
+
+    name: Annotated[str, Meta(min_length=1, max_length=80)]
+    starts_on: date
+    ends_on: date  # included, in the lab's time zone
+    role: Literal["observer", "operator"] = "operator"  # of its people
+    robots: Names = []
+    groups: Names = []
+    supervisors: Names = []
+    quotas: QuotasRequest = QuotasRequest()
+
+
+class CourseChange(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """What is left out stays."""
+
+    name: Annotated[str, Meta(min_length=1, max_length=80)] | UnsetType = UNSET
+    starts_on: date | UnsetType = UNSET
+    ends_on: date | UnsetType = UNSET
+    role: Literal["observer", "operator"] | UnsetType = UNSET
+    robots: Names | UnsetType = UNSET
+    groups: Names | UnsetType = UNSET
+    supervisors: Names | UnsetType = UNSET
+    quotas: QuotasRequest | UnsetType = UNSET
+    archived: bool | UnsetType = UNSET
+
+
 class PeopleRequest(Struct, frozen=True, forbid_unknown_fields=True):
     """User names of members; null: everybody in the course."""
 
@@ -148,20 +196,59 @@ class Changed(Struct, frozen=True):
 _course = partial(operation, scope=Scope.MANAGE, refuses=(404,), tag="courses")
 
 
-class CoursesBase(ApiView):
+class CoursesBase(SetupView):
     """Base of the views of courses."""
+
+    def detail(self, course: Course) -> CourseDetail:
+        """Return a course with what it gives."""
+        return CourseDetail(
+            **_entry(course),
+            robots=[robot.slug for robot in robots_of(course)],
+            groups=[group.slug for group in course.groups.all()],
+            supervisors=[person.display_name for person in course.supervisors.all()],
+            quotas=Quotas(course.day_min, course.week_min, course.at_once, course.course_week_min),
+            qualifications=[QualificationEntry(one.slug, one.name) for one in self.qualifications(course)],
+        )
+
+    def save(self, course: Course, body: CourseRequest | CourseChange) -> None:
+        """Save a course with what was given. Raises `Problem`."""
+        new = course._state.adding
+        lists: dict[str, Any] = {
+            "robots": [] if new else list(course.robots.all()),
+            "groups": [] if new else list(course.groups.all()),
+            "supervisors": [] if new else list(course.supervisors.all()),
+        }
+        if isinstance(body.robots, list):
+            lists["robots"] = self.named_robots(body.robots)
+        if isinstance(body.groups, list):
+            lists["groups"] = named_groups(body.groups)
+        if isinstance(body.supervisors, list):
+            lists["supervisors"] = [account_named(name) for name in dict.fromkeys(body.supervisors)]
+        if not lists["robots"] and not lists["groups"]:
+            raise Problem(_NO_ROBOT)
+        for group in lists["groups"]:
+            self.require_served(group.robots.all())
+        plain = {name: getattr(body, name) for name in ("name", "starts_on", "ends_on", "role")}
+        quotas = structs.asdict(body.quotas) if isinstance(body.quotas, QuotasRequest) else {}
+        for name, value in (plain | quotas).items():
+            if value is not UNSET:
+                setattr(course, name, value)
+        try:
+            services.course_save(course=course, actor=self.staff(), **lists)
+        except ValidationError as error:
+            raise invalid(error) from error
 
     def courses(self) -> list[Course]:
         """Return the courses that the person manages, and of which the token serves every robot."""
         token = self.token
         found = courses_managed_by(self.person).annotate(people=Count("enrolments", distinct=True))
-        return [course for course in found if token is None or self._serves_all(robots_of(course))]
+        return [course for course in found if token is None or self.serves(robots_of(course))]
 
     def course(self, slug: str) -> Course:
         """Return one of them. Raises `Problem`: not found."""
         found = courses_managed_by(self.person).filter(slug=slug).annotate(people=Count("enrolments"))
         course: Course | None = found.first()
-        if course is None or not self._serves_all(robots_of(course)):
+        if course is None or not self.serves(robots_of(course)):
             raise Problem(NOT_FOUND)
         return course
 
@@ -170,7 +257,7 @@ class CoursesBase(ApiView):
         return [
             one
             for one in demanded_in(course)
-            if self._serves_all([*one.robots.all(), *Robot.objects.filter(groups__qualifications=one)])
+            if self.serves([*one.robots.all(), *Robot.objects.filter(groups__qualifications=one)])
         ]
 
     def chosen(
@@ -180,14 +267,8 @@ class CoursesBase(ApiView):
         course = self.course(slug)
         if qualification not in [one.slug for one in self.qualifications(course)]:
             raise Problem(NOT_FOUND)
-        keys: list[UUID] = []
-        if people is not None:
-            inside = dict(User.objects.filter(enrolments__course=course).values_list("username", "pk"))
-            if unknown := [name for name in people if name not in inside]:
-                raise Problem(_not_inside(unknown[0], course))
-            keys = [inside[name] for name in people]
         typed = {
-            "person": keys,
+            "person": [] if people is None else [person.pk for person in self.members(course, people)],
             "everybody": people is None,
             "qualification": qualification,
             "until": last_day,
@@ -199,9 +280,14 @@ class CoursesBase(ApiView):
         values = form.cleaned_data
         return values["qualification"], values["people"], values["until"]
 
-    def _serves_all(self, robots: object) -> bool:
-        token = self.token
-        return token is None or all(token.serves(robot.pk) for robot in robots)  # type: ignore[attr-defined]
+    def members(self, course: Course, people: list[str] | None) -> list[User]:
+        """Return the members with these user names; None: everybody in the course. Raises `Problem`."""
+        inside = {one.username: one for one in User.objects.filter(enrolments__course=course)}
+        if people is None:
+            return list(inside.values())
+        if unknown := [name for name in people if name not in inside]:
+            raise Problem(_not_inside(unknown[0], course))
+        return [inside[name] for name in people]
 
 
 class CoursesView(CoursesBase):
@@ -212,21 +298,66 @@ class CoursesView(CoursesBase):
         """Staff manage all."""
         return CourseList([CourseEntry(**_entry(course)) for course in self.courses()])
 
+    @operation(
+        "courses_make",
+        "Make a course",
+        scope=Scope.MANAGE,
+        body=CourseRequest,
+        answer=CourseDetail,
+        status=201,
+        refuses=(404,),
+        keyed=True,
+        tag="courses",
+        examples=[
+            OpenApiExample(
+                "A term",
+                value={
+                    "name": "Robotics lab",
+                    "robots": ["tiago-1"],
+                    "starts_on": "2026-09-01",
+                    "ends_on": "2027-01-31",
+                },
+                request_only=True,
+            )
+        ],
+    )
+    def post(self, _request: Request, body: CourseRequest) -> Response:
+        """By staff. Its people are enrolled at `/courses/{slug}/members`."""
+        self.staff()
+        course = Course(name=body.name, slug=free_slug(Course, body.name))
+        self.save(course, body)
+        return self.tagged(self.detail(course), 201, f"/api/v1/courses/{course.slug}")
+
 
 class CourseView(CoursesBase):
     """`/courses/{slug}`."""
 
     @_course("courses_read", "Read a course", answer=CourseDetail)
-    def get(self, _request: Request, slug: str) -> CourseDetail:
+    def get(self, _request: Request, slug: str) -> Response:
         """Robots, dates, quotas, supervisors, and what its robots demand."""
-        course = self.course(slug)
-        return CourseDetail(
-            **_entry(course),
-            robots=[robot.slug for robot in robots_of(course)],
-            supervisors=[person.display_name for person in course.supervisors.all()],
-            quotas=Quotas(course.day_min, course.week_min, course.at_once, course.course_week_min),
-            qualifications=[QualificationEntry(one.slug, one.name) for one in self.qualifications(course)],
-        )
+        return self.tagged(self.detail(self.course(slug)))
+
+    @operation(
+        "courses_change",
+        "Change a course, archive it or open it again",
+        scope=Scope.MANAGE,
+        body=CourseChange,
+        answer=CourseDetail,
+        refuses=(404, 412, 428),
+        tag="courses",
+        parameters=[IF_MATCH],
+    )
+    def patch(self, request: Request, slug: str, body: CourseChange) -> Response:
+        """By staff. An archived course gives its people nothing."""
+        staff = self.staff()
+        with transaction.atomic():
+            course = self.course(slug)
+            list(Course.objects.select_for_update().filter(pk=course.pk))  # nobody changes it in between
+            require_unchanged(request, self.detail(course))
+            self.save(course, body)
+            if isinstance(body.archived, bool):
+                services.course_archive(course=course, archived=body.archived, actor=staff)
+        return self.tagged(self.detail(self.course(slug)))
 
 
 class MembersView(CoursesBase):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import date, datetime
+from datetime import date
 from functools import partial
 from typing import Annotated, Any, Literal
 from uuid import UUID
@@ -24,7 +24,7 @@ from robots.registry.models import Robot
 from robots.wire import Refusal
 from teleop.api.v1.door.cursors import decoded, encoded, page_by_time
 from teleop.api.v1.door.operation import ApiView, operation
-from teleop.api.v1.door.parameters import Cursor, Limit, Moment, utc
+from teleop.api.v1.door.parameters import Cursor, Limit, Moment, Time, utc
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
 from teleop.control.selectors import end_notes
 from teleop.models import ControlSession
@@ -50,8 +50,8 @@ class SessionEntry(Struct, frozen=True):
     yours: bool
     program: str | None  # name of the token; null: a person in a browser
     fence: int
-    started_at: datetime
-    ended_at: datetime | None  # null: it goes on
+    started_at: Time
+    ended_at: Time | None  # null: it goes on
     end_reason: str
     note: str  # about its end
 
@@ -78,7 +78,7 @@ class SessionEvent(Struct, frozen=True):
     """A record of the session, in words."""
 
     number: int
-    at: datetime
+    at: Time
     what: str
     subject: str
     facts: list[str]
@@ -116,7 +116,7 @@ class AuditOutcome(Struct, frozen=True):
     """The record of a request’s outcome."""
 
     number: int
-    at: datetime
+    at: Time
     kind: str
     outcome: str
     details: dict[str, Any]
@@ -126,7 +126,7 @@ class AuditEntry(Struct, frozen=True):
     """A record of the log, and that of its outcome."""
 
     number: int
-    at: datetime
+    at: Time
     kind: str
     what: str  # the kind in words
     robot: Named | None

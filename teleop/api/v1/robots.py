@@ -20,7 +20,7 @@ from robots.stop import courier
 from robots.stop.pending_stops import name_of
 from robots.wire import PendingStop, Refusal, RobotFacts, State
 from teleop.api.v1.door.operation import ApiView, operation
-from teleop.api.v1.door.parameters import whole_number
+from teleop.api.v1.door.parameters import Time, whole_number
 from teleop.control import rules
 from teleop.control.policy import out_of_service
 from teleop.control.selectors import lease_of
@@ -53,7 +53,7 @@ class RobotDetail(RobotEntry, frozen=True):
     facts: RobotFacts
     holder: str | None  # of control
     state: State | None
-    seen_at: datetime | None  # when the robot was last heard
+    seen_at: Time | None  # when the robot was last heard
     refusal: Refusal | None
     pending_stop: PendingStop | None
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from datetime import datetime
 from functools import partial
 from typing import Annotated, Any
 
@@ -25,7 +24,7 @@ from robots.registry.selectors import link_address
 from robots.wire import MotionOffer, NotDone, Refusal, StopState
 from teleop.api.v1.control import ProgramView
 from teleop.api.v1.door.operation import operation
-from teleop.api.v1.door.parameters import whole_number
+from teleop.api.v1.door.parameters import Time, whole_number
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
 from teleop.webhooks.news import newest_record
 
@@ -66,9 +65,9 @@ class TaskEntry(Struct, frozen=True):
     kind: str  # speech, motion, drive_by
     robot: str
     by: str
-    asked_at: datetime
+    asked_at: Time
     outcome: str | None
-    ended_at: datetime | None
+    ended_at: Time | None
     text: str  # why it ended so, or the robot's own words
 
 

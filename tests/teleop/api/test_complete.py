@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
+from uuid import UUID
 
 import pytest
+from django.test import Client
+from django.urls import URLPattern, get_resolver
 
+from fleet.accounts.models import User
 from robots import wire
 from script.stack.messages import openapi
 
@@ -48,6 +53,93 @@ OPERATIONS: dict[type, tuple[str, str]] = {
     wire.StopRobot: ("post", f"{ROBOT}/stop"),
     wire.ClearRobot: ("post", f"{ROBOT}/stop/clear"),
 }
+# The forms of pages, by the names of their addresses: an operation for each of their actions.
+BOOKING, COURSE, POLICY = "/bookings/{booking_id}", "/courses/{slug}", "/policies"
+FORMS: dict[str, tuple[tuple[str, str], ...]] = {
+    "stop": (("post", f"{ROBOT}/stop"),),
+    "stop-all": (("post", "/stop"),),
+    "your-data-export": (("post", "/audit/export"),),
+    "webhook-new": (("post", "/webhooks"),),
+    "webhook": (
+        ("patch", "/webhooks/{webhook_id}"),
+        ("delete", "/webhooks/{webhook_id}"),
+        ("post", "/webhooks/{webhook_id}/test"),
+        ("post", "/webhooks/{webhook_id}/again"),
+    ),
+    "booking-new": (("post", "/bookings"),),
+    "booking": (
+        ("patch", BOOKING),
+        ("delete", BOOKING),
+        ("post", f"{BOOKING}/hand-over"),
+        ("post", f"{BOOKING}/approve"),
+        ("post", f"{BOOKING}/accept"),
+    ),
+    "bookings-waiting": (("post", "/waiting"), ("delete", "/waiting/{number}")),
+    "booking-policy-all": (("put", f"{POLICY}/all"),),
+    "booking-policy-group": (("put", f"{POLICY}/groups/{{slug}}"), ("delete", f"{POLICY}/groups/{{slug}}")),
+    "booking-policy": (("put", f"{POLICY}/robots/{{slug}}"), ("delete", f"{POLICY}/robots/{{slug}}")),
+    "booking-series": (("post", "/bookings/series"),),
+    "out-of-service": (("post", "/out-of-service"),),
+    "out-of-service-end": (("delete", "/out-of-service/{period_id}"),),
+    "token-new": (("post", "/tokens"),),
+    "token-end": (("delete", "/tokens/{token_id}"),),
+    "service-accounts": (("post", "/service-accounts"),),
+    "service-token-new": (("post", "/service-accounts/{username}/tokens"),),
+    "robot-groups": (
+        ("post", "/robot-groups"),
+        ("put", "/robot-groups/{slug}"),
+        ("delete", "/robot-groups/{slug}"),
+        ("put", "/robot-groups/{slug}/roles/{username}"),
+        ("delete", "/robot-groups/{slug}/roles/{username}"),
+    ),
+    "qualifications": (
+        ("post", "/qualifications"),
+        ("put", "/qualifications/{slug}"),
+        ("delete", "/qualifications/{slug}"),
+    ),
+    "course-new": (("post", "/courses"), ("post", f"{COURSE}/members")),
+    "course-edit": (("patch", COURSE),),
+    "course-archive": (("patch", COURSE),),
+    "course-enrol": (("post", f"{COURSE}/members"),),
+    "course-people": (
+        ("delete", f"{COURSE}/members/{{username}}"),
+        ("post", f"{COURSE}/welcome"),
+        ("post", f"{COURSE}/qualifications/{{qualification}}/grant"),
+        ("post", f"{COURSE}/qualifications/{{qualification}}/revoke"),
+    ),
+    "invitation-new": (("post", f"{COURSE}/invitations"),),
+    "invitation-revoke": (("delete", f"{COURSE}/invitations/{{invitation_id}}"),),
+}
+SIGN_IN = "a person signs in, and proves who they are"
+ACCOUNT = "the account of a person: a program that has a token must not be able to take it over"
+BROWSER = "about this person’s browser"
+FOR_PEOPLE: dict[str, str] = {
+    "sign-in": SIGN_IN,
+    "account_login": SIGN_IN,
+    "account_reauthenticate": SIGN_IN,
+    "openid_connect_login": SIGN_IN,
+    "openid_connect_callback": SIGN_IN,
+    "sign-out": BROWSER,
+    "account_logout": BROWSER,
+    "session-end": BROWSER,
+    "sessions-end-others": BROWSER,
+    "your-settings": BROWSER,
+    "bookings-news-seen": BROWSER,
+    "password": ACCOUNT,
+    "account_email": ACCOUNT,
+    "account_confirm_email": ACCOUNT,
+    "account_reset_password": ACCOUNT,
+    "account_reset_password_from_key_done": ACCOUNT,
+    "account_reset_password_from_key": ACCOUNT,
+    "socialaccount_connections": ACCOUNT,
+    "bookings-address": "a private address that opens a person’s calendar without sign-in",
+    "join": "a person agrees to join a course",
+    "welcome": "a newcomer chooses a password",
+    "setup": "before there is an account",
+    "setup-robot": "the first steps in a browser; `POST /registry` does the same",
+}
+SECOND_FACTOR = "mfa_"  # how the names of its pages begin: for people, too
+OTHER_DOORS = ("api/", "admin/")  # the API itself; the admin, whose people and log stay with people
 OF_THE_CONNECTION = {wire.Hello, wire.Ack, wire.Ping, wire.Refresh, wire.Unsubscribe}
 MESSAGES = {*get_args(wire.BrowserMessage), *get_args(wire.TopicsMessage), *get_args(wire.FleetMessage)}
 
@@ -61,6 +153,52 @@ def test_each_message_of_a_page_has_an_operation(paths: Any) -> None:
     assert set(OPERATIONS) == MESSAGES - OF_THE_CONNECTION
     for message, (method, path) in OPERATIONS.items():
         assert method in paths.get(f"/api/v1{path}", {}), message
+
+
+@pytest.mark.django_db(transaction=True)
+def test_each_form_of_a_page_has_an_operation_or_a_reason(paths: Any, staff: User) -> None:
+    found, known = forms_of_pages(staff), FORMS.keys() | FOR_PEOPLE.keys()
+    assert (found - known, known - found) == (set(), set())
+    assert not FORMS.keys() & FOR_PEOPLE.keys()
+    for form, operations in FORMS.items():
+        for method, path in operations:
+            assert method in paths.get(f"/api/v1{path}", {}), (form, path)
+
+
+def forms_of_pages(staff: User) -> set[str]:
+    """Return the names of the addresses of pages that do something with a POST; without a name, the address."""
+    found = set()
+    addresses = list(_addresses(get_resolver()))
+    named = {pattern.callback for pattern, _ in addresses if pattern.name}
+    for pattern, address in addresses:
+        name = pattern.name or ("" if pattern.callback in named else address)
+        if not name or name.startswith(SECOND_FACTOR) or address.startswith(OTHER_DOORS):
+            continue
+        client = Client(raise_request_exception=False)
+        client.force_login(staff)
+        if client.post(f"/{address}").status_code != 405:
+            found.add(name)
+    return found
+
+
+def _addresses(resolver: Any, before: str = "") -> Iterator[tuple[URLPattern, str]]:
+    """Yield each pattern with an address that fits it."""
+    for one in resolver.url_patterns:
+        address = before + _filled(one.pattern)
+        if isinstance(one, URLPattern):
+            yield one, address
+        else:
+            yield from _addresses(one, address)
+
+
+def _filled(pattern: Any) -> str:
+    if hasattr(pattern, "_route"):
+        return re.sub(
+            "<(?:([a-z]+):)?[a-z_0-9]+>",
+            lambda found: str(UUID(int=1)) if found[1] == "uuid" else "1",
+            pattern._route,
+        )
+    return re.sub(r"\(\?P<.*?>.*?\)", "1", pattern.regex.pattern.strip("^$"))
 
 
 def test_each_operation_of_a_robot_stands_in_the_docs(paths: Any) -> None:

@@ -64,3 +64,17 @@ def test_every_answer_keeps_to_the_schema(who: str, robot: Robot, request: pytes
             case.validate_response(answer, checks=list(CHECKS))
 
         check()
+
+
+def test_times_and_keys_of_answers_have_their_formats() -> None:
+    schemas = json.loads(openapi())["components"]["schemas"]
+    plain = {
+        (name, field)
+        for name, schema in schemas.items()
+        for field, described in schema.get("properties", {}).items()
+        for kind in described.get("anyOf", [described])
+        if kind.get("type") == "string" and "format" not in kind and "enum" not in kind
+        if field.endswith("_at")
+        or field in ("at", "id", "since", "until", "session", "series", "offer_until")
+    }
+    assert plain == {("Named", "id")}  # also of people at the command line, who have no account

@@ -19,6 +19,7 @@ YEARS = range(2000, 2200)  # that people may mean, as on the pages
 Moment = Annotated[
     datetime, Meta(tz=True, description="RFC 3339, with its offset, such as 2026-03-02T14:30:00Z.")
 ]
+Time = Annotated[datetime, Meta(tz=True)]  # of an answer: RFC 3339, UTC
 Limit = Annotated[int, Meta(ge=1, le=200, description="At most so many.")]
 Cursor = Annotated[str, Meta(max_length=200, description="`next` of the page before.")]
 

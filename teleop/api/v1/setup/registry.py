@@ -1,14 +1,12 @@
-"""Robots and profiles as staff register them."""
+"""Robots as staff register them."""
 
 from __future__ import annotations
 
-from datetime import datetime
 from functools import partial
 from typing import Annotated, Any
 
 from django.core.exceptions import ValidationError
-from drf_spectacular.utils import OpenApiParameter
-from msgspec import UNSET, Meta, Struct, UnsetType, structs, to_builtins
+from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
 
@@ -18,35 +16,16 @@ from robots.registry.models import Robot, RobotProfile
 from robots.registry.selectors import slug_for
 from robots.registry.services import robot_save
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import ApiView, operation
+from teleop.api.v1.door.operation import operation
+from teleop.api.v1.door.parameters import Time
 from teleop.api.v1.door.problems import Problem
-from teleop.api.v1.door.versions import etag_of, version_seen
+from teleop.api.v1.setup.base import IF_MATCH, SetupView, invalid, require_unchanged
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Address = Annotated[str, Meta(max_length=200)]
 Part = Annotated[float, Meta(ge=0.05, le=1.0)]
 
-_STAFF_ONLY = Refusal(
-    "permission_denied", "Only staff and their service accounts register robots.", "account"
-)
 _NO_PROFILE = Refusal("invalid", "There is no profile with this slug.", "wire")
-_CHANGED = Refusal("changed", "The robot was changed meanwhile: read it again.", "wire")
-IF_MATCH = OpenApiParameter(
-    "If-Match", str, OpenApiParameter.HEADER, required=True, description="The ETag as you read it."
-)
-
-
-class ProfileEntry(Struct, frozen=True):
-    """A kind of robots."""
-
-    slug: str
-    name: str
-
-
-class ProfileList(Struct, frozen=True):
-    """Profiles, by name."""
-
-    profiles: list[ProfileEntry]
 
 
 class Registration(Struct, frozen=True):
@@ -61,7 +40,7 @@ class Registration(Struct, frozen=True):
     practice: bool
     default_share: float | None  # null: the profile's
     max_share: float
-    updated_at: Annotated[datetime, Meta(tz=True)]
+    updated_at: Time
 
 
 class RegisterRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -89,33 +68,15 @@ class RegistrationChange(Struct, frozen=True, forbid_unknown_fields=True, omit_d
 _registry = partial(operation, scope=Scope.MANAGE, answer=Registration, refuses=(404,), tag="registry")
 
 
-class StaffView(ApiView):
-    """Base of the views for staff."""
-
-    def staff(self) -> User:
-        """Return the person. Raises `Problem`: they are no staff."""
-        if not self.person.is_staff:
-            raise Problem(_STAFF_ONLY)
-        return self.person
+class RegistryView(SetupView):
+    """Base of the views of registrations."""
 
     def answer(self, robot: Robot, status: int = 200) -> Response:
         """Answer a registration with its ETag."""
-        headers = {"ETag": etag_of(_version(robot))}
-        return Response(to_builtins(_entry(robot)), status=status, headers=headers)
+        return self.tagged(_entry(robot), status)
 
 
-class ProfilesView(StaffView):
-    """`/profiles`."""
-
-    @_registry("profiles_list", "List the kinds of robots", refuses=(), scope=Scope.READ, answer=ProfileList)
-    def get(self, _request: Request) -> ProfileList:
-        """Their content is edited in the admin."""
-        return ProfileList(
-            [ProfileEntry(one.slug, one.name) for one in RobotProfile.objects.order_by("name")]
-        )
-
-
-class RegisterView(StaffView):
+class RegisterView(RegistryView):
     """`/registry`."""
 
     @_registry("registry_add", "Register a robot", refuses=(), body=RegisterRequest, status=201, keyed=True)
@@ -132,7 +93,7 @@ class RegisterView(StaffView):
         return self.answer(_saved(robot, staff), 201)
 
 
-class RegistrationView(StaffView):
+class RegistrationView(RegistryView):
     """`/registry/{slug}`."""
 
     @_registry("registry_read", "Read a registration")
@@ -151,25 +112,18 @@ class RegistrationView(StaffView):
     def patch(self, request: Request, slug: str, body: RegistrationChange) -> Response:
         """By staff. The bridge is started again where that is needed."""
         staff, robot = self.staff(), self.robot(slug)
-        if version_seen(request) != _version(robot):
-            raise Problem(_CHANGED, 412)
+        require_unchanged(request, _entry(robot))
         for name, value in structs.asdict(body).items():
             if value is not UNSET:
                 setattr(robot, name, value)
         return self.answer(_saved(robot, staff))
 
 
-def _version(robot: Robot) -> int:
-    """Return a number that differs after each change."""
-    return int(1000.0 * robot.updated_at.timestamp()) % 10**9
-
-
 def _saved(robot: Robot, staff: User) -> Robot:
     try:
         return robot_save(robot=robot, actor=staff)
     except ValidationError as error:
-        texts = [f"{name}: {' '.join(words)}" for name, words in error.message_dict.items()]
-        raise Problem(Refusal("invalid", " ".join(texts), "wire")) from error
+        raise invalid(error) from error
 
 
 def _entry(robot: Robot) -> Registration:

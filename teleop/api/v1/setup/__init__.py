@@ -1,0 +1,1 @@
+"""What supervisors and staff set up: registry, profiles, webhooks, tokens, policies, groups, qualifications."""

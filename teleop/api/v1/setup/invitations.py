@@ -1,0 +1,141 @@
+"""Invitations to a course, and e-mails to its people who have no password yet."""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import Annotated
+from uuid import UUID
+
+from django.urls import reverse
+from django.utils import timezone
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+
+from fleet.accounts.tokens.models import Scope
+from robots.access import enrolment, welcome
+from robots.access.models import Invitation
+from robots.access.pages.forms import InvitationForm, end_of
+from robots.wire import Refusal
+from teleop.api.v1.courses import Changed, CoursesBase, PeopleRequest
+from teleop.api.v1.door.operation import operation
+from teleop.api.v1.door.parameters import Time
+from teleop.api.v1.door.problems import NOT_FOUND, Problem
+
+
+class InvitationEntry(Struct, frozen=True):
+    """A link by which people enrol themselves. `refusal`: why nobody can join by it any more."""
+
+    id: UUID
+    link: str
+    made_at: Time
+    expires_at: Time
+    most_uses: int
+    uses: int
+    refusal: Refusal | None
+
+
+class InvitationList(Struct, frozen=True):
+    """Invitations, newest first."""
+
+    invitations: list[InvitationEntry]
+
+
+class InvitationRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A new invitation. `last_day`: until when it is valid, included, in the lab's time zone; within a year."""
+
+    last_day: date
+    most_uses: Annotated[int, Meta(ge=1, le=5000)] = 40
+
+
+class InvitationsView(CoursesBase):
+    """`/courses/{slug}/invitations`."""
+
+    @operation(
+        "invitations_list",
+        "List the invitations to a course",
+        scope=Scope.MANAGE,
+        answer=InvitationList,
+        refuses=(404,),
+        tag="courses",
+    )
+    def get(self, request: Request, slug: str) -> InvitationList:
+        """Also those that are over."""
+        found = Invitation.objects.filter(course=self.course(slug)).select_related("course")
+        return InvitationList([_entry(request, one) for one in found])
+
+    @operation(
+        "invitations_make",
+        "Make an invitation",
+        scope=Scope.MANAGE,
+        body=InvitationRequest,
+        answer=InvitationEntry,
+        status=201,
+        refuses=(404,),
+        keyed=True,
+        tag="courses",
+    )
+    def post(self, request: Request, slug: str, body: InvitationRequest) -> InvitationEntry:
+        """Who opens the link joins the course, with an account or a new one."""
+        form = InvitationForm({"last_day": body.last_day, "most_uses": body.most_uses})
+        if not form.is_valid():
+            raise Problem(Refusal("invalid", str(next(iter(form.errors.values()))[0]), "wire"))
+        made = enrolment.invitation_make(
+            course=self.course(slug),
+            expires_at=end_of(body.last_day) or timezone.now(),
+            most_uses=body.most_uses,
+            actor=self.person,
+        )
+        return _entry(request, made)
+
+
+class InvitationView(CoursesBase):
+    """`/courses/{slug}/invitations/{id}`."""
+
+    @operation(
+        "invitations_revoke",
+        "Revoke an invitation",
+        scope=Scope.MANAGE,
+        status=204,
+        refuses=(404,),
+        tag="courses",
+    )
+    def delete(self, _request: Request, slug: str, invitation_id: UUID) -> None:
+        """Nobody joins by it any more. Twice is harmless."""
+        found = Invitation.objects.select_related("course").filter(pk=invitation_id, course=self.course(slug))
+        if (one := found.first()) is None:
+            raise Problem(NOT_FOUND)
+        enrolment.invitation_revoke(invitation=one, actor=self.person)
+
+
+class WelcomeView(CoursesBase):
+    """`/courses/{slug}/welcome`."""
+
+    @operation(
+        "courses_welcome",
+        "Send people the e-mail with which they set a password",
+        scope=Scope.MANAGE,
+        body=PeopleRequest,
+        answer=Changed,
+        refuses=(404,),
+        keyed=True,
+        tag="courses",
+    )
+    def post(self, request: Request, slug: str, body: PeopleRequest) -> Changed:
+        """To those who have no password yet; the answer says how many. Others are left out."""
+        course = self.course(slug)
+        people = self.members(course, body.people)
+        waiting = welcome.waiting_among(people)
+        welcome.send_later(waiting, course=course, site=request.build_absolute_uri("/").rstrip("/"))
+        return Changed(len(waiting))
+
+
+def _entry(request: Request, one: Invitation) -> InvitationEntry:
+    return InvitationEntry(
+        id=one.pk,
+        link=request.build_absolute_uri(reverse("join", args=[one.code])),
+        made_at=one.made_at,
+        expires_at=one.expires_at,
+        most_uses=one.most_uses,
+        uses=one.uses,
+        refusal=enrolment.check_invitation(one, timezone.now()),
+    )

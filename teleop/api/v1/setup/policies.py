@@ -1,0 +1,370 @@
+"""Booking policies of robots, robot groups and all robots, and periods in which a robot is out of service."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+from uuid import UUID
+
+import msgspec
+from django.core.exceptions import ValidationError
+from django.db import transaction
+from django.db.models import Q
+from django.utils import timezone
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from fleet.accounts.tokens.models import Scope
+from fleet.bookings import policies
+from fleet.bookings.models import OutOfService, Policy
+from fleet.bookings.selectors import policies_of
+from robots.access.models import RobotGroup
+from robots.access.selectors import robots_managed_by
+from robots.registry.models import Robot
+from robots.wire import Refusal
+from teleop.api.v1.door.operation import operation
+from teleop.api.v1.door.parameters import Moment, Time, utc
+from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.setup.base import IF_MATCH, SetupView, invalid, named_groups, require_unchanged
+
+Weekday = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
+Clock = Annotated[str, Meta(pattern=r"^(([01][0-9]|2[0-3]):[0-5][0-9]|24:00)$")]
+Minutes = Annotated[int, Meta(ge=0, le=43200)]
+Quota = Annotated[int, Meta(ge=1, le=10080)]
+Why = Literal["repair", "battery", "research", "other"]
+
+_NOT_MANAGED = Refusal(
+    "permission_denied", "Only a supervisor of the robot itself or staff may change this.", "account"
+)
+
+
+class Rules(Struct, frozen=True, forbid_unknown_fields=True):
+    """A booking policy: times in minutes; null: no limit."""
+
+    opening: dict[Weekday, tuple[Clock, Clock]]  # lab's time; a day left out is closed; empty: always open
+    shortest_min: Minutes
+    longest_min: Minutes
+    horizon_days: Annotated[int, Meta(ge=0, le=730)]
+    notice_min: Minutes  # before the slot, to book
+    cancel_notice_min: Minutes
+    gap_min: Minutes  # between two bookings of one person
+    day_min: Quota | None  # per person
+    week_min: Quota | None
+    at_once: Quota | None  # bookings to come per person
+    grace_min: Minutes  # a slot that is not used for so long is free again
+    needs_approval: bool
+    free_time: bool  # time that nobody has booked is free to take
+
+
+class PolicyEntry(Struct, frozen=True):
+    """The policy that a robot, a group or all robots follow. `own` false: that of its group or of all robots."""
+
+    robot: str | None
+    group: str | None
+    own: bool
+    rules: Rules
+
+
+class PolicyList(Struct, frozen=True):
+    """Policies: of all robots first (`robot` and `group` null), of groups that have their own, then of robots."""
+
+    policies: list[PolicyEntry]
+
+
+class PeriodEntry(Struct, frozen=True):
+    """A period in which a robot cannot be driven. `ends_at` null: until further notice."""
+
+    id: UUID
+    robot: str
+    starts_at: Time
+    ends_at: Time | None
+    why: Why
+    note: str
+
+
+class PeriodList(Struct, frozen=True):
+    """Periods that are not over, earliest first."""
+
+    periods: list[PeriodEntry]
+
+
+class PeriodMade(PeriodEntry, frozen=True, kw_only=True):
+    """A new period, and the bookings that it affects; their people learn it."""
+
+    affected: list[UUID]
+
+
+class PeriodRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A new period. `starts_at` null: now."""
+
+    robot: Annotated[str, Meta(min_length=1, max_length=100)]
+    why: Why
+    starts_at: Moment | None = None
+    ends_at: Moment | None = None
+    note: Annotated[str, Meta(max_length=200)] = ""
+
+
+class PoliciesBase(SetupView):
+    """Base of the views of policies."""
+
+    def managed(self) -> list[Robot]:
+        """Return the robots that the person manages, and the token serves."""
+        return [robot for robot in robots_managed_by(self.person) if self.serves([robot])]
+
+    def managed_robot(self, slug: str) -> Robot:
+        """Return one of them. Raises `Problem`: not found, or not managed."""
+        robot = self.robot(slug)
+        if robot not in self.managed():
+            raise Problem(_NOT_MANAGED)
+        return robot
+
+    def entry(self, robot: Robot | None = None, group: RobotGroup | None = None) -> PolicyEntry:
+        """Return the policy that is followed there."""
+        stored = Policy.objects.filter(robot=robot, group=group).first()
+        followed = stored or (policies_of({robot})[robot.id] if robot else _common())
+        return PolicyEntry(
+            robot.slug if robot else None, group.slug if group else None, stored is not None, _rules(followed)
+        )
+
+    def changed(self, request: Request, body: Rules, **of: Any) -> Response:
+        """Set a policy that is as the client saw it."""
+        values = msgspec.to_builtins(body)
+        with transaction.atomic():
+            place = {"robot": of.get("robot"), "group": of.get("group")}
+            Policy.objects.select_for_update(of=("self",)).filter(
+                **place
+            ).first()  # nobody changes it in between
+            require_unchanged(request, self.entry(**of))
+            try:
+                policies.policy_set(values=values, actor=self.person, **of)
+            except ValidationError as error:
+                raise invalid(error) from error
+        return self.tagged(self.entry(**of))
+
+
+class PoliciesView(PoliciesBase):
+    """`/policies`."""
+
+    @operation("policies_list", "List booking policies", scope=Scope.READ, answer=PolicyList, tag="policies")
+    def get(self, _request: Request) -> PolicyList:
+        """Of the robots that you may see: who books reads what the rules are."""
+        robots = self.robots()
+        entries = [self.entry()]
+        entries += [
+            self.entry(group=one)
+            for one in RobotGroup.objects.filter(booking_policy__isnull=False)
+            if self.person.is_staff and self.serves(one.robots.all())
+        ]
+        own = set(Policy.objects.filter(robot__in=robots).values_list("robot_id", flat=True))
+        followed = policies_of(set(robots))
+        entries += [
+            PolicyEntry(robot.slug, None, robot.id in own, _rules(followed[robot.id])) for robot in robots
+        ]
+        return PolicyList(entries)
+
+
+class CommonPolicyView(PoliciesBase):
+    """`/policies/all`."""
+
+    @operation(
+        "policies_read_common",
+        "Read the policy of all robots",
+        scope=Scope.READ,
+        answer=PolicyEntry,
+        tag="policies",
+    )
+    def get(self, _request: Request) -> Response:
+        """Robots without another follow it."""
+        return self.tagged(self.entry())
+
+    @operation(
+        "policies_set_common",
+        "Set the policy of all robots",
+        scope=Scope.MANAGE,
+        body=Rules,
+        answer=PolicyEntry,
+        refuses=(412, 428),
+        tag="policies",
+        parameters=[IF_MATCH],
+    )
+    def put(self, request: Request, body: Rules) -> Response:
+        """By staff."""
+        self.staff()
+        self.require_all_robots()
+        return self.changed(request, body)
+
+
+class RobotPolicyView(PoliciesBase):
+    """`/policies/robots/{slug}`."""
+
+    @operation(
+        "policies_read_robot",
+        "Read the policy of a robot",
+        scope=Scope.READ,
+        answer=PolicyEntry,
+        refuses=(404,),
+        tag="policies",
+    )
+    def get(self, _request: Request, slug: str) -> Response:
+        """Its own, or that which it follows."""
+        return self.tagged(self.entry(robot=self.robot(slug)))
+
+    @operation(
+        "policies_set_robot",
+        "Set the policy of a robot",
+        scope=Scope.MANAGE,
+        body=Rules,
+        answer=PolicyEntry,
+        refuses=(404, 412, 428),
+        tag="policies",
+        parameters=[IF_MATCH],
+    )
+    def put(self, request: Request, slug: str, body: Rules) -> Response:
+        """By supervisors of the robot itself, and staff. Bookings that are made stay."""
+        return self.changed(request, body, robot=self.managed_robot(slug))
+
+    @operation(
+        "policies_remove_robot",
+        "Remove the policy of a robot",
+        scope=Scope.MANAGE,
+        status=204,
+        refuses=(404,),
+        tag="policies",
+    )
+    def delete(self, _request: Request, slug: str) -> None:
+        """It follows that of its group, or of all robots again."""
+        policies.policy_remove(robot=self.managed_robot(slug), actor=self.person)
+
+
+class GroupPolicyView(PoliciesBase):
+    """`/policies/groups/{slug}`."""
+
+    def group(self, slug: str) -> RobotGroup:
+        """Return a group of which the token serves every robot. Raises `Problem`."""
+        self.staff()
+        [group] = named_groups([slug])
+        self.require_served(group.robots.all())
+        return group
+
+    @operation(
+        "policies_read_group",
+        "Read the policy of a robot group",
+        scope=Scope.READ,
+        answer=PolicyEntry,
+        refuses=(404,),
+        tag="policies",
+    )
+    def get(self, _request: Request, slug: str) -> Response:
+        """By staff: a group may have robots of several supervisors."""
+        return self.tagged(self.entry(group=self.group(slug)))
+
+    @operation(
+        "policies_set_group",
+        "Set the policy of a robot group",
+        scope=Scope.MANAGE,
+        body=Rules,
+        answer=PolicyEntry,
+        refuses=(404, 412, 428),
+        tag="policies",
+        parameters=[IF_MATCH],
+    )
+    def put(self, request: Request, slug: str, body: Rules) -> Response:
+        """By staff."""
+        return self.changed(request, body, group=self.group(slug))
+
+    @operation(
+        "policies_remove_group",
+        "Remove the policy of a robot group",
+        scope=Scope.MANAGE,
+        status=204,
+        refuses=(404,),
+        tag="policies",
+    )
+    def delete(self, _request: Request, slug: str) -> None:
+        """Its robots follow that of all robots again."""
+        policies.policy_remove(group=self.group(slug), actor=self.person)
+
+
+class PeriodsView(PoliciesBase):
+    """`/out-of-service`."""
+
+    @operation(
+        "out_of_service_list",
+        "List out-of-service periods",
+        scope=Scope.READ,
+        answer=PeriodList,
+        tag="policies",
+    )
+    def get(self, _request: Request) -> PeriodList:
+        """Of the robots that you may see."""
+        open_now = Q(ends_at=None) | Q(ends_at__gt=timezone.now())
+        found = OutOfService.objects.filter(open_now, robot__in=self.robots()).select_related("robot")
+        return PeriodList([PeriodEntry(**_period(one)) for one in found])
+
+    @operation(
+        "out_of_service_add",
+        "Take a robot out of service",
+        scope=Scope.MANAGE,
+        body=PeriodRequest,
+        answer=PeriodMade,
+        status=201,
+        refuses=(404,),
+        keyed=True,
+        tag="policies",
+    )
+    def post(self, _request: Request, body: PeriodRequest) -> PeriodMade:
+        """By supervisors of the robot itself, and staff. Bookings stay: their people learn that they are affected."""
+        now = timezone.now()
+        try:
+            period, affected = policies.out_of_service_add(
+                robot=self.managed_robot(body.robot),
+                starts_at=utc(body.starts_at) if body.starts_at else now,
+                ends_at=utc(body.ends_at) if body.ends_at else None,
+                why=body.why,
+                note=body.note,
+                actor=self.person,
+                now=now,
+            )
+        except ValidationError as error:
+            raise invalid(error) from error
+        return PeriodMade(**_period(period), affected=[booking.pk for booking in affected])
+
+
+class PeriodView(PoliciesBase):
+    """`/out-of-service/{id}`."""
+
+    @operation(
+        "out_of_service_end",
+        "Put a robot back into service",
+        scope=Scope.MANAGE,
+        status=204,
+        refuses=(404,),
+        tag="policies",
+    )
+    def delete(self, _request: Request, period_id: UUID) -> None:
+        """The period ends now; one that has not begun is removed."""
+        found = OutOfService.objects.filter(pk=period_id, robot__in=self.managed()).first()
+        if found is None:
+            raise Problem(NOT_FOUND)
+        policies.out_of_service_end(period_id=found.pk, actor=self.person, now=timezone.now())
+
+
+def _common() -> Policy:
+    return Policy.objects.filter(robot=None, group=None).first() or Policy()
+
+
+def _rules(policy: Policy) -> Rules:
+    values = {name: getattr(policy, name) for name in Rules.__struct_fields__ if name != "opening"}
+    opening = {day: (opens, closes) for day, (opens, closes) in policy.opening.items()}
+    return Rules(opening=opening, **values)
+
+
+def _period(one: OutOfService) -> dict[str, Any]:
+    return {
+        "id": one.pk,
+        "robot": one.robot.slug,
+        "starts_at": one.starts_at,
+        "ends_at": one.ends_at,
+        "why": one.why,
+        "note": one.note,
+    }

@@ -1,0 +1,268 @@
+"""Profiles, the kinds of robots, and ready-made phrases. Everybody reads them; staff change them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any, Literal
+
+from django.core.exceptions import ValidationError
+from django.db import transaction
+from msgspec import UNSET, Meta, Struct, UnsetType, structs
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from fleet.accounts.tokens.models import Scope
+from robots.registry.models import Robot, RobotProfile
+from robots.registry.phrases import (
+    MOST_PHRASES,
+    Line,
+    in_usual_case,
+    why_no_language,
+    why_no_phrase,
+    why_no_tags,
+)
+from robots.registry.services import phrases_import, profile_save
+from robots.wire import Refusal
+from teleop.api.v1.door.operation import operation
+from teleop.api.v1.door.parameters import Time
+from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.setup.base import IF_MATCH, SetupView, invalid, require_unchanged
+
+Topic = Annotated[str, Meta(max_length=200)]
+
+
+class ProfileEntry(Struct, frozen=True):
+    """A kind of robots."""
+
+    slug: str
+    name: str
+
+
+class ProfileList(Struct, frozen=True):
+    """Profiles, by name."""
+
+    profiles: list[ProfileEntry]
+
+
+class ProfileDetail(ProfileEntry, frozen=True):
+    """A profile with its content. The structured parts are as in the admin, which explains them."""
+
+    holonomic: bool
+    forward_mps: float
+    reverse_mps: float
+    lateral_mps: float
+    turn_radps: float
+    linear_mps2: float
+    angular_radps2: float
+    blind_mps: float  # where no sensor watches
+    default_share: float
+    reverse_steering: str
+    drive_topic: str
+    drive_type: str
+    footprint: dict[str, Any]  # m, base frame
+    topics: dict[str, Any]
+    gate: dict[str, Any]  # parameters that differ from the defaults
+    stick: list[Any]  # filter steps
+    updated_at: Time
+
+
+class ProfileChange(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """What is left out stays."""
+
+    name: Annotated[str, Meta(min_length=1, max_length=80)] | UnsetType = UNSET
+    holonomic: bool | UnsetType = UNSET
+    forward_mps: float | UnsetType = UNSET
+    reverse_mps: float | UnsetType = UNSET
+    lateral_mps: float | UnsetType = UNSET
+    turn_radps: float | UnsetType = UNSET
+    linear_mps2: float | UnsetType = UNSET
+    angular_radps2: float | UnsetType = UNSET
+    blind_mps: float | UnsetType = UNSET
+    default_share: float | UnsetType = UNSET
+    reverse_steering: Literal["turn", "car"] | UnsetType = UNSET
+    drive_topic: Topic | UnsetType = UNSET
+    drive_type: Topic | UnsetType = UNSET
+    footprint: dict[str, Any] | UnsetType = UNSET
+    topics: dict[str, Any] | UnsetType = UNSET
+    gate: dict[str, Any] | UnsetType = UNSET
+    stick: list[Any] | UnsetType = UNSET
+
+
+class PhraseText(Struct, frozen=True, forbid_unknown_fields=True):
+    """A sentence."""
+
+    text: Annotated[str, Meta(min_length=1, max_length=500)]
+    language: Annotated[str, Meta(min_length=2, max_length=35)]  # BCP 47, such as en-GB
+    tags: Annotated[list[str], Meta(max_length=20)] = []
+
+
+class PhraseTexts(Struct, frozen=True, forbid_unknown_fields=True):
+    """All phrases of a profile, or those that one robot has beside them, in their order."""
+
+    phrases: Annotated[list[PhraseText], Meta(max_length=MOST_PHRASES)]
+
+
+class ProfilesView(SetupView):
+    """`/profiles`."""
+
+    @operation(
+        "profiles_list", "List the kinds of robots", scope=Scope.READ, answer=ProfileList, tag="registry"
+    )
+    def get(self, _request: Request) -> ProfileList:
+        """By name."""
+        return ProfileList(
+            [ProfileEntry(one.slug, one.name) for one in RobotProfile.objects.order_by("name")]
+        )
+
+
+class ProfilesBase(SetupView):
+    """Base of the views of one profile."""
+
+    def profile(self, slug: str) -> RobotProfile:
+        """Return a profile. Raises `Problem`: not found."""
+        found = RobotProfile.objects.filter(slug=slug).first()
+        if found is None:
+            raise Problem(NOT_FOUND)
+        return found
+
+    def changeable(self, slug: str) -> RobotProfile:
+        """Return it for staff whose token serves all its robots. Raises `Problem`."""
+        self.staff()
+        found = self.profile(slug)
+        self.require_served(found.robots.all())
+        return found
+
+
+class ProfileView(ProfilesBase):
+    """`/profiles/{slug}`."""
+
+    @operation(
+        "profiles_read",
+        "Read a profile",
+        scope=Scope.READ,
+        answer=ProfileDetail,
+        refuses=(404,),
+        tag="registry",
+    )
+    def get(self, _request: Request, slug: str) -> Response:
+        """Limits, body, ROS interface, gate and stick of this kind of robots."""
+        return self.tagged(_detail(self.profile(slug)))
+
+    @operation(
+        "profiles_change",
+        "Change a profile",
+        scope=Scope.MANAGE,
+        body=ProfileChange,
+        answer=ProfileDetail,
+        refuses=(404, 412, 428),
+        tag="registry",
+        parameters=[IF_MATCH],
+    )
+    def patch(self, request: Request, slug: str, body: ProfileChange) -> Response:
+        """By staff. Bridges of its robots start again, and robots that move stop for it."""
+        with _faults_named(), transaction.atomic():
+            found = self.changeable(slug)
+            found = RobotProfile.objects.select_for_update().get(pk=found.pk)
+            require_unchanged(request, _detail(found))
+            for name, value in structs.asdict(body).items():
+                if value is not UNSET:
+                    setattr(found, name, value)
+            profile_save(profile=found, actor=self.staff())
+        return self.tagged(_detail(self.profile(slug)))
+
+
+class ProfilePhrasesView(ProfilesBase):
+    """`/profiles/{slug}/phrases`."""
+
+    @operation(
+        "profiles_phrases_read",
+        "Read a profile’s phrases",
+        scope=Scope.READ,
+        answer=PhraseTexts,
+        refuses=(404,),
+        tag="registry",
+    )
+    def get(self, _request: Request, slug: str) -> Response:
+        """In their order."""
+        return self.tagged(_phrases(self.profile(slug)))
+
+    @operation(
+        "profiles_phrases_set",
+        "Replace a profile’s phrases",
+        scope=Scope.MANAGE,
+        body=PhraseTexts,
+        answer=PhraseTexts,
+        refuses=(404, 412, 428),
+        tag="registry",
+        parameters=[IF_MATCH],
+    )
+    def put(self, request: Request, slug: str, body: PhraseTexts) -> Response:
+        """By staff."""
+        owner = self.changeable(slug)
+        require_unchanged(request, _phrases(owner))
+        phrases_import(owner=owner, lines=_lines(body), actor=self.staff(), replace=True)
+        return self.tagged(_phrases(owner))
+
+
+class RobotPhrasesView(SetupView):
+    """`/registry/{slug}/phrases`."""
+
+    @operation(
+        "registry_phrases_read",
+        "Read the phrases that only one robot has",
+        scope=Scope.READ,
+        answer=PhraseTexts,
+        refuses=(404,),
+        tag="registry",
+    )
+    def get(self, _request: Request, slug: str) -> Response:
+        """Beside those of its profile."""
+        return self.tagged(_phrases(self.robot(slug)))
+
+    @operation(
+        "registry_phrases_set",
+        "Replace the phrases that only one robot has",
+        scope=Scope.MANAGE,
+        body=PhraseTexts,
+        answer=PhraseTexts,
+        refuses=(404, 412, 428),
+        tag="registry",
+        parameters=[IF_MATCH],
+    )
+    def put(self, request: Request, slug: str, body: PhraseTexts) -> Response:
+        """By staff."""
+        staff, owner = self.staff(), self.robot(slug)
+        require_unchanged(request, _phrases(owner))
+        phrases_import(owner=owner, lines=_lines(body), actor=staff, replace=True)
+        return self.tagged(_phrases(owner))
+
+
+@contextmanager
+def _faults_named() -> Iterator[None]:
+    """Answer a model's faults as one problem."""
+    try:
+        yield
+    except ValidationError as error:
+        raise invalid(error) from error
+
+
+def _lines(body: PhraseTexts) -> list[Line]:
+    """Return phrases as the services take them. Raises `Problem`, which names the first that is wrong."""
+    lines = []
+    for number, one in enumerate(body.phrases, start=1):
+        tags = tuple(one.tags)
+        why = why_no_language(one.language) or why_no_phrase(one.text) or why_no_tags(tags)
+        if why is not None:
+            raise Problem(Refusal("invalid", f"Phrase {number}: {why}", "wire", {"phrase": number}))
+        lines.append(Line(one.text, in_usual_case(one.language), tags))
+    return lines
+
+
+def _phrases(owner: RobotProfile | Robot) -> PhraseTexts:
+    lines = [phrase.line for phrase in owner.phrases.all()]
+    return PhraseTexts([PhraseText(one.text, one.language, list(one.tags)) for one in lines])
+
+
+def _detail(profile: RobotProfile) -> ProfileDetail:
+    return ProfileDetail(**{name: getattr(profile, name) for name in ProfileDetail.__struct_fields__})

@@ -1,0 +1,139 @@
+"""Weekly series of bookings: what would be booked, and the bookings."""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import Annotated
+from uuid import UUID
+
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiExample
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+
+from fleet.accounts.tokens.models import Scope
+from fleet.bookings.rules import Slot
+from fleet.bookings.series import MOST_WEEKS, Week, preview, series_make, weekly
+from fleet.zones import names, viewers, zone_of
+from robots.access.models import Course
+from robots.access.selectors import courses_managed_by, manages_robot, robots_of, robots_supervised_by
+from robots.registry.models import Robot
+from robots.wire import Refusal
+from teleop.api.v1.door.operation import operation
+from teleop.api.v1.door.parameters import Moment, Time, utc
+from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.setup.base import SetupView
+
+_NOT_SUPERVISED = Refusal("permission_denied", "Weekly series are for supervisors and staff.", "account")
+_NO_ZONE = Refusal("invalid", "There is no time zone with this name, such as Europe/Madrid.", "wire")
+_BACKWARDS = Refusal("invalid", "The slot ends before it begins: exchange the two times.", "wire")
+
+
+class SeriesRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """The first slot, and how often it is repeated at the same time of day in `zone`. `preview`: book nothing."""
+
+    robot: Annotated[str, Meta(min_length=1, max_length=100)]
+    starts_at: Moment
+    ends_at: Moment
+    weeks: Annotated[int, Meta(ge=1, le=MOST_WEEKS)]
+    purpose: Annotated[str, Meta(min_length=1, max_length=120)]
+    without: Annotated[list[date], Meta(max_length=MOST_WEEKS)] = []  # days that are left out
+    zone: Annotated[str, Meta(max_length=64)] | None = None  # null: yours
+    course: Annotated[str, Meta(max_length=100)] | None = None  # slug: these are its lessons
+    override: Annotated[str, Meta(max_length=200)] = ""  # why against the policy, for managers of the robot
+    preview: bool = False
+
+
+class SeriesWeek(Struct, frozen=True):
+    """One week. `booking` null: it is a preview, or `refusals` refuse it. Times null: the clock skips them that day."""
+
+    day: date
+    starts_at: Time | None
+    ends_at: Time | None
+    booking: UUID | None
+    refusals: list[Refusal]
+
+
+class SeriesAnswer(Struct, frozen=True):
+    """The weeks in their order. `series` is in each booking; null: none was made."""
+
+    series: UUID | None
+    weeks: list[SeriesWeek]
+
+
+class SeriesView(SetupView):
+    """`/bookings/series`."""
+
+    @operation(
+        "bookings_series",
+        "Book a weekly series",
+        scope=Scope.BOOK,
+        body=SeriesRequest,
+        answer=SeriesAnswer,
+        refuses=(404,),
+        keyed=True,
+        tag="bookings",
+        examples=[
+            OpenApiExample(
+                "Twelve lessons",
+                value={
+                    "robot": "tiago-1",
+                    "starts_at": "2026-03-02T14:00:00Z",
+                    "ends_at": "2026-03-02T15:00:00Z",
+                    "weeks": 12,
+                    "purpose": "Lab course",
+                    "preview": True,
+                },
+                request_only=True,
+            )
+        ],
+    )
+    def post(self, _request: Request, body: SeriesRequest) -> SeriesAnswer:
+        """By supervisors, also of a course, and staff. Weeks that a rule refuses are left out and say why."""
+        robot, course = self._supervised(body.robot), self._course(body.course)
+        if body.zone is not None and body.zone not in names():
+            raise Problem(_NO_ZONE)
+        first, now = Slot(utc(body.starts_at), utc(body.ends_at)), timezone.now()
+        if first.ends_at <= first.starts_at:
+            raise Problem(_BACKWARDS)
+        zone = viewers() if body.zone is None else zone_of(body.zone)
+        slots = weekly(first, body.weeks, body.without, zone)
+        if body.preview:
+            valid = bool(body.override) and manages_robot(self.person, robot)
+            weeks = preview(robot=robot, person=self.person, slots=slots, now=now, override=valid)
+            return SeriesAnswer(None, [_week(week) for week in weeks])
+        made, left = series_make(
+            robot=robot,
+            person=self.person,
+            actor=self.person,
+            slots=slots,
+            purpose=body.purpose,
+            override=body.override,
+            course=course,
+            now=now,
+        )
+        entries = [_week(week) for week in left]
+        for booking in made:
+            day = booking.starts_at.astimezone(zone).date()
+            entries.append(SeriesWeek(day, booking.starts_at, booking.ends_at, booking.pk, []))
+        return SeriesAnswer(made[0].series if made else None, sorted(entries, key=lambda week: week.day))
+
+    def _supervised(self, slug: str) -> Robot:
+        robot = self.robot(slug)
+        if not robots_supervised_by(self.person).filter(pk=robot.pk).exists():
+            raise Problem(_NOT_SUPERVISED)
+        return robot
+
+    def _course(self, slug: str | None) -> Course | None:
+        if slug is None:
+            return None
+        found: Course | None = courses_managed_by(self.person).filter(slug=slug, archived=False).first()
+        if found is None or not self.serves(robots_of(found)):
+            raise Problem(NOT_FOUND)
+        return found
+
+
+def _week(week: Week) -> SeriesWeek:
+    slot = week.slot
+    starts, ends = (slot.starts_at, slot.ends_at) if slot else (None, None)
+    return SeriesWeek(week.day, starts, ends, None, week.refusals)

@@ -1,0 +1,325 @@
+"""Tokens and service accounts: a token makes no token that could do more, or live longer, than itself."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import Annotated, Literal
+from uuid import UUID
+
+import msgspec
+from allauth.account.internal.flows.reauthentication import did_recently_reauthenticate
+from django.db.models import Count, Max
+from django.utils import timezone
+from drf_spectacular.utils import OpenApiExample
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from fleet.accounts.models import User
+from fleet.accounts.services import service_account_make
+from fleet.accounts.tokens.models import Scope, Token
+from fleet.accounts.tokens.services import MOST, TokenInvalid, TooManyTokens, token_end, token_make, tokens_of
+from robots.access.selectors import robots_visible_to
+from robots.registry.models import Robot
+from robots.wire import Refusal
+from teleop.api.v1.door.operation import operation
+from teleop.api.v1.door.parameters import Moment, Time, utc
+from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.setup.base import SetupView
+from teleop.control.scopes import scope_missing
+
+USUAL = timedelta(days=90)
+ScopeName = Literal["read", "drive", "speak", "motions", "topics", "book", "manage"]  # of `Scope`
+Name = Annotated[str, Meta(min_length=1, max_length=40)]
+Word = Annotated[str, Meta(min_length=1, max_length=80)]
+
+_NAME_TAKEN = Refusal("name_taken", "There is a token with this name: choose another one.", "account")
+_TOO_MANY = Refusal("too_many", f"There are {MOST} tokens: end one first.", "account", {"most": MOST})
+_OVER = Refusal("invalid", "expires_at is over: choose a later time.", "wire")
+_NOT_FRESH = Refusal(
+    "password_needed",
+    "A browser makes tokens only soon after its person gave the password: open /accounts/again/ first.",
+    "account",
+)
+
+
+class TokenEntry(Struct, frozen=True):
+    """A token; nothing shows its text again. `robots` null: all that its person may see."""
+
+    id: UUID
+    name: str
+    scopes: list[ScopeName]
+    robots: list[str] | None  # slugs of those that you may see
+    made_at: Time
+    expires_at: Time
+    expired: bool
+    used_at: Time | None
+    used_from: str
+    made_with: UUID | None  # the token that made it, and whose end ends it
+    current: bool  # the token of this request
+
+
+class TokenList(Struct, frozen=True):
+    """Tokens, by name; those that expired stay for 30 days."""
+
+    tokens: list[TokenEntry]
+
+
+class TokenMade(TokenEntry, frozen=True, kw_only=True):
+    """A new token, with its text: shown once."""
+
+    token: str
+
+
+class TokenRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A new token. What is left out is as that of the token which asks; from a browser: all robots, 90 days."""
+
+    name: Name
+    scopes: Annotated[list[ScopeName], Meta(min_length=1, max_length=len(Scope))]
+    robots: Annotated[list[str], Meta(min_length=1, max_length=1000)] | None = None  # slugs
+    expires_at: Moment | None = None  # at most a year ahead
+
+
+class ServiceAccount(Struct, frozen=True):
+    """An account of a project, for programs with tokens only. Its roles are given like those of people."""
+
+    id: UUID
+    username: str
+    name: str
+    project: str
+    active: bool
+    tokens: int
+    used_at: Time | None
+
+
+class ServiceAccountList(Struct, frozen=True):
+    """Service accounts, by project."""
+
+    accounts: list[ServiceAccount]
+
+
+class ServiceAccountRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A new service account: its name as people see it when it drives, and its project."""
+
+    name: Word
+    project: Word
+
+
+class TokensBase(SetupView):
+    """Base of the views of tokens."""
+
+    def listed(self, owner: User) -> TokenList:
+        """Return the tokens of a person."""
+        return TokenList([self.entry(token, owner) for token in tokens_of(owner)])
+
+    def entry(self, token: Token, owner: User) -> TokenEntry:
+        """Return a token as it is shown to this person."""
+        slugs = {str(robot.pk): robot.slug for robot in robots_visible_to(owner)}
+        return TokenEntry(
+            id=token.pk,
+            name=token.name,
+            scopes=list(token.scopes),
+            robots=[slugs[key] for key in token.robots if key in slugs] if token.robots else None,
+            made_at=token.made_at,
+            expires_at=token.expires_at,
+            expired=token.expires_at <= timezone.now(),
+            used_at=token.used_at,
+            used_from=token.used_from,
+            made_with=token.made_with_id,
+            current=self.token is not None and token.pk == self.token.pk,
+        )
+
+    def make(self, owner: User, body: TokenRequest) -> Response:
+        """Make a token of `owner`. Raises `Problem`."""
+        if self.token is None and not did_recently_reauthenticate(self.request._request):
+            raise Problem(_NOT_FRESH)
+        name = " ".join(body.name.split())
+        if not name or tokens_of(owner).filter(name=name).exists():
+            raise Problem(_NAME_TAKEN)
+        robots, expires_at = self._robots(owner, body), self._expiry(body)
+        self._require_no_more(body, [robot.pk for robot in robots])
+        try:
+            made, text = token_make(
+                user=owner,
+                name=name,
+                scopes=[Scope(scope) for scope in body.scopes],
+                expires_at=expires_at,
+                robots=[robot.pk for robot in robots],
+                actor=self.person,
+                made_with=self.token,
+            )
+        except TooManyTokens as error:
+            raise Problem(_TOO_MANY) from error
+        except TokenInvalid as error:
+            raise Problem(Refusal(error.code, error.text, "account")) from error
+        entry = msgspec.to_builtins(self.entry(made, owner))
+        headers = {"Cache-Control": "no-store"}
+        return Response({**entry, "token": text}, 201, headers=headers)
+
+    def _robots(self, owner: User, body: TokenRequest) -> list[Robot]:
+        """Return the robots to which the new token is bound; none: all."""
+        seen = list(robots_visible_to(owner))
+        if body.robots is None:
+            own = self.token.robots if self.token else []
+            return [robot for robot in Robot.objects.all() if str(robot.pk) in own]
+        found = {robot.slug: robot for robot in seen}
+        if not set(body.robots) <= found.keys():
+            raise Problem(NOT_FOUND)
+        return [found[slug] for slug in dict.fromkeys(body.robots)]
+
+    def _expiry(self, body: TokenRequest) -> datetime:
+        if body.expires_at is not None:
+            if body.expires_at <= timezone.now():
+                raise Problem(_OVER)
+            return utc(body.expires_at)
+        return self.token.expires_at if self.token else timezone.now() + USUAL
+
+    def _require_no_more(self, body: TokenRequest, robots: list[UUID]) -> None:
+        """Raise `Problem` if the new token could do more than the token of this request; all reasons are named."""
+        own = self.token
+        if own is None:
+            return
+        refusals = []
+        if missing := [scope for scope in body.scopes if not own.opens(Scope(scope))]:
+            refusals.append(_more("scopes", ", ".join(missing)))
+        if not all(own.serves(robot) for robot in robots):
+            refusals.append(_more("robots", ", ".join(body.robots or ())))
+        if body.expires_at is not None and utc(body.expires_at) > own.expires_at:
+            refusals.append(_more("expires_at", own.expires_at.isoformat()))
+        if refusals:
+            raise Problem(refusals[0], others=refusals)
+
+
+class TokensView(TokensBase):
+    """`/tokens`."""
+
+    @operation("tokens_list", "List your tokens", scope=Scope.READ, answer=TokenList, tag="tokens")
+    def get(self, _request: Request) -> TokenList:
+        """With their last use."""
+        return self.listed(self.person)
+
+    @operation(
+        "tokens_make",
+        "Make a token",
+        scope=Scope.MANAGE,
+        body=TokenRequest,
+        answer=TokenMade,
+        status=201,
+        refuses=(404, 409),
+        tag="tokens",
+        examples=[
+            OpenApiExample(
+                "For a dashboard", value={"name": "dashboard", "scopes": ["read"]}, request_only=True
+            )
+        ],
+    )
+    def post(self, _request: Request, body: TokenRequest) -> Response:
+        """Its scopes, robots and life are at most those of the token that asks, and it ends with that. The answer has
+        its text, which nothing shows again; so this takes no Idempotency-Key, and its name is taken by the first of
+        two requests."""
+        return self.make(self.person, body)
+
+
+class TokenView(TokensBase):
+    """`/tokens/{id}`."""
+
+    @operation("tokens_end", "End a token", scope=None, status=204, refuses=(404,), tag="tokens")
+    def delete(self, _request: Request, token_id: UUID) -> None:
+        """Its streams, its control and the tokens that it made end within a second. A token ends itself with any
+        scope; others with `manage`: those of the same person, for staff everybody's."""
+        found = Token.objects.select_related("user").filter(pk=token_id).first()
+        if found is None or (found.user != self.person and not self.person.is_staff):
+            raise Problem(NOT_FOUND)
+        own = self.token
+        if own is not None and own.pk != found.pk and not own.opens(Scope.MANAGE):
+            raise Problem(scope_missing((Scope.MANAGE,)))
+        token_end(token=found, actor=self.person)
+
+
+class ServiceAccountsView(TokensBase):
+    """`/service-accounts`."""
+
+    @operation(
+        "service_accounts_list",
+        "List service accounts",
+        scope=Scope.MANAGE,
+        answer=ServiceAccountList,
+        tag="tokens",
+    )
+    def get(self, _request: Request) -> ServiceAccountList:
+        """By staff."""
+        self.staff()
+        found = User.objects.exclude(project="").annotate(count=Count("tokens"), used=Max("tokens__used_at"))
+        return ServiceAccountList([_account(one) for one in found.order_by("project", "full_name")])
+
+    @operation(
+        "service_accounts_make",
+        "Make a service account",
+        scope=Scope.MANAGE,
+        body=ServiceAccountRequest,
+        answer=ServiceAccount,
+        status=201,
+        keyed=True,
+        tag="tokens",
+    )
+    def post(self, _request: Request, body: ServiceAccountRequest) -> ServiceAccount:
+        """By staff. It needs a role, and a token."""
+        name, project = (" ".join(text.split()) for text in (body.name, body.project))
+        if not (name and project):
+            raise Problem(Refusal("invalid", "Name and project are not blank.", "wire"))
+        return _account(service_account_make(name=name, project=project, actor=self.staff()))
+
+
+class ServiceTokensView(TokensBase):
+    """`/service-accounts/{username}/tokens`."""
+
+    @operation(
+        "service_tokens_list",
+        "List the tokens of a service account",
+        scope=Scope.MANAGE,
+        answer=TokenList,
+        refuses=(404,),
+        tag="tokens",
+    )
+    def get(self, _request: Request, username: str) -> TokenList:
+        """By staff."""
+        return self.listed(self.account(username))
+
+    @operation(
+        "service_tokens_make",
+        "Make a token of a service account",
+        scope=Scope.MANAGE,
+        body=TokenRequest,
+        answer=TokenMade,
+        status=201,
+        refuses=(404, 409),
+        tag="tokens",
+    )
+    def post(self, _request: Request, username: str, body: TokenRequest) -> Response:
+        """By staff, as one's own. Nobody makes a token of another person."""
+        return self.make(self.account(username), body)
+
+    def account(self, username: str) -> User:
+        """Return an open service account. Raises `Problem`."""
+        self.staff()
+        found = User.objects.exclude(project="").filter(username=username.replace("\0", ""), is_active=True)
+        if (account := found.first()) is None:
+            raise Problem(NOT_FOUND)
+        return account
+
+
+def _more(what: str, given: str) -> Refusal:
+    text = f"The new token would do more than the one that asks: {what} ({given})."
+    return Refusal("more_than_own", text, "account", {"field": what})
+
+
+def _account(one: User) -> ServiceAccount:
+    return ServiceAccount(
+        id=one.pk,
+        username=one.username,
+        name=one.full_name,
+        project=one.project,
+        active=one.is_active,
+        tokens=getattr(one, "count", 0),
+        used_at=getattr(one, "used", None),
+    )

@@ -1,0 +1,311 @@
+"""Webhooks: made, paused, resumed, tested and deleted by staff, with the log of their deliveries."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+from uuid import UUID
+
+import msgspec
+from django.db.models import Count, Q
+from django.utils.dateparse import parse_datetime
+from drf_spectacular.utils import OpenApiExample
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from fleet.accounts.tokens.models import Scope
+from robots.registry.models import Robot
+from teleop.api.v1.door.operation import operation
+from teleop.api.v1.door.parameters import Time
+from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.setup.base import SetupView
+from teleop.models import Webhook, WebhookDelivery
+from teleop.webhooks import services
+from teleop.webhooks.addresses import LONGEST
+
+State = WebhookDelivery.State
+SHOWN = 100  # deliveries
+NewsKind = Literal["bookings", "control", "stops", "motions", "speech"]  # the names of `NEWS`
+
+
+class WebhookEntry(Struct, frozen=True):
+    """A webhook. Nothing shows its secret again. `robots` empty: all."""
+
+    id: UUID
+    name: str
+    address: str
+    kinds: list[str]
+    robots: list[str]
+    texts: bool  # with spoken sentences and reasons
+    paused: bool
+    owner: str | None  # user name; of a webhook whose owner is no longer staff nothing is sent
+    sends: bool  # it is not paused, and its owner is staff
+    made_at: Time
+    waiting: int  # deliveries that are tried again
+    given_up: int
+
+
+class WebhookList(Struct, frozen=True):
+    """Webhooks, by name."""
+
+    webhooks: list[WebhookEntry]
+
+
+class WebhookMade(WebhookEntry, frozen=True, kw_only=True):
+    """A new webhook, with the secret that checks its signatures: shown once."""
+
+    secret: str
+
+
+class WebhookRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A new webhook, for news from now on."""
+
+    name: Annotated[str, Meta(min_length=1, max_length=80)]
+    address: Annotated[str, Meta(min_length=1, max_length=LONGEST)]
+    kinds: Annotated[list[NewsKind], Meta(min_length=1)]
+    robots: Annotated[list[str], Meta(max_length=1000)] = []  # slugs; empty: all
+    texts: bool = False
+
+
+class WebhookChange(Struct, frozen=True, forbid_unknown_fields=True):
+    """`paused`: send nothing, or go on; who lets it go on is its owner then. For the rest make another webhook."""
+
+    paused: bool
+
+
+class Answer(Struct, frozen=True):
+    """The answer to one attempt, or why there was none."""
+
+    at: Time
+    took_s: float
+    status: int | None
+    code: str | None
+    text: str
+
+
+class DeliveryEntry(Struct, frozen=True):
+    """An event on its way. `record`: its number in the log; null: a test."""
+
+    number: int
+    type: str
+    record: int | None
+    made_at: Time
+    state: Literal["waiting", "delivered", "given_up"]
+    next_at: Time | None  # attempt
+    answers: list[Answer]
+
+
+class DeliveryList(Struct, frozen=True):
+    """The newest deliveries, newest first."""
+
+    deliveries: list[DeliveryEntry]
+
+
+class TriedAgain(Struct, frozen=True):
+    """How many deliveries are tried again."""
+
+    deliveries: int
+
+
+class WebhooksBase(SetupView):
+    """Base of the views of webhooks."""
+
+    def seen(self) -> list[Webhook]:
+        """Return the webhooks about robots that the token serves."""
+        self.staff()
+        found = Webhook.objects.select_related("owner").prefetch_related("robots")
+        found = found.annotate(
+            waiting=Count("deliveries", filter=Q(deliveries__state=State.WAITING)),
+            given_up=Count("deliveries", filter=Q(deliveries__state=State.GIVEN_UP)),
+        )
+        bound = self.token is not None and bool(self.token.robots)
+        return [one for one in found if not bound or (one.robots.all() and self.serves(one.robots.all()))]
+
+    def one(self, webhook_id: UUID) -> Webhook:
+        """Return one of them. Raises `Problem`: not found."""
+        found = next((one for one in self.seen() if one.pk == webhook_id), None)
+        if found is None:
+            raise Problem(NOT_FOUND)
+        return found
+
+
+class WebhooksView(WebhooksBase):
+    """`/webhooks`."""
+
+    @operation("webhooks_list", "List webhooks", scope=Scope.MANAGE, answer=WebhookList, tag="webhooks")
+    def get(self, _request: Request) -> WebhookList:
+        """By staff."""
+        return WebhookList([WebhookEntry(**_entry(one)) for one in self.seen()])
+
+    @operation(
+        "webhooks_make",
+        "Make a webhook",
+        scope=Scope.MANAGE,
+        body=WebhookRequest,
+        answer=WebhookMade,
+        status=201,
+        refuses=(404, 409),
+        tag="webhooks",
+        examples=[
+            OpenApiExample(
+                "Stops of one robot",
+                value={
+                    "name": "alarm",
+                    "address": "https://alarm.example.org/fleet",
+                    "kinds": ["stops"],
+                    "robots": ["tiago-1"],
+                },
+                request_only=True,
+            )
+        ],
+    )
+    def post(self, _request: Request, body: WebhookRequest) -> Response:
+        """By staff. The answer has its secret, which nothing shows again; so this takes no Idempotency-Key, and its
+        name is taken by the first of two requests."""
+        staff, robots = self.staff(), self.named_robots(body.robots)
+        if not robots:
+            self.require_all_robots()
+        made, secret = services.webhook_make(
+            name=body.name,
+            address=body.address,
+            kinds=body.kinds,
+            robots=robots,
+            texts=body.texts,
+            actor=staff,
+        )
+        answer = WebhookMade(**_entry(self.one(made.pk)), secret=secret)
+        headers = {"Location": f"/api/v1/webhooks/{made.pk}", "Cache-Control": "no-store"}
+        return Response(msgspec.to_builtins(answer), 201, headers=headers)
+
+
+class WebhookView(WebhooksBase):
+    """`/webhooks/{id}`."""
+
+    @operation(
+        "webhooks_read",
+        "Read a webhook",
+        scope=Scope.MANAGE,
+        answer=WebhookEntry,
+        refuses=(404,),
+        tag="webhooks",
+    )
+    def get(self, _request: Request, webhook_id: UUID) -> WebhookEntry:
+        """By staff."""
+        return WebhookEntry(**_entry(self.one(webhook_id)))
+
+    @operation(
+        "webhooks_change",
+        "Pause or resume a webhook",
+        scope=Scope.MANAGE,
+        body=WebhookChange,
+        answer=WebhookEntry,
+        refuses=(404,),
+        tag="webhooks",
+    )
+    def patch(self, _request: Request, webhook_id: UUID, body: WebhookChange) -> WebhookEntry:
+        """By staff. A paused webhook goes on with the news since then, of at most 7 days."""
+        step = services.webhook_pause if body.paused else services.webhook_resume
+        step(webhook=self.one(webhook_id), actor=self.staff())
+        return WebhookEntry(**_entry(self.one(webhook_id)))
+
+    @operation(
+        "webhooks_delete",
+        "Delete a webhook",
+        scope=Scope.MANAGE,
+        status=204,
+        refuses=(404,),
+        tag="webhooks",
+    )
+    def delete(self, _request: Request, webhook_id: UUID) -> None:
+        """By staff, with its deliveries."""
+        services.webhook_delete(webhook=self.one(webhook_id), actor=self.staff())
+
+
+class DeliveriesView(WebhooksBase):
+    """`/webhooks/{id}/deliveries`."""
+
+    @operation(
+        "webhooks_deliveries",
+        "Read the deliveries of a webhook",
+        scope=Scope.MANAGE,
+        answer=DeliveryList,
+        refuses=(404,),
+        tag="webhooks",
+    )
+    def get(self, _request: Request, webhook_id: UUID) -> DeliveryList:
+        """The last 100, with the answer to each attempt."""
+        found = self.one(webhook_id).deliveries.order_by("-pk")[:SHOWN]
+        return DeliveryList([_delivery(one) for one in found])
+
+
+class TestView(WebhooksBase):
+    """`/webhooks/{id}/test`."""
+
+    @operation(
+        "webhooks_test",
+        "Send a test",
+        scope=Scope.MANAGE,
+        status=204,
+        refuses=(404, 409),
+        tag="webhooks",
+    )
+    def post(self, _request: Request, webhook_id: UUID) -> None:
+        """It leaves within about two seconds, and is among the deliveries."""
+        services.webhook_test(webhook=self.one(webhook_id), actor=self.staff())
+
+
+class AgainView(WebhooksBase):
+    """`/webhooks/{id}/again`."""
+
+    @operation(
+        "webhooks_again",
+        "Try again what was given up",
+        scope=Scope.MANAGE,
+        answer=TriedAgain,
+        refuses=(404,),
+        tag="webhooks",
+    )
+    def post(self, _request: Request, webhook_id: UUID) -> TriedAgain:
+        """Each of these events once more, with the same pauses."""
+        return TriedAgain(services.webhook_again(webhook=self.one(webhook_id), actor=self.staff()))
+
+
+def _entry(webhook: Webhook) -> dict[str, Any]:
+    robots: list[Robot] = list(webhook.robots.all())
+    paused = webhook.paused_at is not None
+    return {
+        "id": webhook.pk,
+        "name": webhook.name,
+        "address": webhook.address,
+        "kinds": list(webhook.kinds),
+        "robots": [robot.slug for robot in robots],
+        "texts": webhook.texts,
+        "paused": paused,
+        "owner": webhook.owner.username if webhook.owner else None,
+        "sends": not paused and not webhook.orphaned,
+        "made_at": webhook.made_at,
+        "waiting": getattr(webhook, "waiting", 0),
+        "given_up": getattr(webhook, "given_up", 0),
+    }
+
+
+def _delivery(one: WebhookDelivery) -> DeliveryEntry:
+    waits = one.state == State.WAITING
+    return DeliveryEntry(
+        number=one.pk,
+        type=one.kind,
+        record=one.record,
+        made_at=one.made_at,
+        state=one.state,  # type: ignore[arg-type]  # the names of `State`
+        next_at=one.due_at if waits else None,
+        answers=[
+            Answer(
+                at=parse_datetime(answer["at"]) or one.made_at,
+                took_s=answer.get("took_s", 0.0),
+                status=answer.get("status"),
+                code=answer.get("code"),
+                text=answer.get("text", ""),
+            )
+            for answer in one.answers
+        ],
+    )
