@@ -7,16 +7,19 @@ from typing import Any
 from allauth.account.forms import AddEmailForm, ResetPasswordForm, ResetPasswordKeyForm
 from allauth.account.internal.flows.email_verification import send_verification_email_to_address
 from allauth.account.models import EmailAddress
+from django import forms
 from django.contrib.auth.forms import AuthenticationForm, PasswordChangeForm
 from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.http import HttpRequest
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
 from fleet.accounts import services
 from fleet.accounts.models import User
 from fleet.accounts.selectors import username_of
 from fleet.accounts.sign_in import hashing, throttle
+from fleet.accounts.tokens.services import tokens_end, tokens_of
 
 THROTTLED = "throttled"
 BUSY = "busy"
@@ -53,7 +56,33 @@ class SignInForm(AuthenticationForm):
         return ValidationError(_("Many people sign in at this moment. Try again in a moment."), code=BUSY)
 
 
-class OwnPasswordForm(PasswordChangeForm):
+class EndsTokens(forms.Form):
+    """Offers a person who has tokens to end them with the old password."""
+
+    end_tokens = forms.BooleanField(
+        label=gettext_lazy("End all tokens of my programs, too"),
+        required=False,
+        help_text=gettext_lazy("Choose this if somebody else may know the old password."),
+    )
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        if not tokens_of(self.person).exists():
+            del self.fields["end_tokens"]
+
+    @property
+    def person(self) -> User:
+        """Return whose password it is."""
+        person: User = self.user  # type: ignore[attr-defined]  # of the form that this one extends
+        return person
+
+    def end_chosen_tokens(self) -> int:
+        """End the tokens if that was chosen. Returns how many were valid."""
+        chosen = self.cleaned_data.get("end_tokens")
+        return tokens_end(user=self.person, actor=self.person) if chosen else 0
+
+
+class OwnPasswordForm(EndsTokens, PasswordChangeForm):
     """A new password, with the present one."""
 
     def __init__(self, *arguments: Any, address: str, **options: Any) -> None:
@@ -82,8 +111,11 @@ class ForgottenPasswordForm(ResetPasswordForm):
         return email
 
 
-class NewPasswordForm(ResetPasswordKeyForm):
-    """The new password of a person who forgot theirs, in the words of the other pages."""
+class NewPasswordForm(EndsTokens, ResetPasswordKeyForm):
+    """The new password of a person who forgot theirs, in the words of the other pages.
+
+    Their tokens end, unless they choose otherwise: whoever had the old password may have made some.
+    """
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -93,6 +125,13 @@ class NewPasswordForm(ResetPasswordKeyForm):
         second.help_text = _("Eight characters or more, not only digits; a few words are easiest to keep.")
         for field in (first, second):
             field.widget.attrs.pop("placeholder", None)
+        if "end_tokens" in self.fields:
+            self.fields["end_tokens"].initial = True
+
+    def save(self) -> None:
+        """Set the password. Tokens end first: if one of the two fails, nobody keeps more than before."""
+        self.end_chosen_tokens()
+        super().save()
 
 
 class EmailForm(AddEmailForm):

@@ -22,6 +22,7 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
 from django.urls import reverse_lazy
 from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
 from requests import RequestException
 
 from fleet.accounts import services
@@ -69,7 +70,7 @@ class PasswordView(PasswordChangeView):
         return {**super().get_form_kwargs(), "address": services.address_of(self.request)}
 
     def form_valid(self, form: PasswordChangeForm) -> HttpResponse:
-        """Change the password. Refused if it cannot be recorded.
+        """Change the password, and end tokens if that was chosen. Refused if it cannot be recorded.
 
         It is hashed first: that waits its turn, and within a transaction SQLite would keep everybody else from writing.
         """
@@ -79,8 +80,10 @@ class PasswordView(PasswordChangeView):
             form.user.save()
             update_session_auth_hash(self.request, form.user)
             services.own_password_changed(self.request, person_of(self.request))
+            ended = cast(OwnPasswordForm, form).end_chosen_tokens()
         notice = _("Your password is changed. Every other browser has to sign in again.")
-        messages.success(self.request, notice)
+        tokens = ngettext("%d token is ended.", "%d tokens are ended.", ended) % ended
+        messages.success(self.request, f"{notice} {tokens}" if ended else notice)
         return redirect(self.get_success_url())
 
 

@@ -6,6 +6,7 @@ import re
 import socket
 import time
 from collections.abc import Callable, Iterator
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -14,9 +15,12 @@ from django.core import mail
 from django.core.cache import cache
 from django.db import IntegrityError
 from django.test import Client
+from django.utils import timezone
 
 from fleet.accounts import emails
 from fleet.accounts.models import SignIn, User
+from fleet.accounts.tokens.models import Scope, Token
+from fleet.accounts.tokens.services import token_make
 from fleet.audit.models import Record
 from tests.conftest import PASSWORD
 
@@ -92,6 +96,22 @@ def test_a_forgotten_password_is_set_by_a_link(olga: User, signed_in: Callable[[
         Client().post("/accounts/sign-in/", {"username": "operator", "password": NEW}).headers["Location"]
         == "/"
     )
+
+
+@pytest.mark.parametrize(("chosen", "left"), [({"end_tokens": "on"}, 0), ({}, 1)])
+def test_a_forgotten_password_ends_tokens_unless_deselected(
+    chosen: dict[str, str], left: int, olga: User
+) -> None:
+    expires = timezone.now() + timedelta(days=1)
+    token_make(user=olga, name="night", scopes=[Scope.READ], expires_at=expires, actor=olga)
+    client = Client()
+    client.post(FORGOTTEN, {"email": "olga@lab.example"})
+    page = client.get(link_in(letter())).headers["Location"]
+    box = re.search("<input[^>]*end_tokens[^>]*>", client.get(page).content.decode())
+    assert box
+    assert "checked" in box[0]
+    assert client.post(page, {"password1": NEW, "password2": NEW, **chosen}).status_code == 302
+    assert Token.objects.count() == left
 
 
 def test_a_mistyped_address_does_not_get_the_account(olga: User, signed_in: Callable[[User], Client]) -> None:

@@ -1,13 +1,17 @@
 """People change their own password, staff changes anybody's; both only if it can be recorded."""
 
+from datetime import timedelta
 from unittest import mock
 
 import pytest
 from django.contrib.auth.hashers import make_password
 from django.db import connection
+from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in as still_signed_in
+from fleet.accounts.tokens.models import Scope, Token
+from fleet.accounts.tokens.services import token_make
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.models import Record
 from tests.conftest import PASSWORD
@@ -116,3 +120,22 @@ def test_staff_who_edit_themselves_stay_signed_in(staff, signed_in):
 def test_a_missing_account_has_no_password_page(nobody, staff, signed_in):
     response = signed_in(staff).post(f"/admin/accounts/user/{nobody}/password/", ADMIN_FORM)
     assert response.status_code == 404
+
+
+@pytest.mark.django_db
+def test_a_new_password_ends_tokens_only_if_that_is_chosen(stranger, operator, signed_in):
+    assert "end_tokens" not in signed_in(stranger).get(PAGE).content.decode()  # no tokens
+    token_for(operator)
+    kept = signed_in(operator)
+    assert 'name="end_tokens" type="checkbox">' in kept.get(PAGE).content.decode()
+    kept.post(PAGE, FORM)
+    assert Token.objects.count() == 1
+    again = {"old_password": NEW, "new_password1": PASSWORD, "new_password2": PASSWORD, "end_tokens": "on"}
+    assert "1 token is ended." in kept.post(PAGE, again, follow=True).content.decode()
+    assert not Token.objects.exists()
+    assert Record.objects.get(kind="token.end").actor_id == str(operator.pk)
+
+
+def token_for(person):
+    expires = timezone.now() + timedelta(days=1)
+    return token_make(user=person, name="night", scopes=[Scope.READ], expires_at=expires, actor=person)
