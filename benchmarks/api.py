@@ -1,4 +1,4 @@
-"""The API: reads, speech, the stream of a token beside the page's, and driving beside 100 reads a second.
+"""The API: reads, speech, the stream of a token beside the page's, and driving beside 100 reads a second and an export.
 
 Requests come from threads of this process, each with a connection that is kept. Load and driving share the machine.
 """
@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 from benchmarks.drive import BARE_STICKS, ROBOT, drive
 from benchmarks.harness import Figure, progress, quantile
@@ -32,6 +33,19 @@ READS_PER_S = 100.0
 LOAD_S = 10.0
 VIEWERS = 10
 TURNS = 4  # of page and token each
+
+RECORDS = 20_000  # in the log that is exported again and again
+_FILL = f"""
+from django.db import transaction
+from fleet.accounts.models import User
+from fleet.audit.services import record
+from robots.registry.models import Robot
+person, robot = User.objects.get(username="operator"), Robot.objects.get(slug="{OTHER}")
+for _ in range({RECORDS // 1000}):
+    with transaction.atomic():
+        for number in range(1000):
+            record("speech.start", actor=person, robot_id=robot.id, robot_name=robot.name, text=f"Number {{number}}.")
+"""
 
 READ_P50_MS = 15.0
 SPEECH_P50_MS = 25.0
@@ -59,9 +73,11 @@ async def _measure_on(stack: Stack) -> list[Figure]:
             by_token += await _stream(stack, f"Bearer {token}", observer)
         progress("driving beside reads and viewers ...")
         watching = await asyncio.to_thread(sign_in, stack, "observer")
+        auditor = await asyncio.to_thread(_token, stack, "staff")
+        await asyncio.to_thread(_fill_log, stack)
         async with Crowd(stack, ROBOT, watching, VIEWERS), Driver(stack, ROBOT, f"Bearer {token}") as driver:
             await driver.take()
-            with _load(stack, token) as spent_ms:
+            with _load(stack, token) as spent_ms, _exports(stack, auditor) as exported:
                 beside = [delay for _ in range(TURNS) for delay in await drive(driver, observer)]
             dead_man = sum(one.refusal.code == "dead_man" for one in driver.refused)
     return [
@@ -76,16 +92,26 @@ async def _measure_on(stack: Stack) -> list[Figure]:
         ),
         Figure(f"{READS_PER_S:.0f} mixed reads a second: p95", quantile(spent_ms, 0.95), "ms", MIXED_P95_MS),
         Figure("reads a second", len(spent_ms) / (TURNS * 4.2), ""),
+        Figure("records exported a second meanwhile", exported.records / exported.seconds, ""),
         Figure("beside them: command p99", 1000.0 * quantile(beside, 0.99), "ms", COMMAND_P99_MS),
         Figure("beside them: dead-man", float(dead_man), "", 0.0),
     ]
 
 
-def _token(stack: Stack) -> str:
+def _token(stack: Stack, role: str = "operator") -> str:
     scopes = ("read", "drive", "speak")
-    username = stack.accounts["operator"].username
+    return _manage(stack, "make_token", stack.accounts[role].username, "bench", *scopes)
+
+
+def _fill_log(stack: Stack) -> None:
+    """Write `RECORDS` requests to the log, for the export."""
+    progress(f"writing {RECORDS:,} records ...")
+    _manage(stack, "shell", "--no-imports", "-c", _FILL)
+
+
+def _manage(stack: Stack, *words: str) -> str:
     done = subprocess.run(  # noqa: S603 - our own program
-        [sys.executable, "manage.py", "make_token", username, "bench", *scopes],
+        [sys.executable, "manage.py", *words],
         cwd=REPOSITORY,
         env=stack.environment,
         check=True,
@@ -141,6 +167,42 @@ async def _stream(stack: Stack, signed_in: str, observer: Observer) -> list[floa
         delays = await drive(driver, observer)
         await driver.release()
     return delays
+
+
+@dataclass
+class Exported:
+    """The work of the exporter."""
+
+    records: int = 0
+    seconds: float = 0.0
+
+
+@contextmanager
+def _exports(stack: Stack, token: str) -> Iterator[Exported]:
+    """Export the whole log, again and again, as one program with one connection."""
+    over, exported = threading.Event(), Exported()
+
+    def export() -> None:
+        headers = {"Authorization": f"Bearer {token}"}
+        began_s = time.monotonic()
+        while not over.is_set():
+            connection = http.client.HTTPConnection("127.0.0.1", stack.port, timeout=30.0)
+            connection.request("POST", "/api/v1/audit/export?format=jsonl", headers=headers)
+            answer = connection.getresponse()
+            if answer.status != 200:
+                raise AssertionError(f"export: {answer.status} {answer.read(300)!r}")
+            while not over.is_set() and (piece := answer.read(64 * 1024)):
+                exported.records += piece.count(b"\n")
+            connection.close()
+        exported.seconds = time.monotonic() - began_s
+
+    thread = threading.Thread(target=export)
+    thread.start()
+    try:
+        yield exported
+    finally:
+        over.set()
+        thread.join()
 
 
 @contextmanager

@@ -62,10 +62,20 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         if upgrade.lower() == b"websocket":  # as Daphne decides
             self.forget_body()
             return super().process()
+        if self.path == b"/metrics" and self.server.is_ours(self.channel.transport):
+            return self._own_metrics()
         key = self.received_cookies.get(self.server.session_cookie)
         if key and self.server.forward is not None and stops.is_stop(self.method, self.path):
             return sessions.look_up(key.decode("latin-1")).add_done_callback(self._stop_of)
         return self._in_turn()
+
+    def _own_metrics(self) -> None:
+        """Answer a pages process, which has asked who may know."""
+        from teleop.live.metrics import own_metrics  # the application is loaded by now
+
+        self.setHeader(b"Content-Type", b"text/plain; version=0.0.4; charset=utf-8")
+        self.write(own_metrics())
+        self.finish()
 
     def _stop_of(self, signed_in: asyncio.Future[bool]) -> None:
         if self.channel is not None and not self._disconnected:

@@ -92,6 +92,13 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         """Its request was answered."""
         self.open.waiting(connection.transport)
 
+    def is_ours(self, transport: Any) -> bool:
+        """Return whether a connection came by the socket that only the pages processes of this account open."""
+        keeper = self.keeper
+        return keeper is not None and getattr(transport.getHost(), "name", None) == os.fsencode(
+            keeper.programs
+        )
+
     def left(self, transport: Any) -> None:
         """It is closed."""
         self.open.left(transport)

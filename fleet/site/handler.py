@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any, ParamSpec, TypeVar
 
 from asgiref.sync import sync_to_async
 from django.core.handlers.asgi import ASGIHandler
@@ -12,6 +14,10 @@ from django.http.response import HttpResponseBase
 
 from fleet.accounts.sign_in.hashing import MOST_WAITING
 from robots.processes.scheduling import prefer_stop_thread
+from teleop.api.v1.door.later import Later
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class OneThreadHandler(ASGIHandler):
@@ -47,8 +53,15 @@ class PagesHandler(OneThreadHandler):
         self._threads = ThreadPoolExecutor(self.THREADS, thread_name_prefix="page")
 
     async def get_response_async(self, request: HttpRequest) -> HttpResponseBase:
-        """Answer the request on one of the threads."""
-        return await sync_to_async(self._answer, thread_sensitive=False, executor=self._threads)(request)
+        """Answer the request on one of the threads. An answer that waits for news holds none meanwhile."""
+        response = await self._on_a_thread(self._answer)(request)
+        if isinstance(response, Later):
+            await response.wait()
+            await self._on_a_thread(_renewed)(response)
+        return response
+
+    def _on_a_thread(self, call: Callable[P, R]) -> Callable[P, Coroutine[Any, Any, R]]:
+        return sync_to_async(call, thread_sensitive=False, executor=self._threads)
 
     def _answer(self, request: HttpRequest) -> HttpResponseBase:
         close_old_connections()
@@ -56,3 +69,11 @@ class PagesHandler(OneThreadHandler):
             return self.get_response(request)
         finally:
             close_old_connections()
+
+
+def _renewed(response: Later) -> None:
+    close_old_connections()
+    try:
+        response.renew()
+    finally:
+        close_old_connections()

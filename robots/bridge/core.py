@@ -34,6 +34,7 @@ from robots.bridge.overload import LoopLateness
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.tasks.publishing import Publisher
 from robots.bridge.tasks.tasks import TaskPerformer, Tasks, holder_of
+from robots.processes.durations import Durations
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
 
 log = logging.getLogger(__name__)
@@ -114,6 +115,7 @@ class Core:
         self.lease = LeaseGuard(saved.fence)
         self._latch = StopLatch(saved, stops_before)
         self.refused: Counter[str] = Counter()
+        self.decisions = Durations()  # from reading a drive message to its twist
         self._base = base
         self._gate = gate
         self._records = records
@@ -392,7 +394,10 @@ class Core:
 
     def hello(self) -> wire.BridgeHello:
         """Return the first message to a web process. It does not depend on the robot."""
-        return wire.BridgeHello(wire.PROTOCOL, self.config.robot_id, self.config.slug, self.lease.highest)
+        figures = wire.BridgeFigures(self.decisions.counts, self.decisions.sum_s, self._drives.interventions)
+        return wire.BridgeHello(
+            wire.PROTOCOL, self.config.robot_id, self.config.slug, self.lease.highest, figures
+        )
 
     def headline(self, now_s: float) -> tuple[object, ...]:
         """Return the part of the state whose changes are reported at once."""

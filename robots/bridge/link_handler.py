@@ -124,6 +124,7 @@ class LinkHandler:
     def _drive(self, link: Link, drive: wire.Drive, now_s: float) -> bool:
         if spent := self._drives[link].spend(now_s):
             refusal = self._core.drive(drive, link.number, now_s)
+            self._core.decisions.add(time.monotonic() - now_s)
         else:
             refusal = _FLOOD
             self._core.refused[refusal.code] += 1

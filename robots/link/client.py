@@ -597,6 +597,10 @@ class Links:
             link.seen_at = seen_at
         return link
 
+    def all(self) -> list[BridgeLink]:
+        """Return those that are not closed."""
+        return [link for link in self._links.values() if not link.closed]
+
     async def close(self) -> None:
         """End all links."""
         links, self._links = list(self._links.values()), {}
@@ -620,16 +624,24 @@ def stop_once(robot_id: UUID | None, address: LinkAddress, by: str, reason: str 
 
 def state_once(robot_id: UUID, address: LinkAddress) -> State:
     """Get the robot's current state from its bridge over a new connection. Raises LinkRefused."""
+    return figures_once(robot_id, address)[1]
+
+
+def figures_once(robot_id: UUID, address: LinkAddress) -> tuple[wire.BridgeFigures | None, State]:
+    """Get the bridge's counts, too (None: an old bridge). Raises LinkRefused."""
     end_s = time.monotonic() + _STATE_ONCE_S
     try:
         with open_sync(address) as socket:
             socket.send(wire.encode(wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")), text=True)
-            _require_robot(socket.recv(timeout=_STATE_ONCE_S), robot_id, address)
+            hello = socket.recv(timeout=_STATE_ONCE_S)
+            _require_robot(hello, robot_id, address)
+            greeting = wire.link_report(hello)
+            figures = greeting.figures if isinstance(greeting, wire.BridgeHello) else None
             while True:
                 raw = socket.recv(timeout=max(end_s - time.monotonic(), 0.0))
                 report = wire.link_report(raw)
                 if isinstance(report, wire.Status):
-                    return report.state
+                    return figures, report.state
                 if isinstance(report, Refused):
                     raise LinkRefused(report.refusal)
     except msgspec.DecodeError as error:

@@ -1,1 +1,1 @@
-"""For every process of the console: real-time priority and orderly shutdown."""
+"""For every process of the console: real-time priority, orderly shutdown, counted durations."""

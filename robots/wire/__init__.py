@@ -88,6 +88,7 @@ from robots.wire.doors import link_report as link_report
 from robots.wire.doors import link_request as link_request
 from robots.wire.doors import topics_message as topics_message
 from robots.wire.doors import topics_report as topics_report
+from robots.wire.link import BridgeFigures as BridgeFigures
 from robots.wire.link import BridgeHello as BridgeHello
 from robots.wire.link import CameraAt as CameraAt
 from robots.wire.link import Ended as Ended

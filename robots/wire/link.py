@@ -143,13 +143,24 @@ LinkRequest = (
 )
 
 
-class BridgeHello(Struct, frozen=True, tag_field="t", tag="bridge_hello"):
+class BridgeFigures(Struct, frozen=True):
+    """Counts of a bridge since it was started."""
+
+    decisions: list[
+        int
+    ]  # drive messages by the time from reading one to its twist, as `robots.processes.durations`
+    decisions_s: float  # of all of them together
+    interventions: int  # of the gate, as the log counts them
+
+
+class BridgeHello(Struct, frozen=True, omit_defaults=True, tag_field="t", tag="bridge_hello"):
     """First from a bridge. `fence` is the highest number it has seen. `Status` and `Offers` follow a `LinkHello`."""
 
     protocol: int
     robot: str  # UUID
     slug: str
     fence: int
+    figures: BridgeFigures | None = None
 
 
 class LaneToken(Struct, frozen=True, tag_field="t", tag="lane"):

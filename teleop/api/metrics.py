@@ -1,7 +1,8 @@
-"""Metrics for Prometheus, behind a token: web, bridges, gate, as the pages process sees them."""
+"""Metrics for Prometheus, behind a token: all web processes of this computer, bridges, gate."""
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -9,8 +10,8 @@ from datetime import timedelta
 
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.utils import timezone
-from prometheus_client import CollectorRegistry, Histogram
-from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client import CollectorRegistry, Histogram, disable_created_metrics
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.registry import Collector
 from rest_framework.request import Request
@@ -19,12 +20,14 @@ from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
 from fleet.bookings.models import Waiting
 from robots.bridge.config import LinkAddress
-from robots.link.client import LinkRefused, state_once
+from robots.link.client import LinkRefused, figures_once
+from robots.processes.durations import buckets
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
-from robots.wire import Refusal, State
+from robots.wire import BridgeFigures, Refusal, State
 from teleop.api.v1.door.operation import ApiView, operation
 from teleop.api.v1.door.problems import Problem
+from teleop.api.web_processes import OWN, of_others
 from teleop.control.selectors import held_leases
 
 BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0)
@@ -32,13 +35,14 @@ HOUR = timedelta(hours=1)
 
 _STAFF_ONLY = Refusal("permission_denied", "Metrics are for staff and their service accounts.", "account")
 
-registry = CollectorRegistry()
+disable_created_metrics()  # type: ignore[no-untyped-call]  # times that nobody asks for, one for each series
+_own = CollectorRegistry()  # of this process
 _seconds = Histogram(
     "fleet_http_request_seconds",
     "Time to answer a request, by route.",
-    ["method", "route", "status"],
+    ["web", "method", "route", "status"],
     buckets=BUCKETS_S,
-    registry=registry,
+    registry=_own,
 )
 
 
@@ -55,7 +59,8 @@ def measured(
         method = (
             request.method if request.method in ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE") else "other"
         )
-        _seconds.labels(method, route, str(response.status_code)).observe(time.perf_counter() - began_s)
+        web = str(os.getppid())  # the process that drives, which started this one
+        _seconds.labels(web, method, route, str(response.status_code)).observe(time.perf_counter() - began_s)
         return response
 
     return middleware
@@ -69,7 +74,7 @@ class RobotCollector(Collector):
         robots = list(Robot.objects.filter(enabled=True))
         with ThreadPoolExecutor(max_workers=8) as pool:
             addresses = [(robot, link_address(robot)) for robot in robots]
-            states = list(pool.map(lambda one: _state(*one), addresses))
+            answers = list(pool.map(lambda one: _answer(*one), addresses))
         held = {robot_id for robot_id, _ in held_leases()}
         gauges = {
             name: GaugeMetricFamily(f"fleet_robot_{name}", words, labels=["robot"])
@@ -78,6 +83,7 @@ class RobotCollector(Collector):
                 "held": "1: somebody has control.",
                 "waiting": "People and programs in line for control.",
                 "stopped": "1: the emergency stop is latched.",
+                "stops": "Presses of the emergency stop, ever.",
                 "gate_factor": "Part of the wished speed that the gate lets through now.",
                 "gate_interventions_hour": "Interventions of the gate in the last hour.",
                 "refused_messages": "Messages that the bridge refused since it was started.",
@@ -87,7 +93,19 @@ class RobotCollector(Collector):
             }.items()
         }
         since = timezone.now() - HOUR
-        for robot, state in zip(robots, states, strict=True):
+        decisions = HistogramMetricFamily(
+            "fleet_bridge_decision_seconds",
+            "Drive messages, from reading one to its twist, since the bridge was started.",
+            labels=["robot"],
+        )
+        interventions = CounterMetricFamily(
+            "fleet_gate_interventions", "Of the gate, since the bridge was started.", labels=["robot"]
+        )
+        for robot, (figures_of_bridge, state) in zip(robots, answers, strict=True):
+            if figures_of_bridge is not None:
+                counts = buckets(figures_of_bridge.decisions)
+                decisions.add_metric([robot.slug], counts, figures_of_bridge.decisions_s)
+                interventions.add_metric([robot.slug], float(figures_of_bridge.interventions))
             figures: dict[str, float | None] = {
                 "online": float(state is not None and state.phase == "online"),
                 "held": float(robot.id in held),
@@ -99,6 +117,7 @@ class RobotCollector(Collector):
             if state is not None:
                 figures |= {
                     "stopped": float(state.stop.state != "clear"),
+                    "stops": float(state.stop.number),
                     "gate_factor": _factor(state),
                     "refused_messages": float(sum(state.refused.values())),
                     "unseen_seconds": state.unseen_s,
@@ -108,7 +127,7 @@ class RobotCollector(Collector):
             for name, value in figures.items():
                 if value is not None:
                     gauges[name].add_metric([robot.slug], value)
-        yield from gauges.values()
+        yield from (*gauges.values(), decisions, interventions)
 
 
 def _factor(state: State) -> float:
@@ -116,14 +135,29 @@ def _factor(state: State) -> float:
     return min(1.0, allowed / asked) if asked > 0.0 else 1.0
 
 
-def _state(robot: Robot, address: LinkAddress) -> State | None:
+def _answer(robot: Robot, address: LinkAddress) -> tuple[BridgeFigures | None, State | None]:
     try:
-        return state_once(robot.id, address)
+        return figures_once(robot.id, address)
     except LinkRefused:
-        return None
+        return None, None
 
 
-registry.register(RobotCollector())
+class WebCollector(Collector):
+    """All web processes of this computer, for one scrape."""
+
+    def __init__(self, host: str, authorization: str) -> None:
+        self._asked_with = host, authorization
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield the figures of this process together with those of others."""
+        own = list(_own.collect())
+        for metric in of_others(*self._asked_with):
+            same = next((one for one in own if one.name == metric.name), None)
+            if same is None:
+                own.append(metric)
+            else:
+                same.samples.extend(metric.samples)
+        yield from own
 
 
 class MetricsView(ApiView):
@@ -132,8 +166,13 @@ class MetricsView(ApiView):
     schema = None
 
     @operation("metrics", "Metrics", scope=Scope.READ)
-    def get(self, _request: Request) -> HttpResponse:
-        """In the text format of Prometheus."""
+    def get(self, request: Request) -> HttpResponse:
+        """In the text format of Prometheus: robots, and all web processes of this computer."""
         if not self.person.is_staff:
             raise Problem(_STAFF_ONLY)
-        return HttpResponse(generate_latest(registry), content_type=CONTENT_TYPE_PLAIN_0_0_4)
+        found = _own
+        if OWN not in request.query_params:
+            found = CollectorRegistry(auto_describe=False)
+            found.register(RobotCollector())
+            found.register(WebCollector(request.get_host(), request.headers.get("Authorization", "")))
+        return HttpResponse(generate_latest(found), content_type=CONTENT_TYPE_PLAIN_0_0_4)

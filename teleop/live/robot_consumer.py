@@ -114,6 +114,7 @@ class RobotConsumer(RobotSocket):
 
     def on_message_now(self, raw: str) -> bool:
         """Forward the holder's drive input to a bridge on this computer at once."""
+        began_s = time.perf_counter()
         fence = self.fence
         if (
             fence is None
@@ -128,13 +129,18 @@ class RobotConsumer(RobotSocket):
             return False
         if not isinstance(drive, wire.Drive) or drive.fence != fence or not self.spend():
             return False
-        if not self.hub.link.forward_now(raw):
+        if self.hub.link.forward_now(raw):
+            self.hub.forwards.add(time.perf_counter() - began_s)
+        else:
             self.refused["link_busy"] += 1  # a newer drive input follows in a moment
         return True
 
     async def _drive(self, drive: wire.Drive, raw: str) -> None:
         if drive.fence == self.fence:
-            if not await self.hub.link.forward(raw):
+            began_s = time.perf_counter()
+            if await self.hub.link.forward(raw):
+                self.hub.forwards.add(time.perf_counter() - began_s)
+            else:
                 self.refused["link_busy"] += 1  # a newer drive input follows in a moment
             return
         refusal = check_fence(drive.fence, self.fence)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections import defaultdict
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from datetime import timedelta
@@ -20,6 +21,7 @@ from django.db import DatabaseError
 from django.utils import timezone
 
 from robots.link.client import BridgeLink, links
+from robots.processes.durations import Durations
 from robots.wire import Ended, Offers, Refresh, Refusal, Refused, State
 from teleop.background.database import in_database
 from teleop.control import queue, rules
@@ -88,6 +90,7 @@ class RobotHub:
         self.robot_id = robot_id
         self.entry = entry
         self.link: BridgeLink = links.get(robot_id, entry.link)
+        self.forwards = forwards[robot_id]
         self.pictures = PictureFeed()
         self.topics = TopicFeed(self._subscribe_topics)
         self.members: dict[str, Member] = {}
@@ -325,6 +328,14 @@ class RobotHub:
 
 
 _hubs: dict[UUID, RobotHub] = {}
+forwards: dict[UUID, Durations] = defaultdict(
+    Durations
+)  # drive messages, from their arrival until they are sent on
+
+
+def open_hubs() -> list[RobotHub]:
+    """Return the hubs of this process."""
+    return list(_hubs.values())
 
 
 def join(robot_id: UUID, entry: RobotEntry, member: Member) -> RobotHub:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 import socket
+import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
 
 from benchmarks.parts.process_stats import children
 from script.stack.client import Driver
+from script.stack.places import REPOSITORY
+from script.stack.stack import Stack
 from tests.processes import until
 
 ENDED_S = 30.0
@@ -72,3 +76,21 @@ async def drive_forward(driver: Driver) -> None:
         return math.hypot(now.x - start.x, now.y - start.y) if now else 0.0
 
     await driver.hold_stick(1.0, 0.0, lambda: driven_m() > 0.1)
+
+
+def manage(stack: Stack, *words: str) -> str:
+    """Run a command of `manage.py` in the stack, to its end; returns what it printed."""
+    done = subprocess.run(
+        [sys.executable, "manage.py", *words],
+        cwd=REPOSITORY,
+        env=stack.environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout.strip()
+
+
+def token(stack: Stack, role: str, *scopes: str, name: str = "night-tests") -> str:
+    """Make a token of one of the stack's people."""
+    return manage(stack, "make_token", stack.accounts[role].username, name, *scopes)

@@ -14,7 +14,8 @@ import pytest
 
 from script.stack.messages import OPENAPI
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
-from tests.script.test_programs import ROBOT, token
+from tests.script.support import token
+from tests.script.test_programs import ROBOT
 
 
 @pytest.fixture(scope="module")

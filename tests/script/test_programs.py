@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import json
-import subprocess
-import sys
+import re
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
 from websockets.asyncio.client import connect
 
-from script.stack.places import REPOSITORY
+from script.stack.client import Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from tests.script.support import manage, token
 
 ROBOT = PRACTICE_ROBOTS[0].slug
 
@@ -25,22 +26,6 @@ ROBOT = PRACTICE_ROBOTS[0].slug
 def stack() -> Iterator[Stack]:
     with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
         yield stack
-
-
-def manage(stack: Stack, *words: str) -> str:
-    done = subprocess.run(
-        [sys.executable, "manage.py", *words],
-        cwd=REPOSITORY,
-        env=stack.environment,
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return done.stdout.strip()
-
-
-def token(stack: Stack, role: str, *scopes: str, name: str = "night-tests") -> str:
-    return manage(stack, "make_token", stack.accounts[role].username, name, *scopes)
 
 
 class Api:
@@ -244,7 +229,49 @@ def test_metrics_are_for_tokens_of_staff(stack: Stack) -> None:
     status, text = scrape(token(stack, "staff", "read", name="prometheus"))
     assert status == 200
     assert f'fleet_robot_online{{robot="{ROBOT}"}} 1.0' in text
-    assert 'fleet_http_request_seconds_bucket{le="0.005",method="GET",route="metrics",status="403"}' in text
+    assert re.search(r'fleet_http_request_seconds_count{.*route="metrics",status="403",.*} [1-9]', text)
+    assert re.search(r'fleet_web_up{web="[0-9]+"} 1.0', text)
+
+
+async def test_metrics_count_commands_decisions_and_viewers(stack: Stack) -> None:
+    staff = token(stack, "staff", "read", name="scraper")
+
+    def figure(name: str) -> float:
+        request = urllib.request.Request(f"{stack.url}/metrics", headers={"Authorization": f"Bearer {staff}"})  # noqa: S310
+        with urllib.request.urlopen(request, timeout=10.0) as answer:  # noqa: S310
+            text = answer.read().decode()
+        found = re.search(rf'^{name}{{[^}}]*robot="{ROBOT}"[^}}]*}} ([0-9.e+]+)$', text, re.MULTILINE)
+        return float(found[1]) if found else 0.0
+
+    names = ("fleet_command_forward_seconds_count", "fleet_bridge_decision_seconds_count")
+    before = [await asyncio.to_thread(figure, name) for name in names]
+    cookie = await asyncio.to_thread(sign_in, stack, "operator")
+    async with Driver(stack, ROBOT, cookie) as driver:
+        await driver.take()
+        await driver.hold_stick(0.0, 0.2, until=lambda: abs(driver.odometry.w) > 0.05)
+        assert await asyncio.to_thread(figure, "fleet_viewers") == 1.0
+        assert await asyncio.to_thread(figure, "fleet_link_up") == 1.0
+        await driver.release()
+    after = [await asyncio.to_thread(figure, name) for name in names]
+    assert all(now > then for now, then in zip(after, before, strict=True)), (before, after)
+
+
+def test_fifty_programs_wait_for_a_task_while_others_read(stack: Stack) -> None:
+    api = Api(stack, token(stack, "operator", "read", "drive", name="waiting"))
+    robot = f"/robots/{ROBOT}"
+    assert api("POST", f"{robot}/control", {})[0] == 200
+    status, task = api("POST", f"{robot}/drive-by", {"angle_rad": 3.1, "speed_radps": 0.1})
+    assert status == 202, task
+    with ThreadPoolExecutor(50) as pool:
+        path = f"{robot}/tasks/{task['number']}?wait=30"
+        waiting = [pool.submit(api, "GET", path) for _ in range(50)]
+        began_s = time.monotonic()
+        assert [api("GET", robot)[0] for _ in range(20)] == [200] * 20
+        assert time.monotonic() - began_s < 10.0  # all together: nobody waits for those who wait
+        assert not any(one.done() for one in waiting)
+        assert api("DELETE", f"{robot}/drive-by")[0] == 204
+        assert {one.result()[1]["outcome"] for one in waiting} == {"cancelled"}
+    assert api("DELETE", f"{robot}/control")[0] == 204
 
 
 def test_a_repeated_request_with_a_key_is_done_once(stack: Stack) -> None:

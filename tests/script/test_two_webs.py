@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import signal
 import tempfile
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,7 +22,7 @@ from script.stack.processes import Child, ReservedPort
 from script.stack.stack import PRACTICE_ROBOTS, Stack, daphne
 from tests.processes import until
 from tests.script.servers import Redis, postgresql
-from tests.script.support import drive_forward, listens
+from tests.script.support import drive_forward, listens, token
 
 READY_S = 120.0
 NEWS_S = 15.0
@@ -60,6 +64,37 @@ def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[House]:
 
 def test_control_and_stop_are_the_same_through_either(house: House) -> None:
     asyncio.run(meet(house))
+
+
+def test_a_program_at_another_web_process_learns_the_remedy(house: House) -> None:
+    stack = house.stack
+    text = token(stack, "operator", "read", "drive")
+
+    def ask(method: str, path: str, port: int) -> tuple[int, Any]:
+        request = urllib.request.Request(
+            f"http://{stack.hosts[0]}:{port}/api/v1/robots/{ROBOT}/control{path}",
+            b"{}" if method == "POST" else None,
+            {"Authorization": f"Bearer {text}", "Content-Type": "application/json"},
+            method=method,
+        )
+        try:
+            with urllib.request.urlopen(request, timeout=20.0) as answer:  # noqa: S310
+                raw = answer.read()
+                return answer.status, json.loads(raw) if raw else None
+        except urllib.error.HTTPError as error:
+            return error.code, json.loads(error.read())
+
+    first, second = stack.port, house.second_port
+    assert ask("POST", "", first)[1]["state"] == "yours"
+    status, refused = ask("POST", "/renew", second)
+    assert (status, refused["code"]) == (409, "other_process"), refused
+    assert ask("GET", "", second)[1]["refusal"]["code"] == "other_process"
+    assert ask("POST", "/renew", first)[0] == 200  # nothing was lost
+    assert ask("POST", "", second)[1]["state"] == "yours"  # moved
+    assert ask("POST", "/renew", second)[0] == 200
+    until(lambda: ask("POST", "/renew", first)[1].get("code") == "other_process", "the first knows", NEWS_S)
+    assert ask("DELETE", "", second)[0] == 204
+    assert ask("POST", "/renew", first)[1]["code"] == "no_lease"
 
 
 async def meet(house: House) -> None:

@@ -74,6 +74,7 @@ class DriveLog:
         self._pose: Pose | None = None
         self._drive: _Drive | None = None
         self._intervention: _Intervention | None = None
+        self.interventions = 0  # so far
 
     def may_move(self, holder: Holder, now_s: float) -> Refusal | None:
         """Return None when the drive's start is committed, until then a refusal. The first call begins the drive."""
@@ -192,6 +193,7 @@ class DriveLog:
 
     def _begin_intervention(self, drive: _Drive, verdict: Verdict, now_s: float) -> None:
         drive.interventions += 1
+        self.interventions += 1
         number, holder = drive.number.result(), drive.holder
         start = GateStart(verdict, now_s - drive.started_s, self._pose)
         begun = self._records.keep(lambda: self._sink.begin_gate(number, holder, start), now_s)

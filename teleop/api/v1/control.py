@@ -30,6 +30,13 @@ from teleop.control.selectors import lease_of
 LONGEST_S = 0.5  # of a velocity
 
 _NOT_TAKEN = Refusal("no_lease", "This program does not have control: take it first.", "lease")
+_ELSEWHERE = Refusal(
+    "other_process",
+    "This program has control by another connection: through another web process of the console, or a WebSocket of "
+    "its own. Send all its requests to one process (a proxy can choose by the header Authorization), or take control "
+    "again: that moves it here.",
+    "lease",
+)
 
 
 class ControlEntry(Struct, frozen=True):
@@ -110,8 +117,15 @@ class ProgramView(ApiView):
         """Return the connection that has control. Raises `Problem`."""
         found = programs.found(robot.slug, self.caller())
         if found is None or found.fence is None:
-            raise Problem(_NOT_TAKEN)
+            raise Problem(_ELSEWHERE if self.holds_elsewhere(robot) else _NOT_TAKEN)
         return found
+
+    def holds_elsewhere(self, robot: Robot) -> bool:
+        """Return whether this program has control, by no connection of this process."""
+        lease = lease_of(robot.id)
+        if lease is None or rules.lapse_reason(lease, timezone.now()) is not None:
+            return False
+        return lease.tab.sign_in == rules.fingerprint(self.caller().key)
 
 
 class ControlView(ProgramView):
@@ -127,7 +141,8 @@ class ControlView(ProgramView):
         lease = lease_of(robot.id)
         if lease is None or rules.lapse_reason(lease, timezone.now()) is not None:
             return ControlEntry("free")
-        return ControlEntry("unknown", holder=lease.name)
+        elsewhere = _ELSEWHERE if self.holds_elsewhere(robot) else None
+        return ControlEntry("unknown", holder=lease.name, refusal=elsewhere)
 
     @_control(
         "control_take",

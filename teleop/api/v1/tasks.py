@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -23,17 +22,18 @@ from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.wire import MotionOffer, NotDone, Refusal, StopState
 from teleop.api.v1.control import ProgramView
+from teleop.api.v1.door.later import Later
 from teleop.api.v1.door.operation import operation
 from teleop.api.v1.door.parameters import Time, whole_number
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.programs.outcomes import outcomes
+from teleop.api.v1.programs.registry import programs
 from teleop.webhooks.news import newest_record
 
 LONGEST_WAIT_S = 30
 LOOK_S = 0.2
-MOST_WAITING = 8  # requests that wait at once; others are answered at once
 CLEARED_S = 3.0
 
-_waiting = threading.BoundedSemaphore(MOST_WAITING)
 # The kinds of records of a task's request, by what programs call it, and that of its outcome.
 _KINDS = {
     "speech": ("speech.start", "speech.end"),
@@ -250,24 +250,24 @@ class TaskView(ProgramView):
             )
         ],
     )
-    def get(self, request: Request, slug: str, number: int) -> TaskEntry:
+    def get(self, request: Request, slug: str, number: int) -> TaskEntry | Later:
         """From the log. Only supervisors of the robot and staff read tasks of other people."""
         robot = self.robot(slug)
         requests = Record.objects.filter(pk=min(number, 2**62), robot_id=robot.id, of=None)
         found = requests.filter(kind__in=[request for request, _ in _KINDS.values()]).first()
         if found is None or not (found.actor_id == str(self.person.pk) or supervises(self.person, robot)):
             raise Problem(NOT_FOUND)
-        until_s = time.monotonic() + whole_number(request, "wait", 0, LONGEST_WAIT_S, least=0)
+        wait_s = whole_number(request, "wait", 0, LONGEST_WAIT_S, least=0)
         self.keep_control(slug)
-        if not _waiting.acquire(blocking=False):
-            return _entry(found, robot)
-        try:
-            while (entry := _entry(found, robot)).outcome is None and time.monotonic() < until_s:
-                time.sleep(LOOK_S)
-                self.keep_control(slug)
-        finally:
-            _waiting.release()
-        return entry
+        entry = _entry(found, robot)
+        if entry.outcome is not None or not wait_s:
+            return entry
+        caller = self.caller()
+        return Later(
+            entry,
+            lambda: outcomes.wait(number, wait_s, lambda: programs.found(slug, caller)),
+            lambda: _entry(found, robot),
+        )
 
 
 def _entry(start: Record, robot: Robot) -> TaskEntry:

@@ -66,6 +66,7 @@ def test_a_supervisor_lists_and_reads_own_courses(hri, arms, induction, second_o
     assert read == {
         **entry,
         "robots": ["tiago-1"],
+        "groups": [],
         "supervisors": ["Olaf Operator"],
         "quotas": {"day_min": None, "week_min": 120, "at_once": None, "course_week_min": None},
         "qualifications": [{"slug": "induction", "name": "Safety induction"}],

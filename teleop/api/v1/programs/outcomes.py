@@ -1,0 +1,66 @@
+"""Waits for the outcomes of tasks. One look at the log, several times a second, is for all who wait."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict
+from collections.abc import Callable, Collection
+from contextlib import suppress
+
+from django.db import DatabaseError
+
+from fleet.audit.models import Record
+from teleop.background.database import in_database
+
+LOOK_S = 0.2
+MOST = 150  # that wait at once: others are answered at once. A process takes 400 requests, 200 of one address
+HEARD_EVERY_S = 1.0
+
+
+class Outcomes:
+    """The tasks that somebody waits for, by the numbers of their requests. Used on the event loop."""
+
+    def __init__(self) -> None:
+        self._waiting: defaultdict[int, set[asyncio.Event]] = defaultdict(set)
+        self._looking: asyncio.Task[None] | None = None
+
+    async def wait(self, number: int, seconds: float, heard: Callable[[], object]) -> None:
+        """Return when the task has an outcome, or after this time. `heard` is called while it waits."""
+        if sum(map(len, self._waiting.values())) >= MOST:
+            return
+        over = asyncio.Event()
+        self._waiting[number].add(over)
+        if self._looking is None or self._looking.done():
+            self._looking = asyncio.create_task(self._look())
+        try:
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._hear(over, heard), seconds)
+        finally:
+            self._waiting[number].discard(over)
+            if not self._waiting[number]:
+                del self._waiting[number]
+
+    async def _hear(self, over: asyncio.Event, heard: Callable[[], object]) -> None:
+        while not over.is_set():
+            heard()
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(over.wait(), HEARD_EVERY_S)
+
+    async def _look(self) -> None:
+        while self._waiting:
+            await asyncio.sleep(LOOK_S)
+            try:
+                over = await in_database(_over, list(self._waiting))
+            except DatabaseError:
+                continue  # those who wait are answered in time, with what can be read then
+            for number in over:
+                for event in self._waiting.get(number, ()):
+                    event.set()
+
+
+def _over(numbers: Collection[int]) -> list[int]:
+    """Return the requests whose outcome is on record."""
+    return list(Record.objects.filter(of__in=numbers).values_list("of_id", flat=True))
+
+
+outcomes = Outcomes()

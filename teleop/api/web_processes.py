@@ -1,0 +1,78 @@
+"""Metrics of the other processes of the web: those that drive, and the pages processes of other web processes.
+
+Each listens on a Unix socket of this account in `FLEET_RUN_DIR`, whose name has the number of the process that drives.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from http.client import HTTPConnection, HTTPException
+from pathlib import Path
+from socket import AF_UNIX, SOCK_STREAM, socket
+
+from django.conf import settings
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.parser import text_string_to_metric_families
+
+PATH = "/metrics"
+ANSWER_S = 2.0
+OWN = "own"  # parameter: only the figures of the process that answers
+
+
+class _UnixConnection(HTTPConnection):
+    """HTTP by a Unix socket."""
+
+    def __init__(self, path: Path, host: str) -> None:
+        super().__init__(host, timeout=ANSWER_S)
+        self._path = str(path)
+
+    def connect(self) -> None:
+        """Connect."""
+        self.sock = socket(AF_UNIX, SOCK_STREAM)
+        self.sock.settimeout(self.timeout)
+        self.sock.connect(self._path)
+
+
+def of_others(host: str, authorization: str) -> Iterator[Metric]:
+    """Yield the metrics of every process but this one, and which web processes answered.
+
+    Pages processes ask again who may know: `host` and `authorization` are the headers of the scrape.
+    """
+    run: Path = settings.FLEET_RUN_DIR
+    own = f"web-{os.getppid()}.sock"  # the process that drives started this one
+    driving = sorted(run.glob("programs-*.sock"))
+    asked = [(path, PATH) for path in driving]
+    asked += [(path, f"{PATH}?{OWN}=1") for path in sorted(run.glob("web-*.sock")) if path.name != own]
+    with ThreadPoolExecutor(max_workers=8) as pool:
+        texts = list(pool.map(lambda one: _scraped(one[0], one[1], host, authorization), asked))
+    yield from _joined(text for text in texts if text is not None)
+    up = GaugeMetricFamily("fleet_web_up", "1: the process that drives answered the scrape.", labels=["web"])
+    for path, text in zip(driving, texts, strict=False):
+        up.add_metric([path.stem.split("-")[1]], float(text is not None))
+    yield up
+
+
+def _scraped(path: Path, target: str, host: str, authorization: str) -> str | None:
+    connection = _UnixConnection(path, host)
+    try:
+        connection.request("GET", target, headers={"Authorization": authorization})
+        answer = connection.getresponse()
+        return answer.read().decode() if answer.status == 200 else None
+    except (OSError, HTTPException):
+        return None  # it is just ending, or hangs: the others are still of use
+    finally:
+        connection.close()
+
+
+def _joined(texts: Iterable[str]) -> Iterator[Metric]:
+    """Yield each metric once, with the samples of all processes."""
+    found: dict[str, Metric] = {}
+    for text in texts:
+        for metric in text_string_to_metric_families(text):
+            if metric.name in found:
+                found[metric.name].samples.extend(metric.samples)
+            else:
+                found[metric.name] = metric
+    yield from found.values()
