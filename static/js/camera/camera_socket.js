@@ -14,6 +14,7 @@ const RATE_HZ = 30; // at most: the console sends what the network carries
  */
 export class CameraSocket extends EventTarget {
   #url;
+  #rateHz;
   #video = false;
   #socket = null;
   #heartbeat = null;
@@ -21,10 +22,15 @@ export class CameraSocket extends EventTarget {
   #watched = new Map(); // sizes by camera
   #listening = null; // ignore messages of a closed socket
 
-  /** @param {string} url of the WebSocket @param {Promise<boolean>} video whether this browser decodes H.264 */
-  constructor(url, video) {
+  /**
+   * @param {string} url of the WebSocket
+   * @param {Promise<boolean>} video whether this browser decodes H.264
+   * @param {number} rateHz at most so many pictures a second
+   */
+  constructor(url, video, rateHz = RATE_HZ) {
     super();
     this.#url = url;
+    this.#rateHz = rateHz;
     video.then((can) => {
       if (!can) return;
       this.#video = true;
@@ -83,7 +89,7 @@ export class CameraSocket extends EventTarget {
       t: "camera_watch",
       camera,
       video: this.#video,
-      rate_hz: RATE_HZ,
+      rate_hz: this.#rateHz,
       size,
     });
   }

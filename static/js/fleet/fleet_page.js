@@ -11,6 +11,7 @@ import { LiveSocket, socketUrl } from "../lib/socket.js";
 import { showRobot, showStop } from "./card.js";
 import { cardOf } from "./card_words.js";
 import { ClearAll } from "./clear_all.js";
+import { Thumbnails } from "./thumbnails.js";
 
 const STALE_MS = 3000;
 const SIGNED_OUT = 4401;
@@ -25,6 +26,7 @@ export class FleetPage {
   #heardMs = -Infinity; // time of this connection's last report about the robots
   #robots = {};
   #timer;
+  #thumbnails;
   #stops = [];
   #clear = null;
 
@@ -59,9 +61,11 @@ export class FleetPage {
     this.#socket.addEventListener("down", ({ detail }) => this.#lost(detail.code));
     this.#timer = setInterval(() => this.#look(), 500);
     this.#socket.connect();
+    this.#thumbnails = new Thumbnails(root);
   }
 
   close() {
+    this.#thumbnails.close();
     clearInterval(this.#timer);
     for (const stop of this.#stops) stop.close();
     this.#words.close();

@@ -8,6 +8,7 @@ import { LiveSocket, socketUrl } from "../lib/socket.js";
 import { timeText } from "../lib/times.js";
 import { showRobot, showStop } from "./card.js";
 import { cardOf } from "./card_words.js";
+import { Thumbnails } from "./thumbnails.js";
 
 const STALE_MS = 3000;
 const LOOK_MS = 500;
@@ -25,6 +26,7 @@ export class WallPage {
   #openedMs = performance.now();
   #screen = screenLock();
   #timer;
+  #thumbnails;
 
   /** @param {HTMLElement} root its data-stays: this account only watches, and its sign-in may last */
   constructor(root) {
@@ -43,9 +45,11 @@ export class WallPage {
     this.#timer = setInterval(() => this.#look(), LOOK_MS);
     this.#look();
     this.#socket.connect();
+    this.#thumbnails = new Thumbnails(root);
   }
 
   close() {
+    this.#thumbnails.close();
     clearInterval(this.#timer);
     this.#screen.close();
     this.#heartbeat.close();

@@ -1,0 +1,50 @@
+/** The newest picture of each robot's first camera on its card, a few times a minute. */
+
+import { CameraSocket } from "../camera/camera_socket.js";
+import { fits } from "../camera/frame.js";
+import { socketUrl } from "../lib/socket.js";
+
+const RATE_HZ = 0.2; // so the robot sends single pictures, no film
+
+export class Thumbnails {
+  #sockets = [];
+
+  /** @param {ParentNode} root with a canvas `data-thumbnail` for each robot, named by its slug */
+  constructor(root) {
+    for (const canvas of root.querySelectorAll("[data-thumbnail]")) this.#show(canvas);
+  }
+
+  close() {
+    for (const socket of this.#sockets) socket.close();
+  }
+
+  #show(canvas) {
+    const url = socketUrl(`/ws/robots/${canvas.dataset.thumbnail}/camera/`);
+    const socket = new CameraSocket(url, Promise.resolve(false), RATE_HZ);
+    this.#sockets.push(socket);
+    socket.addEventListener("cameras", ({ detail: [first] }) => {
+      if (first) socket.watch(first.name, "small");
+      else socket.close();
+    });
+    socket.addEventListener("picture", ({ detail }) => this.#paint(canvas, socket, detail));
+    socket.addEventListener("state", ({ detail }) => {
+      if (detail.refusal) canvas.hidden = true;
+    });
+    socket.open();
+  }
+
+  async #paint(canvas, socket, { header, bytes }) {
+    try {
+      if (!fits(header)) throw new RangeError("no picture of this size is shown");
+      const picture = await createImageBitmap(new Blob([bytes]));
+      canvas.width = picture.width;
+      canvas.height = picture.height;
+      canvas.getContext("2d").drawImage(picture, 0, 0);
+      picture.close();
+      canvas.hidden = false;
+      socket.acknowledge(header, false);
+    } catch {
+      socket.acknowledge(header, true); // the next one may be whole
+    }
+  }
+}
