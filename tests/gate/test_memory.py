@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.footprint import Disc
+from robots.bridge.gate.geometry.planar import ORIGIN, placed, seen_from
 from robots.bridge.gate.obstacles.laser_memory import LaserMemory
 from robots.bridge.gate.obstacles.point_memory import (
     BRIEFLY_S,
@@ -33,6 +34,7 @@ from tests.gate.world import World, doorway, leg, wall
 
 NAN, INF = math.nan, math.inf
 HERE = Pose(0.0, 0.0, 0.0)
+TURNED_AWAY = Pose(0.0, 0.0, math.pi)
 SPOT = np.array([[1.0, 0.5]])
 
 
@@ -444,7 +446,8 @@ class Bench:
 
     @property
     def remembered(self):
-        return self.memory.points(self.trail, self.now_s)
+        there = seen_from(ORIGIN, self.trail.newest or ORIGIN)
+        return placed(self.memory.places(self.trail, self.now_s), there)
 
 
 def something(distance_m=1.0, degrees=0.0, beams=5, behind=INF):
@@ -530,11 +533,14 @@ def test_points_inside_the_hull_are_not_given():
     assert len(bench.remembered) > 0, "the odometry may have been wrong about it"
 
 
-def test_each_scan_that_taught_something_changes_the_revision():
+def test_places_stay_the_same_until_a_scan_teaches_something():
     bench = Bench()
-    before = bench.memory.revision(bench.now_s)
-    bench.look(hall())
-    assert bench.memory.revision(bench.now_s) != before
+    bench.look(something())
+    bench.look(hall(), pose=TURNED_AWAY)
+    before = bench.memory.places(bench.trail, bench.now_s)
+    assert len(before) and bench.memory.places(bench.trail, bench.now_s) is before
+    bench.look(hall(), pose=TURNED_AWAY)
+    assert bench.memory.places(bench.trail, bench.now_s) is not before
 
 
 @pytest.mark.parametrize("set_back_s", [-0.02, 60.0])
@@ -655,7 +661,7 @@ def test_a_passer_by_blocks_for_the_shortest_life_only(seed):
         world.ends = np.concatenate((nobody, person(-0.1 * step, 0.5 + 0.2 * step)))
         world.drive(STILL, 0.1)
     world.ends = nobody
-    assert len(world.gate._memories["/scan_raw"].points(world.gate._trail, world.now_s)), "left behind"
+    assert len(world.gate._memories["/scan_raw"].places(world.gate._trail, world.now_s)), "left behind"
     world.drive(STILL, LASER_LAYER.shortest_life_s - 1.4)
     assert world.drive(back, 0.05).code == "free"
 

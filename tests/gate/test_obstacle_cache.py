@@ -1,4 +1,4 @@
-"""Points move with new odometry, and each source is read only if it has changed."""
+"""Points move with new odometry; nothing is computed again before something has changed."""
 
 from __future__ import annotations
 
@@ -10,31 +10,49 @@ from robots.bridge.gate.values import STILL, Pose
 
 
 class Counting:
-    """A source with one point that counts its readings."""
+    """A source with one point that is put elsewhere when it changes."""
 
     def __init__(self, name, x):
         self.name, self.kind, self.word = name, "scan", name
-        self.x, self.changes, self.asked = x, 0, 0
+        self.move(x)
 
-    def revision(self, now_s):
-        return self.changes
+    def move(self, x):
+        self._places = np.array([(x, 0.0)])
 
-    def points(self, trail, now_s):
-        self.asked += 1
-        return np.array([(self.x, 0.0)])
+    def places(self, trail, now_s):
+        return self._places
+
+    def as_near_as_may_be(self, points):
+        return points
 
 
-def test_one_new_reading_leaves_other_sources_a_pose_asks_all():
+class Doubtful(Counting):
+    """A source whose point may be 0.1 m nearer; behind the robot it is none."""
+
+    def as_near_as_may_be(self, points):
+        return points[points[:, 0] >= 0.0] - (0.1, 0.0)
+
+
+def test_points_stay_the_same_until_a_source_or_the_pose_changes():
     laser, sonar, trail = Counting("laser", 1.0), Counting("sonar", 2.0), Trail(1.0, 1.0)
     cache = ObstacleCache((laser, sonar), trail)
     first = cache.obstacles(0.0)
     assert cache.obstacles(0.1) is first
 
-    sonar.x, sonar.changes = 3.0, 1
+    sonar.move(3.0)
     assert cache.obstacles(0.2).points[:, 0].tolist() == [1.0, 3.0]
-    assert (laser.asked, sonar.asked) == (1, 2)
 
     trail.add(0.3, Pose(1.0, 0.0, 0.0), STILL)
     again = cache.obstacles(0.3)
-    assert (laser.asked, sonar.asked) == (2, 3)
+    assert again.points[:, 0].tolist() == [0.0, 2.0]
     assert [again.names[source] for source in again.source] == ["laser", "sonar"]
+
+
+def test_a_doubtful_point_comes_nearer_or_goes():
+    memory, laser, trail = Doubtful("memory", 1.0), Counting("laser", 2.0), Trail(1.0, 1.0)
+    cache = ObstacleCache((memory, laser), trail)
+    assert cache.obstacles(0.0).points[:, 0].tolist() == [0.9, 2.0]
+    trail.add(0.1, Pose(1.5, 0.0, 0.0), STILL)
+    behind = cache.obstacles(0.1)
+    assert behind.points[:, 0].tolist() == [0.5]
+    assert [behind.names[source] for source in behind.source] == ["laser"]

@@ -177,7 +177,7 @@ class Polygon:
         )
 
     def reach(self, growth_m: float) -> float:
-        return max(distance + growth_m * stretch for distance, stretch in self._corner_reaches)
+        return max([distance + growth_m * stretch for distance, stretch in self._corner_reaches])
 
     def gaps(self, points: Points) -> Metres:
         return self.edges.gaps(points)

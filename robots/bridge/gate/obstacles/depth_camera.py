@@ -22,6 +22,7 @@ from robots.bridge.gate.geometry.planar import (
     Points,
     chosen,
     from_columns,
+    joined,
     placed,
     seen_from,
     wrapped,
@@ -113,6 +114,7 @@ class DepthCamera:
         self._scans = 0  # that changed which points are overruled
         # revision, points in the odometry frame, possible error of each
         self._unseen: tuple[int, Points, NDArray[np.float64]] = (-1, NO_POINTS, np.empty(0))
+        self._shown = NO_POINTS, NO_POINTS, NO_POINTS  # seen, hidden, and both
         self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
         self._revision = 0
 
@@ -255,27 +257,30 @@ class DepthCamera:
         room = half - math.copysign(1.0, curvature) * off
         return 2.0 * room / abs(curvature) if curvature else math.inf
 
-    def revision(self, now_s: float) -> int:
+    def _revision_at(self, now_s: float) -> int:
         known = (self._frames, self._scans, self._memory.revision(self._clock.now_s), self.is_fresh(now_s))
         if known != self._known:
             self._known = known
             self._revision += 1
         return self._revision
 
-    def points(self, trail: Trail, now_s: float) -> Points:
+    def places(self, trail: Trail, now_s: float) -> Points:
         self._forget_another_frame(trail)
-        newest = trail.newest
-        if newest is None or not self.is_fresh(now_s):
+        if trail.newest is None or not self.is_fresh(now_s):
             return NO_POINTS
-        return placed(np.concatenate((self._seen, self._hidden)), seen_from(ORIGIN, newest))
+        if self._shown[0] is not self._seen or self._shown[1] is not self._hidden:
+            self._shown = self._seen, self._hidden, joined([self._seen, self._hidden])
+        return self._shown[2]
 
-    def unseen(self, trail: Trail, now_s: float) -> Points:
-        """Remembered points outside the newest picture, base frame of the newest odometry."""
+    def as_near_as_may_be(self, points: Points) -> Points:
+        return points
+
+    def unseen(self, trail: Trail, now_s: float) -> tuple[Points, NDArray[np.float64]]:
+        """Return remembered points outside the newest picture, odometry frame, and the possible error of each."""
         self._forget_another_frame(trail)
-        newest = trail.newest
-        if newest is None:
-            return NO_POINTS
-        revision = self.revision(now_s)
+        if trail.newest is None:
+            return NO_POINTS, np.empty(0)
+        revision = self._revision_at(now_s)
         if self._unseen[0] != revision:  # a new pose alone does not change it
             remembered = self._memory.points(self._clock.now_s)
             counts = ~self._spans.is_overruled(remembered)
@@ -284,13 +289,9 @@ class DepthCamera:
             doubts_m = np.where(self._spans.hangs(remembered), self._memory.doubts_m(), 0.0)
             kept = np.flatnonzero(counts)
             hidden = NO_POINTS if self.is_fresh(now_s) else self._hidden
-            known = np.concatenate((chosen(remembered, kept), hidden))
+            known = joined([chosen(remembered, kept), hidden])
             self._unseen = revision, known, np.concatenate((doubts_m[kept], np.zeros(len(hidden))))
-        _, remembered, doubts_m = self._unseen
-        if not len(remembered):
-            return NO_POINTS
-        points = placed(remembered, seen_from(ORIGIN, newest))
-        return grown(points, doubts_m, self.footprint)
+        return self._unseen[1:]
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(DEPTH_STALE_S, now_s, self.complaint)
@@ -306,12 +307,14 @@ class DepthMemory:
 
     def __init__(self, camera: DepthCamera) -> None:
         self._camera = camera
+        self._doubts_m: NDArray[np.float64] = np.empty(0)
 
-    def revision(self, now_s: float) -> int:
-        return self._camera.revision(now_s)
+    def places(self, trail: Trail, now_s: float) -> Points:
+        places, self._doubts_m = self._camera.unseen(trail, now_s)
+        return places
 
-    def points(self, trail: Trail, now_s: float) -> Points:
-        return self._camera.unseen(trail, now_s)
+    def as_near_as_may_be(self, points: Points) -> Points:
+        return grown(points, self._doubts_m, self._camera.footprint)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """Return the camera's state."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, chosen, placed, seen_from
+from robots.bridge.gate.geometry.planar import ORIGIN, Points, chosen, placed, seen_from
 from robots.bridge.gate.obstacles.point_memory import LASER_LAYER, Memory, grown
 from robots.bridge.gate.obstacles.sightings import sight
-from robots.bridge.gate.obstacles.sources import Laser, carried
+from robots.bridge.gate.obstacles.sources import Carried, Laser
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import Kind, SensorHealth
 
@@ -25,10 +25,8 @@ class LaserMemory:
         self.word = f"{laser.word}, remembered"
         self._laser = laser
         self._memory = Memory(LASER_LAYER)
-        self._points = NO_POINTS  # base frame of `_stamp_s`
-        self._stamp_s: float | None = None
+        self._carried = Carried()
         self._resets = 0
-        self._revision = 0
 
     def learn(self, trail: Trail, now_s: float) -> None:
         """Take in the laser's newest scan. One that does not match the odometry teaches nothing."""
@@ -45,22 +43,20 @@ class LaserMemory:
         sighting = sight(sweep, placed(remembered, seen_from(origin, self._laser.pose)))
         kept = np.flatnonzero(~sighting.vouched)
         unseen = placed(chosen(remembered, kept), origin)
-        self._points = grown(unseen, self._memory.doubts_m()[kept], self._laser.footprint)
-        self._stamp_s = stamp_s
+        points = grown(unseen, self._memory.doubts_m()[kept], self._laser.footprint)
+        self._carried = Carried(points, stamp_s)
         self._memory.pass_through(sighting.through)
-        self._revision += 1
 
     def forget(self) -> None:
         """Forget the points of earlier scans."""
         self._memory.clear()
-        self._points = NO_POINTS
-        self._revision += 1
+        self._carried = Carried()
 
-    def revision(self, now_s: float) -> int:
-        return self._revision
+    def places(self, trail: Trail, now_s: float) -> Points:
+        return self._carried.places(trail)
 
-    def points(self, trail: Trail, now_s: float) -> Points:
-        return carried(self._points, self._stamp_s, trail)
+    def as_near_as_may_be(self, points: Points) -> Points:
+        return points
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """As good as the laser."""

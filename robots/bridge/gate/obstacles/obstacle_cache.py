@@ -1,7 +1,7 @@
 """All points of the sources at the newest pose, ready before a command needs them.
 
-A source is read again only if the pose or its points changed. So a sonar's reading between two scans costs only its
-few points.
+Sources keep their points in the odometry frame, so a new pose moves all of them at once, and a sonar's reading between
+two scans costs only its few points.
 """
 
 from __future__ import annotations
@@ -10,13 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robots.bridge.gate.geometry.planar import NO_POINTS, Points, joined
+from robots.bridge.gate.geometry.planar import NO_POINTS, ORIGIN, Points, joined, placed, seen_from
 from robots.bridge.gate.motion.corridors import Corridors
 from robots.bridge.gate.obstacles.sources import Source
 from robots.bridge.gate.timing.trail import Trail
-from robots.bridge.gate.values import Obstacles
-
-Revisions = tuple[int, int]  # of the trail, of the source
+from robots.bridge.gate.values import Obstacles, Pose
 
 
 class ObstacleCache:
@@ -31,30 +29,40 @@ class ObstacleCache:
         self._numbers = np.arange(len(sources))
         self._counts: list[int] = []
         self._rows = self._numbers[:0]  # the source of each point
-        self._revisions: list[Revisions | None] = [None] * len(sources)
+        self._places = NO_POINTS  # all of them, odometry frame
+        self._trail_revision = -1
         self._newest: Obstacles | None = None
         self._corridors: Corridors | None = None
 
     def obstacles(self, now_s: float) -> Obstacles:
         """All points, base frame of the newest odometry."""
-        trail_revision = self._trail.revision
-        for number, source in enumerate(self._sources):
-            revisions = trail_revision, source.revision(now_s)
-            if self._revisions[number] != revisions:
-                self._revisions[number] = revisions
-                self._parts[number] = source.points(self._trail, now_s)
-                self._newest = None
-        if self._newest is None:
-            counts = [len(part) for part in self._parts]
+        parts = [source.places(self._trail, now_s) for source in self._sources]
+        if any(part is not known for part, known in zip(parts, self._parts, strict=True)):
+            self._parts, self._newest = parts, None
+            self._places = joined(parts)
+            counts = [len(part) for part in parts]
             if counts != self._counts:
                 self._counts, self._rows = counts, self._numbers.repeat(counts)
-            self._newest = Obstacles(joined(self._parts), self._rows, self._names, self._kinds)
-            self._corridors = None
+        if self._newest is None or self._trail_revision != self._trail.revision:
+            self._trail_revision = self._trail.revision
+            self._newest, self._corridors = self._at(self._trail.newest or ORIGIN), None
         return self._newest
 
     def newest(self, now_s: float) -> tuple[Obstacles, Corridors]:
         """Return the same with corridors, which only decisions need."""
         obstacles = self.obstacles(now_s)
         if self._corridors is None:
-            self._corridors = Corridors.among(obstacles.points)
+            self._corridors = Corridors(obstacles.points)
         return obstacles, self._corridors
+
+    def _at(self, base: Pose) -> Obstacles:
+        points, rows = placed(self._places, seen_from(ORIGIN, base)), self._rows
+        begin, parts, changed = 0, [], False
+        for source, places in zip(self._sources, self._parts, strict=True):
+            part = points[begin : begin + len(places)]
+            begin += len(places)
+            parts.append(source.as_near_as_may_be(part) if len(part) else part)
+            changed = changed or parts[-1] is not part
+        if changed:
+            points, rows = joined(parts), self._numbers.repeat([len(part) for part in parts])
+        return Obstacles(points, rows, self._names, self._kinds)

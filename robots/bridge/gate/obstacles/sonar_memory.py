@@ -85,40 +85,45 @@ class SonarMemory:
         self._things = 0
         self._unsteady_s: dict[int, float] = {}  # when each sonar last had a lost echo again
         self._resets = 0
-        self._revision = 0
+        self._changed = True  # since the places were divided:
+        self._heard: dict[int, Points] = {}  # by each sonar now
+        self._remembered = NO_POINTS
 
     # --- state ----------------------------------------------------------------------------------
 
     def heard(self, sonar: int, trail: Trail) -> Points:
-        """The present echo, base frame of the newest odometry."""
-        if not self._table.shape[1]:
-            return NO_POINTS
-        return self._points(self._lately() & (self._table[SONAR] == sonar), trail)
+        """The present echo, odometry frame."""
+        return self._heard.get(sonar, NO_POINTS) if self._is_known(trail) else NO_POINTS
 
-    def revision(self, now_s: float) -> int:
-        return self._revision
+    def places(self, trail: Trail, now_s: float) -> Points:
+        return self._remembered if self._is_known(trail) else NO_POINTS
 
-    def points(self, trail: Trail, now_s: float) -> Points:
-        return self._points(~self._lately(), trail) if self._table.shape[1] else NO_POINTS
+    def as_near_as_may_be(self, points: Points) -> Points:
+        return points
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """Memory does not fail; each sonar has its own state."""
         return SensorHealth(self.name, "sonar", True, None, "")
 
-    def places(self) -> Points:
-        """Everything, odometry frame, in the order of `pass_through`."""
+    def everything(self) -> Points:
+        """All places, odometry frame, in the order of `pass_through`."""
         return from_columns(self._table[X], self._table[Y])
 
     def _lately(self) -> Flags:
         lately: Flags = self._table[HEARD_S] >= self._now_s - LIVE_S
         return lately
 
-    def _points(self, chosen: Flags, trail: Trail) -> Points:
-        newest = trail.newest
-        if newest is None or trail.resets != self._resets or not chosen.any():
-            return NO_POINTS
-        x, y = self._table[:2, chosen]
-        return placed(from_columns(x, y), seen_from(ORIGIN, newest))
+    def _is_known(self, trail: Trail) -> bool:
+        """Divide the places into those heard now and the others; return whether any is known in this frame."""
+        if self._changed:
+            self._changed = False
+            lately, sonars = self._lately(), self._table[SONAR]
+            self._heard = {
+                int(sonar): self._table[:2, lately & (sonars == sonar)].T
+                for sonar in set(sonars[lately].tolist())
+            }
+            self._remembered = self._table[:2, ~lately].T
+        return trail.newest is not None and trail.resets == self._resets
 
     # --- input ----------------------------------------------------------------------------------
 
@@ -133,19 +138,19 @@ class SonarMemory:
         self._clear(reading, distance, off, self._heard_from(reading.sonar, eye), counts)
         if echo:
             self._add(reading, eye, placed(reading.arc, base), now_s)
-        self._revision += 1
+        self._changed = True
 
     def look(self, frame: Frame, base: Pose, now_s: float) -> None:
         """A depth picture came that was taken when the robot was at `base`."""
         if self._table.shape[1]:
-            places = placed(self.places(), seen_from(ORIGIN, base))
+            places = placed(self.everything(), seen_from(ORIGIN, base))
             low, high = (np.full(len(places), height_m, dtype=np.float32) for height_m in HEARD_BETWEEN_M)
             self.pass_through(seen_through(frame.picture, frame.to_base, Columns(places, low, high)), now_s)
 
     def scan(self, sweep: Sweep, laser: Pose, base: Pose, now_s: float) -> None:
         """A scan came; `laser` is its pose on the robot, which was at `base`."""
         if self._table.shape[1]:
-            there = placed(self.places(), seen_from(ORIGIN, put(laser, base)))
+            there = placed(self.everything(), seen_from(ORIGIN, put(laser, base)))
             self.pass_through(seen_free(sweep, there), now_s)
 
     def pass_through(self, free: Flags, now_s: float) -> None:
@@ -167,7 +172,7 @@ class SonarMemory:
     def _keep(self, kept: Flags) -> None:
         if not kept.all():
             self._table = self._table[:, kept]
-            self._revision += 1
+            self._changed = True
 
     def _follow(self, base: Pose, trail: Trail, now_s: float) -> None:
         """Move the robot to `base`: forget places that are far away, after too much way, or inside the hull."""
@@ -179,7 +184,7 @@ class SonarMemory:
         self._way.follow(self._here)
         if not self._table.shape[1]:
             return
-        places = placed(self.places(), seen_from(ORIGIN, base))
+        places = placed(self.everything(), seen_from(ORIGIN, base))
         near = np.hypot(*places.T) < REACH_M
         lasting = self._table[HEARD_M] > self._way.driven_m - TRAVEL_M
         outside = (self._footprint.gaps(places) >= -INSIDE_HULL_M) | self._lately()

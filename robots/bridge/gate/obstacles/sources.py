@@ -6,7 +6,7 @@ import math
 from typing import Protocol
 
 from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import NO_POINTS, Points, placed, seen_from, wrapped
+from robots.bridge.gate.geometry.planar import NO_POINTS, Points, placed, wrapped
 from robots.bridge.gate.obstacles.sonar_memory import Reading, SonarMemory
 from robots.bridge.gate.sensing import scan
 from robots.bridge.gate.sensing.sectors import sector_of
@@ -29,11 +29,11 @@ class Source(Protocol):
     kind: Kind
     word: str  # for the operator: "laser"
 
-    def revision(self, now_s: float) -> int:
-        """Return a number that changes whenever `points` may change while the trail stays the same."""
+    def places(self, trail: Trail, now_s: float) -> Points:
+        """Return obstacles (N, 2) in the odometry frame: the same array as long as nothing has changed."""
 
-    def points(self, trail: Trail, now_s: float) -> Points:
-        """Return obstacles (N, 2) in the base frame of the newest odometry."""
+    def as_near_as_may_be(self, points: Points) -> Points:
+        """Return its points, base frame of the newest odometry, as near to the hull as they may be."""
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """Return the state of its sensor."""
@@ -52,8 +52,8 @@ class Laser:
         self.footprint = footprint
         self.sweep: scan.Sweep | None = None  # the newest
         self.seen = NO_POINTS  # its points outside the hull, base frame of its stamp
+        self._carried = Carried()
         self._complaint = ""
-        self._revision = 0
         self._covered: dict[float, bool] = {}  # answers for the newest scan, by direction
 
     def observe(self, message: LaserScan) -> bool:
@@ -75,8 +75,8 @@ class Laser:
         self.sweep = sweep
         self._covered.clear()
         self.seen = scan.outside_hull(placed(sweep.steadied(), self.pose), self.footprint)
+        self._carried = Carried(self.seen, message.stamp_s)
         self._complaint = ""
-        self._revision += 1
         return True
 
     def measured(self, sweep: scan.Sweep) -> Points:
@@ -103,11 +103,11 @@ class Laser:
         stamp_s = self.freshness.stamp_s
         return stamp_s is not None and trail.pose_at(stamp_s) is not None
 
-    def revision(self, now_s: float) -> int:
-        return self._revision
+    def places(self, trail: Trail, now_s: float) -> Points:
+        return self._carried.places(trail)
 
-    def points(self, trail: Trail, now_s: float) -> Points:
-        return carried(self.seen, self.freshness.stamp_s, trail)
+    def as_near_as_may_be(self, points: Points) -> Points:
+        return points
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(LASER_LATE_S, now_s, self._complaint)
@@ -189,24 +189,35 @@ class Sonar:
         """Return the newest range in metres; None if nothing is in range or the sonar is silent."""
         return self._range_m if self.freshness.within(SONAR_STALE_S, now_s) else None
 
-    def revision(self, now_s: float) -> int:
-        return self._memory.revision(now_s)
-
-    def points(self, trail: Trail, now_s: float) -> Points:
+    def places(self, trail: Trail, now_s: float) -> Points:
         return self._memory.heard(self._number, trail)
+
+    def as_near_as_may_be(self, points: Points) -> Points:
+        return points
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(SONAR_STALE_S, now_s, self._complaint) or self.own_echo
         return SensorHealth(self.name, "sonar", not text, self.freshness.age_s(now_s), text)
 
 
-def carried(points: Points, stamp_s: float | None, trail: Trail) -> Points:
-    """Transform points from the base frame at `stamp_s` to the newest one; none if a pose is unknown."""
-    newest = trail.newest
-    then = None if stamp_s is None else trail.pose_at(stamp_s)
-    if newest is None or then is None or not len(points):
-        return NO_POINTS
-    return placed(points, seen_from(then, newest))
+class Carried:
+    """Points of one moment, carried to the odometry frame."""
+
+    def __init__(self, points: Points = NO_POINTS, stamp_s: float | None = None) -> None:
+        """`points` in the base frame at `stamp_s`."""
+        self._points = points
+        self._stamp_s = stamp_s
+        self._base: Pose | None = None  # where the base was then, as far as is known by now
+        self._places = NO_POINTS
+
+    def places(self, trail: Trail) -> Points:
+        """Return where they are in the odometry frame; none if the pose is unknown."""
+        base = None if self._stamp_s is None else trail.pose_at(self._stamp_s)
+        if base is None or not len(self._points):
+            return NO_POINTS
+        if base != self._base:
+            self._base, self._places = base, placed(self._points, base)
+        return self._places
 
 
 def check_times(stamp_s: float, arrival_s: float) -> None:
