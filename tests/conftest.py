@@ -75,9 +75,14 @@ def disk(transactional_db: None) -> Iterator[Disk]:
 
 
 @pytest.fixture(autouse=True)
-def refusal_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[refusals.RefusedRequest]]:
-    """Refusals of this test. They are written before the test ends or never."""
-    own = RepeatSuppressor(refusals.write_record)
+def refusal_log(
+    monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> Iterator[RepeatSuppressor[refusals.RefusedRequest]]:
+    """Refusals of this test. They are written before the test ends or never.
+
+    Without `transactional_db` never: the writing thread would wait for the test's open transaction until it fails.
+    """
+    own = RepeatSuppressor(refusals.write_record if _commits(request) else lambda _event, _times: None)
     yield from _while_test_lasts(own, refusals, monkeypatch)
 
 
@@ -87,6 +92,12 @@ def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[emer
     own = RepeatSuppressor(emergency_stop.write_record, most=None)
     yield from _while_test_lasts(own, emergency_stop, monkeypatch)
     in_database_background(lambda: None).result(10)  # their results must not be written during the next test
+
+
+def _commits(request: pytest.FixtureRequest) -> bool:
+    """Return whether the test commits its transactions, so that other threads see its rows."""
+    marker = request.node.get_closest_marker("django_db")
+    return "transactional_db" in request.fixturenames or bool(marker and marker.kwargs.get("transaction"))
 
 
 def _while_test_lasts(

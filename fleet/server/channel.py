@@ -14,7 +14,7 @@ from twisted.web import http
 from fleet.server import limits, sessions, stops
 from fleet.server.limits import Refusal, Refused
 
-TOLD_WITHIN_S = 1.0  # so long a refused client may take to read why
+REFUSAL_READ_WITHIN_S = 1.0  # so long a refused client may take to read why
 
 
 class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no types
@@ -309,7 +309,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         if hasattr(self.transport, "loseWriteConnection"):
             self.transport.loseWriteConnection()
         # A close before the client has read would take the answer from it.
-        self.callLater(TOLD_WITHIN_S, self.transport.abortConnection)
+        self.callLater(REFUSAL_READ_WITHIN_S, self.transport.abortConnection)
 
     def connectionLost(self, reason: Any) -> None:
         """The connection is gone."""

@@ -244,11 +244,11 @@ def reasons(user: User, now: datetime) -> list[Reason]:
         return [Reason(robot, Role.STAFF, staff, ()) for robot in robots]
     found = _given([user.id], [robot.id for robot in robots], now)
     courses = Course.objects.in_bulk({one.course for one in found})
-    told = []
+    reasons_found = []
     for robot in robots:
         sources = [Source(one.role, courses.get(one.course)) for one in found if one.robot == robot.id]
         sources.sort(key=lambda one: one.role.rank, reverse=True)
         if sources:
             missing = tuple(missing_qualifications(user, robot, now))
-            told.append(Reason(robot, sources[0].role, tuple(sources), missing))
-    return told
+            reasons_found.append(Reason(robot, sources[0].role, tuple(sources), missing))
+    return reasons_found

@@ -10,7 +10,7 @@ from robots.wire import Overload, OverloadedPart
 log = logging.getLogger(__name__)
 
 LATE_S = 0.1  # s: a loop this late had no processor time, or too much work
-TOLD_S = 0.2  # s: report only delays that may cost a command, which lives 0.3 s
+REPORTED_FROM_S = 0.2  # s: report only delays that may cost a command, which lives 0.3 s
 KEPT_S = 5.0  # s: time for which a delay is reported
 
 
@@ -28,7 +28,7 @@ class LoopLateness:
             self._late.popleft()
         if late_s >= LATE_S:
             self._late.append((now_s, late_s))
-        if late_s >= TOLD_S:
+        if late_s >= REPORTED_FROM_S:
             if not self._worst_s:
                 log.warning("this computer is overloaded: the %s was %.2f s late", self._part, late_s)
             self._worst_s = max(self._worst_s, late_s)
@@ -46,4 +46,4 @@ class LoopLateness:
         """Return the report for people: the worst delay of the last seconds."""
         late = [late_s for at_s, late_s in self._late if now_s - at_s <= KEPT_S]
         worst_s = max(late, default=0.0)
-        return Overload(self._part, round(worst_s, 2)) if worst_s >= TOLD_S else None
+        return Overload(self._part, round(worst_s, 2)) if worst_s >= REPORTED_FROM_S else None

@@ -193,8 +193,8 @@ def watch_the_head(page: Page) -> None:
     page.locator("[data-part=topic-list] .hit:visible").click()
     watch = page.locator("[data-part=watches]")
     watch.get_by_role("button", name="Elements of position").click()
-    told = watch.locator(".told > div").filter(has=page.get_by_text("name", exact=True)).locator("dd")
-    names = (told.text_content() or "").strip("[]").split(", ")
+    fields = watch.locator(".field-list > div").filter(has=page.get_by_text("name", exact=True)).locator("dd")
+    names = (fields.text_content() or "").strip("[]").split(", ")
     for joint in HEAD:
         at = f"position[{names.index(joint)}]"
         watch.get_by_role("button", name=f"Plot {at}", exact=True).click()

@@ -180,9 +180,9 @@ def test_texts_of_other_people_stay(operator, staff):
 def test_an_erasure_is_recorded(operator):
     said = record("speech.start", actor=operator, text="Hello.")
     erase()
-    told = Record.objects.get(kind="audit.erase")
-    assert told.parameters["person"] == str(operator.pk) and said.pk in told.parameters["records"]
-    assert told.actor_id.startswith("system:")
+    entry = Record.objects.get(kind="audit.erase")
+    assert entry.parameters["person"] == str(operator.pk) and said.pk in entry.parameters["records"]
+    assert entry.actor_id.startswith("system:")
 
 
 def test_the_account_is_closed(operator, signed_in, client):

@@ -159,14 +159,14 @@ def test_parallel_writers_fork_no_chain() -> None:
 
 def _environment() -> dict[str, str]:
     """Environment of a console process that uses the test database."""
-    told = connection.settings_dict
+    settings = connection.settings_dict
     if connection.vendor == "sqlite":
-        url = f"sqlite:///{told['NAME']}"
+        url = f"sqlite:///{settings['NAME']}"
     else:
-        person = quote(told["USER"]) + (f":{quote(told['PASSWORD'])}" if told["PASSWORD"] else "")
-        port = f":{told['PORT']}" if told["PORT"] else ""
-        query = f"?host={told['OPTIONS']['host']}" if "host" in told["OPTIONS"] else ""
-        url = f"postgresql://{person}@{told['HOST']}{port}/{told['NAME']}{query}"
+        person = quote(settings["USER"]) + (f":{quote(settings['PASSWORD'])}" if settings["PASSWORD"] else "")
+        port = f":{settings['PORT']}" if settings["PORT"] else ""
+        query = f"?host={settings['OPTIONS']['host']}" if "host" in settings["OPTIONS"] else ""
+        url = f"postgresql://{person}@{settings['HOST']}{port}/{settings['NAME']}{query}"
     return os.environ | {"DJANGO_SETTINGS_MODULE": "fleet.settings", "FLEET_DATABASE_URL": url}
 
 

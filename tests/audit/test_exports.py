@@ -145,9 +145,9 @@ def test_an_invalid_filter_exports_nothing(query, form, staff, signed_in):
 @pytest.mark.parametrize("text", ["=cmd|' /C calc'!A0", '","=1+1', "\n=1+1", '";=1+1'])
 async def test_no_text_makes_a_cell_a_formula(text, export):
     await exports.sync_to_async(say)(text)
-    told, _response = await export("csv")
+    content, _response = await export("csv")
     for delimiter in (",", ";", "\t"):
-        rows = list(csv.reader(io.StringIO(told.removeprefix(BOM), newline=""), delimiter=delimiter))
+        rows = list(csv.reader(io.StringIO(content.removeprefix(BOM), newline=""), delimiter=delimiter))
         if delimiter == ",":
             assert len(rows) == 2
             assert not any(cell.startswith(("=", "+", "-", "@", "\t", "\r")) for cell in rows[1])

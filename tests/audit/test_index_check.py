@@ -148,6 +148,6 @@ def test_a_rule_that_changes_the_log_is_found():
 
 def test_a_text_that_was_changed_in_the_log_is_found_in_both(texts):
     tamper("UPDATE audit_content SET text = 'good night' WHERE record_id = %s", texts[0])
-    told = findings()
-    assert "has another content than was written." in told[0]
-    assert len(told) == (2 if connection.vendor == "sqlite" else 1)  # PostgreSQL's index follows
+    found = findings()
+    assert "has another content than was written." in found[0]
+    assert len(found) == (2 if connection.vendor == "sqlite" else 1)  # PostgreSQL's index follows

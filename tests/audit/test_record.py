@@ -78,8 +78,8 @@ def test_an_outcome_inherits_values_of_its_request():
         outcome = record("motion.end", of=of, outcome="done")
         assert (outcome.robot_id, outcome.robot_name) == (ROBOT, "TIAGo 1")
         assert (outcome.session_id, outcome.fence, outcome.request_id) == (session, 7, asked.request_id)
-    told = record("motion.end", of=asked, session_id=other, fence=0, request_id=other)
-    assert (told.session_id, told.fence, told.request_id) == (other, 0, other)
+    ended = record("motion.end", of=asked, session_id=other, fence=0, request_id=other)
+    assert (ended.session_id, ended.fence, ended.request_id) == (other, 0, other)
 
 
 @pytest.mark.django_db

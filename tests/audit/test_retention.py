@@ -73,8 +73,8 @@ def test_expiry_is_recorded_by_kind_day_and_number(ago):
         for text in "one", "two":
             record("speech.start", text=text)
     exhaust(expire(TODAY))
-    told = Record.objects.get(kind="audit.expire")
-    assert told.parameters["kinds"]["speech.start"] == {"before": "2033-03-03", "removed": 2}
+    expiry = Record.objects.get(kind="audit.expire")
+    assert expiry.parameters["kinds"]["speech.start"] == {"before": "2033-03-03", "removed": 2}
 
 
 def test_a_second_expiry_has_nothing_to_do(ago):
@@ -143,8 +143,8 @@ def test_records_go_up_to_a_checkpoint_of_their_chain(ago, five_years):
         (5, "speech.start"),
         (6, "audit.checkpoint"),
     ]
-    told = {"through": 3, "digest": third.digest, "removed": 3, "before": "2028-05-28"}
-    assert left[-1].parameters == told
+    parameters = {"through": 3, "digest": third.digest, "removed": 3, "before": "2028-05-28"}
+    assert left[-1].parameters == parameters
     assert not Content.objects.filter(text="1831 days ago").exists()
     assert verify_all().findings == []
 
@@ -308,8 +308,8 @@ def test_expiry_continues_when_a_person_confirms_the_clock(spoken):
     words = io.StringIO()
     call_command("confirm_clock", stdout=words)
     assert "it is 2033-06-01 12:00" in words.getvalue()
-    told = Record.objects.get(kind="audit.clock")
-    assert (told.outcome, told.actor_id[:7]) == ("confirmed", "system:")
+    reset = Record.objects.get(kind="audit.clock")
+    assert (reset.outcome, reset.actor_id[:7]) == ("confirmed", "system:")
     keep_house()
     assert kept() == ["0 days ago"]
 

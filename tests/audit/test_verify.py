@@ -44,9 +44,9 @@ def _one(place: int, actor) -> Record:
 
 def found() -> list[tuple[int | None, int | None, str]]:
     """Return the findings of verification: number, place in the chain, text."""
-    told = verify_all()
-    assert all(finding.chain == "TIAGo 1" for finding in told.findings)
-    return [(finding.number, finding.seq, finding.what) for finding in told.findings]
+    report = verify_all()
+    assert all(finding.chain == "TIAGo 1" for finding in report.findings)
+    return [(finding.number, finding.seq, finding.what) for finding in report.findings]
 
 
 def of(entry: Record, what: str) -> tuple[int, int, str]:
@@ -57,10 +57,10 @@ CHANGED = "is not what was written: it was changed or put in."
 
 
 def test_an_untouched_log_has_no_findings(chain):
-    told = verify_all()
-    assert told.findings == []
-    assert told.records == Record.objects.count()
-    assert {head.name: head.seq for head in told.heads}["TIAGo 1"] == 8
+    report = verify_all()
+    assert report.findings == []
+    assert report.records == Record.objects.count()
+    assert {head.name: head.seq for head in report.heads}["TIAGo 1"] == 8
 
 
 @pytest.mark.parametrize(
@@ -216,31 +216,31 @@ def test_spoken_texts_cannot_be_removed_early(chain):
 )
 def test_contents_never_expire_before_their_time(chain, parameters):
     today = str(django_timezone.now().date() + timedelta(days=1))
-    told = record("audit.expire", parameters=json.loads(json.dumps(parameters).replace("TODAY", today)))
+    expiry = record("audit.expire", parameters=json.loads(json.dumps(parameters).replace("TODAY", today)))
     chain[3].content.delete()
     findings = {finding.number: finding.what for finding in verify_all().findings}
     assert findings == {
-        told.pk: "reports contents that expired before their time, or is not valid.",
+        expiry.pk: "reports contents that expired before their time, or is not valid.",
         chain[3].pk: "has lost its content before its time.",
     }
 
 
 def test_a_record_dated_in_the_future_justifies_no_removal(chain):
     with mock.patch.object(django_timezone, "now", return_value=datetime(2100, 1, 1, tzinfo=timezone.utc)):
-        told = record(
+        erasure = record(
             "audit.expire", parameters={"kinds": {"speech.start": {"before": "2099-01-01", "removed": 8}}}
         )
     chain[3].content.delete()
-    assert {finding.number for finding in verify_all().findings} == {told.pk, chain[3].pk}
+    assert {finding.number for finding in verify_all().findings} == {erasure.pk, chain[3].pk}
 
 
 @pytest.mark.parametrize("records", ["all", None, {}])
 def test_an_erasure_explains_only_earlier_named_records(chain, records):
     record("audit.erase", parameters={} if records is None else {"records": records})
     to_come = range(chain[7].pk + 1, chain[7].pk + 100)
-    told = record("audit.erase", parameters={"records": [chain[2].pk, *to_come]})
+    erasure = record("audit.erase", parameters={"records": [chain[2].pk, *to_come]})
     later = _one(8, None)
-    assert told.pk < later.pk in to_come
+    assert erasure.pk < later.pk in to_come
     for entry in (chain[2], chain[3], later):
         entry.content.delete()
     what = "has lost its content before its time."
@@ -255,8 +255,8 @@ FORGED = "is no checkpoint of the console and is ignored."
 def forge(chain, **changes) -> Record:
     """Append a checkpoint that covers the whole chain, then delete the chain. The triggers allow this."""
     last = chain[-1]
-    told = {"through": last.seq, "digest": last.digest, "removed": last.seq, "before": "2020-01-01"}
-    forged = record("audit.checkpoint", robot_id=ROBOT, robot_name="TIAGo 1", parameters=told | changes)
+    removed = {"through": last.seq, "digest": last.digest, "removed": last.seq, "before": "2020-01-01"}
+    forged = record("audit.checkpoint", robot_id=ROBOT, robot_name="TIAGo 1", parameters=removed | changes)
     gone = Record.objects.filter(robot_id=ROBOT, seq__lte=last.seq)
     Content.objects.filter(record__in=gone).delete()
     gone._raw_delete(gone.db)
@@ -374,8 +374,12 @@ def test_the_command_writes_and_compares_heads(chain, tmp_path):
     heads = [json.loads(line) for line in kept.read_text().splitlines()]
     assert {"TIAGo 1": 8, "TIAGo 9": 8}.items() <= {head["name"]: head["seq"] for head in heads}.items()
     call_command("verify_audit", against=str(kept), stdout=io.StringIO())
-    told = Record.objects.filter(kind="audit.verify").latest("id")
-    assert (told.outcome, told.parameters["findings"], told.actor_id[:7]) == ("intact", 0, "system:")
+    verification = Record.objects.filter(kind="audit.verify").latest("id")
+    assert (verification.outcome, verification.parameters["findings"], verification.actor_id[:7]) == (
+        "intact",
+        0,
+        "system:",
+    )
 
 
 def test_findings_give_exit_status_1_and_words(chain):
@@ -398,18 +402,18 @@ def test_only_the_named_robot_is_verified(chain):
 
 def test_a_deleted_robots_expiry_knowledge_goes_too(chain):
     """Verification of any robot finds a change to an old record of an erasure."""
-    told = record("audit.erase", parameters={"person": "x", "records": [1]})
+    erasure = record("audit.erase", parameters={"person": "x", "records": [1]})
     later = record("audit.erase", parameters={"person": "x", "records": []})
     tamper(
         "UPDATE audit_record SET parameters = %s WHERE id = %s",
         json.dumps({"person": "x", "records": [chain[3].pk]}),
-        told.pk,
+        erasure.pk,
     )
     chain[3].content.delete()
     words = io.StringIO()
     with pytest.raises(SystemExit):
         call_command("verify_audit", robot="TIAGo 1", stderr=words)
-    assert f"record #{told.pk}" in words.getvalue() and f"#{later.pk}" not in words.getvalue()
+    assert f"record #{erasure.pk}" in words.getvalue() and f"#{later.pk}" not in words.getvalue()
 
 
 def test_heads_on_standard_output_are_nothing_but_heads(chain, capsys):

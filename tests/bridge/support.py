@@ -257,7 +257,7 @@ class MemorySink:
 
 
 class MemoryPublisher:
-    """A publisher that accepts all fields, unless told otherwise."""
+    """A publisher that accepts all fields by default."""
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
@@ -306,7 +306,7 @@ class Bench:
         self.publisher = MemoryPublisher(lambda: self.now_s)
         self.records = Records(sink or self.sink)
         self.drives = DriveLog(self.records, lambda: self.map_to_odom)
-        self.told: list[Ended | wire.Offers] = []  # to every link
+        self.notices: list[Ended | wire.Offers] = []  # to every link
         state = left or SavedState(False, "", "", 0)
         self.core = Core(
             config,
@@ -315,7 +315,7 @@ class Bench:
             self.records,
             self.drives,
             state,
-            self.told.append,
+            self.notices.append,
             self.publisher,
             on_news=self._count_news,
         )

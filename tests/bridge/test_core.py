@@ -136,7 +136,7 @@ def test_control_ends_by_the_bridges_own_clock(bench):
         bench.pass_time(0.1)
         bench.stick(0.5)
     assert bench.last == STILL
-    assert [ended.fence for ended in bench.told] == [1]
+    assert [ended.fence for ended in bench.notices] == [1]
     assert bench.stick(0.5).code == "no_lease"
 
 
@@ -702,9 +702,9 @@ def test_speed_limits_are_reported_only_with_a_driver(bench):
     bench.gate.says = lambda asked: Verdict(STILL, asked, "sonar_stale", limits[1].text, way="reverse")
     bench.gate.limits = lambda now_s: limits
     bench.stick(-0.5)
-    told = bench.core.state(bench.now_s, []).verdict
-    assert (told.code, told.way) == ("sonar_stale", "reverse")
-    assert msgspec.json.encode(told.limits) == (
+    blocked = bench.core.state(bench.now_s, []).verdict
+    assert (blocked.code, blocked.way) == ("sonar_stale", "reverse")
+    assert msgspec.json.encode(blocked.limits) == (
         b'[{"code":"arm_away","text":"held to 0.2 m/s","mps":0.2},'
         b'{"code":"sonar_stale","text":"held to 0.1 m/s","mps":0.1,"way":"reverse"}]'
     )

@@ -79,8 +79,8 @@ def test_staff_find_a_text_in_three_steps_and_its_path(
         page.get_by_role("button", name="JSON Lines").click()
     file = tmp_path / "speech.jsonl"
     download.value.save_as(file)
-    [told] = [json.loads(line) for line in file.read_text().splitlines()]
-    assert told["details"]["text"] == SENTENCE
+    [exported] = [json.loads(line) for line in file.read_text().splitlines()]
+    assert exported["details"]["text"] == SENTENCE
 
     found.get_by_role("link", name="Control session").click()
     page.get_by_role("heading", name="Operator on TIAGo Two").wait_for()

@@ -188,9 +188,9 @@ def test_keys_write_in_a_field_and_a_question_mark_shows_help(person: Arrive) ->
 def logged(person: Person) -> list[str]:
     """Logged notices, newest first, each once, without notices of late answers on a busy machine."""
     person.part("log-open").evaluate("button => button.click()")
-    told = person.part("log-list").locator("p > span").all_text_contents()
+    texts = person.part("log-list").locator("p > span").all_text_contents()
     person.part("log-dialog").evaluate("dialog => dialog.close()")
-    return list(dict.fromkeys(text for text in told if "no answer within" not in text))
+    return list(dict.fromkeys(text for text in texts if "no answer within" not in text))
 
 
 def test_each_control_action_gives_one_notice(person: Arrive) -> None:

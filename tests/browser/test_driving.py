@@ -351,7 +351,7 @@ def test_the_stop_arrives_though_the_socket_swallows_everything(person: Arrive) 
     operator = person("operator")
     operator.take("tiago-2")
     pages: list[tuple[Person, list[WebSocketRoute]]] = []
-    for path, button, told in (
+    for path, button, region in (
         ("/robots/tiago-2/", "Stop", "stop-state"),
         ("/", "Stop TIAGo Two", "stop-state"),
         ("/", "Stop all", "stop-all-state"),
@@ -364,7 +364,7 @@ def test_the_stop_arrives_though_the_socket_swallows_everything(person: Arrive) 
         observer.page.get_by_role("button", name=button, exact=True).click()
         operator.until(lambda: operator.state["stop"]["state"] == "stopped", f"the stop: {button}")
         assert operator.state["stop"]["by"] == "Observer"
-        observer.part(told).get_by_text("Stopped.").last.wait_for()
+        observer.part(region).get_by_text("Stopped.").last.wait_for()
         operator.clear()
     for observer, silent in pages:  # after 4 s, which pass for all at the same time
         observer.until(lambda silent=silent: len(silent) > 1, "the page to give the silent socket up")

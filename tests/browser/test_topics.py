@@ -144,7 +144,7 @@ def test_list_elements_are_plotted_and_long_rows_fit(person: Arrive) -> None:
     markers = watched.locator(".u-marker").evaluate_all("all => all.map(one => one.style.border)")
     assert len(set(markers)) == 6  # each line looks different
     overlapping = "rows => rows.filter(row => row.scrollHeight > row.clientHeight + 1).length"
-    assert watched.locator(".told > div").evaluate_all(overlapping) == 0
+    assert watched.locator(".field-list > div").evaluate_all(overlapping) == 0
     watched.get_by_role("button", name="Plot position[6]").click()
     observer.part("notices").get_by_text("A plot has at most 6 lines.").wait_for()
     assert observer.page.evaluate("document.documentElement.scrollWidth <= innerWidth")

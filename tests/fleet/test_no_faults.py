@@ -94,9 +94,9 @@ def test_no_request_fails_at_any_address(person, robot, caplog, request):
             if answer.status_code >= 500 and answer.status_code not in IN_WORDS:
                 failed.append((answer.status_code, method, address, accept, kind, forged, answer.exc_info))
     # Django logs suspicious requests, such as an unknown filter, with a traceback; their answer is 400.
-    told = [record for record in caplog.records if not record.name.startswith("django.security")]
+    logged = [record for record in caplog.records if not record.name.startswith("django.security")]
     faults = [
-        record.getMessage() for record in told if record.exc_info or "not recorded" in record.getMessage()
+        record.getMessage() for record in logged if record.exc_info or "not recorded" in record.getMessage()
     ]
     assert (failed, faults) == ([], [])
 

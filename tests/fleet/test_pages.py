@@ -48,8 +48,8 @@ def test_a_page_makes_people_sign_in_and_brings_them_back(page):
 def test_only_the_two_named_cookies_are_kept(staff, robot):
     client = Client()
     sign_in = {"username": "staff", "password": PASSWORD}
-    told = client.post("/accounts/sign-in/", {**sign_in, "password": "wrong"}).text
-    told += client.post("/accounts/sign-in/", sign_in, follow=True).text
+    shown = client.post("/accounts/sign-in/", {**sign_in, "password": "wrong"}).text
+    shown += client.post("/accounts/sign-in/", sign_in, follow=True).text
     for page in (
         "/",
         f"/robots/{robot.slug}/",
@@ -58,7 +58,7 @@ def test_only_the_two_named_cookies_are_kept(staff, robot):
         "/nowhere/",
         "/admin/audit/record/",
     ):
-        told += client.get(page).text
+        shown += client.get(page).text
     words = {"old_password": PASSWORD, "new_password1": "another walk", "new_password2": "another walk"}
     role = {"user": staff.pk, "robot": robot.pk, "role": "observer"}
     for page, form in (
@@ -67,9 +67,9 @@ def test_only_the_two_named_cookies_are_kept(staff, robot):
         ("/admin/robots/robotrole/add/", role),
         (f"/robots/{robot.slug}/stop/", {}),
     ):
-        told += client.post(page, form, follow=True, headers={"accept": BROWSER}).text
+        shown += client.post(page, form, follow=True, headers={"accept": BROWSER}).text
     for sentence in ("Your password is changed", "There was no other session", "was added", "Pending, not"):
-        assert sentence in told
+        assert sentence in shown
     assert set(client.cookies) == {settings.SESSION_COOKIE_NAME, settings.CSRF_COOKIE_NAME}
 
 

@@ -107,8 +107,8 @@ def test_a_language_is_there_when_its_texts_are_compiled(tmp_path: Path) -> None
     for folder, file in (("de", "django.mo"), ("pt_BR", "django.mo"), ("fr", "django.po")):
         (tmp_path / folder / "LC_MESSAGES").mkdir(parents=True)
         (tmp_path / folder / "LC_MESSAGES" / file).touch()
-    told = languages.spoken("en-gb", tmp_path)
-    assert told == [("en-gb", "British English"), ("de", "Deutsch"), ("pt-br", "Português Brasileiro")]
+    found = languages.spoken("en-gb", tmp_path)
+    assert found == [("en-gb", "British English"), ("de", "Deutsch"), ("pt-br", "Português Brasileiro")]
 
 
 @pytest.mark.django_db

@@ -65,7 +65,7 @@ class Feeder:
         self.sonar_m = math.inf
         self.pose = Pose(0.0, 0.0, 0.0)
         self.velocity = Velocity(0.0, 0.0, 0.0)
-        self._told: tuple[float, Pose] | None = None  # previous time and pose
+        self._previous: tuple[float, Pose] | None = None  # previous time and pose
 
     @property
     def stamp_s(self) -> float:
@@ -73,14 +73,14 @@ class Feeder:
 
     def odometry(self) -> None:
         """Feed odometry up to now, ten times a second: the gate treats a gap as a restart."""
-        began_s, pose = self._told or (self.now_s, self.pose)
+        began_s, pose = self._previous or (self.now_s, self.pose)
         steps = max(math.ceil((self.now_s - began_s) / 0.1 - 1e-6), 1)
         for step in range(1, steps + 1):
             share = step / steps
             now_s = self.now_s - (1.0 - share) * (self.now_s - began_s)
             here = between(pose, self.pose, share)
             self.gate.observe_odometry(now_s + self.clock_offset_s, now_s, here, self.velocity)
-        self._told = self.now_s, self.pose
+        self._previous = self.now_s, self.pose
 
     def scan(self, **changes) -> None:
         facts = {

@@ -36,18 +36,18 @@ class Line:
 
 @pytest.mark.parametrize("way_s", [0.001, 0.04, 0.22, 0.43])
 def test_reported_delay_is_exact_within_a_period(way_s):
-    told = Line(way_s).passes(5.0)
-    assert len(told) > 80
-    assert max(told) <= way_s
-    assert min(told) >= way_s - PERIOD_S
+    delays_s = Line(way_s).passes(5.0)
+    assert len(delays_s) > 80
+    assert max(delays_s) <= way_s
+    assert min(delays_s) >= way_s - PERIOD_S
 
 
 @pytest.mark.parametrize("way_s", [0.001, 0.22])
 def test_a_pause_does_not_change_the_speed_of_the_line(way_s):
     line = Line(way_s)
-    told = [*line.passes(2.0), *line.passes(2.0, writes=False), *line.passes(2.0)]
-    assert max(told) <= way_s
-    assert min(told) >= way_s - PERIOD_S
+    delays_s = [*line.passes(2.0), *line.passes(2.0, writes=False), *line.passes(2.0)]
+    assert max(delays_s) <= way_s
+    assert min(delays_s) >= way_s - PERIOD_S
     line.passes(1.0, writes=False)
     assert line.passes(1.0, writes=False) == []
 
@@ -63,6 +63,6 @@ def test_a_line_without_acknowledgements_is_late_all_the_time():
     line = Line(0.02)
     line.passes(1.0)
     line.way_s = 1e6
-    told = line.passes(1.0)
-    assert told[1:] == sorted(told[1:])
-    assert told[-1] == pytest.approx(1.0, abs=2 * PERIOD_S)
+    delays_s = line.passes(1.0)
+    assert delays_s[1:] == sorted(delays_s[1:])
+    assert delays_s[-1] == pytest.approx(1.0, abs=2 * PERIOD_S)

@@ -468,9 +468,9 @@ def test_points_in_a_moving_arms_reach_are_not_remembered():
     looker = Looker([FLOOR, hand, shelf], has_arm=True)
     looker.to_base = camera(-0.9)
     moves = Posture(at_home=False, discs=((0.2, 0.0, 0.1),), reach=(0.1, 0.0, 0.9))
-    for told in (None, UNKNOWN, moves):
-        if told is not None:
-            looker.gate.observe_posture(told, looker.now_s)
+    for arm in (None, UNKNOWN, moves):
+        if arm is not None:
+            looker.gate.observe_posture(arm, looker.now_s)
         looker.stand(0.4)
         assert looker.nearest_by("depth") == pytest.approx(0.55, abs=0.1)
     looker.boxes = [FLOOR]

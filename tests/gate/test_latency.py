@@ -132,7 +132,7 @@ def test_before_the_first_answer_the_longest_delay_counts(delay_s):
     base = Base(delay_s)
     base.drive(0.0, 0.0, 1.0)
     assert base.latency.worst_s(base.now_s) == LONGEST_S
-    assert base.latency.in_force_s(base.now_s) == ASSUMED_S, "nobody is told of what is not known"
+    assert base.latency.in_force_s(base.now_s) == ASSUMED_S, "only the assumed delay is reported"
     assert ramp(base, delay_s - 0.05 if delay_s > 0.05 else 0.0) in (0.0, LONGEST_S)
     ramp_began_s = base.now_s - max(delay_s - 0.05, 0.0)
     while base.latency.worst_s(base.now_s) == LONGEST_S:
@@ -360,8 +360,8 @@ def test_each_millisecond_of_silence_counts_beyond_the_usual_gap():
     now_s = came(latency, [0.03] * 100, period_s=0.02)
     assert latency.in_force_s(now_s + 0.02 + JITTER_S) == pytest.approx(ASSUMED_S, abs=0.001)
     for silent_s, later_s in ((0.06, 0.02), (0.1, 0.06), (0.15, 0.16), (0.2, 0.26)):
-        told_s = latency.in_force_s(now_s + silent_s)
-        assert told_s == pytest.approx(ASSUMED_S + later_s, abs=0.001), "from 0.1 s on it counts both ways"
+        assumed_s = latency.in_force_s(now_s + silent_s)
+        assert assumed_s == pytest.approx(ASSUMED_S + later_s, abs=0.001), "from 0.1 s on it counts both ways"
 
 
 def test_suddenly_late_messages_count_from_the_first():
@@ -375,13 +375,13 @@ def test_suddenly_late_messages_count_from_the_first():
 
 def test_odometry_that_jitters_is_not_late():
     latency, random = Latency(LIMITS, ASSUMED_S), np.random.default_rng(3)
-    told = []
+    assumed_s = []
     for number in range(3000):
         stamp_s = 50.0 + 0.02 * number
         came(latency, [0.02 + abs(random.normal(0.0, 0.004))], begin_s=stamp_s)
-        told.append(latency.in_force_s(stamp_s + 0.04))
-    assert np.mean(told) < ASSUMED_S + 0.002
-    assert max(told) < ASSUMED_S + 0.03
+        assumed_s.append(latency.in_force_s(stamp_s + 0.04))
+    assert np.mean(assumed_s) < ASSUMED_S + 0.002
+    assert max(assumed_s) < ASSUMED_S + 0.03
 
 
 def test_the_slowest_source_counts_for_at_most_a_second():

@@ -115,8 +115,8 @@ def test_a_profile_trusts_sonars_up_to_the_blind_speed(trusted_mps, blind_mps, l
 
 def test_the_gate_reports_unwatched_directions(tiago):
     expected = [(-169, -146), (-124, -84), (84, 124), (146, 169)]
-    told = np.degrees(tiago.gate.unseen(tiago.now_s))
-    np.testing.assert_allclose(told, expected, atol=1.0)
+    degrees = np.degrees(tiago.gate.unseen(tiago.now_s))
+    np.testing.assert_allclose(degrees, expected, atol=1.0)
     tiago.now_s += 0.6
     tiago.scan()
     assert len(tiago.gate.unseen(tiago.now_s)) == 1, "silent sonars see nothing"

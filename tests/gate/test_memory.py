@@ -311,7 +311,7 @@ def at(distance_m, degrees):
     return np.array([[distance_m * math.cos(angle), distance_m * math.sin(angle)]])
 
 
-def told(ranges, distance_m, degrees):
+def seen_through(ranges, distance_m, degrees):
     """(vouched for, seen through) for one place."""
     answer = sight(sweep(ranges), at(distance_m, degrees))
     return bool(answer.vouched[0]), bool(answer.through[0])
@@ -322,24 +322,24 @@ def hall(distance_m=INF):
 
 
 def test_a_place_in_full_view_is_vouched_for_and_seen_through():
-    assert told(hall(), 2.0, 30.0) == (True, True)
-    assert told(hall(4.0), 2.0, 30.0) == (True, True)
+    assert seen_through(hall(), 2.0, 30.0) == (True, True)
+    assert seen_through(hall(4.0), 2.0, 30.0) == (True, True)
 
 
 @pytest.mark.parametrize("degrees", [95.5, 120.0, 180.0, -96.0, 94.95])
 def test_nothing_is_known_outside_the_field_of_view(degrees):
-    assert told(hall(), 2.0, degrees) == (False, False)
+    assert seen_through(hall(), 2.0, degrees) == (False, False)
 
 
 def test_a_place_behind_a_hit_is_unknown():
-    assert told(hall(1.5), 2.0, 0.0) == (False, False)
+    assert seen_through(hall(1.5), 2.0, 0.0) == (False, False)
 
 
 def test_a_place_that_the_scan_hits_is_not_seen_through():
-    assert told(hall(2.0), 2.0, 0.0) == (True, False)
-    assert told(hall(1.95), 2.0, 0.0) == (True, False)
-    assert told(hall(2.11), 2.0, 0.0) == (True, False), "a hand's breadth behind is not through"
-    assert told(hall(2.13), 2.0, 0.0) == (True, True)
+    assert seen_through(hall(2.0), 2.0, 0.0) == (True, False)
+    assert seen_through(hall(1.95), 2.0, 0.0) == (True, False)
+    assert seen_through(hall(2.11), 2.0, 0.0) == (True, False), "a hand's breadth behind is not through"
+    assert seen_through(hall(2.13), 2.0, 0.0) == (True, True)
 
 
 @pytest.mark.parametrize("lost", [NAN, -INF, 0.0, 30.0], ids=str)
@@ -347,17 +347,17 @@ def test_a_place_that_the_scan_hits_is_not_seen_through():
 def test_a_lost_beam_among_the_three_nearest_proves_nothing(lost, beam):
     ranges = hall(4.0)
     ranges[beam] = lost
-    assert told(ranges, 2.0, 0.0) == (False, False)
+    assert seen_through(ranges, 2.0, 0.0) == (False, False)
     ranges[285] = ranges[beam]
-    assert told(ranges, 2.0, 1.5) == (True, True), "its neighbours still do"
+    assert seen_through(ranges, 2.0, 1.5) == (True, True), "its neighbours still do"
 
 
 def test_one_noisy_beam_proves_nothing_three_beams_do():
     ranges = hall(NAN)
     ranges[284:287] = [2.3, 2.0, 2.6]
-    assert told(np.where(np.isnan(ranges), INF, ranges), 2.0, 0.0) == (False, False)
+    assert seen_through(np.where(np.isnan(ranges), INF, ranges), 2.0, 0.0) == (False, False)
     ranges[284:287] = [2.3, 2.2, 2.6]
-    assert told(np.where(np.isnan(ranges), INF, ranges), 2.0, 0.0) == (True, True)
+    assert seen_through(np.where(np.isnan(ranges), INF, ranges), 2.0, 0.0) == (True, True)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

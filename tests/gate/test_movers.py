@@ -48,7 +48,7 @@ class Scene:
         self.now_s = 1000.0
         self.noise_m, self.drop_out = noise_m, drop_out
         self.yaw_drift, self.way_drift = yaw_drift, way_drift
-        self.told = ORIGIN  # pose by odometry
+        self.measured = ORIGIN  # pose by odometry
         self.points = NO_POINTS
 
     def scan(self, somebody=(), frame=0):
@@ -58,7 +58,7 @@ class Scene:
         ranges += random.normal(0.0, self.noise_m, BEAMS)
         ranges[random.random(BEAMS) < self.drop_out] = math.nan
         sweep = Sweep(ranges, -HALF_VIEW, INCREMENT, 0.05, 25.0)
-        sensor = Pose(*placed(np.array([SENSOR[:2]]), self.told)[0].tolist(), self.told.yaw)
+        sensor = Pose(*placed(np.array([SENSOR[:2]]), self.measured)[0].tolist(), self.measured.yaw)
         self.points = placed(sweep.points(), sensor)
         points = self.points
         self.movers.observe(lambda: points, sweep, sensor, self.now_s, frame)
@@ -67,7 +67,9 @@ class Scene:
         """Drive for 0.1 s. The odometry's error grows with time and way."""
         self.now_s += SCAN_S
         self.world.pose = self._on(self.world.pose, velocity.vx, velocity.w)
-        self.told = self._on(self.told, velocity.vx * (1 + self.way_drift), velocity.w + self.yaw_drift)
+        self.measured = self._on(
+            self.measured, velocity.vx * (1 + self.way_drift), velocity.w + self.yaw_drift
+        )
 
     @staticmethod
     def _on(pose, vx, w):
@@ -111,9 +113,9 @@ def walked(scene, start, velocity, seconds, robot=STILL, radius=0.15):
 )
 def test_a_walker_is_seen_with_about_the_right_velocity(start, velocity, seed):
     seen = walked(Scene(seed), start, velocity, 2.0)
-    told = [velocities for _, points, velocities in seen if len(points)]
-    assert len(told) >= 0.8 * len(seen), "at nearly each scan"
-    errors = [np.hypot(*(velocities - velocity).T).mean() for velocities in told]
+    moving = [velocities for _, points, velocities in seen if len(points)]
+    assert len(moving) >= 0.8 * len(seen), "at nearly each scan"
+    errors = [np.hypot(*(velocities - velocity).T).mean() for velocities in moving]
     assert np.median(errors) < 0.25
 
 

@@ -56,13 +56,13 @@ def test_at_home_the_footprint_is_the_base_and_nothing_is_held(arm):
     assert arm.gate.footprint.reach(0.0) == pytest.approx(0.27)
 
 
-@pytest.mark.parametrize("told", [UNKNOWN, None])
-def test_an_arm_anywhere_limits_the_robot_to_0_2_mps(arm, told):
-    if told is not None:
-        arm.gate.observe_posture(told, arm.now_s)
+@pytest.mark.parametrize("posture", [UNKNOWN, None])
+def test_an_arm_anywhere_limits_the_robot_to_0_2_mps(arm, posture):
+    if posture is not None:
+        arm.gate.observe_posture(posture, arm.now_s)
     verdict = arm.decide(0.8)
     assert (verdict.code, verdict.velocity.vx) == ("arm_away", pytest.approx(0.2))
-    why = "the arm’s position is not known" if told is None else "the arm is away from home"
+    why = "the arm’s position is not known" if posture is None else "the arm is away from home"
     assert verdict.text == f"held to 0.2 m/s: {why}"
     assert SpeedLimit("arm_away", verdict.text, 0.2) in verdict.limits
 

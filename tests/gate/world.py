@@ -81,7 +81,7 @@ class World:
         self.random = np.random.default_rng(self.seed)
         self.queue = deque([STILL] * round(self.delay_s / STEP_S))
         self.sent = STILL
-        self._told = self.pose if self.slip else None
+        self._by_odometry = self.pose if self.slip else None
         self.heard = set()  # names of sonars with an echo
         # A parked robot measures the same again: the pose, segments and result of the last measurement are kept.
         self._gap_at = None
@@ -95,7 +95,7 @@ class World:
     @property
     def odometry(self):
         """The pose by the wheels."""
-        return self._told or self.pose
+        return self._by_odometry or self.pose
 
     @property
     def now_s(self):
@@ -172,7 +172,7 @@ class World:
             self.velocity.w + min(max(wanted.w - self.velocity.w, -angular), angular),
         )
         self.pose = moved(self.pose, v.scaled(1.0 - self.slip))
-        self._told = self._told and moved(self._told, v)
+        self._by_odometry = self._by_odometry and moved(self._by_odometry, v)
         self.velocity = v
         self.steps += 1
         if self._gap_at is None or self._gap_at[0] != self.pose or self._gap_at[1] is not self.ends:

@@ -115,10 +115,10 @@ class BridgeProcess(RobotProcess):
     def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
         self.config = config
         self.records = folder / f"{config.robot_id}.records"
-        told = folder / f"{config.robot_id}.config"
-        told.write_bytes(msgspec.json.encode(config))
+        config_file = folder / f"{config.robot_id}.config"
+        config_file.write_bytes(msgspec.json.encode(config))
         log = folder / f"{config.robot_id}.log"
-        super().__init__(master, log, "tests.ros.bridge_process", str(told), str(self.records))
+        super().__init__(master, log, "tests.ros.bridge_process", str(config_file), str(self.records))
 
     def link(self) -> Hand:
         """Wait until the bridge listens, and open a link."""
@@ -155,8 +155,10 @@ class WatchdogProcess(RobotProcess):
 
     def __init__(self, config: BridgeConfig, master: Master, folder: Path) -> None:
         self.config = config
-        told = msgspec.json.encode(watchdog_config(config)).decode()
-        super().__init__(master, folder / f"{config.robot_id}.watchdog.log", "robots.bridge.watchdog", told)
+        encoded = msgspec.json.encode(watchdog_config(config)).decode()
+        super().__init__(
+            master, folder / f"{config.robot_id}.watchdog.log", "robots.bridge.watchdog", encoded
+        )
 
     def ready(self) -> WatchdogProcess:
         """Wait until it has joined the master."""
@@ -182,7 +184,7 @@ class WatchdogProcess(RobotProcess):
             return wire.link_report(lane.recv(65536))
 
 
-def _fence_told(report: Any) -> int | None:
+def _fence_of(report: Any) -> int | None:
     """Fence of a state report, 0 without control; None if the report is no state."""
     return report.state.fence or 0 if isinstance(report, wire.Status) else None
 
@@ -260,7 +262,7 @@ class Hand:
         self.until(lambda r: isinstance(r, wire.Granted) and r.fence == fence, "a grant")
         self.state_until(lambda state: state.fence == fence, "control")
         with self._news:  # speed limits are reported only to the driver: drop earlier states
-            self._reports = [report for report in self._reports if _fence_told(report) in (None, fence)]
+            self._reports = [report for report in self._reports if _fence_of(report) in (None, fence)]
         self.fence = fence
         self.stick(0.0, 0.0)
 

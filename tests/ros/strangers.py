@@ -102,9 +102,9 @@ class Node:
     def _talk(self, connection: socket.socket) -> None:
         """Claim the type that the subscriber wants, then send."""
         with connection, suppress(OSError, struct.error, KeyError):
-            told = _fields(_exactly(connection, struct.unpack("<I", _exactly(connection, 4))[0]))
-            messages, rate_hz = self._topics[told["topic"]]
-            answer = {name: told[name] for name in ("topic", "type", "md5sum", "message_definition")}
+            asked = _fields(_exactly(connection, struct.unpack("<I", _exactly(connection, 4))[0]))
+            messages, rate_hz = self._topics[asked["topic"]]
+            answer = {name: asked[name] for name in ("topic", "type", "md5sum", "message_definition")}
             connection.sendall(header(answer | {"callerid": self.name}))
             due_s = time.monotonic()
             try:
@@ -298,10 +298,10 @@ def bridge_uri(master_uri: str) -> str:
 def _data_address(master_uri: str, topic: str) -> tuple[str, int]:
     """Address of the bridge's TCPROS server."""
     bridge: Any = ServerProxy(bridge_uri(master_uri))
-    code, words, told = bridge.requestTopic("/attack", topic, [["TCPROS"]])
+    code, words, address = bridge.requestTopic("/attack", topic, [["TCPROS"]])
     if code != 1:
         raise LookupError(words)
-    return str(told[1]), int(told[2])
+    return str(address[1]), int(address[2])
 
 
 class Listener:

@@ -48,8 +48,12 @@ class Supervisor:
         def listening() -> psutil.Process | None:
             for child in psutil.Process(self.process.pid).children():
                 with contextlib.suppress(psutil.Error):  # it has ended and was not reaped yet
-                    told = child.cmdline()
-                    if "robots.bridge.watchdog" in told and path in told[-1] and child.pid != not_pid:
+                    arguments = child.cmdline()
+                    if (
+                        "robots.bridge.watchdog" in arguments
+                        and path in arguments[-1]
+                        and child.pid != not_pid
+                    ):
                         return child if connects(path, socket.SOCK_SEQPACKET) else None
             return None
 

@@ -37,8 +37,8 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
             assert driver.state
             assert "cannot be recorded" in driver.state.verdict.text
             # A new drive is refused at the first failure; running tasks end after the time limit.
-            told = f"Ended: publishing on {NOTES}."
-            await hold(driver, TURN, NOTICED_S, until=lambda: told in driver.state.verdict.text)
+            ended_text = f"Ended: publishing on {NOTES}."
+            await hold(driver, TURN, NOTICED_S, until=lambda: ended_text in driver.state.verdict.text)
             assert driver.state.publishing == []
             await hold(driver, TURN, NOTICED_S, until=lambda: not turning(driver))
             assert away_s < witness.last_velocity_s < away_s + STANDS_S
@@ -56,7 +56,7 @@ async def stands_while(stack: Stack, database_away: AbstractContextManager[objec
         await driver.__aexit__(None, None, None)
         log = await asyncio.to_thread(read_log, stack)
         notes_s = [one.at_s for one in witness.received if one.kind == "publish.start"]
-        assert notes_s[-1] < away_s + STANDS_S, "the robot was told something when nothing could be recorded"
+        assert notes_s[-1] < away_s + STANDS_S, "the robot got a message that could not be recorded"
         # Repeated publishing has one record, but many messages: compare without them.
         received = [one for one in witness.received if one.kind != "publish.start"]
         assert log.findings + unrecorded(received, log.entries) == []

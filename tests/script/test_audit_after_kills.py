@@ -44,9 +44,9 @@ async def rounds(stack: Stack, seed: int) -> Counter[str]:
             if number >= len(ROUNDS) and reached.keys() >= KINDS:
                 break
             began_s = time.monotonic()
-            told = await tried.one(*victims)
-            print(f"{' and '.join(victims)}: {dict(told)} in {time.monotonic() - began_s:.1f} s")
-            reached.update(told)
+            counts = await tried.one(*victims)
+            print(f"{' and '.join(victims)}: {dict(counts)} in {time.monotonic() - began_s:.1f} s")
+            reached.update(counts)
     return reached
 
 

@@ -70,12 +70,12 @@ async def test_a_stop_of_a_frozen_robot_is_pending_then_holds(stack: Stack) -> N
         for process in frozen:
             os.kill(process, signal.SIGSTOP)
         try:
-            status, told = await asyncio.to_thread(post, stack, watching, f"/api/v1/robots/{ROBOT}/stop/")
+            status, result = await asyncio.to_thread(post, stack, watching, f"/api/v1/robots/{ROBOT}/stop/")
         finally:
             for process in frozen:
                 os.kill(process, signal.SIGCONT)
         assert status == 202
-        assert told["robots"][ROBOT]["pending"]  # type: ignore[index]
+        assert result["robots"][ROBOT]["pending"]  # type: ignore[index]
         try:
             await driver.until(lambda: driver.state and driver.state.stop.state == "stopped", PATIENCE_S)
             assert driver.odometry and abs(driver.odometry.w) < STANDS_MPS
@@ -100,5 +100,5 @@ def test_no_form_of_a_stop_is_refused_by_the_real_server(stack: Stack) -> None:
     kinds = {"Accept": "application/xml"}, {"Content-Type": "text/plain; charset=none"}, {"Accept": ";;/"}
     for path in ("/api/v1/stop", "/api/v1/stop/?format=xml", f"/api/v1/robots/{ROBOT}/stop"):
         for headers in kinds:
-            status, told = post(stack, cookie, path, b"{", **headers)
-            assert (status, list(told["robots"])) == (200, [ROBOT]), (path, headers)  # type: ignore[call-overload]
+            status, result = post(stack, cookie, path, b"{", **headers)
+            assert (status, list(result["robots"])) == (200, [ROBOT]), (path, headers)  # type: ignore[call-overload]

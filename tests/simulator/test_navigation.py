@@ -78,9 +78,9 @@ def test_odometry_drifts_and_its_map_pose_corrects_it(robot_in):
     def believed():
         """The robot's place on the map, by odometry and the pose of the odometry frame."""
         x, y, yaw = robot.localisation.map_to_odom(robot.physics.pose)
-        told = robot.odometry
+        measured = robot.odometry
         c, s = math.cos(yaw), math.sin(yaw)
-        return x + c * told.x - s * told.y, y + s * told.x + c * told.y, yaw + told.yaw
+        return x + c * measured.x - s * measured.y, y + s * measured.x + c * measured.y, yaw + measured.yaw
 
     def error():
         return math.dist(believed()[:2], robot.physics.pose[:2])

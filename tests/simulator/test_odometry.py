@@ -14,8 +14,8 @@ from tests.simulator.conftest import room
 
 def gap(driven) -> float:
     """Distance of odometry from the truth, m."""
-    truth, told = driven.robot.physics.pose, driven.robot.odometry
-    return math.hypot(told.x - truth.x, told.y - truth.y)
+    truth, measured = driven.robot.physics.pose, driven.robot.odometry
+    return math.hypot(measured.x - truth.x, measured.y - truth.y)
 
 
 def test_without_drift_it_is_the_truth(robot_in):

@@ -167,11 +167,11 @@ export class FleetPage {
 
   /** Reload the page when robots were added or removed; only once if the next page still has other robots. */
   #followRegistry(slugs) {
-    const told = slugs.sort().join();
-    if (told === [...this.#cards.keys()].sort().join()) {
+    const listed = slugs.sort().join();
+    if (listed === [...this.#cards.keys()].sort().join()) {
       rememberInTab(RELOADED_FOR, null);
-    } else if (recallInTab(RELOADED_FOR) !== told) {
-      rememberInTab(RELOADED_FOR, told);
+    } else if (recallInTab(RELOADED_FOR) !== listed) {
+      rememberInTab(RELOADED_FOR, listed);
       location.reload();
     }
   }

@@ -12,7 +12,7 @@ export class TopicView extends EventTarget {
   #type;
   #figures = make("p", { className: "quiet", text: gettext("Waiting for a message.") });
   #problem = make("p", { className: "why" });
-  #table = make("dl", { className: "told" });
+  #table = make("dl", { className: "field-list" });
   #cut = make("p", { className: "quiet" });
   #plot;
   #rows = new Map(); // by what they show: path and kind

@@ -90,7 +90,7 @@ def pictured() -> Frame:
 
 
 WIDE = math.pi * 1e8  # all 53 bits of a number
-TOLD = {
+INPUTS = {
     "observe_odometry": [
         (WIDE, 0.1 + 0.2, Pose(1 / 3, -0.0, 5e-324), Velocity(math.inf, math.nan, -math.inf))
     ],
@@ -134,11 +134,11 @@ def test_all_gate_inputs_are_restored_to_the_last_bit(method, tmp_path):
     class Listening(Gate):
         pass
 
-    setattr(Listening, method, lambda _, *told: heard.append(told))
-    path = tmp_path / "told.gate"
+    setattr(Listening, method, lambda _, *arguments: heard.append(arguments))
+    path = tmp_path / "arguments.gate"
     with Recorder(path, tiago_profile()) as recorder:
         gate = recorder.recorded(Gate(tiago_profile()))
-        for told in TOLD[method]:
-            getattr(gate, method)(*told)
+        for arguments in INPUTS[method]:
+            getattr(gate, method)(*arguments)
     assert list(replay(path, Listening)) == []
-    assert bits(heard) == bits(TOLD[method])
+    assert bits(heard) == bits(INPUTS[method])

@@ -57,8 +57,8 @@ def way_of(pose: tuple[float, float, float], twist: Velocity) -> np.ndarray:
 
 
 def truth_of(path: Path) -> Truth:
-    told = msgspec.json.decode(path.with_suffix(".json").read_bytes())
-    return Truth(told["radius_m"], np.array(told["outline"]), told["poses"], told["people"])
+    stored = msgspec.json.decode(path.with_suffix(".json").read_bytes())
+    return Truth(stored["radius_m"], np.array(stored["outline"]), stored["poses"], stored["people"])
 
 
 def gaps(truth: Truth, decisions: list[Decision], twists: list[Velocity]) -> np.ndarray:

@@ -68,10 +68,10 @@ def ticks(writer: RecordWriter, from_s: float, to_s: float, *, watched: bool = F
 
 
 def test_request_is_reported_when_written(writer: RecordWriter, log: Log) -> None:
-    told = threading.Event()
-    writer.on_done = told.set
+    called = threading.Event()
+    writer.on_done = called.set
     assert writer.ask(log.row("a"), 0.0).result(10) == "a"
-    assert told.wait(10)
+    assert called.wait(10)
 
 
 def test_request_without_database_is_refused_and_dropped(writer: RecordWriter, log: Log) -> None:

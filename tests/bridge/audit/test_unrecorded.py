@@ -42,14 +42,14 @@ def test_tasks_end_after_two_seconds_without_records(bench):
     passes(bench, 0.8)
     assert (set(bench.base.cancelled_goals), bench.publisher.stopped) == ({goal_id}, ["/notes"])
     assert bench.core.state(bench.now_s, []).publishing == []
-    told = verdict(bench)
-    assert (told.code, told.text) == (
+    blocked = verdict(bench)
+    assert (blocked.code, blocked.text) == (
         "not_recorded",
         "The robot stands still because its actions cannot be recorded (disk full)."
         " Ended: the motion “wave”, publishing on /notes.",
     )
     bench.core.tasks.motions.ended(goal_id, "cancelled", "", bench.now_s)
-    assert bench.core.state(bench.now_s, []).motion_ended.text == told.text
+    assert bench.core.state(bench.now_s, []).motion_ended.text == blocked.text
     bench.sink.fails = None
     bench.pass_time(0.6)
     ends = [(kind, end.outcome) for kind, end in bench.sink.records if kind.endswith(".end")]

@@ -36,13 +36,13 @@ def stands(bench: Bench) -> None:
     rolls(bench, 1.0, STILL, stick=0.0)
 
 
-def told(bench: Bench, kind: str) -> list[object]:
+def records_of(bench: Bench, kind: str) -> list[object]:
     bench.recorded()
     return [what for name, what in bench.sink.records if name == kind]
 
 
 def drive_of(bench: Bench) -> DriveSummary:
-    (summary,) = told(bench, "drive.end")
+    (summary,) = records_of(bench, "drive.end")
     assert isinstance(summary, DriveSummary)
     return summary
 
@@ -108,7 +108,7 @@ def test_drive_records_map_to_odom_at_begin_and_end(bench: Bench) -> None:
     bench.map_to_odom = Pose(1.1, 2.0, 0.1)
     rolls(bench, 1.0)
     stands(bench)
-    (start,) = told(bench, "drive.start")
+    (start,) = records_of(bench, "drive.start")
     assert start == Place(Pose(0.0, 0.0, 0.0), Pose(1.0, 2.0, 0.1))
     assert drive_of(bench).end.map_to_odom == Pose(1.1, 2.0, 0.1)
 
@@ -143,7 +143,7 @@ def test_intervention_records_time_place_and_nearest_obstacle(bench: Bench) -> N
     rolls(bench, 0.05)
     bench.gate.says = None
     rolls(bench, 1.5)
-    (start,), (end,) = told(bench, "gate.begin"), told(bench, "gate.end")
+    (start,), (end,) = records_of(bench, "gate.begin"), records_of(bench, "gate.end")
     assert isinstance(start, GateStart)
     assert isinstance(end, GateSummary)
     assert start.t_s == pytest.approx(2.0, abs=0.11)

@@ -191,13 +191,13 @@ def test_command_is_filtered_once_however_often_it_is_read():
 
 
 def test_a_command_that_is_refused_leaves_no_trace():
-    told, untold = DriveInput((OneEuro(),)), DriveInput((OneEuro(),))
-    for stick in (told, untold):
+    used, unused = DriveInput((OneEuro(),)), DriveInput((OneEuro(),))
+    for stick in (used, unused):
         stick.take(drive(5, 0.2), 1.0)
-    assert told.take(drive(4, 1.0), 1.02) is not None
-    for stick in (told, untold):
+    assert used.take(drive(4, 1.0), 1.02) is not None
+    for stick in (used, unused):
         stick.take(drive(6, 0.3), 1.05)
-    assert told.current(1.06) == untold.current(1.06)
+    assert used.current(1.06) == unused.current(1.06)
 
 
 @pytest.fixture

@@ -224,13 +224,13 @@ def test_newest_press_of_a_robot_counts(run_dir: Path) -> None:
 
 def test_unwritable_stop_waits_in_this_process(run_dir: Path, caplog: pytest.LogCaptureFixture) -> None:
     (run_dir / FOLDER).touch()  # no folder: as with a full disk, nothing can be written
-    stops, told = PendingStops(run_dir), threading.Event()
+    stops, answered = PendingStops(run_dir), threading.Event()
     stop = WaitingStop("0123456789ab", uuid4(), None, "Ann")
-    assert not stops.keep(stop, lambda _answer: told.set())
+    assert not stops.keep(stop, lambda _answer: answered.set())
     assert "waits in this process alone" in caplog.text
     assert stops.of(stop.name) == [stop]
     stops.settle(stop, wire.Stopped(wire.StopState("stopping")))
-    assert stops.all() == [] and told.is_set()
+    assert stops.all() == [] and answered.is_set()
 
 
 def test_unwritable_stop_leaves_an_older_one_on_disk(run_dir: Path) -> None:

@@ -49,38 +49,43 @@ def grid(
     )
 
 
-def pixels(told):
+def pixels(taken_map):
     """Rows of the picture, the upper one first."""
-    with Image.open(BytesIO(told.picture)) as picture:
+    with Image.open(BytesIO(taken_map.picture)) as picture:
         picture.load()
         rgba = np.array(picture.convert("RGBA"))
-    assert rgba.shape[:2] == (told.height, told.width)
+    assert rgba.shape[:2] == (taken_map.height, taken_map.width)
     return [[tuple(pixel) for pixel in row] for row in rgba.tolist()]
 
 
 def test_the_first_row_of_cells_is_the_lower_edge_of_the_picture():
-    told = taken(grid())
-    upper, *_, lower = pixels(told)
+    taken_map = taken(grid())
+    upper, *_, lower = pixels(taken_map)
     assert lower == [OCCUPIED, OCCUPIED, OCCUPIED]
     assert upper == [UNKNOWN, UNKNOWN, FREE]
-    assert (told.resolution_m, told.origin, told.width, told.height) == (0.05, (-1.0, 2.0, 0.0), 3, 4)
+    assert (taken_map.resolution_m, taken_map.origin, taken_map.width, taken_map.height) == (
+        0.05,
+        (-1.0, 2.0, 0.0),
+        3,
+        4,
+    )
 
 
 def test_unknown_border_is_cropped_and_the_origin_moves():
     sheet = np.full((40, 60), -1)
     sheet[10:14, 20:23] = CORNER
-    told = taken(grid(sheet, origin=(5.0, 5.0, 0.0), rotation=NORTH))
-    assert pixels(told) == pixels(taken(grid()))
+    taken_map = taken(grid(sheet, origin=(5.0, 5.0, 0.0), rotation=NORTH))
+    assert pixels(taken_map) == pixels(taken(grid()))
     # North is along the rows: 20 columns of 5 cm go north, 10 rows go west.
-    assert told.origin == pytest.approx((5.0 - 0.5, 5.0 + 1.0, math.pi / 2.0))
+    assert taken_map.origin == pytest.approx((5.0 - 0.5, 5.0 + 1.0, math.pi / 2.0))
 
 
 def test_large_map_is_thinned_and_thin_walls_stay():
     cells = np.zeros((3, 2 * MAX_PICTURE_SIDE), np.int8)
     cells[0, 5] = 100
-    told = taken(grid(cells))
-    assert (told.width, told.height, told.resolution_m) == (MAX_PICTURE_SIDE, 2, 0.1)
-    upper, lower = pixels(told)
+    taken_map = taken(grid(cells))
+    assert (taken_map.width, taken_map.height, taken_map.resolution_m) == (MAX_PICTURE_SIDE, 2, 0.1)
+    upper, lower = pixels(taken_map)
     assert [index for index, pixel in enumerate(lower) if pixel == OCCUPIED] == [2]
     assert set(upper) == {FREE}
 
@@ -89,11 +94,11 @@ def test_large_map_is_thinned_and_thin_walls_stay():
 def test_the_longest_map_is_thinned_within_little_memory(size):
     tracemalloc.start()
     try:
-        told = taken(grid(np.zeros(size, np.int8)))
+        taken_map = taken(grid(np.zeros(size, np.int8)))
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert sorted((told.width, told.height)) == [1, MAX_PICTURE_SIDE]
+    assert sorted((taken_map.width, taken_map.height)) == [1, MAX_PICTURE_SIDE]
     assert peak < 1024 * 1024
 
 

@@ -66,6 +66,6 @@ def test_missing_items_are_counted() -> None:
     offers = wire.Offers(
         [wire.MotionOffer("wave", "Wave", description="x" * 3_000_000)], languages=["en"] * 300_000
     )
-    told = msgspec.json.decode(wire.encode_report(offers), type=wire.Offers)
-    assert told.motions[0].description.endswith("… (3000000 long)")
-    assert told.languages[-1] == "and 299001 more"
+    decoded = msgspec.json.decode(wire.encode_report(offers), type=wire.Offers)
+    assert decoded.motions[0].description.endswith("… (3000000 long)")
+    assert decoded.languages[-1] == "and 299001 more"

@@ -338,7 +338,7 @@ def test_pages_get_the_possible_choices(bench):
 
 def test_pages_see_choices_without_subscriber(bench):
     def refused(use):
-        refusal = told(bench)[-1].uses[use].refusal
+        refusal = reported_offers(bench)[-1].uses[use].refusal
         return refusal and refusal.code
 
     bench.core.tasks.routing.surveyed({**LISTENED, "/tts/goal": f"{PLAY}Goal"}, bench.now_s)
@@ -357,8 +357,8 @@ def test_pages_see_choices_without_subscriber(bench):
 NOD = wire.MotionOffer("nod", "Nod", "demo", "", 1.5)
 
 
-def told(bench):
-    return [report for report in bench.told if isinstance(report, wire.Offers)]
+def reported_offers(bench):
+    return [report for report in bench.notices if isinstance(report, wire.Offers)]
 
 
 def test_motions_are_reported_on_change_and_on_request(bench):
@@ -366,13 +366,13 @@ def test_motions_are_reported_on_change_and_on_request(bench):
     assert bench.core.tasks.capabilities.now().motions_text == "The robot’s motions have not been read yet."
     read("/play_motion", [NOD], "")
     read("/play_motion", [NOD], "")
-    assert [offers.motions for offers in told(bench)] == [[NOD]]
+    assert [offers.motions for offers in reported_offers(bench)] == [[NOD]]
     bench.core.tasks.refresh()
     assert bench.base.readings == 1
     read("/play_motion", [NOD], "")
-    assert len(told(bench)) == 2
+    assert len(reported_offers(bench)) == 2
     read("/play_motion", [], "/play_motion offers no motions.")
-    assert told(bench)[-1].motions_text == "/play_motion offers no motions."
+    assert reported_offers(bench)[-1].motions_text == "/play_motion offers no motions."
 
 
 def test_motions_are_those_of_the_chosen_action(bench):
@@ -380,16 +380,16 @@ def test_motions_are_those_of_the_chosen_action(bench):
     wave = wire.MotionOffer("wave", "Wave")
     choose(bench, "motions", "/second_play")
     bench.core.tasks.capabilities.read("/second_play", [wave], "")
-    assert told(bench)[-1].motions == [wave]
+    assert reported_offers(bench)[-1].motions == [wave]
     choose(bench, "motions", None)
     bench.core.tick(bench.now_s)
-    assert told(bench)[-1].motions == [NOD]
+    assert reported_offers(bench)[-1].motions == [NOD]
 
 
 def test_a_robot_without_motions_says_so_when_asked():
     topics = msgspec.structs.replace(CONFIG.topics, motions=None, speech=None)
     bench = Bench(config=msgspec.structs.replace(CONFIG, topics=topics))
     bench.core.tasks.refresh()
-    [offers] = told(bench)
+    [offers] = reported_offers(bench)
     assert (offers.motions_text, offers.languages) == ("This robot has no recorded motions.", [])
     assert list(offers.uses) == ["drive"]

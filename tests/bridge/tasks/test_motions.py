@@ -231,11 +231,11 @@ def test_base_stands_during_a_motion_and_needs_neutral_after(bench):
     goal_id = begun(bench)
     assert bench.stick(0.5).code == "motion_running"
     assert bench.last == STILL
-    told = "nothing drives during a motion"  # true during the motion and after it
-    assert bench.core.state(bench.now_s, []).neutral_needed.text == told
+    text = "nothing drives during a motion"  # true during the motion and after it
+    assert bench.core.state(bench.now_s, []).neutral_needed.text == text
     ends(bench, goal_id, "succeeded")
     assert bench.stick(0.5).code == "neutral_needed"
-    assert bench.core.state(bench.now_s, []).neutral_needed.text == told
+    assert bench.core.state(bench.now_s, []).neutral_needed.text == text
     bench.stick(0.0)
     bench.driving()
 
@@ -487,8 +487,8 @@ def test_unwatched_goal_of_an_earlier_bridge_is_cancelled(bench):
 def cancels(bench):
     """This bridge's recorded cancels and their outcomes."""
     bench.recorded()
-    told = [what for kind, what in bench.sink.records if kind == "motion.cancel"]
-    return [what.outcome if isinstance(what, Outcome) else (what["topic"], what["goal"]) for what in told]
+    cancels = [what for kind, what in bench.sink.records if kind == "motion.cancel"]
+    return [what.outcome if isinstance(what, Outcome) else (what["topic"], what["goal"]) for what in cancels]
 
 
 @pytest.mark.parametrize(("heard", "outcome"), [("cancelled", "cancelled"), (None, "unheard")])
@@ -584,14 +584,14 @@ def test_pages_see_the_motion_and_its_requester(bench):
 
 def test_parameters_that_make_no_motion_leave_its_points_unknown():
     point = {"positions": [0.1, 0.2], "time_from_start": 0.0}
-    told = {
+    described = {
         "wave": {"joints": ["a", "b"], "points": [point], "meta": {"name": "Wave"}},
         "odd": {"joints": ["a"], "points": [point]},
         "far": {"joints": ["a"], "points": [{"positions": [1e9]}]},
         "nan": {"joints": ["a"], "points": [{"positions": [float("nan")]}]},
         "bare": {"joints": ["a"]},
     }
-    motions = recorded(told)
+    motions = recorded(described)
     assert motions["wave"].points == ((0.1, 0.2),)
     assert [name for name, motion in motions.items() if motion is None] == ["bare", "far", "nan", "odd"]
     assert recorded(None) == {}
@@ -608,21 +608,21 @@ def test_cancel_by_a_person_without_control_names_them(bench):
 def test_motions_are_listed_with_title_and_duration():
     points = [{"positions": [0.1], "time_from_start": 0.5}, {"positions": [0.2], "time_from_start": 3.25}]
     meta = {"name": "Wave", "usage": "demo", "description": "Wave the hand"}
-    told = {
+    described = {
         "wave": {"joints": ["a"], "points": points, "meta": meta},
         "odd": {"joints": ["a"], "points": [], "meta": {"name": 5}},
         "old": {"joints": ["a"], "points": points},
     }
     wave = wire.MotionOffer("wave", "Wave", "demo", "Wave the hand", 3.2)
-    assert offered(told) == [
+    assert offered(described) == [
         wire.MotionOffer("odd", "odd"),
         wire.MotionOffer("old", "old", duration_s=3.2),
         wave,
     ]
     listed = {"wave": 0.0, "new": 2.0}
-    assert offered(told, listed) == [wire.MotionOffer("new", "new", duration_s=2.0), wave]
-    assert list(recorded(told, listed)) == ["new", "wave"]
-    assert recorded(told, listed)["new"] is None
+    assert offered(described, listed) == [wire.MotionOffer("new", "new", duration_s=2.0), wave]
+    assert list(recorded(described, listed)) == ["new", "wave"]
+    assert recorded(described, listed)["new"] is None
     assert offered(None) == []
 
 

@@ -393,10 +393,10 @@ def test_a_stick_position_for_a_velocity_asks_for_that_velocity(steering, veloci
 
 
 def test_recorded_message_is_sent_before_the_next_tick(bench):
-    told = threading.Event()
-    bench.records.open(told.set, bench.now_s)
+    opened = threading.Event()
+    bench.records.open(opened.set, bench.now_s)
     bench.order(note())
-    assert told.wait(10.0)
+    assert opened.wait(10.0)
     bench.core.recorded(bench.now_s)
     assert bench.publisher.published == [note()]
 
@@ -436,7 +436,7 @@ class Arriving(Future):
 def test_late_record_is_sent_one_tick_later():
     number, publisher, answers = Arriving(), MemoryPublisher(lambda: 0.0), []
     number.set_result(1)
-    records = SimpleNamespace(request=lambda *_told: number, outcome=lambda *_told: None)
+    records = SimpleNamespace(request=lambda *_arguments: number, outcome=lambda *_arguments: None)
     publications = Publications(publisher, records)
     publications.begin(note(), Requester(Holder("ann-id", "Ann", "session-1", 1), 1, answers.append), 0.0)
     for now_s in (0.05, 0.1):

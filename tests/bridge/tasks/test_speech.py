@@ -89,18 +89,18 @@ def begun(bench, text="Hola a todos"):
     assert answers == [None]
     goal_id, said = bench.base.said[-1]
     assert said.text == text
-    told(bench, {goal_id: "speaking"})
+    report_status(bench, {goal_id: "speaking"})
     return goal_id
 
 
-def told(bench, goals, topic="/tts"):
+def report_status(bench, goals, topic="/tts"):
     bench.core.tasks.speech.running(topic, goals, bench.now_s)
 
 
 def passes(bench, goal_id, seconds):
     """Let time pass; the robot reports the goal."""
     for _ in range(round(seconds / 0.1)):
-        told(bench, {goal_id: "speaking"})
+        report_status(bench, {goal_id: "speaking"})
         bench.pass_time(0.1)
 
 
@@ -161,7 +161,7 @@ def test_unrecorded_text_is_refused_and_not_spoken(bench):
         (lambda bench: bench.core.revoke(1, "over", bench.now_s), "hola", "no_lease"),
         (lambda bench: bench.core.stop("Bob", "", bench.now_s), "hola", "stopped"),
         (lambda bench: setattr(bench.base, "listeners", 0), "hola", "robot_offline"),
-        (lambda bench: told(bench, {"other": "speaking"}), "hola", "speaking"),
+        (lambda bench: report_status(bench, {"other": "speaking"}), "hola", "speaking"),
         (lambda bench: bench.core.tasks.routing.surveyed({}, bench.now_s), "hola", "no_listener"),
         (lambda bench: None, "", "empty_text"),
     ],
@@ -203,10 +203,10 @@ def test_pages_see_how_far_it_is(bench):
     goal_id, _ = bench.base.said[-1]
     assert answers == [None]
     assert shown(bench).status == "sent"
-    told(bench, {goal_id: "accepted"})
+    report_status(bench, {goal_id: "accepted"})
     assert shown(bench).status == "accepted"
     bench.pass_time(0.5)
-    told(bench, {goal_id: "speaking"})
+    report_status(bench, {goal_id: "speaking"})
     bench.core.tasks.speech.said(goal_id, "Hola a", bench.now_s)
     assert shown(bench) == wire.Speech(
         number=1, text="Hola a todos", language="es-ES", topic="/tts", who="Ann", status="speaking",
@@ -305,7 +305,7 @@ def test_bridge_end_lets_the_robot_speak_and_is_recorded(bench):
 def test_late_report_of_an_ended_text_is_ignored(bench):
     goal_id = begun(bench)
     ends(bench, goal_id)
-    told(bench, {goal_id: "speaking"})
+    report_status(bench, {goal_id: "speaking"})
     assert begun(bench, "y otra vez")
 
 

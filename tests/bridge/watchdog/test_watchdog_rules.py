@@ -26,7 +26,7 @@ def test_a_bridge_that_lives_and_is_not_stopped_is_left_alone(rules: StopRules) 
 def test_press_sends_zeros_and_cancels_until_bridge_latched_it(rules: StopRules) -> None:
     press = rules.press("Ann", "smoke")
     assert rules.zeros(10.0) and rules.cancel(10.0)
-    assert rules.beat(DRIVING, 10.05) == press, "the bridge must be told again"
+    assert rules.beat(DRIVING, 10.05) == press, "the watchdog must send it again"
     assert rules.beat(Heartbeat(publishing=True, latched=True, heard=press.number), 10.1) is None
     assert rules.zeros(10.1) and not rules.cancel(10.1), "now the bridge cancels"
 
@@ -72,9 +72,9 @@ def test_stop_of_a_dead_bridge_stays_for_the_next_bridge(rules: StopRules) -> No
     rules.bridge_gone(10.2)
     assert rules.zeros(500.0) and rules.cancel(500.0)
     rules.bridge_came(600.0)
-    told = rules.beat(Heartbeat(), 600.0)
-    assert told is not None and (told.by, told.reason) == ("Ann", "smoke")
-    assert rules.beat(Heartbeat(latched=True, heard=told.number), 600.1) is None
+    repeated = rules.beat(Heartbeat(), 600.0)
+    assert repeated is not None and (repeated.by, repeated.reason) == ("Ann", "smoke")
+    assert rules.beat(Heartbeat(latched=True, heard=repeated.number), 600.1) is None
 
 
 def test_stop_without_a_bridge_is_sent_to_the_next_one() -> None:

@@ -11,7 +11,7 @@ LOADED = "import sys, fleet.site.asgi; print('teleop.stop.views' in sys.modules)
 def test_the_web_process_knows_its_addresses_at_start(tmp_path):
     environment = {"FLEET_DEBUG": "1", "FLEET_VAR": str(tmp_path), "DJANGO_SETTINGS_MODULE": "fleet.settings"}
     tmp_path.chmod(0o700)
-    told = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", LOADED],
         env=environment,
         capture_output=True,
@@ -19,4 +19,4 @@ def test_the_web_process_knows_its_addresses_at_start(tmp_path):
         timeout=60,
         check=True,
     )
-    assert told.stdout.split()[-1] == "True"
+    assert process.stdout.split()[-1] == "True"

@@ -13,7 +13,7 @@ MEGABYTE = 1024 * 1024
 HEAD = b"POST /accounts/sign-in/ HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 
 
-def told(answer):
+def parsed(answer):
     """Return the status and the refusal of an answer."""
     head, body = answer.split(b"\r\n\r\n", 1)
     return int(head.split()[1]), json.loads(body)
@@ -24,7 +24,7 @@ def told(answer):
 )
 def test_a_huge_body_is_refused_before_it_is_sent(web, path):
     declared = b"POST %s HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: %d\r\n\r\n" % (path, 500 * MEGABYTE)
-    status, refusal = told(web.say(declared))
+    status, refusal = parsed(web.say(declared))
     assert (status, refusal["code"]) == (413, "body_too_large")
     assert refusal["figures"] == {"most_bytes": limits.BODY_BYTES}
 
@@ -47,20 +47,20 @@ def test_a_session_cookie_allows_an_admin_form_but_not_more(web, session_cookie)
     cookie = b"Cookie: %s=x\r\n" % session_cookie.encode()
     head = HEAD + cookie + b"Connection: close\r\nContent-Length: %d\r\n\r\n"
     assert b" 403 " in web.say(head % MEGABYTE + bytes(MEGABYTE))  # Django's answer: no token
-    assert told(web.say(head % (500 * MEGABYTE)))[0] == 413
+    assert parsed(web.say(head % (500 * MEGABYTE)))[0] == 413
 
 
 def test_a_long_address_and_large_headers_are_refused(web):
-    status, refusal = told(web.say(b"GET /" + b"a" * 20000 + b" HTTP/1.1\r\n\r\n"))
+    status, refusal = parsed(web.say(b"GET /" + b"a" * 20000 + b" HTTP/1.1\r\n\r\n"))
     assert (status, refusal["code"]) == (414, "url_too_long")
     many = b"".join(b"X-%d: y\r\n" % number for number in range(limits.HEADERS + 2))
     for headers in (many, b"X: " + b"y" * 20000 + b"\r\n", b"X: " + b"y" * 100000):
-        status, refusal = told(web.say(b"GET / HTTP/1.1\r\n" + headers))
+        status, refusal = parsed(web.say(b"GET / HTTP/1.1\r\n" + headers))
         assert (status, refusal["code"]) == (431, "headers_too_large")
 
 
 def test_no_http_is_refused_in_words(web):
-    status, refusal = told(web.say(b"\x16\x03\x01 no http at all\r\n\r\n"))
+    status, refusal = parsed(web.say(b"\x16\x03\x01 no http at all\r\n\r\n"))
     assert (status, refusal["code"]) == (400, "malformed")
 
 
@@ -75,7 +75,7 @@ def test_bytes_that_trickle_in_do_not_buy_time(web):
                 break
             except TimeoutError:
                 stranger.sendall(b"X-%d: y\r\n" % number)
-    status, refusal = told(answer)
+    status, refusal = parsed(answer)
     assert (status, refusal["code"]) == (408, "request_too_slow")
 
 

@@ -86,11 +86,11 @@ LONG = b"X-Long: " + b"x" * 20_000
 )
 def test_a_stop_is_not_refused_for_its_head(web, head, path, lines):
     """401 is the view's answer. The rest is not read as a request."""
-    told = web.say(
+    received = web.say(
         head(path, b"X-CSRFToken: x", *lines) + b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
     )
-    assert told.count(b"HTTP/1.1 ") == 1
-    assert json.loads(told.partition(b"\r\n\r\n")[2])["code"] == "signed_out"
+    assert received.count(b"HTTP/1.1 ") == 1
+    assert json.loads(received.partition(b"\r\n\r\n")[2])["code"] == "signed_out"
 
 
 def test_a_stop_with_a_line_that_does_not_end_is_a_stop(web, head):

@@ -66,22 +66,22 @@ def test_bytes_need_no_turn_of_the_loop(page, ends):
 
 
 def test_bytes_stay_in_order_when_the_kernel_takes_only_some(page, ends):
-    got, told = b"", b""
+    got, written = b"", b""
     for number in range(300):
         message = b"%03d" % number + bytes([number % 256]) * (200 * (number % 37))
         page.sendData(message)
-        told += message
+        written += message
         if number % 7 == 0:
             got += read(ends[1], 3000)
         if number % 11 == 0 and page.transport.reactor.writers:
             page.transport.doWrite()
-    assert page.transport.reactor.writers, "more was told than the kernel takes"
+    assert page.transport.reactor.writers, "more was written than the kernel takes"
     page.transport.loseConnection()
     page.sendData(b"the last word")  # closing must not reorder it
-    while len(got) < len(told):
+    while len(got) < len(written):
         page.transport.doWrite()
         got += read(ends[1])
-    assert got == told + b"the last word"[: len(got) - len(told)]
+    assert got == written + b"the last word"[: len(got) - len(written)]
 
 
 def test_a_closed_page_is_noticed_and_breaks_nothing(page, ends):

@@ -3,18 +3,18 @@ import { ControlRequests, isControlRequest } from "../../../static/js/control/co
 
 describe("control requests", () => {
   let sent;
-  let told;
+  let notices;
   let requests;
   let open;
-  const texts = () => told.map(({ text }) => text);
+  const texts = () => notices.map(({ text }) => text);
 
   beforeEach(() => {
     vi.useFakeTimers();
     sent = [];
-    told = [];
+    notices = [];
     open = true;
     const send = (message) => open && sent.push(message) > 0;
-    requests = new ControlRequests(send, (notice) => told.push(notice));
+    requests = new ControlRequests(send, (notice) => notices.push(notice));
   });
   afterEach(() => {
     requests.close();
@@ -32,20 +32,20 @@ describe("control requests", () => {
       "You wait in line. Ann knows that you ask for control.",
     ],
     ["ask_cancel", { state: "other", holder: "Ann" }, "You wait in line no more."],
-  ])("of kind %s are told of once, when they are done", (t, control, text) => {
+  ])("of kind %s cause one notice when they are done", (t, control, text) => {
     requests.send({ t });
     expect(sent).toEqual([{ t }]);
     expect(requests.heard(control)).toBe(true);
     expect(requests.heard(control)).toBe(false);
     vi.advanceTimersByTime(20_000);
-    expect(told).toEqual([{ level: "success", code: `${t} done`, text, quiet: true }]);
+    expect(notices).toEqual([{ level: "success", code: `${t} done`, text, quiet: true }]);
   });
 
   it("are not answered by an older state", () => {
     requests.send({ t: "take" });
     requests.send({ t: "ask" });
     expect(requests.heard({ state: "other", holder: "Ann" })).toBe(false);
-    expect(told).toEqual([]);
+    expect(notices).toEqual([]);
   });
 
   it("to keep control ignore other news of the same session", () => {
@@ -70,7 +70,7 @@ describe("control requests", () => {
   it("repeat the console's own words", () => {
     requests.send({ t: "hand_over", request: 3 });
     expect(requests.heard({ state: "other", holder: "Ann" })).toBe(true);
-    expect(told).toEqual([]);
+    expect(notices).toEqual([]);
   });
 
   it("end when the robot reports the result", () => {
@@ -85,7 +85,7 @@ describe("control requests", () => {
     requests.send({ t: "renew" });
     requests.refused("renew", { code: "somebody_asks", text: "Bo asks for control." });
     vi.advanceTimersByTime(20_000);
-    expect(told).toEqual([
+    expect(notices).toEqual([
       { level: "warning", code: "renew somebody_asks", text: "Keep control: Bo asks for control." },
     ]);
   });
@@ -93,7 +93,7 @@ describe("control requests", () => {
   it("report a missing answer after 0.75 s, then a late one", () => {
     requests.send({ t: "take" });
     vi.advanceTimersByTime(749);
-    expect(told).toEqual([]);
+    expect(notices).toEqual([]);
     vi.advanceTimersByTime(1);
     expect(texts()).toEqual(["Take control: no answer within 0.75 s. It may still come."]);
     expect(requests.heard({ state: "yours", remaining_s: 900 })).toBe(true);

@@ -79,14 +79,14 @@ describe("the status bar of the control page", () => {
   });
 
   it("calls an open but silent connection No news", () => {
-    const told = (now) => {
+    const shown = (now) => {
       statusBar.show({ ...LIVE, ...now });
       return [parts.connection.textContent, parts.connection.dataset.level];
     };
-    expect(told({})).toEqual(["Connected", "ok"]);
-    expect(told({ state: null })).toEqual(["Connecting", "warn"]);
-    expect(told({ sinceViewMs: 1500, cut: true })).toEqual(["No news", "fail"]);
-    expect(told({ gone: { text: "away" } })).toEqual(["No link", "fail"]);
-    expect(told({ connected: false })).toEqual(["Offline", "fail"]);
+    expect(shown({})).toEqual(["Connected", "ok"]);
+    expect(shown({ state: null })).toEqual(["Connecting", "warn"]);
+    expect(shown({ sinceViewMs: 1500, cut: true })).toEqual(["No news", "fail"]);
+    expect(shown({ gone: { text: "away" } })).toEqual(["No link", "fail"]);
+    expect(shown({ connected: false })).toEqual(["Offline", "fail"]);
   });
 });

@@ -216,13 +216,13 @@ describe("the fleet page", () => {
   it.each([
     ["stop", "/robots/tiago-1/stop/", "stop-state"],
     ["stop-all", "/stop-all/", "stop-all-state"],
-  ])("does not take an old report for an answer (%s)", async (form, address, told) => {
+  ])("does not take an old report for an answer (%s)", async (form, address, region) => {
     hears({ "tiago-1": stopped }); // the last report: another person clears the stop meanwhile
     press(form);
-    expect(part(told).textContent).toBe("Stop sent, waiting for the robot");
+    expect(part(region).textContent).toBe("Stop sent, waiting for the robot");
     await vi.advanceTimersByTimeAsync(400);
     expect(fetch.mock.calls.map(([url]) => new URL(url).pathname)).toEqual([address]);
-    expect(part(told).textContent).toBe("Stopped.");
+    expect(part(region).textContent).toBe("Stopped.");
   });
 
   it.each(["stop", "stop-all"])("sends both ways at once after a long silence (%s)", (form) => {

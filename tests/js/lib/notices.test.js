@@ -116,21 +116,21 @@ describe("notices", () => {
     ["error", "alarm", "Error: Busy."],
     ["warning", "said", "Warning: Busy."],
   ])("of level %s are announced, quick repeats once", (level, region, words) => {
-    const told = () => [...parts[region].children].map(({ textContent }) => textContent);
+    const shown = () => [...parts[region].children].map(({ textContent }) => textContent);
     for (let i = 0; i < 5; i += 1) notices.add({ level, code: "busy", text: "Busy." });
-    expect(told()).toEqual([words]);
+    expect(shown()).toEqual([words]);
     vi.advanceTimersByTime(1500);
-    expect(told()).toEqual([]);
+    expect(shown()).toEqual([]);
     notices.add({ level, code: "busy", text: "Busy." });
-    expect(told()).toEqual([words]);
+    expect(shown()).toEqual([words]);
   });
 
   it("are announced one by one when they come together", () => {
     notices.add({ level: "warning", code: "busy", text: "Busy." });
     vi.advanceTimersByTime(100);
     notices.add({ level: "success", code: "said", text: "Said." });
-    const told = [...parts.said.children].map(({ textContent }) => textContent);
-    expect(told).toEqual(["Warning: Busy.", "Done: Said."]);
+    const shown = [...parts.said.children].map(({ textContent }) => textContent);
+    expect(shown).toEqual(["Warning: Busy.", "Done: Said."]);
   });
 
   it("count repeats in one notice", () => {
@@ -159,8 +159,8 @@ describe("notices", () => {
     expect(parts["log-list"].querySelectorAll("li")).toHaveLength(100);
     expect(parts["log-list"].querySelector("li").textContent).toContain("Said 119.");
     const time = parts["log-list"].querySelector("time");
-    const told = new Intl.DateTimeFormat("en", { timeZoneName: "short" }).formatToParts(new Date());
-    expect(time.textContent).toContain(told.find(({ type }) => type === "timeZoneName").value);
+    const parts_of_time = new Intl.DateTimeFormat("en", { timeZoneName: "short" }).formatToParts(new Date());
+    expect(time.textContent).toContain(parts_of_time.find(({ type }) => type === "timeZoneName").value);
     expect(parts["log-list"].querySelector("ul ~ p:not([hidden])")).toBeNull();
   });
 

@@ -16,8 +16,8 @@ test("the console's answer is read", async () => {
 
 test("a refusal is shown in the console's own words", async () => {
   const refusal = { code: "signed_out", text: "Not done: you are signed out. Sign in again." };
-  const told = reading(async () => ({ ok: false, json: async () => refusal }));
-  await expect(told).rejects.toThrow(refusal.text);
+  const result = reading(async () => ({ ok: false, json: async () => refusal }));
+  await expect(result).rejects.toThrow(refusal.text);
 });
 
 test("a browser's own error text is never shown", async () => {

@@ -83,16 +83,16 @@ describe("ends of tasks", () => {
 
 describe("chosen topics that vanish", () => {
   it("are reported once each, but not from before the page", () => {
-    const told = [];
-    const ends = new ChoiceEnds((text) => told.push(text));
+    const texts = [];
+    const ends = new ChoiceEnds((text) => texts.push(text));
     const speech = { number: 4, text: "/say is gone." };
     ends.follow({ speech });
     ends.follow({ speech });
-    expect(told).toEqual([]);
+    expect(texts).toEqual([]);
     const drive = { number: 9, text: "/phone_vel is gone." };
     ends.follow({ speech, drive });
     ends.follow({ speech, drive });
     ends.follow({ speech, drive: { ...drive, number: 12 } });
-    expect(told).toEqual(["/phone_vel is gone.", "/phone_vel is gone."]);
+    expect(texts).toEqual(["/phone_vel is gone.", "/phone_vel is gone."]);
   });
 });

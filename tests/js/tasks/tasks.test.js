@@ -3,17 +3,17 @@ import { Orders, shortened } from "../../../static/js/tasks/tasks.js";
 
 describe("tasks", () => {
   let sent;
-  let told;
+  let notices;
   let orders;
   let open;
 
   beforeEach(() => {
     vi.useFakeTimers();
     sent = [];
-    told = [];
+    notices = [];
     open = true;
     const send = (message) => open && sent.push(message) > 0;
-    orders = new Orders(send, (notice) => told.push(notice), 100);
+    orders = new Orders(send, (notice) => notices.push(notice), 100);
     orders.fence = 7;
   });
   afterEach(() => {
@@ -34,7 +34,7 @@ describe("tasks", () => {
     orders.fence = null;
     expect((await orders.send({ t: "play", motion: "wave" })).code).toBe("no_lease");
     expect(sent).toEqual([]);
-    expect(told[0].text).toBe("Play wave: Take control first.");
+    expect(notices[0].text).toBe("Play wave: Take control first.");
   });
 
   it("to cancel without control carry no fence", () => {
@@ -48,10 +48,10 @@ describe("tasks", () => {
     orders.send({ t: "publish", topic: "/key_vel", quiet: true });
     expect(sent[0]).toEqual({ t: "publish", topic: "/key_vel", seq: 101, fence: 7 });
     orders.heard({ t: "accepted", of: "publish", seq: 101 });
-    expect(told).toEqual([]);
+    expect(notices).toEqual([]);
     const refusal = { code: "stopped", text: "The robot is stopped." };
     orders.heard({ t: "refused", of: "publish", seq: 102, refusal });
-    expect(told.length).toBe(1);
+    expect(notices.length).toBe(1);
   });
 
   it("are reported once when accepted, with the effect", async () => {
@@ -59,10 +59,10 @@ describe("tasks", () => {
     expect(orders.heard({ t: "accepted", of: "look_ahead", seq: 101 })).toBe(true);
     expect(await answer).toBeNull();
     expect(orders.heard({ t: "accepted", of: "look_ahead", seq: 101 })).toBe(false);
-    expect(told).toHaveLength(1);
-    expect(told[0]).toMatchObject({ level: "success" });
+    expect(notices).toHaveLength(1);
+    expect(notices[0]).toMatchObject({ level: "success" });
     vi.advanceTimersByTime(1000);
-    expect(told).toHaveLength(1);
+    expect(notices).toHaveLength(1);
   });
 
   it("are reported once when refused, with the reason", async () => {
@@ -70,7 +70,7 @@ describe("tasks", () => {
     const refusal = { code: "motion_runs", text: "Ann has it perform bow.", rule: "robot" };
     orders.heard({ t: "refused", of: "play", seq: 101, refusal });
     expect(await answer).toBe(refusal);
-    expect(told).toEqual([
+    expect(notices).toEqual([
       {
         level: "warning",
         code: "Play Wave motion_runs",
@@ -84,25 +84,25 @@ describe("tasks", () => {
     for (const seq of [101, 102]) orders.heard({ t: "accepted", of: "choose", seq });
     orders.fence = null;
     for (const motion of ["wave", "bow"]) orders.send({ t: "play", motion });
-    expect(new Set(told.map(({ code }) => code)).size).toBe(4);
+    expect(new Set(notices.map(({ code }) => code)).size).toBe(4);
   });
 
   it("report a missing answer after 0.75 s, then a late one", async () => {
     const answer = orders.send({ t: "look_ahead" });
     vi.advanceTimersByTime(749);
-    expect(told).toEqual([]);
+    expect(notices).toEqual([]);
     vi.advanceTimersByTime(1);
     expect((await answer).code).toBe("no_answer");
-    expect(told[0].text).toContain("0.75 s");
+    expect(notices[0].text).toContain("0.75 s");
     orders.heard({ t: "accepted", of: "look_ahead", seq: 101 });
-    expect(told[1].level).toBe("success");
+    expect(notices[1].level).toBe("success");
   });
 
   it("report a missing answer once, also after a lost connection", () => {
     orders.send({ t: "look_ahead" });
     vi.advanceTimersByTime(4000);
     orders.lost();
-    expect(told).toHaveLength(1);
+    expect(notices).toHaveLength(1);
   });
 
   it("are refused without a connection, and when it is lost", async () => {
@@ -111,7 +111,7 @@ describe("tasks", () => {
     expect((await answer).code).toBe("no_answer");
     open = false;
     expect((await orders.send({ t: "play", motion: "wave" })).code).toBe("not_connected");
-    expect(told).toHaveLength(2);
+    expect(notices).toHaveLength(2);
   });
 
   it("leave the answers of others alone", () => {

@@ -69,13 +69,13 @@ describe("the publishing form", () => {
     ["often", null],
   ])("takes the rate %s for %s", async (written, rateHz) => {
     const { parts, panel } = panelAt(vi.fn().mockResolvedValue(DEFINITION));
-    const told = [];
-    panel.addEventListener("publish", ({ detail }) => told.push(detail.rate_hz));
+    const rates = [];
+    panel.addEventListener("publish", ({ detail }) => rates.push(detail.rate_hz));
     panel.publishable = [NOTES];
     await vi.waitFor(() => expect(parts["publish-fields"].children).toHaveLength(1));
     parts["publish-rate"].value = written;
     parts["publish-form"].dispatchEvent(new Event("submit"));
-    expect(told).toEqual(rateHz === null ? [] : [rateHz]);
+    expect(rates).toEqual(rateHz === null ? [] : [rateHz]);
     expect(parts["publish-rate"].getAttribute("aria-invalid")).toBe(String(rateHz === null));
   });
 });

@@ -11,7 +11,7 @@ const template = readFileSync("templates/teleop/tabs/topics.html", "utf8");
 
 describe("the Topics tab of a robot that is slow to answer", () => {
   let tab;
-  let told;
+  let notices;
   const emptyOf = (name) => document.querySelector(`[data-part=${name}] > p:last-child`);
   const answers = (socket) => {
     for (const { t, seq } of socket.sent) {
@@ -27,8 +27,8 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     vi.stubGlobal("WebSocket", FakeSocket);
     FakeSocket.begin();
     document.body.innerHTML = template.replace(/\{%.*?%\}/g, "") + DIALOG;
-    told = [];
-    const tell = (notice) => told.push(notice.text);
+    notices = [];
+    const tell = (notice) => notices.push(notice.text);
     tab = new TopicsTab(parts(document), "ws://here/", { send: vi.fn(), tell }, () => 0);
     tab.offers = { uses: { drive: { topic: "/key_vel", type: TWIST, chooseable: {} } } };
     tab.mayAct = true;
@@ -50,7 +50,7 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     tab.mayAct = false;
     expect(control.hidden).toBe(false);
     change.click();
-    expect(told).toEqual(["Take control first."]);
+    expect(notices).toEqual(["Take control first."]);
     expect(document.querySelector("dialog").open).toBe(false);
   });
 
@@ -62,7 +62,7 @@ describe("the Topics tab of a robot that is slow to answer", () => {
         false,
       ]);
     vi.advanceTimersByTime(2000);
-    expect(told).toEqual(["Topics: no answer within 0.75 s yet. It may take some seconds."]);
+    expect(notices).toEqual(["Topics: no answer within 0.75 s yet. It may take some seconds."]);
     answers(made[0]);
     await vi.waitFor(() => expect(emptyOf("service-list").textContent).toBe("The robot has none."));
     expect(emptyOf("choose-list").hidden).toBe(true);
@@ -77,10 +77,10 @@ describe("the Topics tab of a robot that is slow to answer", () => {
     await vi.waitFor(() => expect(fault.textContent).toBe("Ask again."));
     expect(emptyOf("service-list").textContent).toBe("Asking the robot…"); // without a new request
     tab.hide();
-    told.length = 0;
+    notices.length = 0;
     tab.show();
     made[1].opens();
     vi.advanceTimersByTime(750);
-    expect(told).toHaveLength(1);
+    expect(notices).toHaveLength(1);
   });
 });

@@ -34,8 +34,8 @@ def allow(owner: Robot | RobotProfile, staff: User, **fields: Any) -> Allowance:
 def complaint(owner: Robot | RobotProfile, staff: User, **fields: Any) -> dict[str, list[str]]:
     with pytest.raises(ValidationError) as caught:
         allow(owner, staff, **fields)
-    told: dict[str, list[str]] = caught.value.message_dict
-    return told
+    messages: dict[str, list[str]] = caught.value.message_dict
+    return messages
 
 
 # --- forbidden entries ---------------------------------------------------------------------------
@@ -183,16 +183,16 @@ def test_it_is_empty_by_default(robot: Robot) -> None:
 def test_a_wrong_entry_is_refused_at_its_field(
     robot: Robot, staff: User, fields: dict[str, Any], field: str, said: str
 ) -> None:
-    told = complaint(robot, staff, **fields)
-    assert list(told) == [field]
-    assert said in told[field][0]
+    messages = complaint(robot, staff, **fields)
+    assert list(messages) == [field]
+    assert said in messages[field][0]
     assert not robot.allowances.exists()
 
 
 def test_a_missing_capability_cannot_be_chosen(staff: User) -> None:
     base = RobotProfile.objects.get(slug="pmb2")
-    told = complaint(base, staff, what="choose", use="speech", name="/tts", type="")
-    assert "this robot takes no input for speech" in told["name"][0]
+    messages = complaint(base, staff, what="choose", use="speech", name="/tts", type="")
+    assert "this robot takes no input for speech" in messages["name"][0]
 
 
 def test_the_type_of_a_choice_is_the_robots(robot: Robot, staff: User) -> None:

@@ -22,8 +22,8 @@ def test_a_second_robot_at_one_address_is_refused_in_words(robot: Robot, other_r
     other_robot.bridge_address = ADDRESS
     with pytest.raises(ValidationError) as refused:
         services.robot_save(robot=other_robot, actor=None)
-    (told,) = refused.value.message_dict["bridge_address"]
-    assert "Another robot" in told
+    (message,) = refused.value.message_dict["bridge_address"]
+    assert "Another robot" in message
     with pytest.raises(IntegrityError), transaction.atomic():
         Robot.objects.filter(pk=other_robot.pk).update(bridge_address=ADDRESS)
 

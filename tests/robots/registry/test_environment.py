@@ -50,8 +50,8 @@ def test_the_advertised_address_goes_where_ros_looks_for_it(
     for inherited in ("ROS_IP", "ROS_HOSTNAME"):
         monkeypatch.setenv(inherited, "192.0.2.9")
     environment = ros_environment(msgspec.structs.replace(config, advertised_address=address), tmp_path)
-    told = {name: environment[name] for name in ("ROS_IP", "ROS_HOSTNAME") if name in environment}
-    assert told == {variable: address}
+    addresses = {name: environment[name] for name in ("ROS_IP", "ROS_HOSTNAME") if name in environment}
+    assert addresses == {variable: address}
 
 
 def test_a_missing_libnss_wrapper_is_named_with_its_package(config: BridgeConfig, tmp_path: Path) -> None:

@@ -35,9 +35,9 @@ def replayed(*arguments):
 
 
 def test_a_recording_replays_the_same_verdicts_and_changes(tmp_path):
-    told = replayed(str(recorded(tmp_path / "wall.gate")))
-    assert "40 decisions, 0 other than recorded" in told
-    assert "mover" in told and "laser" in told
+    printed = replayed(str(recorded(tmp_path / "wall.gate")))
+    assert "40 decisions, 0 other than recorded" in printed
+    assert "mover" in printed and "laser" in printed
 
 
 def test_a_gate_that_answers_otherwise_fails_and_shows_both(tmp_path, monkeypatch, capsys):

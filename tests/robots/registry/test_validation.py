@@ -223,5 +223,5 @@ def test_a_differential_base_does_not_move_sideways(tiago: RobotProfile) -> None
 
 @pytest.mark.parametrize(("field", "kind"), [("topics", Topics), ("gate", Parameters)])
 def test_the_help_names_every_part_that_may_be_written(field: str, kind: type[Struct]) -> None:
-    told = re.findall(r"\w+", str(RobotProfile._meta.get_field(field).help_text))
-    assert set(kind.__struct_fields__) - set(told) <= {"drive"}  # which has a separate field
+    named = re.findall(r"\w+", str(RobotProfile._meta.get_field(field).help_text))
+    assert set(kind.__struct_fields__) - set(named) <= {"drive"}  # which has a separate field

@@ -16,11 +16,11 @@ from tests.processes import REPOSITORY
 SOON_S = 5.0
 BEGIN = """import sys, time
 from robots.processes.shutdown import end_event
-told = end_event({}); print(flush=True)
+end = end_event({}); print(flush=True)
 """
 NO_LIFE_LINE, LIFE_LINE, IMPATIENT = "None, 60", "0, 60", "None, 0.2"
-ALWAYS_ABOUT_TO_WAIT = "while not told.wait(0.0): pass"
-WAITS = "told.wait()"
+ALWAYS_ABOUT_TO_WAIT = "while not end.wait(0.0): pass"
+WAITS = "end.wait()"
 HANGS = "while True: time.sleep(1)"
 Process = subprocess.Popen[bytes]
 
@@ -62,7 +62,7 @@ def test_signals_end_it(number: signal.Signals, begin) -> None:
 
 
 def test_the_end_of_its_life_line_ends_it_and_words_on_it_do_not(begin) -> None:
-    process = begin(LIFE_LINE, "print(told.wait(0.3), flush=True); told.wait()")
+    process = begin(LIFE_LINE, "print(end.wait(0.3), flush=True); end.wait()")
     process.stdin.write(b"still here\n")
     process.stdin.flush()
     assert process.stdout.readline() == b"False\n"

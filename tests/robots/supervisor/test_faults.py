@@ -29,7 +29,7 @@ WELL = Condition()
 pytestmark = pytest.mark.django_db
 
 
-def told(robot: Robot) -> list[tuple[str, str]]:
+def recorded(robot: Robot) -> list[tuple[str, str]]:
     """Return parts and outcomes of the recorded faults, oldest first."""
     records = Record.objects.filter(robot_id=robot.id, kind="fault").order_by("id")
     return [(record.parameters["part"], record.outcome) for record in records]
@@ -38,7 +38,7 @@ def told(robot: Robot) -> list[tuple[str, str]]:
 def test_a_fault_and_its_end_are_reported_once(robot: Robot) -> None:
     for condition in (WELL, OFFLINE, OFFLINE, Condition("bridge_down"), WELL, WELL):
         part_is(robot.id, ROBOT, condition)
-    assert told(robot) == [(ROBOT, "robot_offline"), (ROBOT, "over")]
+    assert recorded(robot) == [(ROBOT, "robot_offline"), (ROBOT, "over")]
     fault, over = Record.objects.filter(kind="fault").order_by("id")
     assert fault.details["words"] == OFFLINE.words
     assert over.of_id == fault.pk and over.parameters["duration_s"] >= 0.0
@@ -49,8 +49,8 @@ def test_each_part_and_each_robot_has_its_own_faults(robot: Robot, other_robot: 
     part_is(robot.id, BRIDGE, Condition("bridge_ended"))
     part_is(other_robot.id, ROBOT, OFFLINE)
     part_is(robot.id, ROBOT, WELL)
-    assert told(robot) == [(ROBOT, "robot_offline"), (BRIDGE, "bridge_ended"), (ROBOT, "over")]
-    assert told(other_robot) == [(ROBOT, "robot_offline")]
+    assert recorded(robot) == [(ROBOT, "robot_offline"), (BRIDGE, "bridge_ended"), (ROBOT, "over")]
+    assert recorded(other_robot) == [(ROBOT, "robot_offline")]
 
 
 def test_a_bridge_that_falls_again_and_again_is_one_fault(robot: Robot) -> None:
@@ -59,7 +59,7 @@ def test_a_bridge_that_falls_again_and_again_is_one_fault(robot: Robot) -> None:
         bridge_is(robot.id, State.BACKING_OFF, "ended by itself with code 7; next start in 0.5 s")
     bridge_is(robot.id, State.STARTING, "")
     bridge_is(robot.id, State.RUNNING, "")
-    assert told(robot) == [(BRIDGE, "bridge_ended"), (BRIDGE, "over")]
+    assert recorded(robot) == [(BRIDGE, "bridge_ended"), (BRIDGE, "over")]
 
 
 def test_a_robot_that_is_gone_from_the_registry_has_no_faults(robot: Robot) -> None:
@@ -96,8 +96,8 @@ def test_only_an_absent_robot_is_at_fault_a_hung_one_is_not(
     monkeypatch.setattr(faults, "condition_of", lambda *_: answers.pop(0))
     watch = RobotWatch()
     for look in range(len(answers)):
-        assert told(robot) == ([] if look < 5 else [(ROBOT, "robot_offline")])
+        assert recorded(robot) == ([] if look < 5 else [(ROBOT, "robot_offline")])
         watch.step(look * faults.LOOK_S)
         until(lambda: watch._asked[robot.id].done(), "an answer")
         watch.step(look * faults.LOOK_S)
-    assert told(robot) == [(ROBOT, "robot_offline"), (ROBOT, "over")]
+    assert recorded(robot) == [(ROBOT, "robot_offline"), (ROBOT, "over")]

@@ -22,7 +22,7 @@ LEVEL = "lab_msgs/Level"
 BREAK = f"{'=' * 80}\nMSG: "
 
 
-def told(type_name: str, text: str) -> dict[str, str]:
+def header_of(type_name: str, text: str) -> dict[str, str]:
     """A publisher's connection header with this definition."""
     return {"type": type_name, "md5sum": parsed(type_name, text).md5, "message_definition": text}
 
@@ -61,7 +61,7 @@ def test_a_large_one_is(text: str) -> None:
 
 
 def test_a_type_in_another_version_uses_its_publishers_words(tmp_path: Path) -> None:
-    newer = told("std_msgs/String", "string data\nstring language\n")
+    newer = header_of("std_msgs/String", "string data\nstring language\n")
     definition = Definitions(tmp_path).of_connection(newer)
     assert [field.name for field in definition.fields] == ["data", "language"]
     assert not definition.known
@@ -79,14 +79,14 @@ def test_every_message_within_a_definition_has_its_sum() -> None:
 
 
 def test_and_not_at_all_if_it_says_none(tmp_path: Path) -> None:
-    mute = told("std_msgs/String", "string data\nstring language\n") | {"message_definition": ""}
+    mute = header_of("std_msgs/String", "string data\nstring language\n") | {"message_definition": ""}
     with pytest.raises(Declined) as caught:
         Definitions(tmp_path).of_connection(mute)
     assert caught.value.refusal.code == "type_unknown"
 
 
 def test_a_definition_changed_on_disk_is_refused(tmp_path: Path) -> None:
-    header = told(LEVEL, "float64 level\n")
+    header = header_of(LEVEL, "float64 level\n")
     Definitions(tmp_path).of_connection(header)
     assert Definitions(tmp_path).of_type(LEVEL).md5 == header["md5sum"]
     (file,) = tmp_path.iterdir()

@@ -48,8 +48,8 @@ def test_a_large_but_allowed_definition_is_shown_in_a_line():
     constants = "".join(f"uint8 C{number}=1\n" for number in range(100))
     fields = "".join(f"uint8[10000] f{number}\n" for number in range(400))
     definition = parsed("e/T", constants + fields)
-    told = wire.encode(wire.Described("e/T", definition.md5, definition.fields, definition.text))
-    assert len(told) < 1024 * 1024
+    answer = wire.encode(wire.Described("e/T", definition.md5, definition.fields, definition.text))
+    assert len(answer) < 1024 * 1024
 
 
 def test_a_publishers_text_is_shortened_in_our_sentences():

@@ -639,10 +639,10 @@ def test_fields_that_do_not_fit_are_refused_with_their_path(inspector):
 
 def test_a_type_known_only_to_a_publisher_is_published(inspector, ros):
     weather = generated(UNKNOWN, UNKNOWN_TEXT)
-    told = order("/weather", UNKNOWN, {"sky": "RAIN", "stations": [{"name": "a"}, {"place": {"z": 3}}]})
+    report = order("/weather", UNKNOWN, {"sky": "RAIN", "stations": [{"name": "a"}, {"place": {"z": 3}}]})
     with ros.listen("/weather", weather) as heard, talking("/weather", weather(), 1.0):
-        assert inspector.done(lambda number: Check(number, told)) is None
-        inspector.send(told)
+        assert inspector.done(lambda number: Check(number, report)) is None
+        inspector.send(report)
         message = heard.until(lambda m: m.sky == 1)
     assert [station.place.z for station in message.stations] == [0.0, 3.0]
 

@@ -59,8 +59,8 @@ def note(text: str, rate_hz: float = 0.0) -> wire.Publish:
     return order(NOTES, "std_msgs/String", {"data": text}, rate_hz)
 
 
-def checked(inspector: InspectorProcess, told: wire.Publish) -> None:
-    assert inspector.done(lambda number: Check(number, told)) is None
+def checked(inspector: InspectorProcess, request: wire.Publish) -> None:
+    assert inspector.done(lambda number: Check(number, request)) is None
 
 
 def heard(inspector: InspectorProcess, notes: Inbox) -> str:

@@ -76,13 +76,13 @@ def topic(*listeners):
 
 def test_an_immediate_acknowledgement_took_no_time(listen):
     robot, echoes = listen(), Acknowledgements("127.0.0.1")
-    told = []
+    delays_s = []
     for period in range(5):
-        told.append(echoes.took_s(0.05 * period))
+        delays_s.append(echoes.took_s(0.05 * period))
         robot.connection.write(52)
         echoes.wrote(topic(robot), 0.05 * period)
         robot.acknowledges()
-    assert told == [None, 0.0, 0.0, 0.0, 0.0]
+    assert delays_s == [None, 0.0, 0.0, 0.0, 0.0]
 
 
 def test_a_machine_that_takes_nothing_more_is_waited_for(listen):

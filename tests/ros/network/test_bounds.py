@@ -88,10 +88,10 @@ def test_our_goals_are_kept_when_there_are_too_many():
 
 def test_endless_frames_drop_old_unneeded_ones():
     frames = Frames("base")
-    told = (_transform("base", "torso"), _transform("torso", "camera"))
+    tree = (_transform("base", "torso"), _transform("torso", "camera"))
     with pytest.raises(PoseUnknown):
         frames.place("camera", 1.0, patience_s=0.0)  # so this frame is wanted
-    for transform in told * 2:  # twice: the first round makes the parent known
+    for transform in tree * 2:  # twice: the first round makes the parent known
         frames.hear(transform, fixed=False)
         with pytest.raises(PoseUnknown):
             frames.place("camera", 99.0, patience_s=0.0)

@@ -50,11 +50,13 @@ def answering(answer: bytes) -> Iterator[str]:
         yield f"http://127.0.0.1:{server.server_port}"
 
 
-def told(value: str) -> bytes:
+def answer_with(value: str) -> bytes:
     return f"<methodResponse><params><param><value>{value}</value></param></params></methodResponse>".encode()
 
 
-@pytest.mark.parametrize("answer", [b"<", b"", b"hello", told("<int>5</int>"), told("<string>x</string>")])
+@pytest.mark.parametrize(
+    "answer", [b"<", b"", b"hello", answer_with("<int>5</int>"), answer_with("<string>x</string>")]
+)
 def test_a_server_that_is_no_master_is_a_masters_error(answer):
     with answering(answer) as uri, pytest.raises(MasterError, match="No ROS master"):
         Master(uri, "/test").alive()

@@ -107,8 +107,10 @@ def test_rubbish_from_the_master_halts_until_it_recovers(bridges, rosmaster):
             ("lookupNode", answer_of(f"http://{'a' * 64}.b/")),
         ):
             master.spoiled[method] = answer
-            told = hand.state_until(lambda state: state.phase == "waiting" or "alias" in state.text, method)
-            assert told.text
+            waiting = hand.state_until(
+                lambda state: state.phase == "waiting" or "alias" in state.text, method
+            )
+            assert waiting.text
             master.spoiled.clear()
             hand.state_until(drivable, f"the robot, after {method}")
         hand.close()
@@ -170,8 +172,8 @@ def test_a_failed_task_is_not_repeated_in_the_process(rosmaster, soon):
 
 def test_a_master_restarted_during_joining_gets_everything(make_master, soon, monkeypatch):
     master = make_master()
-    told_again = []
-    monkeypatch.setattr(master_monitor, "register_again", told_again.append)
+    again = []
+    monkeypatch.setattr(master_monitor, "register_again", again.append)
 
     def restart() -> None:
         master.kill()
@@ -180,7 +182,7 @@ def test_a_master_restarted_during_joining_gets_everything(make_master, soon, mo
     node = RecordingNode(restart)
     with watching(master.uri, node):
         node.until("begun again")
-    assert len(told_again) == 1
+    assert len(again) == 1
 
 
 def test_the_master_monitor_survives_its_failures(rosmaster, soon, monkeypatch):

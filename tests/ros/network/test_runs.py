@@ -25,8 +25,8 @@ def test_a_rival_publisher_stops_the_robot_until_neutral(ros, rosmaster, simulat
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
         hand.drive_until(0.2, lambda state: state.odometry.vx > 0.05, "motion")
-        with ros.listen(ODOMETRY, Odometry) as told, ros.speak(ODOMETRY, Odometry, listeners=2) as base:
-            message = told.next()
+        with ros.listen(ODOMETRY, Odometry) as listener, ros.speak(ODOMETRY, Odometry, listeners=2) as base:
+            message = listener.next()
             message.header.stamp += rospy.Duration.from_sec(0.001)
             base.publish(message)
             state = hand.drive_until(0.2, lambda state: state.neutral_needed, "a stop")

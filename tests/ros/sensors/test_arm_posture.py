@@ -42,13 +42,13 @@ class Listener:
 
     def __init__(self, monkeypatch):
         self.now_s = 100.0
-        self.told = []
+        self.postures = []
         monkeypatch.setattr(arm_posture.time, "monotonic", lambda: self.now_s)
         self.use(ARM)
 
     def use(self, source):
         self.posture = ArmPosture(source)
-        self.topics = PostureTopics(self.posture, lambda arm, _: self.told.append(arm))
+        self.topics = PostureTopics(self.posture, lambda arm, _: self.postures.append(arm))
 
     def joints(self, **positions):
         raw = io.BytesIO()
@@ -66,7 +66,7 @@ class Listener:
     def after(self, seconds=0.2, **positions):
         self.now_s += seconds
         self.joints(**positions)
-        return self.told[-1]
+        return self.postures[-1]
 
 
 @pytest.fixture
@@ -78,13 +78,13 @@ def test_joint_states_of_two_nodes_are_combined(arm):
     for _ in range(10):
         arm.after(0.1, gripper=0.04)
         arm.after(0.001, shoulder=0.0, elbow=2.5)
-    assert arm.told[-1] == AT_HOME
+    assert arm.postures[-1] == AT_HOME
 
 
 def test_a_posture_is_sent_ten_times_a_second(arm):
     for _ in range(100):
         arm.after(0.01, shoulder=0.0, elbow=2.5)
-    assert 9 <= len(arm.told) <= 11
+    assert 9 <= len(arm.postures) <= 11
 
 
 @pytest.mark.parametrize("described", [True, False])
@@ -131,9 +131,9 @@ def test_an_unreported_gripper_joint_does_not_move_the_arm(arm):
     arm.posture.describe(DESCRIPTION.replace("</robot>", finger))
     known = arm.after(shoulder=0.0, elbow=0.0)
     assert max(x for x, _, _ in known.discs) == pytest.approx(0.8)
-    told = arm.after(shoulder=0.0, elbow=0.0, grip=0.05)
-    assert max(x for x, _, _ in told.discs) == pytest.approx(0.9)
-    assert len(told.ends) == 1 and told.ends[0][:2] == pytest.approx((0.9, 0.05))
+    posture = arm.after(shoulder=0.0, elbow=0.0, grip=0.05)
+    assert max(x for x, _, _ in posture.discs) == pytest.approx(0.9)
+    assert len(posture.ends) == 1 and posture.ends[0][:2] == pytest.approx((0.9, 0.05))
 
 
 @pytest.mark.parametrize("lacks_hand", [True, False])
@@ -146,13 +146,13 @@ def test_the_hand_belongs_to_the_arm_without_description(arm, lacks_hand):
         joints = HOME | {
             joint: random.uniform(JOINTS[joint].low, JOINTS[joint].high) for joint in tiago_arm.JOINTS
         }
-        told = arm.after(**joints)
+        posture = arm.after(**joints)
         x, y, _ = Tree(tiago_arm.DESCRIPTION).places([HAND], joints)[0]
-        assert told.discs is not None
-        discs = np.array([*told.discs, *told.ends])
+        assert posture.discs is not None
+        discs = np.array([*posture.discs, *posture.ends])
         assert (np.hypot(discs[:, 0] - x, discs[:, 1] - y) < discs[:, 2]).any()
         if lacks_hand:
-            assert any(radius > HAND_M for _, _, radius in told.discs), "the hull has it too"
+            assert any(radius > HAND_M for _, _, radius in posture.discs), "the hull has it too"
 
 
 def test_an_arm_of_a_thousand_links_is_sampled(arm):

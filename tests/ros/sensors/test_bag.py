@@ -47,11 +47,11 @@ def filled(path, *, odometry=True):
 
 
 def test_commands_of_a_bag_are_judged_by_its_sensor_data(tmp_path):
-    told = list(bag.drive(filled(tmp_path / "drive.bag"), Gate(PROFILE), TOPICS))
-    assert len(told) == 20
-    assert [told[0][0], told[-1][0]] == pytest.approx([1000.0, 1001.9])
-    assert told[-1][1].code == "obstacle"
-    assert told[-1][1].velocity.vx < 0.1 < told[5][1].velocity.vx
+    decisions = list(bag.drive(filled(tmp_path / "drive.bag"), Gate(PROFILE), TOPICS))
+    assert len(decisions) == 20
+    assert [decisions[0][0], decisions[-1][0]] == pytest.approx([1000.0, 1001.9])
+    assert decisions[-1][1].code == "obstacle"
+    assert decisions[-1][1].velocity.vx < 0.1 < decisions[5][1].velocity.vx
 
 
 @pytest.mark.parametrize(("position", "held"), [(0.02, False), (0.5, True)])

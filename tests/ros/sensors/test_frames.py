@@ -15,7 +15,7 @@ from tf2_msgs.msg import TFMessage
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown, transforms
 
 
-def told(parent, child, stamp_s, xyz=(0.0, 0.0, 0.0), yaw=0.0):
+def stamped(parent, child, stamp_s, xyz=(0.0, 0.0, 0.0), yaw=0.0):
     transform = TransformStamped()
     transform.header.stamp = rospy.Time.from_sec(stamp_s)
     transform.header.frame_id, transform.child_frame_id = parent, child
@@ -24,9 +24,9 @@ def told(parent, child, stamp_s, xyz=(0.0, 0.0, 0.0), yaw=0.0):
     return transform
 
 
-def raw(*told_transforms):
+def raw(*several):
     written = io.BytesIO()
-    TFMessage(list(told_transforms)).serialize(written)
+    TFMessage(list(several)).serialize(written)
     return written.getvalue()
 
 
@@ -34,13 +34,15 @@ def raw(*told_transforms):
 def frames():
     """A camera 0.1 m ahead on a head that turns slowly, 1 m above the base, and unneeded frames."""
     frames = Frames("base")
-    frames.hear(raw(told("/head", "camera", 0.0, (0.1, 0.0, 0.0)), told("map", "door", 0.0)), fixed=True)
+    frames.hear(
+        raw(stamped("/head", "camera", 0.0, (0.1, 0.0, 0.0)), stamped("map", "door", 0.0)), fixed=True
+    )
     for step in range(11):
         stamp_s = 10.0 + 0.02 * step
         frames.hear(
             raw(
-                told("odom", "base", stamp_s, (5.0 + step, 0.0, 0.0)),
-                told("base", "head", stamp_s, (0.0, 0.0, 1.0), yaw=0.2 * (stamp_s - 10.0)),
+                stamped("odom", "base", stamp_s, (5.0 + step, 0.0, 0.0)),
+                stamped("base", "head", stamp_s, (0.0, 0.0, 1.0), yaw=0.2 * (stamp_s - 10.0)),
             ),
             fixed=False,
         )
@@ -57,7 +59,7 @@ def test_the_way_is_put_together_at_the_stamp(frames):
 
 
 def test_a_picture_waits_for_the_frames_of_its_stamp(frames):
-    late = raw(told("base", "head", 10.24, (0.0, 0.0, 1.0), yaw=0.05))
+    late = raw(stamped("base", "head", 10.24, (0.0, 0.0, 1.0), yaw=0.05))
     timer = threading.Timer(0.05, frames.hear, (late, False))
     timer.start()
     assert frames.place("camera", 10.23, patience_s=5.0)[2, 3] == 1.0
@@ -79,26 +81,26 @@ def test_a_missing_transform_is_reported(frames, frame, stamp_s, says):
 
 
 def test_while_the_head_turns_its_place_counts_for_nothing(frames):
-    frames.hear(raw(told("base", "head", 10.22, yaw=0.24)), fixed=False)
+    frames.hear(raw(stamped("base", "head", 10.22, yaw=0.24)), fixed=False)
     with pytest.raises(PoseUnknown, match="the head is turning"):
         frames.place("camera", 10.21, patience_s=0.0)
 
 
 def test_a_hole_is_not_bridged(frames):
-    frames.hear(raw(told("base", "head", 11.2)), fixed=False)
+    frames.hear(raw(stamped("base", "head", 11.2)), fixed=False)
     with pytest.raises(PoseUnknown, match=r"for 1\.0 s"):
         frames.place("camera", 10.9, patience_s=0.0)
 
 
 def test_a_clock_that_was_set_back_starts_again(frames):
     for stamp_s in (3.0, 3.1):
-        frames.hear(raw(told("base", "head", stamp_s, (0.0, 0.0, 2.0))), fixed=False)
+        frames.hear(raw(stamped("base", "head", stamp_s, (0.0, 0.0, 2.0))), fixed=False)
     assert frames.place("camera", 3.05, patience_s=0.0)[2, 3] == 2.0
 
 
 def test_frames_in_a_circle_are_no_way():
     frames = Frames("base")
-    frames.hear(raw(told("a", "b", 0.0), told("b", "a", 0.0)), fixed=True)
+    frames.hear(raw(stamped("a", "b", 0.0), stamped("b", "a", 0.0)), fixed=True)
     with pytest.raises(PoseUnknown):
         frames.place("a", 1.0, patience_s=0.0)
 
@@ -106,7 +108,7 @@ def test_frames_in_a_circle_are_no_way():
 @pytest.mark.parametrize("numbers", [(math.nan, 0.0, 0.0), (math.inf, 0.0, 0.0)])
 def test_numbers_that_are_none_place_nothing(numbers):
     frames = Frames("base")
-    frames.hear(raw(told("base", "camera", 0.0, numbers)), fixed=True)
+    frames.hear(raw(stamped("base", "camera", 0.0, numbers)), fixed=True)
     with pytest.raises(PoseUnknown, match="make no sense"):
         frames.place("camera", 1.0, patience_s=0.0)
 
@@ -114,19 +116,19 @@ def test_numbers_that_are_none_place_nothing(numbers):
 def test_a_floor_frames_newest_pose_counts(frames):
     assert frames.flat("odom", "map") is None
     for x in (1.0, 2.0):
-        frames.hear(raw(told("map", "odom", 10.0 + x, (x, -3.0, 0.5), yaw=2.5)), fixed=False)
+        frames.hear(raw(stamped("map", "odom", 10.0 + x, (x, -3.0, 0.5), yaw=2.5)), fixed=False)
     assert frames.flat("odom", "map") == pytest.approx((2.0, -3.0, 2.5))
     assert frames.flat("odom", "world") is None
 
 
 def test_a_frame_without_finite_numbers_has_no_place():
     frames = Frames("base")
-    frames.hear(raw(told("map", "odom", 1.0, (math.nan, 0.0, 0.0))), fixed=False)
+    frames.hear(raw(stamped("map", "odom", 1.0, (math.nan, 0.0, 0.0))), fixed=False)
     assert frames.flat("odom", "map") is None
 
 
 def test_messages_that_are_cut_or_nonsense_break_nothing():
-    whole = raw(told("base", "head", 1.0), told("head", "camera", 1.0))
+    whole = raw(stamped("base", "head", 1.0), stamped("head", "camera", 1.0))
     for length in range(len(whole)):
         assert len(list(transforms(whole[:length]))) < 2
     random = np.random.default_rng(0)

@@ -37,13 +37,13 @@ def simulated(ros, simulator):
     return simulator(world="office", pose="2.0,1.8,0", seed=3)
 
 
-def opacity(told: TakenMap | RobotMap, x: float, y: float) -> int:
+def opacity(shown: TakenMap | RobotMap, x: float, y: float) -> int:
     """The picture's opacity at a place of the simulated world: 34 free, 255 occupied."""
-    origin = told.origin if isinstance(told, TakenMap) else (told.origin_x_m, told.origin_y_m)
-    with Image.open(BytesIO(told.picture)) as picture:
+    origin = shown.origin if isinstance(shown, TakenMap) else (shown.origin_x_m, shown.origin_y_m)
+    with Image.open(BytesIO(shown.picture)) as picture:
         pixels = np.array(picture.convert("RGBA"))
-    row, column = (y - origin[1]) / told.resolution_m, (x - origin[0]) / told.resolution_m
-    return int(pixels[told.height - 1 - math.floor(row), math.floor(column), 3])
+    row, column = (y - origin[1]) / shown.resolution_m, (x - origin[0]) / shown.resolution_m
+    return int(pixels[shown.height - 1 - math.floor(row), math.floor(column), 3])
 
 
 @pytest.mark.django_db(transaction=True)
@@ -53,11 +53,11 @@ def test_the_simulated_map_is_stored_with_its_walls(rosmaster, robot):
     sink = AuditSink(robot.pk, robot.name)
     sink.keep_map(taken)
     sink.keep_map(taken)  # as five minutes later
-    [told] = RobotMap.objects.filter(robot=robot)
-    assert told.last_seen_at > told.first_seen_at
+    [shown] = RobotMap.objects.filter(robot=robot)
+    assert shown.last_seen_at > shown.first_seen_at
     # The hall, its west wall, the cupboard's side and its unseen inside.
     places = [(2.0, 1.8), (0.03, 3.0), (0.58, 1.0), (0.35, 1.0)]
-    assert [opacity(told, *place) for place in places] == [34, 255, 255, 0]
+    assert [opacity(shown, *place) for place in places] == [34, 255, 255, 0]
 
 
 def hears_tf(master):
@@ -93,9 +93,9 @@ def test_the_simulated_pose_is_right_within_centimetres(ros, simulated):
 
         def believed():
             while True:
-                for told in tf.next().transforms:
-                    if (told.header.frame_id, told.child_frame_id) == ("map", "odom"):
-                        place, turn = told.transform.translation, told.transform.rotation
+                for moved in tf.next().transforms:
+                    if (moved.header.frame_id, moved.child_frame_id) == ("map", "odom"):
+                        place, turn = moved.transform.translation, moved.transform.rotation
                         return place.x, place.y, 2.0 * math.atan2(turn.z, turn.w)
 
         assert believed() == pytest.approx((2.0, 1.8, 0.0), abs=0.1)  # odometry starts here

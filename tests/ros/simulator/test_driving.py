@@ -147,7 +147,7 @@ def test_contact_with_a_wall_is_published_as_ground_truth(ros, odometry):
         odometry.settle()
         contacts.drain()
         drive(keys, forward(0.3), odometry, 60)
-        told = [json.loads(message.data) for message in contacts.drain()]
-    touched = [entry for entry in told if entry["contacts"]]
+        entries = [json.loads(message.data) for message in contacts.drain()]
+    touched = [entry for entry in entries if entry["contacts"]]
     assert {contact["with"] for entry in touched for contact in entry["contacts"]} == {"east wall"}
     assert touched[0]["speed_mps"] == pytest.approx(0.3, abs=0.05)

@@ -49,9 +49,11 @@ def look(ros):
             goals.publish(message)
             return message.goal_id.id
 
-        begin.result = lambda goal_id: results.until(lambda told: told.status.goal_id.id == goal_id).status
+        begin.result = lambda goal_id: (
+            results.until(lambda report: report.status.goal_id.id == goal_id).status
+        )
         begin.feedback = lambda goal_id: (
-            feedback.until(lambda told: told.status.goal_id.id == goal_id).feedback
+            feedback.until(lambda report: report.status.goal_id.id == goal_id).feedback
         )
         begin.cancel = lambda goal_id: cancels.publish(GoalID(id=goal_id))
         yield begin

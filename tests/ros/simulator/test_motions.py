@@ -122,12 +122,15 @@ def test_a_goal_cancelled_before_it_arrived_is_recalled(player):
 
 
 def test_a_failure_is_aborted(ros, player):
-    with ros.listen("/ground_truth/faults", String) as told, ros.speak("/ground_truth/fault", String) as ask:
+    with (
+        ros.listen("/ground_truth/faults", String) as faults,
+        ros.speak("/ground_truth/fault", String) as ask,
+    ):
         ask.publish("motion_fails")
-        told.until(lambda message: message.data == "motion_fails")
+        faults.until(lambda message: message.data == "motion_fails")
         result = player.result(player.play("close"))
         ask.publish("none")
-        told.until(lambda message: message.data == "none")
+        faults.until(lambda message: message.data == "none")
     assert result.status.status == GoalStatus.ABORTED
     assert result.result.error_code == RESULT.GOAL_NOT_REACHED
 
@@ -168,11 +171,11 @@ def reads(rosmaster):
     """Ask an action for its motions."""
 
     def read(action: str):
-        told = []
+        received = []
         topics = motion_topics({action}, rosmaster.uri)
-        topics.read(lambda _action, offers, _text: told.append(offers))
+        topics.read(lambda _action, offers, _text: received.append(offers))
         topics.close()
-        return told[0]
+        return received[0]
 
     return read
 

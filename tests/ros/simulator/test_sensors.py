@@ -25,14 +25,17 @@ def robot(ros, simulator):
 @contextmanager
 def fault(ros, names: str):
     """Switch a fault on for the length of a `with` block."""
-    with ros.listen("/ground_truth/faults", String) as told, ros.speak("/ground_truth/fault", String) as ask:
+    with (
+        ros.listen("/ground_truth/faults", String) as faults,
+        ros.speak("/ground_truth/fault", String) as ask,
+    ):
         ask.publish(names)
-        told.until(lambda message: message.data == names)
+        faults.until(lambda message: message.data == names)
         try:
             yield
         finally:
             ask.publish("none")
-            told.until(lambda message: message.data == "none")
+            faults.until(lambda message: message.data == "none")
 
 
 def test_the_raw_scan_is_tiagos(ros):

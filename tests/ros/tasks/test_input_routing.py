@@ -142,17 +142,17 @@ def offers(hand, condition):
 
 
 def test_motions_are_in_the_robots_words_of_the_chosen_action(ros, hand):
-    told = offers(hand, lambda offers: offers.motions)
-    wave = next(offer for offer in told.motions if offer.name == "wave")
+    offered = offers(hand, lambda offers: offers.motions)
+    wave = next(offer for offer in offered.motions if offer.name == "wave")
     assert (wave.title, wave.usage, wave.duration_s) == ("Wave", "demo", 5.5)
     chooseable = {"/second_play": "operator", "/third_play": "operator"}
-    assert told.uses["motions"] == wire.UseOffer("/play_motion", PLAY, chooseable)
-    assert told.languages == ["en-GB"]
+    assert offered.uses["motions"] == wire.UseOffer("/play_motion", PLAY, chooseable)
+    assert offered.languages == ["en-GB"]
     with ros.listen("/second_play/goal", message_class("play_motion_msgs/PlayMotionActionGoal")):
         choose(hand, "motions", "/second_play")
         offers(hand, lambda offers: offers.motions_text == "/second_play offers no motions.")
         choose(hand, "motions", None)
-        offers(hand, lambda offers: len(offers.motions) == len(told.motions))
+        offers(hand, lambda offers: len(offers.motions) == len(offered.motions))
 
 
 def test_an_action_of_another_type_is_reported(ros, rosmaster, hand):
@@ -192,27 +192,27 @@ def test_a_robot_whose_master_returns_offers_its_motions_again(make_master, simu
     simulator(master=master, name="second", pose="2,2,0", seed=1)
     config = tiago_config(master, tmp_path, topics={"motions": Topic("/play_motion", PLAY)})
     with running_bridge(config, master, tmp_path) as (_, hand):
-        told = lambda report: isinstance(report, wire.Offers) and report.motions  # noqa: E731
-        hand.until(told, "motions")
+        has_motions = lambda report: isinstance(report, wire.Offers) and report.motions  # noqa: E731
+        hand.until(has_motions, "motions")
         master.kill()
         hand.state_until(lambda state: state.phase == "waiting", "no master")
         hand.until(lambda report: not isinstance(report, wire.Offers), "all earlier reports are read")
         master.start()
-        hand.until(told, "motions again")
+        hand.until(has_motions, "motions again")
 
 
 def test_a_hostile_master_never_fakes_a_connection(monkeypatch):
     def fails(_name):
         raise ValueError("no answer of a master's")
 
-    told = []
+    changes = []
     base = RosBase(CONFIG)
     base._core = SimpleNamespace(
-        tasks=SimpleNamespace(routing=SimpleNamespace(attended=lambda *how: told.append(how)))
+        tasks=SimpleNamespace(routing=SimpleNamespace(attended=lambda *how: changes.append(how)))
     )
     monkeypatch.setattr(base, "_post", lambda later: later())
     monkeypatch.setattr(base, "_drive_publisher", fails)
     with pytest.raises(ValueError, match="no answer"):
         base._attend("drive", frozenset({"/key_vel", "/phone_vel"}))
-    [(use, connected, _)] = told
+    [(use, connected, _)] = changes
     assert (use, connected) == ("drive", None)

@@ -82,10 +82,10 @@ def action(answer=None):
 
 def result(status, code, words=""):
     def answer(goal):
-        told = ENDED()
-        told.status.goal_id.id, told.status.status = goal.goal_id.id, status
-        told.result.error_code, told.result.error_string = code, words
-        return told
+        ended = ENDED()
+        ended.status.goal_id.id, ended.status.status = goal.goal_id.id, status
+        ended.result.error_code, ended.result.error_string = code, words
+        return ended
 
     return answer
 
@@ -97,8 +97,8 @@ def result(status, code, words=""):
 def test_each_error_code_is_explained_before_the_robots_text(motions, heard, code, words):
     with action(result(GoalStatus.ABORTED, code, "arm_controller")):
         motions.play(f"{OURS}one", "wave", ACTION)
-        told = f"{words[0].upper()}{words[1:]}: arm_controller"
-        assert heard.ends.get(timeout=PATIENCE_S) == (f"{OURS}one", "failed", told)
+        text = f"{words[0].upper()}{words[1:]}: arm_controller"
+        assert heard.ends.get(timeout=PATIENCE_S) == (f"{OURS}one", "failed", text)
 
 
 def test_every_code_of_the_definition_has_words():
@@ -135,7 +135,7 @@ def test_a_silent_master_removes_no_motion_from_the_list(ros, rosmaster, heard):
 
 def test_odd_names_keep_the_robots_spelling_and_points(motions, heard):
     kind, info = service_class("play_motion_msgs/ListMotions"), message_class("play_motion_msgs/MotionInfo")
-    told = {
+    described = {
         "joints": ["a"],
         "points": [{"positions": [0.5], "time_from_start": 1.0}],
         "meta": {"name": "<i>Hi</i>"},
@@ -143,7 +143,7 @@ def test_odd_names_keep_the_robots_spelling_and_points(motions, heard):
     service = rospy.Service(
         f"{ACTION}/list_motions", kind, lambda _: kind._response_class(motions=[info(name=ODD_NAME)])
     )
-    rospy.set_param(f"{ACTION}/motions", {ODD_NAME: told, "unlisted": told})
+    rospy.set_param(f"{ACTION}/motions", {ODD_NAME: described, "unlisted": described})
     try:
         motions.read(heard.offers)
         assert heard.lists.get(timeout=PATIENCE_S) == [MotionOffer(ODD_NAME, "<i>Hi</i>", duration_s=1.0)]

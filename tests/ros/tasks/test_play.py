@@ -180,19 +180,19 @@ def test_a_changed_motion_is_judged_by_its_new_points(ros, rosmaster, tmp_path):
     with at(ros, BEFORE_WALL), bridge(rosmaster, tmp_path) as (hand, process):
         rospy.set_param("/play_motion/motions/open", {**reaches_out, "meta": {"name": "Anew"}})
         try:
-            told = {}  # in either order
+            reports = {}  # in either order
 
-            def all_told(report):
+            def both_arrived(report):
                 if isinstance(report, wire.Refused) and report.of == "play":
-                    told["refusal"] = report.refusal
+                    reports["refusal"] = report.refusal
                 if isinstance(report, wire.Offers) and "Anew" in [motion.title for motion in report.motions]:
-                    told["list"] = report.motions
-                return len(told) == 2
+                    reports["list"] = report.motions
+                return len(reports) == 2
 
             hand.send(wire.Play(1, "open"))
-            hand.until(all_told, "a refusal, and the list as it is now")
-            assert told["refusal"].code == "motion_blocked"
-            assert len(told["list"]) == len(rospy.get_param("/play_motion/motions"))
+            hand.until(both_arrived, "a refusal, and the list as it is now")
+            assert reports["refusal"].code == "motion_blocked"
+            assert len(reports["list"]) == len(rospy.get_param("/play_motion/motions"))
         finally:
             rospy.set_param("/play_motion/motions/open", opens)
         assert perform(hand, "open").outcome == "succeeded"  # by its current points it does not move the arm
@@ -204,9 +204,9 @@ def test_a_changed_motion_is_judged_by_its_new_points(ros, rosmaster, tmp_path):
 
 
 def test_the_list_is_read_again_when_motions_restart(ros, rosmaster, tmp_path):
-    told = rospy.get_param("/play_motion/motions/open")
+    described = rospy.get_param("/play_motion/motions/open")
     with bridge(rosmaster, tmp_path) as (hand, _):
-        rospy.set_param("/play_motion/motions/open", {**told, "meta": {"name": "Anew"}})
+        rospy.set_param("/play_motion/motions/open", {**described, "meta": {"name": "Anew"}})
         try:
             with ros.listen("/play_motion/goal", message_class("play_motion_msgs/PlayMotionActionGoal")):
                 hand.until(
@@ -217,7 +217,7 @@ def test_the_list_is_read_again_when_motions_restart(ros, rosmaster, tmp_path):
                     "the list as it is now",
                 )
         finally:
-            rospy.set_param("/play_motion/motions/open", told)
+            rospy.set_param("/play_motion/motions/open", described)
 
 
 def test_an_action_that_has_just_joined_performs(ros, rosmaster, tmp_path):

@@ -39,9 +39,9 @@ class Connected(rospy.SubscribeListener):
 
 
 @pytest.mark.parametrize(
-    ("node", "told"), [("/lab", 1), ("/first", 1), ("/fleet_bridge", 0), ("/fleet_inspector_lab_1", 0)]
+    ("node", "reported"), [("/lab", 1), ("/first", 1), ("/fleet_bridge", 0), ("/fleet_inspector_lab_1", 0)]
 )
-def test_new_listeners_are_reported_except_own_nodes(ros, node, told):
+def test_new_listeners_are_reported_except_own_nodes(ros, node, reported):
     joined, connected = [], Connected()
     sender = Sender(f"/sent_{next(_numbers)}", String, lambda: joined.append(True))
     sender.publisher.impl.add_subscriber_listener(connected)
@@ -54,7 +54,7 @@ def test_new_listeners_are_reported_except_own_nodes(ros, node, told):
             connected.news.get(timeout=PATIENCE_S)
             with listening(node):  # may be the first one, started again
                 connected.news.get(timeout=PATIENCE_S)
-                assert len(joined) == 1 + told
+                assert len(joined) == 1 + reported
     finally:
         sender.close()
 

@@ -59,8 +59,8 @@ def test_it_speaks_and_reports_each_word(voice):
     result = voice.result(goal_id)
     assert result.status.status == GoalStatus.SUCCEEDED
     assert result.result.text == "hello lab"
-    told = [voice.feedback.next().feedback for _ in range(3)]
-    assert [(event.event_type, event.text_said) for event in told] == [
+    events = [voice.feedback.next().feedback for _ in range(3)]
+    assert [(event.event_type, event.text_said) for event in events] == [
         (FEEDBACK.TTS_EVENT_STARTED_PLAYING_WORD, "hello"),
         (FEEDBACK.TTS_EVENT_STARTED_PLAYING_WORD, "hello lab"),
         (FEEDBACK.TTS_EVENT_FINISHED_PLAYING_UTTERANCE, "hello lab"),
@@ -154,14 +154,14 @@ class TestPalsVoice:
         assert (ended.outcome, ended.text) == ("cancelled", "Cancelled by Sue.")
         with ros.listen("/tts/status", GoalStatusArray) as status:
             others = voice.say(LONG)
-            status.until(lambda message: any(told.goal_id.id == others for told in message.status_list))
+            status.until(lambda message: any(goal.goal_id.id == others for goal in message.status_list))
             status.settle()
             assert hand.ask(wire.SayCancel(1, seq=next(_numbers))).code == "no_speech"
             refused = hand.ask(wire.Say(1, "hello", "en-GB", seq=next(_numbers)))
             assert refused.text == "The robot speaks a text from another program: wait."
             voice.cancels.publish(GoalID(id=others))
             status.until(
-                lambda message: all(told.status != GoalStatus.ACTIVE for told in message.status_list)
+                lambda message: all(goal.status != GoalStatus.ACTIVE for goal in message.status_list)
             )
             status.settle()
 
