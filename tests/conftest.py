@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import ModuleType
 
 import hypothesis
@@ -24,6 +25,7 @@ from pytest_django import DjangoDbBlocker
 
 from fleet.accounts.models import User
 from robots.registry.models import Robot, RobotProfile, RobotRole, Role
+from script.stack.database import new_database
 from teleop.background.database import in_database_background
 from teleop.recording import refusals
 from teleop.recording.repeat_suppression import E, RepeatSuppressor
@@ -39,6 +41,33 @@ hypothesis.settings.register_profile("search", UNTIMED)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 
 PASSWORD = "a long walk on the beach"
+LONG_FILES = (
+    "fleet/test_no_faults.py",
+    "api/test_schema.py",
+    "control/test_control.py",
+    "teleop/test_access_matrix.py",
+    "reports/test_housekeeping.py",
+    "fleet/test_migration.py",
+    "control/test_rights.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run long files first: none is left to a single worker at the end."""
+    items.sort(key=lambda item: not item.path.as_posix().endswith(LONG_FILES))
+
+
+@pytest.fixture(scope="session")
+def django_db_keepdb() -> bool:
+    """On SQLite tests begin with a copy of a migrated database: to migrate takes each worker 4 s."""
+    return connection.vendor == "sqlite"
+
+
+@pytest.fixture(scope="session")
+def django_db_modify_db_settings(django_db_modify_db_settings: None, django_db_keepdb: bool) -> None:
+    """Copy the migrated database to where Django looks for the one of this worker."""
+    if django_db_keepdb:
+        new_database(Path(connection.settings_dict["TEST"]["NAME"]))
 
 
 @pytest.fixture(scope="session")

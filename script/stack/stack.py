@@ -29,6 +29,7 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import unix_connect
 
 from robots import wire
+from script.stack.database import with_tables
 from script.stack.places import (
     COLLECTED,
     Stamp,
@@ -441,6 +442,8 @@ def temporary_stack(
     """Start a stack on free ports, in a temporary directory that is kept after a failure."""
     directory = Path(tempfile.mkdtemp(prefix="fleet-"))
     try:
+        if "FLEET_DATABASE_URL" not in (settings or {}):
+            with_tables(directory)
         with Stack(directory, robots=robots, settings=settings, students=students) as stack:
             yield stack
     except BaseException:

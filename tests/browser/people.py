@@ -16,6 +16,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, WebSocket, expect
 
 from script.stack.client import Console
+from script.stack.database import with_tables
 from script.stack.places import REPOSITORY
 from script.stack.stack import PracticeRobot, SimulatedRobot, Stack
 
@@ -270,6 +271,7 @@ class Person:
 @contextmanager
 def running_stack(folder: Path, robots: Sequence[PracticeRobot]) -> Iterator[Stack]:
     """A console with these robots, for the length of a `with` block."""
+    with_tables(folder)
     stack = Stack(folder, robots=robots)
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("DJANGO_SETTINGS_MODULE", raising=False)  # the stack runs the product's settings

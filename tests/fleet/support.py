@@ -2,9 +2,11 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 from channels.testing import WebsocketCommunicator
 
+from script.stack.database import NAME, new_database
 from tests.conftest import PASSWORD
 from tests.processes import REPOSITORY, outside
 
@@ -22,11 +24,13 @@ def console_environment(folder, host, **settings):
 
 
 def create_database(environ):
-    """Migrate a new database and create one account, "first"."""
+    """Make a database with one account, "first"."""
     manage = [sys.executable, "manage.py"]
     account = ["createsuperuser", "--no-input", "--username", "first", "--email", "", "--verbosity", "0"]
     with_password = {**environ, "DJANGO_SUPERUSER_PASSWORD": PASSWORD}
-    subprocess.run([*manage, "migrate", "--verbosity", "0"], cwd=REPOSITORY, env=environ, check=True)
+    folder = Path(environ["FLEET_VAR"])
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    new_database(folder / NAME)
     subprocess.run([*manage, *account], cwd=REPOSITORY, env=with_password, check=True)
 
 
