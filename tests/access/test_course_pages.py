@@ -130,7 +130,7 @@ def test_a_supervisor_enrols_by_csv_after_a_preview(signed_in: SignIn, course: C
     assert Enrolment.objects.count() == 2
 
 
-def test_a_file_of_5000_lines_is_enrolled_and_a_longer_one_refused(
+def test_5000_lines_are_enrolled_and_a_longer_file_is_refused(
     signed_in: SignIn, course: Course, teacher: User
 ) -> None:
     """The page's second request brings the whole list back: it must pass the limits on forms, too."""

@@ -116,7 +116,7 @@ def test_an_archived_course_gives_nothing(course: Course, student: User, teacher
     assert not robots_visible_to(student)
 
 
-def test_roles_take_one_query_however_many_people_courses_and_robots(
+def test_roles_of_any_number_of_people_take_one_query(
     course: Course, robot: Robot, other_robot: Robot, django_assert_num_queries: DjangoAssertNumQueries
 ) -> None:
     people = [User.objects.create_user(f"p{number}") for number in range(20)]

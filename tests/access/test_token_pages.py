@@ -58,9 +58,7 @@ def service(staff: User) -> User:
     return service_account_make(name="Night tests", project="Grasping", actor=staff)
 
 
-def test_a_token_made_on_the_page_reads_robots_and_its_text_is_shown_once(
-    desk: Client, operator: User, robot: Robot
-) -> None:
+def test_a_token_made_on_the_page_works_and_is_shown_once(desk: Client, operator: User, robot: Robot) -> None:
     assert 'href="/tokens/"' in desk.get("/accounts/").text
     made = filled(desk, scopes=["read", "drive"])
     text = made.context["text"]
@@ -188,7 +186,7 @@ def test_an_expired_token_is_listed_as_such_and_opens_nothing(desk: Client) -> N
     assert '<span class="badge">expired</span>' in desk.get(PAGE).text
 
 
-def test_staff_see_and_end_the_tokens_of_any_person_on_their_page(
+def test_staff_see_and_end_the_tokens_of_any_person(
     desk: Client, operator: User, staff: User, signed_in: SignedIn, teacher: User, course: Any
 ) -> None:
     text = filled(desk).context["text"]
@@ -206,7 +204,7 @@ def test_staff_see_and_end_the_tokens_of_any_person_on_their_page(
 # --- service accounts -----------------------------------------------------------------------------
 
 
-def test_staff_make_a_service_account_give_it_a_role_and_make_its_token(
+def test_staff_make_a_service_account_with_role_and_token(
     staff: User, signed_in: SignedIn, robot: Robot, other_robot: Robot
 ) -> None:
     client = shown_to_be(signed_in(staff))
@@ -233,7 +231,7 @@ def test_staff_make_a_service_account_give_it_a_role_and_make_its_token(
     assert slugs(text)["code"] == "token_invalid"
 
 
-def test_a_closed_service_account_opens_nothing_and_gets_no_token(
+def test_a_closed_service_account_gets_no_access_and_no_token(
     staff: User, service: User, signed_in: SignedIn
 ) -> None:
     client = shown_to_be(signed_in(staff))

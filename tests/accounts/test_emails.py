@@ -64,7 +64,7 @@ def test_an_address_that_the_server_refuses_holds_up_no_other(server: Server, ca
 @pytest.mark.parametrize(
     "answer", [refused(450, "ada"), SMTPServerDisconnected("gone"), TimeoutError("timed out")]
 )
-def test_a_server_that_is_busy_or_away_is_asked_again_and_sends_nothing_twice(
+def test_a_busy_or_absent_mail_server_gets_each_letter_once(
     server: Server, answer: Exception, caplog: Any
 ) -> None:
     server.answers = {"bob": [answer]}

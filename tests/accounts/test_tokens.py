@@ -93,7 +93,7 @@ def test_housekeeping_removes_tokens_that_expired_long_ago(operator: User) -> No
     assert list(Token.objects.values_list("pk", flat=True)) == [recent.pk]
 
 
-def test_a_person_has_a_limited_number_of_tokens_and_one_of_each_id(operator: User) -> None:
+def test_tokens_of_a_person_are_limited_and_each_id_is_unique(operator: User) -> None:
     first, _ = make(operator)
     with pytest.raises(TokenExists):
         make(operator, token_id=first.pk)
@@ -103,7 +103,7 @@ def test_a_person_has_a_limited_number_of_tokens_and_one_of_each_id(operator: Us
         make(operator)
 
 
-def test_the_command_makes_a_token_and_the_log_says_that_the_console_did(operator: User) -> None:
+def test_the_log_says_that_the_command_made_a_token(operator: User) -> None:
     words = io.StringIO()
     call_command("make_token", "operator", "night-tests", "read", stdout=words)
     assert ask(words.getvalue().strip()).status_code == 200
@@ -114,9 +114,7 @@ def test_the_command_makes_a_token_and_the_log_says_that_the_console_did(operato
 # --- service accounts -----------------------------------------------------------------------------
 
 
-def test_a_service_account_has_neither_address_nor_password_and_is_on_record(
-    service: User, staff: User
-) -> None:
+def test_a_service_account_has_no_password_and_is_on_record(service: User, staff: User) -> None:
     assert (service.username, service.email, service.has_usable_password()) == ("night-tests", "", False)
     again = service_account_make(name="Night Tests!", project="Grasping", actor=staff)
     assert again.username == "night-tests-2"
@@ -125,7 +123,7 @@ def test_a_service_account_has_neither_address_nor_password_and_is_on_record(
     assert {"field": "project", "from": "", "to": "Grasping"} in made.details["changes"]
 
 
-def test_a_service_account_gets_roles_like_a_person_and_its_token_sees_no_more(
+def test_a_service_accounts_token_sees_what_its_roles_allow(
     service: User, staff: User, robot: Robot, other_robot: Robot
 ) -> None:
     _, text = make(service, actor=staff)
@@ -161,7 +159,7 @@ def test_a_service_account_gets_no_link_for_a_new_password(
     assert not [mail for mail in mailoutbox if "/password/new/" in str(mail.body)]
 
 
-def test_a_service_account_cannot_set_a_password_by_a_welcome_link(service: User) -> None:
+def test_a_welcome_link_sets_no_password_of_a_service_account(service: User) -> None:
     assert Client().get(f"/welcome/{welcome.token_of(service)}/").status_code == 410
 
 

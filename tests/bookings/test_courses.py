@@ -63,9 +63,7 @@ def test_a_missing_qualification_is_named(robot, operator):
     assert Booking.objects.count() == 1
 
 
-def test_only_those_who_may_override_a_policy_are_asked_for_a_reason(
-    client, course, supervisor, second_operator
-):
+def test_only_people_who_may_override_are_asked_for_a_reason(client, course, supervisor, second_operator):
     today = datetime.now(timezone.utc).date()
     Course.objects.update(starts_on=today - timedelta(days=2), ends_on=today + timedelta(days=20))
     course.supervisors.add(second_operator)

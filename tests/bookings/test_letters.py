@@ -56,7 +56,7 @@ def test_a_slot_booked_a_moment_before_needs_no_reminder(robot, olga):
     assert Letter.objects.count() == 0
 
 
-def test_changes_by_others_are_told_with_the_reason(robot, olga, supervisor, mailoutbox):
+def test_a_letter_says_why_others_changed_a_booking(robot, olga, supervisor, mailoutbox):
     booking = book(robot, olga)
     booking_cancel(booking_id=booking.pk, version=1, actor=supervisor, now=NOW, reason="demo day")
     book(robot, olga, now=at(-24))

@@ -225,7 +225,7 @@ def test_an_unapproved_booking_blocks_nobody_after_the_grace(signed_in, robot, o
 # --- the hour that the clock shows twice ---
 
 
-def test_lengthening_in_the_hour_that_comes_twice_keeps_the_start(signed_in, robot, operator):
+def test_lengthening_in_a_repeated_hour_keeps_the_start(signed_in, robot, operator):
     Policy.objects.create(robot=robot, horizon_days=730)
     operator.time_zone = "Europe/Berlin"
     operator.save()

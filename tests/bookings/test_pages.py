@@ -97,7 +97,7 @@ def test_a_moved_booking_in_a_second_tab_is_refused(as_person, robot, operator):
     assert Booking.objects.get().starts_at == in_hours(5)
 
 
-def test_the_second_tab_is_told_on_the_page_and_types_nothing_again(as_person, robot, operator):
+def test_a_refused_second_tab_keeps_what_was_typed(as_person, robot, operator):
     browser = as_person(operator)
     browser.post(reverse("booking-new"), fields(robot))
     address = reverse("booking", args=[Booking.objects.get().pk])
@@ -141,7 +141,7 @@ def test_next_free_leads_to_the_filled_form(as_person, robot, operator):
     assert as_person(operator).get(answer.url).status_code == 200
 
 
-def test_a_change_is_told_in_words_and_leads_back(as_person, robot, operator, second_operator):
+def test_a_changed_booking_is_described_and_leads_back(as_person, robot, operator, second_operator):
     browser = as_person(operator)
     booking = booking_make(
         robot=robot,

@@ -65,7 +65,7 @@ def test_a_series_shows_conflicts_and_books_the_rest(client, robot, supervisor, 
     assert (made.count(), made.values("series").distinct().count()) == (2, 1)
 
 
-def test_a_series_has_the_lessons_of_a_course_and_the_report_its_term(client, robot, staff):
+def test_a_series_has_a_courses_lessons_and_the_report_its_term(client, robot, staff):
     now = django_timezone.now()
     today = now.date()
     course = Course.objects.create(
@@ -152,7 +152,7 @@ def test_two_people_of_one_name_are_two_rows(client, robot, operator, second_ope
     ]
 
 
-def test_a_lesson_stays_one_when_it_moves_and_not_in_a_students_hands(signed_in, robot, staff):
+def test_a_moved_lesson_stays_one_but_not_in_a_students_hands(signed_in, robot, staff):
     today = django_timezone.now().date()
     days = {"starts_on": today, "ends_on": today + timedelta(days=60)}
     course = Course.objects.create(name="HRI", slug="hri", role="operator", at_once=1, **days)

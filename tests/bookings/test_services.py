@@ -64,7 +64,7 @@ def test_ones_own_booking_in_the_way_is_called_so(robot, operator):
         book(robot, operator, slot(1.5))
 
 
-def test_nobody_is_told_to_wait_for_the_past(robot, operator, second_operator):
+def test_a_past_slot_is_refused_as_past_alone(robot, operator, second_operator):
     book(robot, operator)
     assert refused(book, robot, second_operator, slot(1), now=NOW + timedelta(hours=3)) == ["in_past"]
 
@@ -137,7 +137,7 @@ def test_an_unused_slot_is_free_after_the_grace_time(robot, operator, second_ope
     assert Booking.objects.get(pk=unused.pk).state == State.NO_SHOW
 
 
-def test_two_tabs_move_one_booking_the_later_is_told(robot, operator):
+def test_of_two_tabs_that_move_a_booking_the_later_is_refused(robot, operator):
     booking = book(robot, operator)
     booking_move(booking_id=booking.pk, version=1, slot=slot(3), actor=operator, now=NOW)
     late = {"booking_id": booking.pk, "version": 1, "slot": slot(5), "actor": operator, "now": NOW}

@@ -128,7 +128,7 @@ def test_doubt_grows_with_way_and_turns_only():
 
 
 @pytest.mark.parametrize("layer", [LASER_LAYER, DEPTH_LAYER], ids=["laser", "depth"])
-def test_an_odometry_that_trembles_forgets_nothing_and_brings_nothing_nearer(layer):
+def test_a_trembling_odometry_changes_no_memory(layer):
     memory = Memory(layer._replace(shortest_life_s=100.0, longest_life_s=100.0))
     random = np.random.default_rng(0)
     memory.see(SPOT, HERE, 0.0)
@@ -138,7 +138,7 @@ def test_an_odometry_that_trembles_forgets_nothing_and_brings_nothing_nearer(lay
     np.testing.assert_array_equal(memory.doubts_m(), [0.0])
 
 
-def test_slow_driving_forgets_also_with_an_odometry_that_trembles():
+def test_slow_driving_forgets_with_a_trembling_odometry_too():
     memory = Memory(LASER_LAYER._replace(shortest_life_s=1000.0, longest_life_s=1000.0))
     random = np.random.default_rng(0)
     memory.see(SPOT, HERE, 0.0)

@@ -254,7 +254,7 @@ def test_trembling_odometry_takes_nothing_out_of_memory(thing, degrees):
 
 
 @pytest.mark.parametrize("turns", [False, True])
-def test_an_echo_that_goes_with_the_robot_names_its_sonar_and_the_remedy(turns):
+def test_an_echo_that_moves_along_names_its_sonar_and_the_remedy(turns):
     """Crosstalk, a cable in the cone, or the robot's own skirt: it holds reverse, and says so."""
     inputs = Feeder(tiago_profile())
     name = "base_sonar_02_link"
@@ -286,7 +286,7 @@ def test_an_echo_that_goes_with_the_robot_names_its_sonar_and_the_remedy(turns):
     assert at(gone(9), 0.3)[0].ok, "an obstacle comes and goes"
 
 
-def test_a_close_obstacle_explains_nothing_until_the_robot_moves_away_from_it():
+def test_a_close_obstacle_explains_no_echo_until_it_is_left():
     world = World(tiago_profile(), leg(-0.34, 0.0))
     world.drive(STILL, 20.0)
     world.drive(REVERSE, 5.0)

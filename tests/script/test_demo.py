@@ -175,7 +175,7 @@ class OnTheNetwork:
         return connection.getresponse()
 
 
-def test_phones_drive_over_tls_until_a_part_dies_and_ends_the_demo(port: int, start: Start):
+def test_phones_drive_over_tls_until_a_dead_part_ends_the_demo(port: int, start: Start):
     addresses = lan_addresses()
     demo = start(port, *(["--lan"] if addresses else []))
     if addresses:

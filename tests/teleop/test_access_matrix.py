@@ -295,7 +295,7 @@ def _address(action: str, slug: str, invitation: Any) -> str:
     raise AssertionError(action)
 
 
-def test_the_access_of_a_person_is_shown_to_staff_and_their_supervisors(lab: Lab) -> None:
+def test_a_persons_access_is_shown_to_staff_and_supervisors(lab: Lab) -> None:
     seen = {
         who: {
             name

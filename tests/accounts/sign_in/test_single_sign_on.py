@@ -119,7 +119,7 @@ def test_an_address_that_another_person_typed_stops_no_newcomer(
 
 
 @pytest.mark.django_db(transaction=True)
-def test_an_address_that_another_person_has_now_leads_to_no_account(
+def test_an_address_of_another_person_now_leads_to_no_account(
     sign_in_there: Callable[..., Any], operator: User
 ) -> None:
     User.objects.filter(pk=operator.pk).update(email="ada@lab.example")

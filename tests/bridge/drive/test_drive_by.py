@@ -134,7 +134,7 @@ def test_without_a_speed_it_drives_with_a_part_of_the_limit(bench):
     assert max(sent.vx for sent in bench.base.sent) == pytest.approx(0.4)
 
 
-def test_the_operators_share_limits_the_speed_also_while_it_drives(bench):
+def test_the_operators_share_limits_the_speed_during_a_drive(bench):
     bench.max_share = 0.3
     bench.renew()
     [refusal] = bench.ask(METRE)
@@ -302,7 +302,7 @@ def test_what_ends_control_or_halts_the_robot_ends_it_at_once(bench, happens, ou
         (loses_a_scan, "held_back", "scan_stale"),
     ],
 )
-def test_a_silent_sensor_ends_it_and_it_does_not_go_on_afterwards(bench, happens, outcome, because):
+def test_a_silent_sensor_ends_the_drive_for_good(bench, happens, outcome, because):
     bench.begins()
     happens(bench)
     bench.step()
@@ -323,7 +323,7 @@ def test_frozen_odometry_ends_it(bench):
     assert bench.last == STILL
 
 
-def test_the_gate_that_lets_it_no_farther_ends_it_with_its_reason(bench):
+def test_a_gate_that_holds_the_robot_ends_the_drive_with_reason(bench):
     bench.begins()
     bench.gate.says = lambda asked: Verdict(STILL, asked, "obstacle", "stopped: laser, 0.10 m ahead")
     began_s = bench.now_s
@@ -441,7 +441,7 @@ def test_a_command_of_another_fence_changes_nothing(bench):
         lambda bench: bench.core.stop("Bob", "", bench.now_s),
     ],
 )
-def test_one_that_waits_for_its_record_never_begins_without_control(bench, happens):
+def test_a_drive_that_waits_for_its_record_needs_control_to_begin(bench, happens):
     bench.sink.open.clear()
     answers = bench.ask(METRE)
     happens(bench)

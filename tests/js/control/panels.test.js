@@ -7,7 +7,7 @@ const BOXES = { chart: [0, 100], motions: [100, 200], phrases: [200, 300] }; // 
 describe("the panels of a desk", () => {
   let root;
   let panels;
-  let told;
+  let messages;
   const panel = (name) => root.querySelector(`[data-panel="${name}"]`);
   const handle = (name) => root.querySelector(`[data-moves="${name}"]`);
   const places = () => NAMES.map((name) => panel(name).dataset.place);
@@ -18,8 +18,8 @@ describe("the panels of a desk", () => {
   const pointer = (name, type, clientX) =>
     handle(name).dispatchEvent(Object.assign(new Event(type), { clientX, clientY: 5 }));
   const open = (person) => {
-    told = [];
-    panels = new Panels(root, person, (text) => told.push(text));
+    messages = [];
+    panels = new Panels(root, person, (text) => messages.push(text));
   };
 
   beforeEach(() => {
@@ -53,7 +53,7 @@ describe("the panels of a desk", () => {
     expect(places()).toEqual(["top", "left", "bottom"]);
     press("motions", "ArrowRight");
     expect(places()).toEqual(["left", "top", "bottom"]);
-    expect(told).toEqual(["above the stick", "beside the picture, above"]);
+    expect(messages).toEqual(["above the stick", "beside the picture, above"]);
     expect(drives).not.toHaveBeenCalled();
     window.removeEventListener("keydown", drives);
   });

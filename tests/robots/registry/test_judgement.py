@@ -63,9 +63,7 @@ def test_a_robot_that_is_well_gets_nothing_but_ok(config: BridgeConfig, well: Fi
     assert all(not check.advice for check in judge(config, well))
 
 
-def test_a_sonar_that_hears_something_close_is_named_with_the_remedy(
-    config: BridgeConfig, well: Findings
-) -> None:
+def test_a_sonar_with_a_close_echo_is_named_with_the_remedy(config: BridgeConfig, well: Findings) -> None:
     what = f"sonars {config.topics.sonars[0].topic}"
     ranges = {"base_sonar_01_link": 0.4, "base_sonar_02_link": 0.05}
     check = answer(config, with_topic(well, what, ranges=ranges), what)

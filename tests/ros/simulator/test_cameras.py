@@ -32,11 +32,14 @@ def robot(ros, simulator):
 @pytest.fixture
 def fault(ros):
     """``fault(names)`` sets faults; they end with the test."""
-    with ros.listen("/ground_truth/faults", String) as told, ros.speak("/ground_truth/fault", String) as ask:
+    with (
+        ros.listen("/ground_truth/faults", String) as faults,
+        ros.speak("/ground_truth/fault", String) as ask,
+    ):
 
         def cause(names: str) -> None:
             ask.publish(names)
-            told.until(lambda message: message.data == names)
+            faults.until(lambda message: message.data == names)
 
         yield cause
         cause("none")

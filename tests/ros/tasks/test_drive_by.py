@@ -157,7 +157,7 @@ def test_the_stick_takes_over_and_a_closed_link_stops_it(ros, bridge):
     until(lambda: "drive.by control_lost" in process.recorded(), "its end on record")
 
 
-def test_a_program_that_nobody_confirms_stops_before_its_grant_ends(ros, bridge):
+def test_an_unconfirmed_program_stops_before_its_grant_ends(ros, bridge):
     _, hand = bridge
     seq = begun(hand, angle_rad=math.tau, speed_radps=0.3)
     end = hand.state_until(

@@ -96,7 +96,7 @@ def test_a_browser_books_as_a_program_does(robot, operator, page_of):
     assert page_of(operator)("POST", "/bookings", wish(robot)).status_code == 201
 
 
-def test_all_refusals_and_alternatives_are_told(robot, operator, second_operator, program):
+def test_an_answer_has_all_refusals_and_alternatives(robot, operator, second_operator, program):
     Policy.objects.filter(robot=None, group=None).delete()
     Policy.objects.create(robot=robot, shortest_min=30, horizon_days=1)
     book(robot, operator)

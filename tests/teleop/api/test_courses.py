@@ -100,7 +100,7 @@ def test_a_browser_manages_as_a_program_does(hri, second_operator, page_of):
     assert page_of(second_operator)("GET", "/courses/hri/members").status_code == 200
 
 
-def test_a_token_for_one_robot_manages_courses_of_that_robot_only(
+def test_a_token_for_one_robot_manages_only_its_courses(
     hri, arms, induction, robot, other_robot, staff, program
 ):
     api = program(staff, "manage", robots=[robot])

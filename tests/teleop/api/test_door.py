@@ -151,9 +151,7 @@ def test_other_types_and_methods_get_words(robot: Robot, made: Any) -> None:
     assert Client().options("/api/v1/robots", headers=headers)["Allow"] == "GET, HEAD, OPTIONS"
 
 
-def test_a_program_that_asks_too_often_is_told_when_to_ask_again(
-    robot: Robot, made: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_429_says_when_to_ask_again(robot: Robot, made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rates, "BURST", 3.0)
     monkeypatch.setattr(rates, "PER_S", 0.001)
     headers, other = made(Scope.READ)[1], made(Scope.READ)[1]

@@ -169,7 +169,7 @@ def test_control_does_not_outlive_a_slot_that_is_given_up(robot, operator):
     assert lease_of(robot.id).term_ends_at == at(17)  # a term of free time
 
 
-def test_a_slot_that_is_booked_for_now_ends_a_supervisors_free_time(robot, operator, supervisor):
+def test_a_slot_booked_for_now_ends_a_supervisors_free_time(robot, operator, supervisor):
     taken = take(robot, supervisor)
     book(robot, operator, 2)
     Booking.objects.update(starts_at=at(2))
@@ -190,7 +190,7 @@ def test_keeping_control_lengthens_the_last_of_slots_that_touch(robot, operator)
     assert lease_of(robot.id).term_ends_at == at(135)
 
 
-def test_a_slot_that_is_approved_late_ends_a_supervisors_free_time(robot, operator, supervisor, staff):
+def test_a_slot_approved_late_ends_a_supervisors_free_time(robot, operator, supervisor, staff):
     Policy.objects.create(robot=robot, needs_approval=True)
     booking = book(robot, operator, 0)
     take(robot, supervisor, at(1))

@@ -63,7 +63,7 @@ def move_the_robot(staff, other_robot):
 
 
 @pytest.mark.parametrize("change", [archive, move_the_robot])
-async def test_a_right_that_ends_mid_slot_ends_control_and_frees_the_robot(
+async def test_a_right_that_ends_mid_slot_ends_control(
     change, open_page, bridge, browsers, student_slot, second_operator, other_robot
 ):
     page = await open_page("stranger")
@@ -91,7 +91,7 @@ def clock(monkeypatch):
     return jump
 
 
-async def test_a_clock_that_jumps_beyond_the_slot_ends_control_until_it_is_right(
+async def test_a_clock_beyond_the_slot_ends_control_until_it_is_right(
     clock, open_page, bridge, operator, slot
 ):
     booking = await in_database(slot, operator)
@@ -107,7 +107,7 @@ async def test_a_clock_that_jumps_beyond_the_slot_ends_control_until_it_is_right
     assert await eventually(Booking.objects.filter(pk=booking.pk, state=State.BOOKED).first)
 
 
-async def test_a_clock_that_jumps_back_gives_nobody_more_than_one_grant(
+async def test_a_clock_that_jumps_back_gives_at_most_one_grant(
     clock, open_page, bridge, operator, second_operator, slot
 ):
     await in_database(slot, operator)

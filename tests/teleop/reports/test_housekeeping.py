@@ -100,7 +100,7 @@ def test_process_runs_until_signal_or_end_of_its_parent(how, robot, held):
 
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="names the test database by its file")
-def test_a_mail_server_that_hangs_delays_no_end_of_control_and_loses_no_letter(robot, held, second_operator):
+def test_a_hanging_mail_server_delays_no_end_and_loses_no_letter(robot, held, second_operator):
     second_operator.email = "second@lab.example"
     second_operator.save()
     letter = Letter.objects.create(person=second_operator, subject="Slot", text="", made_at=timezone.now())

@@ -295,7 +295,7 @@ def test_tls_checks_the_name_and_the_authority(
 # --- claims, ends ---------------------------------------------------------------------------------
 
 
-def test_a_claimed_delivery_is_sent_by_nobody_else_until_the_claim_lapses(make, robot, receiver):
+def test_a_claimed_delivery_is_left_alone_until_the_claim_lapses(make, robot, receiver):
     webhook = make(receiver.address)
     [one] = news(webhook, robot)
     claimed = delivery._claim_next(webhook.pk, timezone.now())
@@ -320,9 +320,7 @@ def test_a_clock_that_was_set_back_delays_nothing(make, robot, receiver):
     assert send_due(webhook.pk) == 1
 
 
-def test_an_owner_who_is_no_longer_staff_gets_nothing_until_another_takes_over(
-    make, robot, receiver, staff, django_user_model
-):
+def test_news_waits_while_its_owner_is_not_staff(make, robot, receiver, staff, django_user_model):
     webhook = make(receiver.address)
     news(webhook, robot)
     staff.is_staff = False

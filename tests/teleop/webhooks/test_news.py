@@ -46,7 +46,7 @@ def test_news_begin_with_the_webhook_and_come_once(make, robot, operator):
     assert [(one.kind, one.record) for one in webhook.deliveries.all()] == [("speech.end", end.pk)]
 
 
-def test_two_processes_that_read_the_same_records_store_them_once(make, robot, operator):
+def test_two_processes_store_news_of_the_same_records_once(make, robot, operator):
     webhook = make(ADDRESS)
     spoken(robot, operator)
     for _ in range(2):
@@ -114,7 +114,7 @@ def test_identifiers_of_people_are_names(make, robot, operator, second_operator)
     assert data["figures"] == {"before": {"person": "Olga Operator"}, "others": ["Olga Operator"]}
 
 
-def test_the_console_and_a_person_in_anothers_name_are_told(make, robot, operator, staff):
+def test_news_names_the_console_and_who_acted_for_whom(make, robot, operator, staff):
     webhook, reader = make(ADDRESS), NewsReader()
     record("control.end", robot_id=robot.id, outcome="term")
     reader.read(webhook)
