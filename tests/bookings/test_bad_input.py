@@ -127,7 +127,7 @@ def test_an_out_of_service_period(client, supervisor, robot, times):
     assert not OutOfService.objects.exists()
 
 
-def test_an_hour_that_comes_twice_is_the_first_and_lasts_two_hours(browser, robot):
+def test_a_repeated_hour_is_the_first_and_lasts_two_hours(browser, robot):
     Policy.objects.create(horizon_days=730)
     browser.post(reverse("booking-new"), fields(robot, (TWICE, "2027-10-31T03:30")))
     booking = Booking.objects.get()

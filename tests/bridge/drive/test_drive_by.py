@@ -441,7 +441,7 @@ def test_a_command_of_another_fence_changes_nothing(bench):
         lambda bench: bench.core.stop("Bob", "", bench.now_s),
     ],
 )
-def test_a_drive_that_waits_for_its_record_needs_control_to_begin(bench, happens):
+def test_a_drive_waiting_for_its_record_needs_control_to_begin(bench, happens):
     bench.sink.open.clear()
     answers = bench.ask(METRE)
     happens(bench)
