@@ -7,7 +7,7 @@ from django.shortcuts import render
 from django.views.decorators.http import require_safe
 
 from fleet.accounts.requests import person_of
-from robots.access.selectors import robot_seen_by, robots_visible_to, roles_of, supervises
+from robots.access.selectors import robot_visible_to, robots_visible_to, roles_of, supervises
 from robots.registry.models import Role
 from robots.wire import PROTOCOL
 
@@ -27,6 +27,6 @@ def fleet(request: HttpRequest) -> HttpResponse:
 def control(request: HttpRequest, slug: str) -> HttpResponse:
     """Show one robot: to drive it, or to watch."""
     person = person_of(request)
-    robot = robot_seen_by(person, slug)
+    robot = robot_visible_to(person, slug)
     context = {"robot": robot, "supervises": supervises(person, robot), "protocol": PROTOCOL}
     return render(request, "teleop/control.html", context)

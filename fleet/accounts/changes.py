@@ -63,7 +63,7 @@ class RecordedUser(AbstractUser):
 
 
 def _changes(before: AbstractUser, person: AbstractUser, fields: Collection[str]) -> list[dict[str, Any]]:
-    """Which of these fields have other values than before."""
+    """Return the changes of those of these fields whose values differ from before."""
     changes: list[dict[str, Any]] = [
         {"field": name, "from": getattr(before, name), "to": getattr(person, name)}
         for name in SHOWN
@@ -88,7 +88,7 @@ def _record(
     changes: list[dict[str, Any]],
     actor: AbstractUser | SystemAccount | None = None,
 ) -> None:
-    """Which fields, and of rights the values, are kept for ever; names and addresses are not."""
+    """Record a change. Field names and values of rights are kept for ever; names and addresses are not."""
     kept = [change if change["field"] in RIGHTS else {"field": change["field"]} for change in changes]
     change_parameters: dict[str, Any] = {"changes": kept} if changes else {}
     whole: dict[str, Any] = {"changes": changes} if kept != changes else {}

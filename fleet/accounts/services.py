@@ -159,5 +159,5 @@ def _names_of(user: User) -> set[str]:
 
 
 def address_of(request: HttpRequest) -> str:
-    """Where a request comes from; blank when the server listens on a Unix socket."""
+    """Return the address of a request; blank when the server listens on a Unix socket."""
     return str(request.META.get("REMOTE_ADDR") or "")

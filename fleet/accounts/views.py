@@ -61,7 +61,7 @@ def own_settings(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_safe
 def sessions(request: HttpRequest) -> HttpResponse:
-    """Where the person is signed in: `sign_ins`, of which `current` is the session key of this one."""
+    """List the person's sign-ins: `sign_ins`, of which `current` is the session key of this one."""
     context = {"sign_ins": sign_ins_of(person_of(request).pk), "current": request.session.session_key}
     return render(request, "accounts/sessions.html", context)
 

@@ -74,7 +74,7 @@ def address(request: HttpRequest, **changed: Any) -> str:
 
 
 def number(request: HttpRequest, name: str) -> int | None:
-    """Where a page begins, as its address says."""
+    """Return the record number at which a page begins, from its address; None: at the newest."""
     asked = request.GET.get(name)
     if asked is None:
         return None

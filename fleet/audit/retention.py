@@ -43,9 +43,9 @@ def keep_house(now: datetime) -> Iterator[None]:
     Whoever does this twice finds nothing the second time.
     """
     today = now.astimezone(timezone.utc).date()
-    _tell_set_back(today)
+    _record_clock_set_back(today)
     if clock_is_doubted(today):
-        _tell_doubt(today)
+        _record_clock_doubt(today)
         return
     yield from expire(today)
     yield from remove(today)
@@ -84,7 +84,7 @@ def confirm_clock(actor: AbstractUser | SystemAccount) -> None:
     record("audit.clock", actor=actor, outcome="confirmed")
 
 
-def _tell_doubt(today: date) -> None:
+def _record_clock_doubt(today: date) -> None:
     log.error(
         "nothing is taken out of the audit log: its days leapt by more than %d less than as many days ago, so the clock"
         " (today is %s) may be wrong. If it is right: manage.py confirm_clock",
@@ -95,7 +95,7 @@ def _tell_doubt(today: date) -> None:
         record("audit.clock", outcome="doubted")
 
 
-def _tell_set_back(today: date) -> None:
+def _record_clock_set_back(today: date) -> None:
     """Record that the clock was ahead; without other records, its own would be the only ones."""
     newest = Record.objects.order_by("-pk").values_list("day", flat=True).first()
     if newest is not None and newest > today + CLOCKS_DIFFER:
@@ -208,7 +208,7 @@ def _wal_emptied() -> bool:
 
 
 class _Old(NamedTuple):
-    """Which records are old."""
+    """The limits of old records."""
 
     since: date  # records of earlier days
     through: int  # the highest number of these: up to it, records with future dates are old, too

@@ -163,7 +163,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     def dataReceived(self, data: bytes) -> None:
         """More of a request. It waits for its turn."""
         if not self._unheard:
-            self.server.turns.take(self._take_turn)
+            self.server.work.add(self._take_turn)
         self._unheard += data
         if len(self._unheard) > limits.UNHEARD_BYTES:
             self.transport.pauseProducing()

@@ -14,7 +14,7 @@ from twisted.internet import reactor, task
 
 from fleet.server import channel, limits, pages, websocket
 from fleet.server.connections import Connections, Places
-from fleet.server.turns import Turns
+from fleet.server.work_queue import WorkQueue
 from robots.processes.scheduling import Garbage, prefer_this_thread
 
 GARBAGE_S = 0.1  # between two collections: few young objects gather in that time
@@ -38,7 +38,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         self.requests = Places(limits.REQUESTS, limits.REQUESTS_OF_ADDRESS)
         self.websockets = Places(limits.CONNECTIONS, limits.WEBSOCKETS_OF_ADDRESS)
         self.forward: pages.Forward | None = None  # None: this process answers all
-        self.turns = Turns(lambda work: reactor._asyncioEventloop.call_soon(work))
+        self.work = WorkQueue(lambda work: reactor._asyncioEventloop.call_soon(work))
         self.bodies_bytes = 0  # of all requests that arrive, or wait for their answers
 
     def run(self) -> None:
@@ -65,7 +65,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
     def create_application(self, protocol: Any, scope: dict[str, Any]) -> Any:
         """Begin the application for a request or a WebSocket."""
         if scope["type"] == "websocket":
-            scope["extensions"] = {websocket.HEAR_NOW: protocol.hear_now}
+            scope["extensions"] = {websocket.DIRECT_RECEIVER: protocol.set_direct_receiver}
         return super().create_application(protocol, scope)
 
     async def handle_reply(self, protocol: Any, message: dict[str, Any]) -> None:

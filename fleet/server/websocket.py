@@ -10,25 +10,24 @@ from daphne import ws_protocol
 from twisted.internet.tcp import Connection
 
 from fleet.server import limits
-from fleet.server.whole import whole_text
+from fleet.server.text_frame import small_text_frame
 
-HEAR_NOW = (
-    "fleet.hear_now"  # among a scope's extensions: a consumer hands it what hears a text at once, if it can
-)
+# Extension of a connection's scope: a consumer passes it a function that takes texts at once.
+DIRECT_RECEIVER = "fleet.direct_receiver"
 
 
 class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  # Daphne has no types
     """One WebSocket. Frames and messages are bounded by the server's options."""
 
     _place: str | None = None
-    _hear_now: Callable[[str], bool] | None = None
+    _direct_receiver: Callable[[str], bool] | None = None
 
-    def hear_now(self, hear: Callable[[str], bool]) -> None:
-        """Texts go to `hear` without a turn of the loop; one for which it returns False waits in the queue."""
-        self._hear_now = hear
+    def set_direct_receiver(self, receive: Callable[[str], bool]) -> None:
+        """Pass texts to `receive` without a turn of the loop; one for which it returns False waits in the queue."""
+        self._direct_receiver = receive
 
     def onConnect(self, request: Any) -> Any:
-        """The handshake was read."""
+        """Take a place among the connections after the handshake, or drop the connection."""
         answer = super().onConnect(request)
         address = str((self.client_addr or [""])[0])
         if self.server.websockets.take(address):
@@ -38,24 +37,24 @@ class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  #
         return answer
 
     def dataReceived(self, data: bytes) -> None:
-        """Bytes. Before the console has accepted it, a page has nothing to say."""
+        """Read bytes. Before the console has accepted it, a page may send no more than its handshake."""
         if self.state == self.STATE_CONNECTING and len(self.data) + len(data) > limits.HANDSHAKE_BYTES * 2:
             self.dropConnection(abort=True)
             return
         if self.state == self.STATE_OPEN and self._is_between_messages():
-            text = whole_text(data)
+            text = small_text_frame(data)
             if text is not None:
                 self._on_text(text)
                 return
         super().dataReceived(data)
 
     def _is_between_messages(self) -> bool:
-        """The parser has nothing in hand, and waits for no pong: any frame answers for that."""
+        """Return whether the parser holds no part of a message and waits for no pong (any frame counts as one)."""
         return not (self.data or self.current_frame or self.inside_message or self.autoPingTimeoutCall)
 
     def _on_text(self, text: str) -> None:
-        """A whole text. It overtakes nothing that waits."""
-        if self._hear_now and self.application_queue.empty() and self._hear_now(text):
+        """Pass a whole text on, never past one that waits."""
+        if self._direct_receiver and self.application_queue.empty() and self._direct_receiver(text):
             self.last_ping = time.time()
         else:
             self.onMessage(text.encode(), False)

@@ -137,7 +137,7 @@ def read_people(text: str) -> PeopleList:
 
 
 def _is_foreign_header(rows: list[tuple[int, str, list[str]]]) -> bool:
-    """Whether the first line names columns in words that are not known here."""
+    """Return whether the first line names columns in words that are not known here."""
     addresses = [sum("@" in cell for cell in cells) for _number, _line, cells in rows[:2]]
     return addresses == [0, 1] and len(rows[0][2]) == len(rows[1][2]) > 1
 

@@ -118,7 +118,7 @@ def robots_and_role(user: User) -> tuple[QuerySet[Robot], Role | None]:
     return robots.filter(pk__in={one.robot for one in found}), max((one.role for one in found), default=None)
 
 
-def robot_seen_by(user: User, slug: str) -> Robot:
+def robot_visible_to(user: User, slug: str) -> Robot:
     """Return the robot if `user` may view it. Raises `Http404`."""
     return get_object_or_404(robots_visible_to(user), slug=slug)
 

@@ -341,24 +341,24 @@ class Core:
         self._reported.skew_s = skew_s if steadied_s is None else steadied_s + 0.1 * (skew_s - steadied_s)
         self._drives.moved(pose, velocity, arrival_s)
         self.tasks.drives_by.moved(pose)
-        self._tell_news()
+        self._report_changes()
 
     def laser(self, scan: LaserScan) -> None:
         """Take one laser scan."""
         self._gate.observe_scan(scan)
-        self._tell_news()
+        self._report_changes()
         self._on_scan()
 
     def range(self, source: str, stamp_s: float, arrival_s: float, range_m: float) -> None:
         """Take one sonar reading."""
         max_range_m = self._sonar_reach_m.get(source, math.inf)
         self._gate.observe_range(source, stamp_s, arrival_s, range_m, max_range_m)
-        self._tell_news()
+        self._report_changes()
 
     def depth(self, frame: Frame, stamp_s: float, arrival_s: float) -> None:
         """Take one frame of the depth camera."""
         self._gate.observe_depth(frame, stamp_s, arrival_s)
-        self._tell_news()
+        self._report_changes()
 
     def posture(self, arm: Posture, arrival_s: float) -> None:
         """Take the arm's posture."""
@@ -381,7 +381,7 @@ class Core:
         """Let the gate compute now, so that the next command does not wait for it."""
         self._gate.prepare(now_s)
 
-    def _tell_news(self) -> None:
+    def _report_changes(self) -> None:
         if self.lease.current:
             self._on_news()
 

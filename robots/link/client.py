@@ -201,7 +201,7 @@ class BridgeLink:
 
     @property
     def silent(self) -> bool:
-        """Whether the link is up, but its last state is too old: the bridge is frozen or cut off."""
+        """True if the link is up, but its last state is too old: the bridge is frozen or cut off."""
         return self.up and time.monotonic() - self._heard_s > SILENT_S
 
     # --- what is sent --------------------------------------------------------------------------------
@@ -221,7 +221,7 @@ class BridgeLink:
 
     @property
     def has_lane(self) -> bool:
-        """Whether `forward_now` can send."""
+        """True if `forward_now` can send."""
         return self._lane is not None
 
     def forward_now(self, raw: str) -> bool:
@@ -351,7 +351,7 @@ class BridgeLink:
 
     @property
     def _is_behind(self) -> bool:
-        """Whether the last message is still unsent: bridge or network does not take it."""
+        """True if the last message is still unsent: bridge or network does not take it."""
         return self._socket is not None and self._socket.transport.get_write_buffer_size() > 0
 
     def _require_capacity(self, replies: PendingReplies[_Answer], most: int) -> None:

@@ -1,4 +1,4 @@
-"""How a web process reaches a bridge: over a Unix socket, or over TCP with TLS and the shared secret."""
+"""Connect a web process to a bridge: over a Unix socket, or over TCP with TLS and the shared secret."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long something took, counted by length: cheap enough for every command."""
+"""Count durations by length: cheap enough for every command."""
 
 from __future__ import annotations
 

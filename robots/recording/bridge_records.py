@@ -43,7 +43,7 @@ from robots.bridge.audit.record_sink import (
     TakenMap,
 )
 from robots.bridge.gate.values import Pose, Velocity, Verdict
-from robots.registry.maps import map_seen
+from robots.registry.maps import map_store
 from robots.registry.models import BridgePulse
 
 P = ParamSpec("P")
@@ -79,7 +79,7 @@ class _Opened(threading.local):
 _opened = _Opened()
 
 
-def _look_at_file() -> None:
+def _check_file() -> None:
     """Write to the file that has the database's name now, and to the log that has the log's.
 
     A kept connection of SQLite's goes on with those it opened, and what it writes into one that was removed or
@@ -122,7 +122,7 @@ def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
             close_old_connections()
-            _look_at_file()
+            _check_file()
             return method(*args, **kwargs)
         except AuditUnavailable as error:
             connection.close()
@@ -247,7 +247,7 @@ class AuditSink:
     @_or_record_error
     def keep_map(self, taken: TakenMap) -> None:
         """Commit that this is the robot's map now."""
-        map_seen(self._robot_id, taken, timezone.now())
+        map_store(self._robot_id, taken, timezone.now())
 
     def _without_end(self, after: int) -> list[Record]:
         """This robot's records without end, the newest first."""

@@ -14,7 +14,7 @@ CLOCKS = timedelta(minutes=5)  # allowed difference between clocks of the bridge
 
 
 @transaction.atomic
-def map_seen(robot_id: UUID, taken: TakenMap, now: datetime) -> RobotMap:
+def map_store(robot_id: UUID, taken: TakenMap, now: datetime) -> RobotMap:
     """Store the robot's current map. Only the robot's one bridge calls this, so no two calls run at once.
 
     The newest map has the highest number; times are not reliable, because a clock may have been ahead. A row that

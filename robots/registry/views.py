@@ -12,7 +12,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 from fleet.accounts.requests import person_of
-from robots.access.selectors import robot_seen_by
+from robots.access.selectors import robot_visible_to
 from robots.registry.robot_check import FAIL, run_checks
 
 _probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # one probe of a robot at a time
@@ -22,7 +22,7 @@ _probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # one probe o
 @require_safe
 def robot_check(request: HttpRequest, slug: str) -> HttpResponse:
     """Show the result of `manage.py check_robot` to everybody who may see the robot."""
-    robot = robot_seen_by(person_of(request), slug)
+    robot = robot_visible_to(person_of(request), slug)
     lock = _probed[robot.id]
     if not lock.acquire(blocking=False):
         return render(request, "robots/check.html", {"robot": robot, "answers": [], "busy": True})

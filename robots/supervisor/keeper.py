@@ -65,7 +65,7 @@ def _acquired(lock: IO[str]) -> bool:
 
 
 def supervised(path: Path) -> bool:
-    """Whether a running supervisor holds this lock file, even if the last one crashed."""
+    """Return whether a running supervisor holds this lock file, even if the last one crashed."""
     try:
         with path.open() as lock:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -78,7 +78,7 @@ def supervised(path: Path) -> bool:
 
 @dataclass
 class RestartBudget:
-    """How long to wait before a program that ended is started again."""
+    """Pauses before a program that ended is started again."""
 
     first_s: float = 0.5
     longest_s: float = 8.0
@@ -129,7 +129,7 @@ class Keeper:
 
     @property
     def idle(self) -> bool:
-        """Whether no program runs."""
+        """True if no program runs."""
         return self._process is None
 
     def want(self, program: Program | None) -> None:

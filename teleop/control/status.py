@@ -18,7 +18,7 @@ from teleop.control.rules import LeaseState, Phase, Tab, Waiter
 
 
 class SessionEnd(Struct, frozen=True):
-    """How a control session ended."""
+    """The end of a control session."""
 
     reason: str  # a models.EndReason
     note: str  # the reason in words for the holder; may be empty

@@ -38,7 +38,7 @@ REPLIES_BURST = 20.0
 
 BUSY = Refusal("busy", "Too many requests at once: wait for the answers.", "wire")
 
-_HEAR_NOW = "fleet.hear_now"  # ASGI extension of the server (`fleet.server.websocket`)
+_DIRECT_RECEIVER = "fleet.direct_receiver"  # ASGI extension of the server (`fleet.server.websocket`)
 
 
 class CloseCode:
@@ -80,8 +80,8 @@ class MessageSocket(AsyncConsumer):
         await send({"type": "websocket.accept"})
         try:
             await self.on_open()
-            if offer := scope.get("extensions", {}).get(_HEAR_NOW):
-                offer(self._hear_now)
+            if offer := scope.get("extensions", {}).get(_DIRECT_RECEIVER):
+                offer(self._receive_directly)
             while (event := await self._next(receive))["type"] != "websocket.disconnect":
                 if not self._closing:
                     await self._received(event)
@@ -98,7 +98,7 @@ class MessageSocket(AsyncConsumer):
         self._idle = False
         return event
 
-    def _hear_now(self, raw: str) -> bool:
+    def _receive_directly(self, raw: str) -> bool:
         if not self._idle or self._closing or not self.on_message_now(raw):
             return False
         self.heard_s = time.monotonic()

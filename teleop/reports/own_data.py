@@ -75,7 +75,7 @@ def own_records(user: User, *, before: int | None, after: int | None) -> Page:
     return Selection(_own_records(user)).page(before=before, after=after, size=RECORDS)
 
 
-def records_seen_by(user: User, wanted: Wanted) -> Wanted | None:
+def records_visible_to(user: User, wanted: Wanted) -> Wanted | None:
     """Return which of the wanted records `user` may read: staff all, others their own; None: those of others only."""
     if user.is_staff:
         return wanted

@@ -78,7 +78,7 @@ class SessionReport(Struct, frozen=True):
     path_expired: bool  # of one drive at least
 
 
-def session_seen_by(user: User, session_id: UUID) -> ControlSession | None:
+def session_visible_to(user: User, session_id: UUID) -> ControlSession | None:
     """Return the control session if `user` was its holder, supervises the robot, or is staff; else None."""
     session = ControlSession.objects.select_related("robot", "user").filter(pk=session_id).first()
     if session is None:
@@ -87,8 +87,8 @@ def session_seen_by(user: User, session_id: UUID) -> ControlSession | None:
     return session if concerned else None
 
 
-def sessions_seen_by(user: User) -> QuerySet[ControlSession]:
-    """Return the control sessions that `session_seen_by` gives."""
+def sessions_visible_to(user: User) -> QuerySet[ControlSession]:
+    """Return the control sessions that `session_visible_to` gives."""
     sessions = ControlSession.objects.select_related("robot", "user")
     return sessions if user.is_staff else sessions.filter(Q(user=user) | Q(robot__in=supervised_by(user)))
 

@@ -29,7 +29,7 @@ from fleet.audit import wording
 from fleet.audit.addresses import number, session_url_of
 from fleet.audit.listing import Row
 from fleet.bookings.authority import awaiting_approval
-from robots.access.selectors import robot_seen_by, supervises
+from robots.access.selectors import robot_visible_to, supervises
 from teleop.control.selectors import end_notes
 from teleop.reports import own_data, path_plot, robot_report, session_report, today
 from teleop.reports.session_maps import maps_of
@@ -61,7 +61,7 @@ class RecordLine(Struct, frozen=True):
 def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
     """Show a control session to its holder, supervisors of the robot and staff."""
     person = person_of(request)
-    session = session_report.session_seen_by(person, session_id)
+    session = session_report.session_visible_to(person, session_id)
     if session is None:
         raise Http404("There is no such control session, or you may not see it.")
     report = session_report.report_of(session)
@@ -87,7 +87,7 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
 @require_safe
 def control_session_map(request: HttpRequest, session_id: UUID, number: int) -> HttpResponse:
     """Return the picture of one of the robot's maps of that time, to people who may see the session."""
-    session = session_report.session_seen_by(person_of(request), session_id)
+    session = session_report.session_visible_to(person_of(request), session_id)
     found = maps_of(session).filter(pk=number).first() if session else None
     if found is None:
         raise Http404("There is no such control session or map, or you may not see it.")
@@ -99,7 +99,7 @@ def control_session_map(request: HttpRequest, session_id: UUID, number: int) -> 
 def robot(request: HttpRequest, slug: str) -> HttpResponse:
     """Show a robot's use to its supervisors and staff."""
     person = person_of(request)
-    asked = robot_seen_by(person, slug)
+    asked = robot_visible_to(person, slug)
     if not supervises(person, asked):
         raise Http404("This report is for supervisors of the robot.")
     days = _period(request)

@@ -25,7 +25,7 @@ from fleet.accounts.requests import person_of, wants_json
 from fleet.accounts.services import address_of
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, token_of
-from robots.access.selectors import robot_seen_by, robots_visible_to
+from robots.access.selectors import robot_visible_to, robots_visible_to
 from robots.registry.models import Robot
 from robots.stop.presses import Pending
 from robots.wire import Refusal
@@ -110,7 +110,7 @@ def _token(request: HttpRequest) -> Token | None:
 def rest_stop(request: HttpRequest, slug: str, token: Token | None = None) -> HttpResponse:
     """Stop one robot, for a program. The answer is JSON, whatever the request accepts."""
     try:
-        robot = robot_seen_by(person_of(request), slug)
+        robot = robot_visible_to(person_of(request), slug)
         if token is not None and not token.serves(robot.id):
             raise Http404
     except Http404:
@@ -132,7 +132,7 @@ def rest_stop_all(request: HttpRequest, token: Token | None = None) -> HttpRespo
 @_stop_view
 def page_stop(request: HttpRequest, slug: str) -> HttpResponse:
     """Stop one robot, for a page's form."""
-    return _by_page(request, [robot_seen_by(person_of(request), slug)])
+    return _by_page(request, [robot_visible_to(person_of(request), slug)])
 
 
 @_stop_view

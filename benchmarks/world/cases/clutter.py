@@ -38,7 +38,7 @@ CONTROLLERS = ("gate", "cone", "monitor")
 
 
 class Minute(NamedTuple):
-    """Which case."""
+    """The arguments of one case."""
 
     controller: str
     seed: int

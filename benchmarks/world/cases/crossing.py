@@ -22,7 +22,7 @@ MOVING_PERCENT = 10.0
 
 
 class Crossing(NamedTuple):
-    """Which case."""
+    """The arguments of one case."""
 
     controller: str
     share: float

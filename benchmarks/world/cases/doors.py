@@ -26,7 +26,7 @@ CONTROLLERS = ("none", "gate", "cone", "monitor")
 
 
 class Passage(NamedTuple):
-    """Which case."""
+    """The arguments of one case."""
 
     controller: str
     width_m: float

@@ -64,7 +64,7 @@ UNSEEN = {"head away", "depth dead"}  # table tops cannot be seen then: what is 
 
 
 class Failing(NamedTuple):
-    """Which case."""
+    """The arguments of one case."""
 
     name: str
     thing: str

@@ -45,7 +45,7 @@ STICK_S = 0.5  # after the start, the wheels begin to obey
 
 
 class Late(NamedTuple):
-    """Which case: a way of `WAYS`, or "first"; how much later, in ms; share of the robot's speed."""
+    """One case: a way of `WAYS`, or "first"; how much later, in ms; share of the robot's speed."""
 
     way: str
     ms: int

@@ -66,7 +66,7 @@ ASIDE_S, PRESSED_S = 2.0, 8.0  # before the thing begins to go, and after it
 
 
 class Left(NamedTuple):
-    """Which case."""
+    """The arguments of one case."""
 
     kind: str
     seed: int

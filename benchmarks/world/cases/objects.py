@@ -131,7 +131,7 @@ ABOVE_LASER = UNSEEN | {"chair"}  # the laser sees these not at all, or only in 
 
 
 class Full(NamedTuple):
-    """Which case: controller, object, stick angle in degrees, share of the robot's speed, seed."""
+    """One case: controller, object, stick angle in degrees, share of the robot's speed, seed."""
 
     controller: str
     thing: str

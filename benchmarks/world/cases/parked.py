@@ -28,7 +28,7 @@ WORST = 3
 
 
 class Parked(NamedTuple):
-    """Which case."""
+    """The arguments of one case."""
 
     thing: str
     seed: int

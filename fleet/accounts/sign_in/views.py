@@ -46,7 +46,7 @@ class SignInView(LoginView):
             return cast(HttpResponse, perform_login(self.request, user, redirect_url=self.get_redirect_url()))
 
     def get_context_data(self, **context: Any) -> dict[str, Any]:
-        """Which other ways to sign in there are."""
+        """Add the other ways to sign in."""
         return super().get_context_data(single_sign_on=single_sign_on_name(), **context)
 
     def form_invalid(self, form: AuthenticationForm) -> HttpResponse:

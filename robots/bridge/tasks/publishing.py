@@ -72,7 +72,7 @@ class Publications:
             refusal = refusal or self._send(publishing, now_s)
             publishing.requester.answer(refusal)
             if refusal is not None:
-                self._tell_end(publishing, refusal.code, now_s)
+                self._report_end(publishing, refusal.code, now_s)
         if self._running:
             self._publisher.keep_alive()
 
@@ -95,7 +95,7 @@ class Publications:
         waiting, self._waiting = self._waiting, []
         for publishing in waiting:
             publishing.requester.answer(refusal)
-            self._tell_end(publishing, why, now_s)
+            self._report_end(publishing, why, now_s)
 
     @property
     def under_way(self) -> list[str]:
@@ -119,16 +119,16 @@ class Publications:
         if publishing.order.rate_hz:
             self._running[topic] = publishing
         else:
-            self._tell_end(publishing, "sent", now_s)
+            self._report_end(publishing, "sent", now_s)
         return None
 
     def _end(self, topic: str, outcome: str, now_s: float) -> None:
         publishing = self._running.pop(topic, None)
         if publishing is not None:
             self._publisher.publish_stop(topic)
-            self._tell_end(publishing, outcome, now_s)
+            self._report_end(publishing, outcome, now_s)
 
-    def _tell_end(self, publishing: _Publication, outcome: str, now_s: float) -> None:
+    def _report_end(self, publishing: _Publication, outcome: str, now_s: float) -> None:
         """Record the end."""
         figures: Parameters = {
             "topic": publishing.order.topic,

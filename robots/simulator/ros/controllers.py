@@ -50,7 +50,7 @@ class TrajectoryController:
                 self._begin(handle, now)
             else:
                 self._cancel(handle)
-        self._tell_end()
+        self._report_end()
 
     def publish(self, stamp: rospy.Time) -> None:
         """Publish the joints. They never lag: desired and actual are the same."""
@@ -83,7 +83,7 @@ class TrajectoryController:
         except RefusedTrajectoryError as refused:
             handle.set_rejected(self._result(int(refused.code), str(refused)), str(refused))
             return
-        self._tell_end()  # of the goal before, which this one replaced
+        self._report_end()  # of the goal before, which this one replaced
         handle.set_accepted()
         self._following = Following(handle, run, _points(trajectory)[-1])
 
@@ -95,9 +95,9 @@ class TrajectoryController:
     def _cancel(self, handle: Any) -> None:
         if self._following is not None and self._following.handle == handle:
             self._player.cancel(self._following.run)
-            self._tell_end()
+            self._report_end()
 
-    def _tell_end(self) -> None:
+    def _report_end(self) -> None:
         if self._following is None or self._following.run.phase is Phase.MOVING:
             return
         handle, run, goal = self._following

@@ -43,8 +43,8 @@ class HeadServer:
                 self._begin(handle, now)
             elif self._pointing is not None and self._pointing.handle == handle:
                 self._player.cancel(self._pointing.run)
-                self._tell_end()
-        self._tell_end()
+                self._report_end()
+        self._report_end()
 
     def publish(self, _stamp: rospy.Time) -> None:
         """Publish the head's remaining error."""
@@ -64,7 +64,7 @@ class HeadServer:
             return
         seconds = max(goal.min_duration.to_sec(), self._shortest_s(wanted, goal.max_velocity))
         run = self._player.follow(list(wanted), [Point(list(wanted.values()), seconds)], now)
-        self._tell_end()  # of the goal before, which this one replaced
+        self._report_end()  # of the goal before, which this one replaced
         handle.set_accepted()
         self._pointing = Pointing(handle, run, looks, target)
 
@@ -88,7 +88,7 @@ class HeadServer:
     def _off(self, pointing: Pointing) -> float:
         return error(self._frames, pointing.eye, pointing.target, self._player.positions)
 
-    def _tell_end(self) -> None:
+    def _report_end(self) -> None:
         if self._pointing is None or self._pointing.run.phase is Phase.MOVING:
             return
         ended, self._pointing = self._pointing, None

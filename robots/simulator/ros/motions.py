@@ -37,7 +37,7 @@ class MotionServer:
         for handle, run in self._running[:]:
             if run.phase is not Phase.MOVING:
                 self._running.remove((handle, run))
-                self._tell_end(handle, run)
+                self._report_end(handle, run)
 
     def _begin(self, handle: Any, now: float) -> None:
         name = handle.get_goal().motion_name
@@ -56,7 +56,7 @@ class MotionServer:
                 self._running.remove((running, run))
                 running.set_canceled(self._result(), "cancelled")
 
-    def _tell_end(self, handle: Any, run: Run) -> None:
+    def _report_end(self, handle: Any, run: Run) -> None:
         if run.phase is Phase.DONE:
             handle.set_succeeded(self._result(int(ErrorCode.SUCCEEDED), ""))
         else:

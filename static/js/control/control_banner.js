@@ -171,7 +171,7 @@ export function banner({
   return null;
 }
 
-/** Which part of the console was late, and how much; empty if none was. */
+/** The part of the console that was late, and how late; empty if none was. */
 export function overloadText({ overload = null }) {
   if (!overload) return "";
   const text =

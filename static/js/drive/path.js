@@ -39,7 +39,7 @@ const SHOWN_SHARE = 0.7;
 const CALM = 0.08; // a step is left only when it is clearly wrong: the picture must not pump
 
 /**
- * Which span shows a scan well.
+ * The span that shows a scan well.
  * @param {readonly number[]} laserCm flat [x0, y0, x1, y1, ...]
  * @param {number} current the span shown now
  */

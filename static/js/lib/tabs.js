@@ -9,7 +9,7 @@ export function tabIn(hash, tabs) {
 }
 
 /**
- * Which tab a key leads to from another one; null: the key is none of the tablist's.
+ * The tab to which a key leads from another one; null: the key is none of the tablist's.
  * @param {string} [onwards] the arrow that points to where one reads on
  */
 export function tabByKey(key, from, tabs, onwards = "ArrowRight") {

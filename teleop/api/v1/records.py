@@ -28,8 +28,8 @@ from teleop.api.v1.door.parameters import Cursor, Limit, Moment, Time, utc
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
 from teleop.control.selectors import end_notes
 from teleop.models import ControlSession
-from teleop.reports.own_data import records_seen_by
-from teleop.reports.session_report import report_of, session_seen_by, sessions_seen_by
+from teleop.reports.own_data import records_visible_to
+from teleop.reports.session_report import report_of, session_visible_to, sessions_visible_to
 
 ME = "me"
 NONE = "none"  # as a robot: records without robot
@@ -192,7 +192,7 @@ class RecordsBase(ApiView):
 
     def wanted(self, asked: RecordsAsked) -> Wanted:
         """Return the records that were asked for, as far as the person may read them. Raises `Problem`."""
-        wanted = records_seen_by(
+        wanted = records_visible_to(
             self.person,
             Wanted(
                 words=words_of(asked.q),
@@ -236,7 +236,7 @@ class SessionsView(RecordsBase):
     @_records("sessions_list", "List control sessions", query=SessionsAsked, answer=SessionList)
     def get(self, _request: Request, query: SessionsAsked) -> SessionList:
         """Your own, and those of robots that you supervise; staff read all. `from` and `to`: when they began."""
-        found = sessions_seen_by(self.person)
+        found = sessions_visible_to(self.person)
         token = self.token
         if token is not None and token.robots:
             found = found.filter(robot__in=token.robots)
@@ -267,7 +267,7 @@ class SessionView(RecordsBase):
     @_records("sessions_read", "Read a control session", answer=SessionDetail)
     def get(self, _request: Request, session_id: UUID) -> SessionDetail:
         """Figures, and what happened in it."""
-        session = session_seen_by(self.person, session_id)
+        session = session_visible_to(self.person, session_id)
         if session is None or not self.serves(session.robot_id):
             raise Problem(NOT_FOUND)
         report = report_of(session)

@@ -8,7 +8,7 @@ import pytest
 
 from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.gate.values import Pose
-from robots.registry.maps import map_seen
+from robots.registry.maps import map_store
 from robots.registry.models import Robot
 
 pytestmark = pytest.mark.django_db
@@ -18,7 +18,7 @@ NOON = datetime(2026, 11, 17, 12, 0, tzinfo=timezone.utc)
 
 def test_a_clock_once_ahead_does_not_repeat_map_rows(robot: Robot) -> None:
     def seen(what: str, moment: datetime) -> None:
-        map_seen(robot.pk, TakenMap(0.05, Pose(0.0, 0.0, 0.0), 1, 1, what.encode(), what), moment)
+        map_store(robot.pk, TakenMap(0.05, Pose(0.0, 0.0, 0.0), 1, 1, what.encode(), what), moment)
 
     seen("a", NOON + timedelta(days=3650))
     for minutes in (0, 5, 10):

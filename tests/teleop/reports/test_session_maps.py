@@ -16,7 +16,7 @@ from django.utils import timezone as django_timezone
 from fleet.audit.services import record
 from robots.bridge.audit.record_sink import TakenMap
 from robots.bridge.gate.values import Pose
-from robots.registry.maps import map_seen
+from robots.registry.maps import map_store
 from robots.registry.models import RobotMap
 from teleop.models import ControlSession, EndReason
 from teleop.reports import session_maps, session_report
@@ -52,7 +52,7 @@ def seen(robot):
 
     def see(moment, what="a", on=robot):
         origin = Pose(-1.0, 2.0, 0.5)
-        return map_seen(on.pk, TakenMap(0.05, origin, 200, 100, f"PNG {what}".encode(), what), moment)
+        return map_store(on.pk, TakenMap(0.05, origin, 200, 100, f"PNG {what}".encode(), what), moment)
 
     return see
 

@@ -1,6 +1,6 @@
-"""The frame that most often comes: one whole text message, as browsers send it. Pure.
+"""Read the most frequent frame quickly: one small, whole text message, as browsers send it. Pure.
 
-Anything else is for the full parser, which knows all rules and answers what breaks them.
+The full parser reads all other frames: it knows all rules and answers frames that break them.
 """
 
 from __future__ import annotations
@@ -9,17 +9,17 @@ _WHOLE_TEXT = 0x81  # final, nothing reserved, text
 _MASKED = 0x80
 _LENGTH_FOLLOWS = 126  # in two bytes
 _MASK_BYTES = 4
-_MOST_BYTES = 1024  # larger messages are rare, and not in a hurry
+_MOST_BYTES = 1024  # larger messages are rare and not urgent
 
 
-def whole_text(data: bytes) -> str | None:
-    """The text, if `data` is exactly one small masked frame of one text message; None of everything else."""
+def small_text_frame(data: bytes) -> str | None:
+    """Return the text if `data` is exactly one small masked frame with one text message, else None."""
     if len(data) < 2 + _MASK_BYTES or data[0] != _WHOLE_TEXT or data[1] < _MASKED:
         return None
     length, begin = data[1] - _MASKED, 2
     if length == _LENGTH_FOLLOWS:
         length, begin = int.from_bytes(data[2:4], "big"), 4
-        if length < _LENGTH_FOLLOWS:  # too long a way to say it
+        if length < _LENGTH_FOLLOWS:  # not the shortest form of a length
             return None
     elif length > _LENGTH_FOLLOWS:
         return None

@@ -11,7 +11,7 @@ from twisted.internet.testing import StringTransport
 
 from fleet.server import limits, websocket
 from fleet.server.command import Server
-from fleet.server.whole import whole_text
+from fleet.server.text_frame import small_text_frame
 
 ROUNDS = 4000
 HANDSHAKE = (
@@ -148,9 +148,9 @@ def test_mutated_frames_come_to_the_same_by_both_ways(seed, monkeypatch):
     short = 0
     for _ in range(ROUNDS // 4):
         parts = [*cut(chance, some_frames(chance)), COMMAND]  # a command follows any frames
-        short += sum(whole_text(part) is not None for part in parts)
+        short += sum(small_text_frame(part) is not None for part in parts)
         with monkeypatch.context() as full:
-            full.setattr(websocket, "whole_text", lambda _data: None)
+            full.setattr(websocket, "small_text_frame", lambda _data: None)
             expected = End().outcome(parts)
         assert End().outcome(parts) == expected, parts
     assert short > ROUNDS // 8
@@ -165,7 +165,7 @@ def test_a_text_is_heard_at_once_only_while_none_waits():
         at_once.append(text)
         return takes
 
-    end.protocol.hear_now(hear)
+    end.protocol.set_direct_receiver(hear)
     end.outcome([COMMAND])
     assert (at_once, end.heard) == ([DRIVE.decode()], [])
     end.heard.empty = lambda: False
@@ -183,7 +183,10 @@ def test_a_scope_offers_it_to_websockets(monkeypatch):
         "daphne.server.Server.create_application", lambda _self, _protocol, scope: scopes.append(scope)
     )
     server = Server.__new__(Server)
-    protocol = SimpleNamespace(hear_now=print)
+    protocol = SimpleNamespace(set_direct_receiver=print)
     server.create_application(protocol, {"type": "http"})
     server.create_application(protocol, {"type": "websocket"})
-    assert scopes == [{"type": "http"}, {"type": "websocket", "extensions": {websocket.HEAR_NOW: print}}]
+    assert scopes == [
+        {"type": "http"},
+        {"type": "websocket", "extensions": {websocket.DIRECT_RECEIVER: print}},
+    ]

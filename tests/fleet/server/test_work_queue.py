@@ -4,7 +4,7 @@ from collections import deque
 
 import pytest
 
-from fleet.server.turns import Turns
+from fleet.server.work_queue import WorkQueue
 
 
 @pytest.fixture
@@ -19,21 +19,21 @@ def turn(loop):
 
 
 def test_each_piece_has_a_turn_of_its_own_in_order(loop, turn):
-    turns, done = Turns(loop.append), []
+    work, done = WorkQueue(loop.append), []
     for number in range(3):
-        turns.take(lambda number=number: done.append(number))
+        work.add(lambda number=number: done.append(number))
     for heard in ([0], [0, 1], [0, 1, 2], [0, 1, 2]):
         turn()
         assert done == heard
-    turns.take(lambda: done.append("later"))
+    work.add(lambda: done.append("later"))
     turn()
     assert done[-1] == "later"
 
 
 def test_a_piece_that_fails_does_not_end_the_turns(loop, turn):
-    turns, done = Turns(loop.append), []
-    turns.take(lambda: 1 / 0)
-    turns.take(lambda: done.append("next"))
+    work, done = WorkQueue(loop.append), []
+    work.add(lambda: 1 / 0)
+    work.add(lambda: done.append("next"))
     with pytest.raises(ZeroDivisionError):
         turn()
     turn()
