@@ -23,14 +23,12 @@ class DrivingCollector(Collector):
     def collect(self) -> Iterator[Metric]:
         """Yield them. On the loop that forwards commands: nothing here waits."""
         web, hubs = str(os.getpid()), robot_hub.open_hubs()
-        slugs = {str(hub.robot_id): hub.entry.facts.slug for hub in hubs}
         names = [WEB, "robot"]
         forward = HistogramMetricFamily(
             "fleet_command_forward_seconds", "Drive messages, from arrival until sent on.", labels=names
         )
-        for robot_id, taken in robot_hub.forwards.items():
-            labels = [web, slugs.get(str(robot_id), str(robot_id))]
-            forward.add_metric(labels, buckets(taken.counts), taken.sum_s)
+        for robot, taken in robot_hub.forwards.items():
+            forward.add_metric([web, robot], buckets(taken.counts), taken.sum_s)
         link = GaugeMetricFamily("fleet_link_up", "1: the link to the robot's bridge is up.", labels=names)
         viewers = GaugeMetricFamily("fleet_viewers", "Pages that get pictures of the robot.", labels=names)
         pages = GaugeMetricFamily("fleet_connections", "WebSockets about the robot.", labels=names)

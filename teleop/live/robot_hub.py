@@ -90,7 +90,7 @@ class RobotHub:
         self.robot_id = robot_id
         self.entry = entry
         self.link: BridgeLink = links.get(robot_id, entry.link)
-        self.forwards = forwards[robot_id]
+        self.forwards = forwards[entry.facts.slug]
         self.pictures = PictureFeed()
         self.topics = TopicFeed(self._subscribe_topics)
         self.members: dict[str, Member] = {}
