@@ -328,9 +328,7 @@ class RobotHub:
 
 
 _hubs: dict[UUID, RobotHub] = {}
-forwards: dict[UUID, Durations] = defaultdict(
-    Durations
-)  # drive messages, from their arrival until they are sent on
+forwards: dict[str, Durations] = defaultdict(Durations)  # by robot: drive messages, until they are sent on
 
 
 def open_hubs() -> list[RobotHub]:
