@@ -47,7 +47,7 @@ class Api:
             method=method,
         )
         try:
-            with urllib.request.urlopen(request, timeout=20.0) as answer:  # noqa: S310
+            with urllib.request.urlopen(request, timeout=45.0) as answer:  # noqa: S310
                 raw = answer.read()
                 return answer.status, json.loads(raw) if raw else None
         except urllib.error.HTTPError as error:
@@ -260,12 +260,12 @@ def test_fifty_programs_wait_for_a_task_while_others_read(stack: Stack) -> None:
     api = Api(stack, token(stack, "operator", "read", "drive", name="waiting"))
     robot = f"/robots/{ROBOT}"
     assert api("POST", f"{robot}/control", {})[0] == 200
-    status, task = api("POST", f"{robot}/drive-by", {"angle_rad": 3.1, "speed_radps": 0.1})
+    status, task = api("POST", f"{robot}/drive-by", {"angle_rad": 3.1, "speed_radps": 0.05})
     assert status == 202, task
     with ThreadPoolExecutor(50) as pool:
         path = f"{robot}/tasks/{task['number']}?wait=30"
         waiting = [pool.submit(api, "GET", path) for _ in range(50)]
-        assert [api("GET", robot)[0] for _ in range(5)] == [200] * 5
+        assert [api("GET", robot)[0] for _ in range(3)] == [200] * 3
         assert not any(one.done() for one in waiting)  # the reads waited for none of those who wait
         assert api("DELETE", f"{robot}/drive-by")[0] == 204
         assert {one.result()[1]["outcome"] for one in waiting} == {"cancelled"}

@@ -21,6 +21,7 @@ from robots.link.client import LinkRefused, state_once
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.wire import MotionOffer, NotDone, Refusal, StopState
+from robots.wire.base import FARTHEST_HEAD_RAD
 from teleop.api.v1.control import ProgramView
 from teleop.api.v1.door.later import Later
 from teleop.api.v1.door.operation import operation
@@ -203,6 +204,23 @@ class LookAheadView(TasksBase):
         """Needs control."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(lambda fence, seq: wire.LookAhead(fence, seq))
+
+
+class HeadRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """Angles from where the head was sent last, radians; positive: left, up."""
+
+    pan: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)] = 0.0
+    tilt: Annotated[float, Meta(ge=-FARTHEST_HEAD_RAD, le=FARTHEST_HEAD_RAD)] = 0.0
+
+
+class HeadView(TasksBase):
+    """`/robots/{slug}/head`."""
+
+    @_task("head_turn", "Turn the head", scope=Scope.DRIVE, body=HeadRequest)
+    def post(self, _request: Request, slug: str, body: HeadRequest) -> None:
+        """Needs control. Within the limits of its joints."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(lambda fence, seq: wire.TurnHead(fence, body.pan, body.tilt, seq))
 
 
 class ClearView(TasksBase):

@@ -83,6 +83,7 @@ urlpatterns = [
     path("robots/<slug:slug>/parameters", topics.ParametersView.as_view()),
     path("robots/<slug:slug>/parameters/value", topics.ParameterView.as_view()),
     path("robots/<slug:slug>/inputs/<str:use>", topics.InputView.as_view()),
+    path("robots/<slug:slug>/head", tasks.HeadView.as_view()),
     path("robots/<slug:slug>/look-ahead", tasks.LookAheadView.as_view()),
     path("robots/<slug:slug>/tasks/<int:number>", tasks.TaskView.as_view()),
     path("robots/<slug:slug>/stop/clear", tasks.ClearView.as_view()),

@@ -30,6 +30,7 @@ OPERATIONS: dict[type, tuple[str, str]] = {
     wire.Drive: ("post", f"{ROBOT}/velocity"),
     wire.DriveBy: ("post", f"{ROBOT}/drive-by"),
     wire.DriveByCancel: ("delete", f"{ROBOT}/drive-by"),
+    wire.TurnHead: ("post", f"{ROBOT}/head"),
     wire.LookAhead: ("post", f"{ROBOT}/look-ahead"),
     wire.Forget: ("post", f"{ROBOT}/forget"),
     wire.Play: ("post", f"{ROBOT}/motions/{{name}}"),
@@ -140,7 +141,7 @@ FOR_PEOPLE: dict[str, str] = {
 }
 SECOND_FACTOR = "mfa_"  # how the names of its pages begin: for people, too
 OTHER_DOORS = ("api/", "admin/")  # the API itself; the admin, whose people and log stay with people
-OF_THE_CONNECTION = {wire.Hello, wire.Ack, wire.Ping, wire.Refresh, wire.Unsubscribe}
+OF_THE_CONNECTION = {wire.Hello, wire.Ack, wire.Ping, wire.Refresh, wire.Unsubscribe, wire.CameraView}
 MESSAGES = {*get_args(wire.BrowserMessage), *get_args(wire.TopicsMessage), *get_args(wire.FleetMessage)}
 
 
