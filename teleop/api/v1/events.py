@@ -73,7 +73,7 @@ class EventsView(ApiView):
         "events",
         "Follow the news of robots",
         scope=Scope.READ,
-        refuses=(404, 406),
+        refuses=(404,),
         content_type="text/event-stream",
         tag="events",
         query=EventsAsked,

@@ -19,7 +19,7 @@ from teleop.api.v1.programs.connection import Caller, ProgramConnection, Velocit
 from tests.teleop.support import eventually
 
 FREE = Control("free")
-YOURS = Control("yours", holder="Olga (test)", fence=7, session="s", remaining_s=100.0)
+YOURS = Control("yours", holder="Olga (test)", fence=7, session=str(uuid4()), remaining_s=100.0)
 OTHER = Control("other", holder="Somebody")
 
 Answers = Callable[[object], Iterator[object]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from datetime import timedelta
+from itertools import cycle
 
 import pytest
 import schemathesis
@@ -31,16 +32,23 @@ def test_the_committed_schema_is_the_present_one() -> None:
     assert OPENAPI.read_text() == openapi(), "run script/messages"
 
 
+def tokens(person: User) -> list[dict[str, str]]:
+    """Return the headers of tokens: one with all scopes between each two with a single one."""
+    expires, headers = timezone.now() + timedelta(days=1), []
+    for scopes in [list(Scope), *([scope] for scope in Scope)]:
+        _, text = token_make(user=person, name="fuzz", scopes=scopes, expires_at=expires, actor=person)
+        headers.append({"Authorization": f"Bearer {text}"})
+    every, *single = headers
+    return [one for pair in zip([every] * len(single), single, strict=True) for one in pair]
+
+
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.filterwarnings("ignore:StreamingHttpResponse must consume:Warning")  # under ASGI it need not
 @pytest.mark.parametrize("who", WHO)
 def test_every_answer_keeps_to_the_schema(who: str, robot: Robot, request: pytest.FixtureRequest) -> None:
-    headers = {}
-    if who != "nobody":
-        person: User = request.getfixturevalue(who)
-        expires = timezone.now() + timedelta(days=1)
-        _, text = token_make(user=person, name="fuzz", scopes=list(Scope), expires_at=expires, actor=person)
-        headers["Authorization"] = f"Bearer {text}"
+    """All scopes and each single one, in turns over the examples of all operations."""
+    signed_in = [{}] if who == "nobody" else tokens(request.getfixturevalue(who))
+    turns, used = cycle(enumerate(signed_in)), set()
     schema = schemathesis.openapi.from_dict(json.loads(openapi()))
     schema.app = get_wsgi_application()
     for found in schema.get_all_operations():
@@ -59,11 +67,14 @@ def test_every_answer_keeps_to_the_schema(who: str, robot: Robot, request: pytes
         def check(case: schemathesis.Case) -> None:
             if "slug" in case.path_parameters:
                 case.path_parameters["slug"] = robot.slug
+            number, headers = next(turns)
+            used.add(number)
             answer = case.call(headers=headers)
             assert answer.status_code != 500
             case.validate_response(answer, checks=list(CHECKS))
 
         check()
+    assert len(used) == len(signed_in)
 
 
 def test_times_and_keys_of_answers_have_their_formats() -> None:

@@ -171,9 +171,9 @@ class Operation:
         )
 
     def _answers(self) -> dict[Any, OpenApiResponse]:
-        problems = {*self.refuses, 401, 403, 429, 503}
-        problems |= {400, 413} if self.body else {400} if self.query else set()
-        problems |= {400, 409, 422} if self.keyed else set()
+        problems = {*self.refuses, 401, 403, 406, 429, 503}
+        problems |= {400, 413, 415} if self.body else {400} if self.query else set()
+        problems |= {400, 409, 415, 422} if self.keyed else set()
         answers: dict[Any, OpenApiResponse] = {
             (code, CONTENT_TYPE): OpenApiResponse(self.problem, "refused") for code in sorted(problems)
         }

@@ -1,0 +1,596 @@
+"""Who may do what by the API: role x scope x operation x (own, of one's course, another's), complete.
+
+Each operation of the schema has one row: the scopes of which a token needs one, its request, and how it ends for each
+person in three places. Everything else follows: nobody gets 401, a token without the scope 403, whatever the place.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any
+from uuid import uuid4
+
+import pytest
+from django.db import transaction
+from django.test import Client
+from django.utils import timezone
+
+from fleet.accounts.models import User
+from fleet.accounts.tokens.models import Scope
+from fleet.accounts.tokens.services import token_make
+from fleet.audit.services import record
+from fleet.bookings.models import Booking, State, Waiting
+from robots.access.models import Course, Enrolment, Qualification
+from robots.access.selectors import lab_date, role_on
+from robots.access.services import qualification_grant, role_set
+from robots.registry.models import Robot, RobotProfile, Role
+from robots.wire import StopState
+from script.stack.messages import openapi
+from teleop.control.scopes import ACTING
+from teleop.models import ControlSession
+from teleop.recording import refusals
+from teleop.stop import emergency_stop
+from tests.teleop.api.conftest import Caller
+from tests.teleop.api.test_bookings import hour, words
+
+# --- people and places ----------------------------------------------------------------------------
+
+PLACES = ("own", "course", "other")
+PEOPLE = ("observer", "operator", "teacher", "supervisor", "staff")
+# The robot “own” is that of one's own role; “course” that of the course which the teacher supervises and in which the
+# operator is; “other” has nothing to do with them.
+ROLES: dict[str, dict[str, Role]] = {
+    "observer": {"own": Role.OBSERVER, "course": Role.OBSERVER},
+    "operator": {"own": Role.OPERATOR, "course": Role.OPERATOR},
+    "teacher": {"course": Role.SUPERVISOR},
+    "supervisor": {"own": Role.SUPERVISOR},
+    "staff": dict.fromkeys(PLACES, Role.STAFF),
+}
+
+# --- how an operation ends --------------------------------------------------------------------------
+
+# For each place, by observer, operator, teacher, supervisor, staff.
+Ends = tuple[str, str, str]
+
+
+def seen(done: str) -> Ends:
+    """Whoever may see the robot, gets this; the others find nothing."""
+    return (
+        f"{done} {done} not_found {done} {done}",
+        f"{done} {done} {done} not_found {done}",
+        f"not_found not_found not_found not_found {done}",
+    )
+
+
+def everywhere(*ends: str) -> Ends:
+    """The place makes no difference: one end for all, or one for each person."""
+    line = " ".join(ends * 5 if len(ends) == 1 else ends)
+    return (line, line, line)
+
+
+STAFF_ONLY = everywhere(
+    "permission_denied", "permission_denied", "permission_denied", "permission_denied", "200"
+)
+MANAGED_COURSE = (
+    "not_found not_found {0} not_found {0}",
+    "not_found not_found {0} not_found {0}",
+    "not_found not_found not_found not_found {0}",
+)
+
+
+def managed(done: str) -> Ends:
+    """The teacher's course, or any by staff."""
+    return tuple(line.format(done) for line in MANAGED_COURSE)  # type: ignore[return-value]
+
+
+# What a person did with a robot that they may not see now stays theirs to read.
+OWN_STAY = (everywhere("200")[0], *seen("200")[1:])
+
+
+@dataclass(frozen=True)
+class Row:
+    """An operation: scopes, request, ends. `{...}` in the path is replaced by the object of person and place."""
+
+    scopes: tuple[Scope, ...]
+    path: str
+    ends: Ends
+    body: Any = None
+    version: bool = False  # it needs If-Match: that of a new booking, and of no robot
+
+
+READ, DRIVE, SPEAK, MOTIONS, TOPICS, BOOK, MANAGE = ((scope,) for scope in Scope)
+# Control and what needs it are decided by the process that drives, which is away here: the door lets through whoever
+# sees the robot. `tests/script/test_programs.py` has the rest.
+NO_LEASE, NO_PROGRAMS = seen("no_lease"), seen("no_programs")
+DAY = {"starts_at": words(hour(24)), "ends_at": words(hour(25))}
+SLOT = {"starts_at": words(hour(48)), "ends_at": words(hour(49))}
+
+TABLE: dict[str, Row] = {
+    # robots
+    "robots_list": Row(READ, "/robots", everywhere("200")),
+    "robots_read": Row(READ, "/robots/{robot}", seen("200")),
+    "phrases_list": Row(READ, "/robots/{robot}/phrases", seen("200")),
+    "speech_history": Row(READ, "/robots/{robot}/speech/history", seen("200")),
+    "events": Row(READ, "/events?robot={robot}", seen("200")),
+    # control
+    "control_read": Row(READ, "/robots/{robot}/control", seen("200")),
+    "control_take": Row(ACTING, "/robots/{robot}/control", NO_PROGRAMS, {}),
+    "control_release": Row(ACTING, "/robots/{robot}/control", NO_LEASE),
+    "control_renew": Row(ACTING, "/robots/{robot}/control/renew", NO_LEASE),
+    "control_ask": Row(ACTING, "/robots/{robot}/control/line", NO_PROGRAMS),
+    "control_leave": Row(ACTING, "/robots/{robot}/control/line", NO_PROGRAMS),
+    "control_hand_over": Row(ACTING, "/robots/{robot}/control/hand-over", NO_LEASE, {"request": 1}),
+    "velocity": Row(DRIVE, "/robots/{robot}/velocity", NO_LEASE, {"forward_mps": 0.1}),
+    "drive_by": Row(DRIVE, "/robots/{robot}/drive-by", NO_LEASE, {"distance_m": 1.0}),
+    "drive_by_cancel": Row(DRIVE, "/robots/{robot}/drive-by", NO_LEASE),
+    "look_ahead": Row(DRIVE, "/robots/{robot}/look-ahead", NO_LEASE),
+    "forget": Row(DRIVE, "/robots/{robot}/forget", NO_LEASE),
+    "stop_clear": Row(DRIVE, "/robots/{robot}/stop/clear", NO_PROGRAMS, {"number": 1}),
+    "stop": Row((), "/robots/{robot}/stop", seen("200")),
+    "stop_all": Row((), "/stop", everywhere("200")),
+    # tasks
+    "speech_say": Row(SPEAK, "/robots/{robot}/speech", NO_LEASE, {"text": "Hi", "language": "en"}),
+    "speech_cancel": Row(SPEAK, "/robots/{robot}/speech", NO_LEASE),
+    "motions_list": Row(READ, "/robots/{robot}/motions", NO_PROGRAMS),
+    "motions_play": Row(MOTIONS, "/robots/{robot}/motions/wave", NO_LEASE),
+    "motions_cancel": Row(MOTIONS, "/robots/{robot}/motion", NO_LEASE),
+    "tasks_read": Row(
+        READ,
+        "/robots/{robot}/tasks/{task}",
+        (
+            "200 200 not_found 200 200",  # one's own
+            "not_found not_found 200 not_found 200",  # a student's
+            "not_found not_found not_found not_found 200",
+        ),
+    ),
+    # topics
+    "topics_list": Row(TOPICS, "/robots/{robot}/topics", NO_PROGRAMS),
+    "topics_definition": Row(TOPICS, "/robots/{robot}/topics/definition?type=a/B", NO_PROGRAMS),
+    "topics_message": Row(TOPICS, "/robots/{robot}/topics/message?topic=/a", NO_PROGRAMS),
+    "topics_publish": Row(TOPICS, "/robots/{robot}/topics/publish", NO_LEASE, {"topic": "/a", "type": "a/B"}),
+    "topics_publish_end": Row(TOPICS, "/robots/{robot}/topics/publish?topic=/a", NO_LEASE),
+    "services_definition": Row(TOPICS, "/robots/{robot}/services/definition?service=/a", NO_PROGRAMS),
+    "services_call": Row(TOPICS, "/robots/{robot}/services/call", NO_PROGRAMS, {"service": "/a"}),
+    "parameters_list": Row(TOPICS, "/robots/{robot}/parameters", NO_PROGRAMS),
+    "parameters_read": Row(TOPICS, "/robots/{robot}/parameters/value?name=/a", NO_PROGRAMS),
+    "parameters_set": Row(
+        TOPICS, "/robots/{robot}/parameters/value", NO_PROGRAMS, {"name": "/a", "value": 1}
+    ),
+    "inputs_choose": Row(TOPICS, "/robots/{robot}/inputs/speech", NO_LEASE, {}),
+    # bookings: one's own, a student's for the course, a stranger's on another robot
+    "bookings_list": Row(READ, "/bookings?robot={robot}", seen("200")),
+    "bookings_free": Row(READ, "/bookings/free?robot={robot}", seen("200")),
+    "bookings_read": Row(READ, "/bookings/{booking}", seen("200")),
+    "bookings_make": Row(
+        BOOK,
+        "/bookings",
+        (
+            "role_too_low 201 not_found 201 201",
+            "role_too_low 201 201 not_found 201",
+            "not_found not_found not_found not_found 201",
+        ),
+        {"robot": "{robot}", **SLOT},
+    ),
+    "bookings_move": Row(
+        BOOK,
+        "/bookings/{booking}",
+        (
+            "role_too_low 200 not_found 200 200",
+            "not_yours not_yours 200 not_found 200",
+            "not_found not_found not_found not_found 200",
+        ),
+        SLOT,
+        version=True,
+    ),
+    "bookings_cancel": Row(
+        BOOK,
+        "/bookings/{booking}",
+        (
+            "200 200 not_found 200 200",
+            "not_yours not_yours 200 not_found 200",
+            "not_found not_found not_found not_found 200",
+        ),
+        version=True,
+    ),
+    "bookings_hand_over": Row(
+        BOOK,
+        "/bookings/{booking}/hand-over",
+        (
+            "200 200 not_found 200 200",
+            "not_yours not_yours 200 not_found 200",
+            "not_found not_found not_found not_found role_too_low",
+        ),
+        {"to": "colleague"},
+        version=True,
+    ),
+    "bookings_approve": Row(
+        BOOK,
+        "/bookings/{awaiting}/approve",
+        (
+            "not_yours not_yours not_found 200 200",
+            "not_yours not_yours 200 not_found 200",
+            "not_found not_found not_found not_found 200",
+        ),
+        version=True,
+    ),
+    "bookings_accept": Row(
+        BOOK,
+        "/bookings/{offered}/accept",
+        (
+            "200 200 not_found 200 200",
+            "offer_over offer_over offer_over not_found offer_over",  # an offer to somebody else
+            "not_found not_found not_found not_found offer_over",
+        ),
+    ),
+    "waiting_list": Row(READ, "/waiting", everywhere("200")),
+    "waiting_join": Row(
+        BOOK,
+        "/waiting",
+        (
+            "role_too_low free not_found free free",
+            "role_too_low free free not_found free",
+            "not_found not_found not_found not_found free",
+        ),
+        {"robot": "{robot}", **SLOT},
+    ),
+    "waiting_leave": Row(
+        BOOK,
+        "/waiting/{waiting}",
+        (
+            "204 204 not_found 204 204",
+            everywhere("not_found")[0],
+            everywhere("not_found")[0],
+        ),
+    ),
+    # courses: the teacher's, and one of somebody else
+    "courses_list": Row(MANAGE, "/courses", everywhere("200")),
+    "courses_read": Row(MANAGE, "/courses/{course}", managed("200")),
+    "members_list": Row(MANAGE, "/courses/{course}/members", managed("200")),
+    "members_enrol": Row(
+        MANAGE, "/courses/{course}/members", managed("200"), {"list": "A <a@example.org>", "preview": True}
+    ),
+    "members_remove": Row(MANAGE, "/courses/{course}/members/{member}", managed("204")),
+    "qualifications_grant": Row(
+        MANAGE, "/courses/{course}/qualifications/induction/grant", managed("200"), {"people": None}
+    ),
+    "qualifications_revoke": Row(
+        MANAGE, "/courses/{course}/qualifications/induction/revoke", managed("200"), {"people": None}
+    ),
+    # records: one's own, a student's on the robot of the course, a stranger's on another robot
+    "sessions_list": Row(READ, "/sessions?robot={robot}", OWN_STAY),
+    "sessions_read": Row(
+        READ,
+        "/sessions/{session}",
+        (
+            everywhere("200")[0],
+            "not_found not_found 200 not_found 200",
+            "not_found not_found not_found not_found 200",
+        ),
+    ),
+    "audit_list": Row(READ, "/audit?robot={robot}", OWN_STAY),
+    "audit_read": Row(
+        READ,
+        "/audit/{task}",
+        (
+            everywhere("200")[0],
+            "not_found not_found not_found not_found 200",
+            "not_found not_found not_found not_found 200",
+        ),
+    ),
+    "audit_export": Row(READ, "/audit/export?format=csv", STAFF_ONLY),
+    # registry
+    "profiles_list": Row(READ, "/profiles", everywhere("200")),
+    "registry_add": Row(
+        MANAGE,
+        "/registry",
+        everywhere(*["permission_denied"] * 4, "201"),
+        {"name": "New", "profile": "tiago", "master_uri": "http://127.0.0.1:9"},
+    ),
+    "registry_read": Row(MANAGE, "/registry/{robot}", STAFF_ONLY),
+    "registry_change": Row(
+        MANAGE,
+        "/registry/{robot}",
+        everywhere(*["permission_denied"] * 4, "changed"),
+        {"enabled": False},
+        version=True,
+    ),
+}
+
+
+# Operations whose roles have tests of their own (`test_setup.py`): here only who is signed in, and the scope.
+SCOPES: dict[str, tuple[Scope, ...]] = {
+    **dict.fromkeys(
+        ("bookings_series",),
+        BOOK,
+    ),
+    **dict.fromkeys(
+        (
+            "courses_make",
+            "courses_change",
+            "invitations_list",
+            "invitations_make",
+            "invitations_revoke",
+            "courses_welcome",
+            "out_of_service_add",
+            "out_of_service_end",
+            "policies_set_common",
+            "policies_remove_group",
+            "policies_set_group",
+            "policies_remove_robot",
+            "policies_set_robot",
+            "profiles_change",
+            "profiles_phrases_set",
+            "qualifications_list",
+            "qualifications_make",
+            "qualifications_delete",
+            "qualifications_read",
+            "qualifications_change",
+            "registry_phrases_set",
+            "registry_role_remove",
+            "registry_role_set",
+            "groups_list",
+            "groups_make",
+            "groups_delete",
+            "groups_read",
+            "groups_change",
+            "groups_role_remove",
+            "groups_role_set",
+            "service_accounts_list",
+            "service_accounts_make",
+            "service_tokens_list",
+            "service_tokens_make",
+            "tokens_make",
+            "tokens_end",
+            "webhooks_list",
+            "webhooks_make",
+            "webhooks_delete",
+            "webhooks_read",
+            "webhooks_change",
+            "webhooks_again",
+            "webhooks_deliveries",
+            "webhooks_test",
+        ),
+        MANAGE,
+    ),
+    **dict.fromkeys(
+        (
+            "out_of_service_list",
+            "policies_list",
+            "policies_read_common",
+            "policies_read_group",
+            "policies_read_robot",
+            "profiles_read",
+            "profiles_phrases_read",
+            "registry_phrases_read",
+            "tokens_list",
+        ),
+        READ,
+    ),
+}
+
+
+# --- the lab ------------------------------------------------------------------------------------------
+
+
+class Lab:
+    """Robots, people, courses, and for each person and place an object of each kind."""
+
+    def __init__(self, profile: RobotProfile) -> None:
+        self.robots = {
+            place: Robot.objects.create(
+                slug=place, name=place, profile=profile, master_uri="http://127.0.0.1:9"
+            )
+            for place in PLACES
+        }
+        names = (*PEOPLE, "student", "stranger", "colleague")
+        self.people = {name: User.objects.create_user(name, is_staff=name == "staff") for name in names}
+        staff = self.people["staff"]
+        for name in ("observer", "operator", "supervisor"):
+            role_set(robot=self.robots["own"], user=self.people[name], role=Role(name), actor=staff)
+        for robot in (self.robots["own"], self.robots["course"]):
+            role_set(robot=robot, user=self.people["colleague"], role=Role.OPERATOR, actor=staff)
+        self._demand_induction()
+        self._course("watchers", "course", Role.OBSERVER, ["observer"], [])
+        mine = self._course("mine", "course", Role.OPERATOR, ["operator", "student"], ["teacher"])
+        theirs = self._course("theirs", "other", Role.OPERATOR, ["stranger"], [])
+        self.courses = {"own": mine, "course": mine, "other": theirs}
+        self._number = 0
+        self.objects = {(who, place): self._objects(who, place) for who in PEOPLE for place in PLACES}
+
+    def _demand_induction(self) -> None:
+        """All robots demand it, and all people have it."""
+        induction = Qualification.objects.create(name="Safety induction", slug="induction")
+        induction.robots.set(self.robots.values())
+        qualification_grant(
+            qualification=induction,
+            people=list(self.people.values()),
+            expires_at=None,
+            actor=self.people["staff"],
+        )
+
+    def _course(self, slug: str, robot: str, role: Role, people: list[str], supervisors: list[str]) -> Course:
+        course = Course.objects.create(
+            name=slug, slug=slug, role=role, starts_on=lab_date(), ends_on=lab_date() + timedelta(days=30)
+        )
+        course.robots.add(self.robots[robot])
+        course.supervisors.set([self.people[name] for name in supervisors])
+        for name in people:
+            Enrolment.objects.create(course=course, person=self.people[name])
+        return course
+
+    def _objects(self, who: str, place: str) -> dict[str, str]:
+        """Return the objects that stand in the place of `{...}`."""
+        owner = self.people[{"own": who, "course": "student", "other": "stranger"}[place]]
+        robot, course = self.robots[place], self.courses[place] if place != "own" else None
+        self._number += 1
+        starts_at = hour(24 * 4 + 2 * self._number)
+        times = {"starts_at": starts_at, "ends_at": starts_at + timedelta(hours=1)}
+        booked = self._booking(robot, owner, course, State.BOOKED, **times)
+        awaiting, offered = (
+            self._booking(
+                robot, owner, course, state, **{key: at + timedelta(days=days) for key, at in times.items()}
+            )
+            for state, days in ((State.AWAITING, 40), (State.OFFERED, 80))
+        )
+        waiting = Waiting.objects.create(robot=robot, person=owner, since=timezone.now(), **times)
+        session = ControlSession.objects.create(
+            robot=robot, user=owner, fence=self._number, started_at=timezone.now(), ended_at=timezone.now()
+        )
+        task = record("motion.start", actor=owner, robot_id=robot.id, robot_name=robot.name)
+        return {
+            "robot": place,
+            "booking": str(booked.pk),
+            "awaiting": str(awaiting.pk),
+            "offered": str(offered.pk),
+            "waiting": str(waiting.pk),
+            "session": str(session.pk),
+            "task": str(task.pk),
+            "course": self.courses[place].slug,
+            "member": "stranger" if place == "other" else "student",
+        }
+
+    @staticmethod
+    def _booking(
+        robot: Robot, owner: User, course: Course | None, state: State, starts_at: datetime, ends_at: datetime
+    ) -> Booking:
+        return Booking.objects.create(
+            robot=robot,
+            person=owner,
+            course=course,
+            starts_at=starts_at,
+            ends_at=ends_at,
+            held_until=ends_at,
+            state=state,
+            made_at=timezone.now(),
+            offer_until=starts_at if state is State.OFFERED else None,
+        )
+
+
+def sign_ins(person: User) -> Iterator[tuple[str, tuple[Scope, ...], Caller]]:
+    """Yield the ways in which a person signs in: their name, what they open, and the caller."""
+    for name, scopes in [*((scope.value, (scope,)) for scope in Scope), ("all", tuple(Scope)), ("none", ())]:
+        _, text = token_make(
+            user=person, name=name, scopes=scopes, expires_at=timezone.now() + timedelta(days=1), actor=person
+        )
+        yield name, scopes, Caller(Client(), {"Authorization": f"Bearer {text}"})
+    browser = Client()
+    browser.force_login(person)
+    yield "browser", tuple(Scope), Caller(browser, {})
+
+
+@contextmanager
+def undone() -> Iterator[None]:
+    """Undo what happens in the database."""
+    with transaction.atomic():
+        yield
+        transaction.set_rollback(True)
+
+
+def filled(value: Any, objects: dict[str, str]) -> Any:
+    """Put objects in the place of `{...}`."""
+    if isinstance(value, dict):
+        return {name: filled(one, objects) for name, one in value.items()}
+    return re.sub(r"{(\w+)}", lambda match: objects[match[1]], value) if isinstance(value, str) else value
+
+
+def operations() -> dict[str, tuple[str, str]]:
+    """Return the operations of the schema: method and path by name."""
+    return {
+        operation["operationId"]: (method.upper(), path.removeprefix("/api/v1"))
+        for path, methods in json.loads(openapi())["paths"].items()
+        for method, operation in methods.items()
+    }
+
+
+def stopped(robots: Sequence[Robot], **_press: Any) -> emergency_stop.Outcomes:
+    """Stand in for robots that stop at once: there are none here, and each press would wait for one."""
+    return {robot: StopState("stopped") for robot in robots}
+
+
+class Door:
+    """Asks for operations."""
+
+    def __init__(self, methods: dict[str, tuple[str, str]]) -> None:
+        self._methods = methods
+
+    def __call__(self, name: str, caller: Caller, objects: dict[str, str]) -> str:
+        """Return the status of success, or the code of the refusal."""
+        row = TABLE[name]
+        headers = {"If-Match": '"1"'} if row.version else {}
+        with undone():
+            answer = caller.stream(
+                self._methods[name][0], filled(row.path, objects), filled(row.body, objects), **headers
+            )
+        if answer.status_code < 300:
+            return str(answer.status_code)
+        code = str(answer.json()["code"])
+        expected = {"not_found": 404, "scope_missing": 403, "permission_denied": 403, "signed_out": 401}
+        assert answer.status_code == expected.get(code, answer.status_code), (name, code, answer.status_code)
+        return code
+
+
+@pytest.fixture
+def lab(tiago: RobotProfile) -> Lab:
+    return Lab(tiago)
+
+
+def test_each_operation_of_the_schema_has_a_row() -> None:
+    methods = operations()
+    assert {*TABLE, *SCOPES} == set(methods)
+    for name, row in TABLE.items():
+        asked = row.path.partition("?")[0]
+        assert re.fullmatch(re.sub(r"{\w+}", "[^/]+", methods[name][1]), asked), name
+
+
+@pytest.mark.django_db
+@pytest.mark.filterwarnings("ignore:StreamingHttpResponse must consume:Warning")
+def test_role_scope_operation_and_place_decide(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refusals, "record_soon", lambda _refused: None)
+    monkeypatch.setattr(emergency_stop, "press_once", stopped)
+    for who, person in lab.people.items():
+        if who in PEOPLE:
+            found = {place: role for place, robot in lab.robots.items() if (role := role_on(person, robot))}
+            assert found == ROLES[who]
+    door, wrong = Door(operations()), []
+
+    def check(name: str, who: str, how: str, place: str, caller: Caller, expected: str) -> None:
+        found = door(name, caller, lab.objects[who, place])
+        if found != expected:
+            wrong.append(f"{name} by {who} ({how}) in {place}: {found}, not {expected}")
+
+    for name in TABLE:
+        check(name, "operator", "nobody", "own", Caller(Client(), {}), "signed_out")
+    for number, who in enumerate(PEOPLE):
+        for turn, (how, scopes, caller) in enumerate(sign_ins(lab.people[who])):
+            for step, (name, row) in enumerate(TABLE.items()):
+                opens = how == "browser" or not row.scopes or any(scope in scopes for scope in row.scopes)
+                # All places with all scopes; with the others the places take turns, so that the test stays short.
+                for place in PLACES if how == "all" else [PLACES[(number + turn + step) % len(PLACES)]]:
+                    expected = row.ends[PLACES.index(place)].split()[number] if opens else "scope_missing"
+                    check(name, who, how, place, caller, expected)
+    assert not wrong, f"{len(wrong)}:\n" + "\n".join(wrong)
+
+
+@pytest.mark.django_db
+def test_scopes_open_the_other_operations(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(refusals, "record_soon", lambda _refused: None)
+    methods, wrong = operations(), []
+    for how, scopes, caller in [*sign_ins(lab.people["staff"]), ("nobody", (), Caller(Client(), {}))]:
+        for name, needed in SCOPES.items():
+            method, path = methods[name]
+            path = re.sub(r"{\w+_id}", str(uuid4()), path)
+            with undone():
+                answer = caller.stream(method, re.sub(r"{\w+}", "nothing", path), {})
+            code = "" if answer.status_code < 400 else answer.json()["code"]
+            opens = how == "browser" or not needed or any(scope in scopes for scope in needed)
+            expected = "signed_out" if how == "nobody" else "" if opens else "scope_missing"
+            if answer.status_code >= 500 or expected != (
+                code if code in ("signed_out", "scope_missing") else ""
+            ):
+                wrong.append(f"{name} ({how}): {answer.status_code} {code}, not {expected}")
+    assert not wrong, "\n".join(wrong)
