@@ -34,6 +34,7 @@ export class Views extends EventTarget {
     on("second-toggle", "click", () => this.#toggleSecond());
     on("second-swap", "click", () => this.#turnTo(this.second.name));
     on("view-open", "click", () => this.#open(!this.#isOpen));
+    on("full-screen", "click", () => this.#open(false));
     document.addEventListener(
       "pointerdown",
       ({ target }) => {

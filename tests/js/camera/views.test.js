@@ -97,5 +97,8 @@ describe("the views", () => {
     found["view-open"].click();
     press("camera");
     expect(found["view-bar"].dataset.open).toBe(undefined);
+    found["view-open"].click();
+    found["full-screen"].click(); // nothing lies over the picture then
+    expect(found["view-bar"].dataset.open).toBe(undefined);
   });
 });
