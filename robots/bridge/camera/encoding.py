@@ -53,7 +53,7 @@ def raw_image(
     """
     require_size(width, height)
     per_pixel = _bytes_per_pixel(encoding)
-    if step < width * per_pixel or len(data) < step * (height - 1) + width * per_pixel:
+    if step < width * per_pixel or len(data) < step * height:
         raise Damaged(f"has {len(data)} bytes; {width} x {height} {encoding} need more")
     if encoding in _DEEP:
         return _grey_of_deep(width, height, big_endian, step, data)
@@ -73,21 +73,17 @@ def _bytes_per_pixel(encoding: str) -> int:
 
 def _grey_of_deep(width: int, height: int, big_endian: bool, step: int, data: bytes) -> PIL.Image.Image:
     """Stretch 16-bit values to the whole range of grey."""
-    rows = np.frombuffer(data, np.uint8, step * height if len(data) >= step * height else len(data))
-    whole = np.zeros(step * height, np.uint8)
-    whole[: len(rows)] = rows
-    deep = whole.reshape(height, step)[:, : 2 * width].copy().view(">u2" if big_endian else "<u2")
+    rows = np.frombuffer(data, np.uint8, step * height).reshape(height, step)
+    deep = rows[:, : 2 * width].copy().view(">u2" if big_endian else "<u2")
     most = max(int(deep.max()), 1)
     grey: NDArray[np.uint8] = (deep.astype(np.float32) * (255.0 / most)).astype(np.uint8)
     return PIL.Image.fromarray(grey)
 
 
 def _colour_of_packed(width: int, height: int, encoding: str, step: int, data: bytes) -> PIL.Image.Image:
-    if width % 2:
-        raise Damaged(f"has an odd width of {width} pixels in {encoding}")
-    pixels = np.zeros((height, step), np.uint8)
-    flat = np.frombuffer(data, np.uint8)[: height * step]
-    pixels.reshape(-1)[: len(flat)] = flat
+    if width % 2 or height % 2:
+        raise Damaged(f"has an odd side of {width} x {height} pixels in {encoding}")
+    pixels = np.frombuffer(data, np.uint8, step * height).reshape(height, step)
     packed = pixels[:, : 2 * width].reshape(height, width, 2)[:, :, _PACKED[encoding]]
     colours = av.VideoFrame.from_ndarray(np.ascontiguousarray(packed), format="yuyv422").to_ndarray(
         format="rgb24"

@@ -55,7 +55,10 @@ def test_packed_colours_and_deep_grey_are_shown():
         ((64, 48, "rgb8", False, 192, b"x" * 100), "has 100 bytes"),
         ((64, 48, "rgb8", False, 10, b"x" * 10000), "need more"),
         ((64, 48, "32FC1", False, 256, b"x" * 20000), "'32FC1', which the console does not know"),
-        ((63, 48, "yuv422", False, 126, b"x" * 20000), "odd width"),
+        ((63, 48, "yuv422", False, 126, b"x" * 20000), "odd side"),
+        ((64, 47, "yuv422", False, 128, b"x" * 20000), "odd side"),
+        ((64, 48, "mono8", False, 100, b"x" * (100 * 47 + 64)), "need more"),
+        ((10, 1, "mono16", False, 2**32 - 1, b"x" * 20), "need more"),
     ],
 )
 def test_a_raw_image_that_does_not_fit_is_refused(given, reason):

@@ -26,6 +26,7 @@ KINDS = {
     "sensor_msgs/LaserScan": Kind(BRIEF + 2 * 4 * MOST_BEAMS, 200.0),  # ranges and intensities
     # Copying alone takes 0.05 of a core at 640 x 480 and 30 Hz, and of clouds 0.33; a slow computer needs thrice that.
     "sensor_msgs/Image": Kind(16 * MB, 120.0, share=0.6),
+    "sensor_msgs/CompressedImage": Kind(8 * MB, 120.0, share=0.6),
     "sensor_msgs/PointCloud2": Kind(32 * MB, 120.0, share=0.9),
     "sensor_msgs/CameraInfo": Kind(16 * KB, 200.0),
     "nav_msgs/Odometry": Kind(BRIEF),

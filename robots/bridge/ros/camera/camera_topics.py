@@ -100,13 +100,17 @@ class CameraTopics:
         try:
             picture = self._picture(arrival)
         except Damaged as error:
-            self._damage = f"The camera’s picture {error}."
+            self.note_damage(error)
             return None
         except genpy.DeserializationError:
             self._damage = "The camera’s messages cannot be read."
             return None
         self._damage = None
         return picture
+
+    def note_damage(self, error: Damaged) -> None:
+        """Note that the last picture could not be decoded."""
+        self._damage = f"The camera’s picture {error}."
 
     def _picture(self, arrival: Arrival) -> CameraPicture:
         kind = str(arrival.message._connection_header.get("type", "*"))

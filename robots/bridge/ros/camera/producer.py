@@ -6,7 +6,6 @@ thumbnails are wanted is subscribed for one picture at a time: a robot's radio c
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -18,8 +17,6 @@ from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.camera.camera_topics import Arrival, CameraPicture, CameraTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.wire import CameraState, PictureFormat, Refusal, TakenPicture, Variant
-
-log = logging.getLogger(__name__)
 
 STATE_S = 0.5  # between two looks at cameras that are silent
 THUMBNAIL_HZ = 1.0  # below this rate, the camera is unsubscribed between two pictures
@@ -145,7 +142,7 @@ class Producer:
         try:
             image = decoded(picture.encoded, VIDEO_WIDTH)
         except Damaged as error:
-            log.info("%s: a picture %s", name, error)
+            watched.topics.note_damage(error)
             return
         if "video" in due:
             unit, is_key = watched.video.encode(image)
