@@ -19,6 +19,7 @@ from robots.bridge.topics.line_process import LineProcess
 from robots.wire import CameraAt
 
 COMMAND = (sys.executable, "-m", "robots.bridge.ros.camera")
+SILENCE_S = 5.0  # without a sign of life a process hangs: it is killed, and another one starts
 LINGER_S = 10.0  # a process without viewers ends after this time, so that a reloaded page finds it
 
 _camera_at = msgspec.json.Decoder(CameraAt)
@@ -48,6 +49,7 @@ class CameraClient:
         self._watchers: set[CameraWatcher] = set()
         self._at = CameraAt()
         self._idle: asyncio.TimerHandle | None = None
+        self._silence: asyncio.TimerHandle | None = None  # ends a process that hangs
 
     async def close(self) -> None:
         """End the process: the bridge ends."""
@@ -90,12 +92,23 @@ class CameraClient:
         """Wait for its address."""
 
     def hear(self, line: bytes) -> None:
-        """Take the address on which it listens."""
-        self._move(_camera_at.decode(line))
+        """Take the address on which it listens, at first and then as a sign of life."""
+        at = _camera_at.decode(line)
+        self._await_life()
+        if at != self._at:
+            self._move(at)
 
     def ended(self) -> None:
         """Note that nobody listens there any more."""
+        if self._silence is not None:
+            self._silence.cancel()
         self._move(CameraAt())
+
+    def _await_life(self) -> None:
+        if self._silence is not None:
+            self._silence.cancel()
+        loop = asyncio.get_running_loop()
+        self._silence = loop.call_later(SILENCE_S, self._child.kill, "it shows no sign of life")
 
     def _move(self, at: CameraAt) -> None:
         self._at = at

@@ -1,7 +1,7 @@
 """``python -m robots.bridge.ros.camera``: reads the bridge's config from the first line of stdin.
 
-It writes the address on which it listens as one JSON line, and ends when stdin ends or the robot's master dies. The
-bridge starts another one when it needs it.
+It writes the address on which it listens as a JSON line, again and again as a sign of life, and ends when stdin ends or
+the robot's master dies. The bridge starts another one when it needs it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import logging
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 import msgspec
 
 from robots import wire
+from robots.bridge.camera.camera_client import SILENCE_S
 from robots.bridge.camera.picture_server import PictureServer
 from robots.bridge.config import BridgeConfig
 from robots.bridge.ros import child_node
@@ -30,6 +32,7 @@ from robots.processes.shutdown import exit_within
 NICE = 3  # commands to the robot go first
 MOST_BYTES = 1024 * 1024 * 1024  # of memory
 END_S = 1.5  # from the end of stdin
+LIFE_S = SILENCE_S / 5
 
 
 async def serve(config: BridgeConfig) -> None:
@@ -46,11 +49,20 @@ async def serve(config: BridgeConfig) -> None:
         state=lambda state: _call(loop, server.report, state),
     )
     start_vital(producer.run, "producer")
-    sys.stdout.buffer.write(wire.encode(await server.start()) + b"\n")
-    sys.stdout.buffer.flush()
+    showing = asyncio.create_task(_show_life(await server.start(), producer))
     await asyncio.to_thread(sys.stdin.buffer.read)
     exit_within(END_S)
+    showing.cancel()
     await server.close()
+
+
+async def _show_life(at: wire.CameraAt, producer: Producer) -> None:
+    """Write the address, again and again while the producer works: the bridge ends a process that does not."""
+    while True:
+        if time.monotonic() - producer.looked_s < LIFE_S:
+            sys.stdout.buffer.write(wire.encode(at) + b"\n")
+            sys.stdout.buffer.flush()
+        await asyncio.sleep(LIFE_S)
 
 
 def _call(loop: asyncio.AbstractEventLoop, work: Callable[..., None], *given: Any) -> None:

@@ -62,6 +62,7 @@ class Producer:
         self._sources = {camera.name: camera for camera in config.topics.cameras}
         self._emit = emit
         self._state = state
+        self.looked_s = time.monotonic()  # when it last began to look for pictures: it works
         self._awake = threading.Condition()
         self._wants: Wants = {}
         self._watched: dict[str, _Watched] = {}
@@ -85,6 +86,7 @@ class Producer:
     def run(self) -> None:
         """Work for ever."""
         while True:
+            self.looked_s = time.monotonic()
             with self._awake:
                 if not self._has_news():
                     self._awake.wait(STATE_S)
