@@ -123,6 +123,8 @@ DATABASES: dict[str, dict[str, Any]] = {
         _env.text("FLEET_DATABASE_URL") or f"sqlite:///{FLEET_VAR / 'fleet.sqlite3'}"
     )
 }
+# Second-factor codes that were used, and counts of allauth: web processes share them.
+CACHES = {"default": {"BACKEND": "django.core.cache.backends.db.DatabaseCache", "LOCATION": "fleet_cache"}}
 DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 
 _redis_url = environment.redis_url(_env)

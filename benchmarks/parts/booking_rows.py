@@ -29,6 +29,7 @@ HOUR = timedelta(hours=1)
 def fill(rows: int) -> list[Robot]:
     """Store robots, roles and bookings."""
     person = User.objects.get(username="operator")
+    others = User.objects.create(username="others")  # one person books one robot at a time
     profile = RobotProfile.objects.get(slug="tiago")
     robots = [
         Robot.objects.create(
@@ -51,7 +52,7 @@ def fill(rows: int) -> list[Robot]:
             (
                 Booking(
                     robot=robot,
-                    person=person,
+                    person=others,
                     starts_at=start,
                     ends_at=start + HOUR,
                     held_until=start + HOUR,

@@ -12,7 +12,7 @@ from django.db.models import Q, QuerySet
 
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, State
-from fleet.bookings.selectors import Stage, course_of, grace_of, policies_of, stage_of
+from fleet.bookings.selectors import Stage, courses_for, grace_of, policies_of, stage_of
 from robots.access.models import Course
 from robots.access.selectors import courses_managed_by, manages_robot, robots_managed_by
 from robots.registry.models import Robot
@@ -43,7 +43,7 @@ def may_book_for(person: User, owner: User, robot: Robot, at: datetime) -> bool:
     """Return whether the person may book the robot for `owner`."""
     if person == owner or manages_robot(person, robot):
         return True
-    return _manages(person, course_of(robot, owner, at))
+    return any(_manages(person, course) for course in courses_for(robot, owner, at))
 
 
 def _manages(person: User, course: Course | None) -> bool:

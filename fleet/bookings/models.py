@@ -9,6 +9,7 @@ from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 from django.db.models import F, Q
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from robots.access.models import Course, RobotGroup
@@ -77,7 +78,7 @@ class Booking(models.Model):
     version = models.PositiveIntegerField(
         default=1
     )  # grows with each change: two tabs cannot overwrite each other
-    made_at = models.DateTimeField()
+    made_at = models.DateTimeField()  # or moved to another start, approved, accepted: it stands since then
 
     class Meta:
         ordering = ["starts_at"]
@@ -154,9 +155,12 @@ class Policy(models.Model):
     at_once = models.PositiveIntegerField(
         _("bookings to come per person"), null=True, blank=True, validators=_minutes(1, 1000)
     )
-    grace_min = models.PositiveIntegerField(
-        _("free again if not used for, minutes"), default=15, validators=_minutes(1, 1440)
+    robots_at_once = models.PositiveIntegerField(
+        _("robots that one person may book for the same time"), default=1, validators=_minutes(1, 100)
     )
+    grace_min = models.PositiveIntegerField(
+        _("free again if not used for, minutes"), default=15, validators=_minutes(5, 1440)
+    )  # no less than the warning that a driver in free time gets before the slot
     needs_approval = models.BooleanField(_("a supervisor approves each booking"), default=False)
     free_time = models.BooleanField(_("unbooked time is free to take"), default=True)
 
@@ -175,6 +179,11 @@ class Policy(models.Model):
                 raise ValidationError(_("On %(day)s the robot closes before it opens.") % {"day": name})
         if None not in (self.shortest_min, self.longest_min) and self.shortest_min > self.longest_min:
             raise ValidationError(_("The shortest slot is longer than the longest."))
+
+    @property
+    def of(self) -> str:
+        """Return the name of what it is for."""
+        return self.robot.name if self.robot else self.group.name if self.group else gettext("all robots")
 
 
 class OutOfService(models.Model):

@@ -36,6 +36,7 @@ POLICY_FIELDS = (
     "day_min",
     "week_min",
     "at_once",
+    "robots_at_once",
     "grace_min",
     "needs_approval",
     "free_time",

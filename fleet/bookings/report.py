@@ -14,6 +14,7 @@ from fleet.bookings.selectors import NOT_YET
 from robots.access.models import Course
 from robots.registry.models import Robot
 
+_ALL = Q()
 HOUR = timedelta(hours=1)
 BY = {"robot": "robot__name", "person": "person__full_name", "course": "course__name"}
 
@@ -37,17 +38,18 @@ def report(
     ends: datetime,
     by: str,
     now: datetime,
+    only: Q = _ALL,
 ) -> list[Row]:
     """Return the sums of the bookings that begin between two moments, by robot, person or course.
 
-    They are those of these robots, and of these courses on any robot.
+    They are those of these robots, and of these courses on any robot; of these, `only` those.
 
     A slot counts as used from its start to its end, or to where it was given up, if its person took control in it. A
     past slot without control counts as not shown.
     """
     these = Q(robot__in=robots) | Q(course__in=courses)
     found = Booking.objects.filter(these, starts_at__gte=starts, starts_at__lt=ends)
-    found = found.exclude(Q(state__in=NOT_YET) & Q(held_until=F("starts_at")))
+    found = found.filter(only).exclude(Q(state__in=NOT_YET) & Q(held_until=F("starts_at")))
     columns = (f"{by}_id", "person__username", "starts_at", "ends_at", "held_until", "state", "used_at")
     rows = found.annotate(name=F(BY[by])).values_list("name", *columns, named=True)
     return sorted(_sums(rows, by, now), key=lambda row: row.name.lower())

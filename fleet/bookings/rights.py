@@ -14,18 +14,20 @@ from django.db.models.signals import post_save
 from django.dispatch import receiver
 from django.utils import timezone
 from django.utils.translation import gettext as _
+from msgspec import structs
 
 from fleet.accounts.models import User
 from fleet.accounts.services import erased
 from fleet.audit.errors import AuditUnavailable
 from fleet.bookings.letters import changed_by_another
 from fleet.bookings.models import Booking, State
-from fleet.bookings.rules import Slot, lost_right
+from fleet.bookings.rules import Slot, Wish, lost_right, qualified
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import BookingRefused, record_booking, robot_locked, save_booking
 from robots.access.selectors import lacking, roles_on
 from robots.access.signals import access_changed, tell_access_changed
 from robots.registry.models import Robot, Role
+from robots.wire import Refusal
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +37,7 @@ _RIGHTS = ("is_active", "is_staff")
 def bookings_free_lost(people: Collection[UUID] | None, now: datetime) -> int:
     """Free the bookings that these people (None: anybody) may not use any more. Returns how many.
 
-    Those to come are cancelled; of one that runs, the rest is free.
+    Those to come are cancelled; of one that runs, the rest is free. One in which a qualification expires is shortened.
 
     Those that staff made against the policy, with a reason, stay: control is refused, unless the right comes in time.
     Of everybody only those are looked at who have no right at this moment.
@@ -71,31 +73,54 @@ def _doubtful(upcoming: QuerySet[Booking], now: datetime) -> list[Booking]:
 
 
 def _free_if_lost(seen: Booking, now: datetime) -> bool:
-    if _lost(seen, now) is None:
+    """Free a booking whose person lost the right to it, or the part of it after their qualification expires."""
+    if _unlost(seen, now):
         return False
     try:
         with robot_locked(seen.robot_id):
             booking = Booking.objects.select_related("person", "robot").get(pk=seen.pk)
-            lost = _lost(booking, now) if booking.version == seen.version else None
-            if lost is None:
+            if booking.version != seen.version or _unlost(booking, now):
                 return False
-            begun = now > booking.starts_at
-            booking.state, booking.offer_until = State.FINISHED if begun else State.CANCELLED, None
-            booking.held_until = now if begun else booking.starts_at
-            save_booking(booking)
-            record_booking(
-                "booking.cancel", booking, None, outcome=booking.state, parameters={"why": lost.code}
-            )
-            changed_by_another(booking, None, _("ended") if begun else _("cancelled"), lost.text, now)
+            wish = _wish_for(booking, now)
+            if (lost := lost_right(wish)) is not None:
+                _end(booking, lost, now)
+            else:
+                _shorten(booking, wish, now)
     except BookingRefused:
         return False
     return True
 
 
-def _lost(booking: Booking, now: datetime) -> Any:
+def _wish_for(booking: Booking, now: datetime) -> Wish:
     runs = now > booking.starts_at
     slot = Slot(now, now) if runs else Slot(booking.starts_at, booking.ends_at)
-    return lost_right(wish_of(robot=booking.robot, person=booking.person, slot=slot, now=now, moved=booking))
+    return wish_of(robot=booking.robot, person=booking.person, slot=slot, now=now, moved=booking)
+
+
+def _unlost(booking: Booking, now: datetime) -> bool:
+    wish = _wish_for(booking, now)
+    ends = wish.qualified_until
+    return lost_right(wish) is None and (ends is None or ends >= booking.held_until)
+
+
+def _end(booking: Booking, lost: Refusal, now: datetime) -> None:
+    begun = now > booking.starts_at
+    booking.state, booking.offer_until = State.FINISHED if begun else State.CANCELLED, None
+    booking.held_until = now if begun else booking.starts_at
+    save_booking(booking)
+    record_booking("booking.cancel", booking, None, outcome=booking.state, parameters={"why": lost.code})
+    changed_by_another(booking, None, _("ended") if begun else _("cancelled"), lost.text, now)
+
+
+def _shorten(booking: Booking, wish: Wish, now: datetime) -> None:
+    if wish.qualified_until is None:
+        return
+    before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
+    why = qualified(structs.replace(wish, slot=Slot(booking.starts_at, booking.ends_at)))
+    booking.ends_at = booking.held_until = wish.qualified_until
+    save_booking(booking)
+    record_booking("booking.move", booking, None, parameters={"before": before, "why": "unqualified"})
+    changed_by_another(booking, None, _("shortened"), why.text if why else "", now)
 
 
 @receiver(access_changed)
@@ -104,7 +129,7 @@ def _access_changed(*, people: frozenset[UUID] | None, **_options: Any) -> None:
         bookings_free_lost(people, timezone.now())
     except (AuditUnavailable, DatabaseError) as error:  # the change itself is stored
         log.error(
-            "Bookings of people who lost a right were not freed, and hold until their grace time: %s", error
+            "Bookings of people who lost a right were not freed; housekeeping looks within minutes: %s", error
         )
 
 

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from datetime import date, datetime, time, timedelta, timezone
+from functools import partial
 from zoneinfo import ZoneInfo
 
 from msgspec import Struct
 
 from fleet.bookings.models import WEEKDAYS, Policy
 from fleet.zones import end_of, start_of
+from robots.access.models import Course
 from robots.registry.models import Role
 from robots.wire import Refusal
 
@@ -50,7 +52,7 @@ class Slot(Struct, frozen=True):
 
 
 class Taken(Struct, frozen=True):
-    """Time in which the robot is not free: a booking with the person's name, or why it is out of service."""
+    """Time that is not free: a booking with the name of person or robot, or why the robot is out of service."""
 
     slot: Slot
     label: str
@@ -81,10 +83,17 @@ class Wish(Struct, frozen=True):
     start_kept: bool = False  # of a booking that is changed: its start was judged when it was booked
     role: Role | None = None  # from the slot's start to its end
     role_until: date | None = None  # the last day on which the person may drive the robot by a course
-    missing: tuple[str, ...] = ()  # qualifications that the person lacks
+    missing: tuple[str, ...] = ()  # qualifications that the person lacks at the start
+    qualified_until: datetime | None = None  # the first that the robot demands expires then
     own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot
     own_here: tuple[Slot, ...] = ()  # those of this robot
-    quota: Quota | None = None  # of the course by which the person may drive the robot
+    beside: tuple[Taken, ...] = ()  # those of other robots, with their names, that are no lessons
+    lesson: bool = False  # of a course: one teacher has several robots
+    course: Course | None = (
+        None  # for which the slot counts, of those by which the person may drive the robot
+    )
+    quota: Quota | None = None  # of that course
+    wrong_course: str = ""  # the name of the chosen one, if it does not let the person drive the robot
     taken: tuple[Taken, ...] = ()  # bookings of the robot that overlap
     out: tuple[Taken, ...] = ()  # out-of-service periods that overlap
     busy: tuple[Taken, ...] = ()  # both kinds, of the week from the slot's start on
@@ -114,6 +123,11 @@ def duration(minutes: float) -> str:
 
 def _no(code: str, text: str, **figures: float | int | str | None) -> Refusal:
     return Refusal(code, text, "booking", figures)
+
+
+def _not_by(policy: Policy, code: str, text: str, **figures: float | int | str | None) -> Refusal:
+    """Return a refusal by a policy, which it names: people ask those who set it."""
+    return _no(code, f"{text} (Policy of {policy.of}.)", **figures, policy=policy.of)
 
 
 # --- the slot itself ------------------------------------------------------------------------------
@@ -156,12 +170,25 @@ def has_role(wish: Wish) -> Refusal | None:
 
 
 def qualified(wish: Wish) -> Refusal | None:
-    """The person holds the qualifications that the robot demands, on the day of the slot."""
-    if not wish.missing:
+    """The person holds the qualifications that the robot demands, until the end of the slot."""
+    until = wish.qualified_until
+    if not wish.missing and (until is None or wish.slot.ends_at <= until):
         return None
+    if until is not None and not wish.missing:
+        text = f"A qualification that {wish.robot} demands ends {wish.local(until)}. End the slot by then, or ask"
+        text += " the staff or your course’s supervisor to renew it."
+        return Refusal("unqualified", text, "account", {"until": until.isoformat()})
     names = ", ".join(wish.missing)
     text = f"{wish.robot} demands {names}. Ask the staff or your course’s supervisor for it."
     return Refusal("unqualified", text, "account", {"missing": names})
+
+
+def by_a_course(wish: Wish) -> Refusal | None:
+    """The course that the person chose lets them drive the robot."""
+    if not wish.wrong_course:
+        return None
+    text = f"{wish.wrong_course} does not let you drive {wish.robot} at this time: choose another course."
+    return Refusal("wrong_course", text, "account")
 
 
 def ends_some_day(wish: Wish) -> Refusal | None:
@@ -225,7 +252,7 @@ def in_opening_hours(wish: Wish) -> Refusal | None:
         opening = opening_of(day, hours, wish.lab)
         if opening is None or not opening.starts_at <= moment < opening.ends_at:
             text = f"{wish.robot} can be booked {_in_words(hours)} ({wish.lab.key}). Move the slot into these hours."
-            return _no("closed", text)
+            return _not_by(wish.policy, "closed", text)
         moment = opening.ends_at
     return None
 
@@ -268,7 +295,8 @@ def long_enough(wish: Wish) -> Refusal | None:
     least = wish.policy.shortest_min
     if wish.slot.minutes >= least:
         return None
-    return _no("too_short", f"A slot lasts at least {duration(least)}: make it longer.", shortest_min=least)
+    text = f"A slot lasts at least {duration(least)}: make it longer."
+    return _not_by(wish.policy, "too_short", text, shortest_min=least)
 
 
 def short_enough(wish: Wish) -> Refusal | None:
@@ -277,7 +305,7 @@ def short_enough(wish: Wish) -> Refusal | None:
     if wish.slot.minutes <= most or wish.slot.ends_at - wish.slot.starts_at > LONGEST:
         return None
     text = f"A slot lasts at most {duration(most)}, yours {duration(wish.slot.minutes)}: make it shorter."
-    return _no("too_long", text, longest_min=most)
+    return _not_by(wish.policy, "too_long", text, longest_min=most)
 
 
 def within_horizon(wish: Wish) -> Refusal | None:
@@ -286,7 +314,8 @@ def within_horizon(wish: Wish) -> Refusal | None:
     if wish.slot.starts_at <= last:
         return None
     text = f"{wish.robot} can be booked {wish.policy.horizon_days} days ahead, until {wish.local(last)}."
-    return _no("too_far", f"{text} Choose an earlier time.", horizon_days=wish.policy.horizon_days)
+    text += " Choose an earlier time."
+    return _not_by(wish.policy, "too_far", text, horizon_days=wish.policy.horizon_days)
 
 
 def with_notice(wish: Wish) -> Refusal | None:
@@ -296,7 +325,7 @@ def with_notice(wish: Wish) -> Refusal | None:
     if not notice or wish.start_kept or wish.slot.starts_at >= first:
         return None
     text = f"{wish.robot} is booked at least {duration(notice)} ahead: start at {wish.local(first)} or later."
-    return _no("short_notice", text, notice_min=notice)
+    return _not_by(wish.policy, "short_notice", text, notice_min=notice)
 
 
 def within_day_quota(wish: Wish) -> Refusal | None:
@@ -349,26 +378,56 @@ def _quota(
         if used + period.shared_minutes(wish.slot) > most:
             left = max(0.0, most - used)
             text = f"{who} book {duration(most)} per {name}; {duration(left)} are left before"
-            return _no(
-                f"quota_{code}{name}",
-                f"{text} {wish.local(period.ends_at)}. Cancel another booking, or choose a later {name}.",
-                most_min=most,
-                left_min=round(left),
-            )
+            text += f" {wish.local(period.ends_at)}. Cancel another booking, or choose a later {name}."
+            refuse = _no if code else partial(_not_by, wish.policy)
+            return refuse(f"quota_{code}{name}", text, most_min=most, left_min=round(left))
     return None
 
 
 def within_count(wish: Wish) -> Refusal | None:
     """The person has not too many bookings to come."""
-    limits = [(wish.policy.at_once, wish.own, "You")]
-    if wish.quota is not None:
-        limits.append((wish.quota.at_once, wish.quota.own, f"In {wish.quota.course} you"))
-    for most, own, who in limits:
-        to_come = sum(1 for slot in own if slot.ends_at > wish.now)
-        if most is not None and to_come >= most:
-            text = f"{who} may have {most} booking{'s' * (most != 1)} to come and have {to_come}."
-            return _no("quota_open", f"{text} Cancel one, or book after the next.", most=most, have=to_come)
-    return None
+    return _count(wish, wish.policy.at_once, wish.own, "You", "open", partial(_not_by, wish.policy))
+
+
+def within_course_count(wish: Wish) -> Refusal | None:
+    """The person has not too many bookings to come in the course."""
+    if (quota := wish.quota) is None:
+        return None
+    return _count(wish, quota.at_once, quota.own, f"In {quota.course} you", "course_open", _no)
+
+
+def _count(
+    wish: Wish,
+    most: int | None,
+    own: Sequence[Slot],
+    who: str,
+    code: str,
+    refuse: Callable[..., Refusal],
+) -> Refusal | None:
+    to_come = sum(1 for slot in own if slot.ends_at > wish.now)
+    if most is None or to_come < most:
+        return None
+    text = f"{who} may have {most} booking{'s' * (most != 1)} to come and have {to_come}."
+    return refuse(f"quota_{code}", f"{text} Cancel one, or book after the next.", most=most, have=to_come)
+
+
+def within_robots_at_once(wish: Wish) -> Refusal | None:
+    """The person has not booked too many other robots for the same time. Lessons of a course do not count."""
+    most = wish.policy.robots_at_once
+    beside = [one for one in wish.beside if one.slot.overlaps(wish.slot)]
+    starts = [max(one.slot.starts_at, wish.slot.starts_at) for one in beside]
+    at_once = max((_robots_at(moment, beside) for moment in starts), default=0)
+    if wish.lesson or at_once < most:
+        return None
+    first = beside[0]
+    robots = "one robot" if most == 1 else f"{most} robots"
+    text = f"You may book {robots} for the same time, and have {first.label} from {wish.local(first.slot.starts_at)}"
+    text += f" to {wish.local(first.slot.ends_at)}. Cancel that booking, or choose another time."
+    return _not_by(wish.policy, "robots_at_once", text, most=most, have=at_once)
+
+
+def _robots_at(moment: datetime, slots: Sequence[Taken]) -> int:
+    return len({one.label for one in slots if one.slot.starts_at <= moment < one.slot.ends_at})
 
 
 def with_gap(wish: Wish) -> Refusal | None:
@@ -380,7 +439,7 @@ def with_gap(wish: Wish) -> Refusal | None:
         return None
     text = f"Leave {duration(wish.policy.gap_min)} between your bookings of {wish.robot}: you have one"
     starts, ends = wish.local(near[0].starts_at), wish.local(near[0].ends_at)
-    return _no("gap", f"{text} from {starts} to {ends}.", gap_min=wish.policy.gap_min)
+    return _not_by(wish.policy, "gap", f"{text} from {starts} to {ends}.", gap_min=wish.policy.gap_min)
 
 
 RULES: tuple[Rule, ...] = (
@@ -388,6 +447,7 @@ RULES: tuple[Rule, ...] = (
     not_in_past,
     ends_some_day,
     has_role,
+    by_a_course,
     qualified,
     is_free,
     in_service,
@@ -402,7 +462,15 @@ RULES: tuple[Rule, ...] = (
     within_course_week_quota,
     within_common_quota,
     within_count,
+    within_course_count,
+    within_robots_at_once,
     with_gap,
+)
+COURSE_QUOTAS: tuple[Rule, ...] = (
+    within_course_day_quota,
+    within_course_week_quota,
+    within_common_quota,
+    within_course_count,
 )
 # Staff may override the others, with a reason that is recorded.
 BINDING: tuple[Rule, ...] = (in_order, not_in_past, ends_some_day, is_free)
@@ -422,8 +490,8 @@ def refusals(wish: Wish, *, override: bool = False) -> list[Refusal]:
 
 
 def lost_right(wish: Wish) -> Refusal | None:
-    """Return why the person may not use a booking that they have: role or qualification is gone."""
-    return has_role(wish) or qualified(wish)
+    """Return why the person may not use a booking that they have: role or qualification is gone at its start."""
+    return has_role(wish) or (qualified(wish) if wish.missing else None)
 
 
 def check_cancel(slot: Slot, policy: Policy, now: datetime) -> Refusal | None:
@@ -433,7 +501,7 @@ def check_cancel(slot: Slot, policy: Policy, now: datetime) -> Refusal | None:
     notice = policy.cancel_notice_min
     if notice and slot.starts_at > now > slot.starts_at - timedelta(minutes=notice):
         text = f"A booking is cancelled at least {duration(notice)} before it begins. Ask the staff."
-        return _no("late_to_cancel", text, cancel_notice_min=notice)
+        return _not_by(policy, "late_to_cancel", text, cancel_notice_min=notice)
     return None
 
 

@@ -14,10 +14,10 @@ from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, OutOfService, Policy, State
-from fleet.bookings.rules import FAR, LONGEST, Quota, Slot, Taken, Wish, refusals
+from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish, refusals
 from fleet.zones import viewers, zone_of
 from robots.access.models import Course, RobotGroup
-from robots.access.selectors import given_on, lab_date, missing_qualifications, role_on
+from robots.access.selectors import given_on, lab_date, missing_qualifications, qualified_until, role_on
 from robots.access.sources import OWN, demanded
 from robots.registry.models import Robot, Role
 
@@ -29,6 +29,16 @@ TRIES = 200  # starts of one robot
 WEEK = timedelta(days=7)
 SWITCHED_OFF = gettext_lazy("staff switched it off")
 
+_OWN = (
+    "starts_at",
+    "held_until",
+    "state",
+    "used_at",
+    "robot_id",
+    "robot__name",
+    "series",
+    "course_id",
+)
 _TAKEN = (
     "id",
     "starts_at",
@@ -117,9 +127,13 @@ def policies_of(robots: Collection[Robot]) -> dict[UUID, Policy]:
     policies = {robot.id: common for robot in robots}
     if groups := {one.group_id: one for one in reversed(found) if one.group_id is not None}:
         members = RobotGroup.robots.through.objects.filter(robotgroup__in=groups, robot__in=robots)
-        for group, robot in members.order_by("-robotgroup__name").values_list("robotgroup", "robot"):
-            policies[robot] = groups[group]
-    return policies | {one.robot_id: one for one in found if one.robot_id is not None}
+        for group, member in members.order_by("-robotgroup__name").values_list("robotgroup", "robot"):
+            policies[member] = groups[group]
+    for robot in robots:
+        if (own := next((one for one in found if one.robot_id == robot.id), None)) is not None:
+            own.robot = robot  # a refusal names it
+            policies[robot.id] = own
+    return policies
 
 
 def grace_of(policy: Policy) -> timedelta:
@@ -127,11 +141,15 @@ def grace_of(policy: Policy) -> timedelta:
     return timedelta(minutes=policy.grace_min)
 
 
+def _before(moment: datetime, by: timedelta) -> datetime:
+    """Return an earlier moment, if there is one in the calendar."""
+    return moment - by if moment - datetime.min.replace(tzinfo=timezone.utc) > by else moment
+
+
 def held_between(robots: Collection[Robot], starts: datetime, ends: datetime) -> QuerySet[Booking]:
     """Return the bookings of these robots that hold time between two moments."""
-    first = starts - LONGEST if starts - datetime.min.replace(tzinfo=timezone.utc) > LONGEST else starts
     held = Booking.objects.filter(
-        robot__in=robots, starts_at__gt=first, starts_at__lt=ends, held_until__gt=starts
+        robot__in=robots, starts_at__gt=_before(starts, LONGEST), starts_at__lt=ends, held_until__gt=starts
     )
     return held.filter(held_until__gt=F("starts_at")).select_related("person", "robot")
 
@@ -198,22 +216,26 @@ def wish_of(
     slot: Slot,
     now: datetime,
     moved: Booking | None = None,
+    course: Course | None = None,
+    lesson: bool = False,
     facts: RobotFacts | None = None,
 ) -> Wish:
-    """Return the wish with the facts by which it is judged. `moved`: the booking that it replaces.
+    """Return the wish with the facts by which it is judged.
 
+    `moved`: the booking that it replaces. `course`: the one that was chosen, of several by which the person may drive
+    the robot; else the slot counts for the first whose quotas allow it. `lesson`: it is one of a course.
     `facts`: those of the robot for this slot, if they are read already.
     """
     facts = facts or robot_facts(robot, slot)
     policy, out = facts.policy, facts.out
     starts, ends = slot.starts_at, max(slot.ends_at, slot.starts_at)
     taken = _taken(facts, now, but=moved, of=person.pk)
-    own = _own_slots(policy, person, slot, now, moved)
-    role, course = _role_and_course(person, robot, starts)
+    own = _own_rows(policy, person, slot, now, moved)
+    role, courses = _role_and_courses(person, robot, starts)
     last = max(starts, ends - timedelta.resolution)  # midnight belongs to the next day
     if lab_date(starts) != lab_date(last):  # a course may end in between
         role = min((role, role_on(person, robot, last)), key=_rank)
-    return Wish(
+    wish = Wish(
         robot=robot.name,
         slot=slot,
         now=now,
@@ -223,13 +245,34 @@ def wish_of(
         role=role,
         role_until=_role_until(person, robot, starts, now) if _rank(role) < Role.OPERATOR.rank else None,
         missing=tuple(one.name for one in missing_qualifications(person, robot, starts, facts.demanded)),
-        quota=_quota_of(course, person, slot, now, moved) if course else None,
-        own=tuple(one for one, _ in own),
-        own_here=tuple(one for one, robot_id in own if robot_id == robot.id),
+        qualified_until=qualified_until(person, facts.demanded),
+        own=tuple(Slot(one.starts_at, one.held_until) for one in own),
+        own_here=tuple(Slot(one.starts_at, one.held_until) for one in own if one.robot_id == robot.id),
+        beside=_beside(own, robot, now),
+        lesson=lesson,
         taken=tuple(one for one in taken if one.slot.overlaps(slot)),
         out=tuple(one for one in out if one.slot.overlaps(slot)),
         busy=tuple(sorted((*taken, *out), key=lambda one: one.slot.starts_at)),
     )
+    return _counted(wish, courses, person, moved, course)
+
+
+def _counted(
+    wish: Wish, courses: list[Course], person: User, moved: Booking | None, chosen: Course | None
+) -> Wish:
+    """Return the wish with the quota of the course for which it counts; a booking stays in its course."""
+    if chosen is not None and courses and chosen not in courses:
+        return structs.replace(wish, wrong_course=chosen.name)
+    stays = chosen or (moved.course if moved is not None else None)
+    first: Wish | None = None
+    for course in [stays] if stays in courses and stays is not None else courses:
+        counted = structs.replace(
+            wish, course=course, quota=_quota_of(course, person, wish.slot, wish.now, moved)
+        )
+        if all(rule(counted) is None for rule in COURSE_QUOTAS):
+            return counted
+        first = first or counted
+    return first or wish
 
 
 def _rank(role: Role | None) -> int:
@@ -249,20 +292,20 @@ def _role_until(person: User, robot: Robot, at: datetime, now: datetime) -> date
     return ends.first()
 
 
-def course_of(robot: Robot, person: User, at: datetime) -> Course | None:
-    """Return the course for which a booking counts; None: the person may drive the robot without any."""
-    return _role_and_course(person, robot, at)[1]
+def courses_for(robot: Robot, person: User, at: datetime) -> list[Course]:
+    """Return the courses for one of which a booking counts; none: the person may drive the robot without any."""
+    return _role_and_courses(person, robot, at)[1]
 
 
-def _role_and_course(person: User, robot: Robot, at: datetime) -> tuple[Role | None, Course | None]:
-    """Return the person's role, and the course for which a booking counts: not one that they supervise."""
+def _role_and_courses(person: User, robot: Robot, at: datetime) -> tuple[Role | None, list[Course]]:
+    """Return the person's role, and the courses for one of which a booking counts: not those that they supervise."""
     if person.is_staff or not person.is_active:
-        return role_on(person, robot, at), None
+        return role_on(person, robot, at), []
     found = given_on(person, robot, at)
     role = max((one.role for one in found), default=None)
-    enrolled = [one.course for one in found if one.course != OWN and one.role is Role.OPERATOR]
+    enrolled = {one.course for one in found if one.course != OWN and one.role is Role.OPERATOR}
     alone = any(one.course == OWN and one.role >= Role.OPERATOR for one in found)
-    return role, Course.objects.filter(pk__in=enrolled).first() if enrolled and not alone else None
+    return role, list(Course.objects.filter(pk__in=enrolled)) if enrolled and not alone else []
 
 
 def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Booking | None) -> Quota:
@@ -270,7 +313,7 @@ def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Bo
     counted = Booking.objects.filter(
         series=None,
         course=course,
-        starts_at__gt=min(now, slot.starts_at - WEEK) - LONGEST,
+        starts_at__gt=_before(min(now, slot.starts_at), WEEK + LONGEST),
         held_until__gt=F("starts_at"),
     )
     if moved is not None:
@@ -287,19 +330,31 @@ def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Bo
     )
 
 
-def _own_slots(
-    policy: Policy, person: User, slot: Slot, now: datetime, moved: Booking | None
-) -> list[tuple[Slot, UUID]]:
-    """Return the person's bookings, with their robots, as far as the policy asks for them."""
-    if not (policy.day_min or policy.week_min or policy.at_once or policy.gap_min):
-        return []
-    mine = Booking.objects.filter(
-        person=person, starts_at__gt=min(now, slot.starts_at - WEEK) - LONGEST, held_until__gt=F("starts_at")
+def _own_rows(policy: Policy, person: User, slot: Slot, now: datetime, moved: Booking | None) -> list[Any]:
+    """Return the person's bookings, as far back as the policy asks for them."""
+    quotas = policy.day_min or policy.week_min or policy.at_once or policy.gap_min
+    first = _before(
+        min(now, slot.starts_at) if quotas else slot.starts_at, WEEK + LONGEST if quotas else LONGEST
     )
+    mine = Booking.objects.filter(person=person, starts_at__gt=first, held_until__gt=F("starts_at"))
     if moved is not None:
         mine = mine.exclude(pk=moved.pk)
-    rows = mine.values_list("starts_at", "held_until", "robot_id")
-    return [(Slot(starts, ends), robot_id) for starts, ends, robot_id in rows]
+    return list(mine.order_by("starts_at").values_list(*_OWN, named=True))
+
+
+def _beside(own: list[Any], robot: Robot, now: datetime) -> tuple[Taken, ...]:
+    """Return the person's bookings of other robots that hold time and are no lessons of a course."""
+    others = [
+        one for one in own if one.robot_id != robot.id and (one.series is None or one.course_id is None)
+    ]
+    begun = {one.robot_id for one in others if one.used_at is None and one.starts_at <= now}
+    policies = policies_of(Robot.objects.filter(pk__in=begun)) if begun else {}
+    found = []
+    for one in others:
+        policy = policies.get(one.robot_id)  # a no-show is decided by that robot's grace time
+        held = held_slot(one, grace_of(policy), now) if policy else Slot(one.starts_at, one.held_until)
+        found.append(Taken(held, one.robot__name))
+    return tuple(found)
 
 
 def free_slots(
@@ -314,26 +369,14 @@ def free_slots(
 ) -> list[tuple[Robot, Slot]]:
     """Return the next slots of this length that no rule refuses, earliest first.
 
-    On any robot: not while the person has a booking already, for nobody drives two robots at once.
     `wish`: the facts about the person and the one robot, of a slot at `after`, if they are known already.
     """
     length = timedelta(minutes=minutes)
     found: list[tuple[Robot, Slot]] = []
-    own = () if wish else _busy_slots(person, after)
     for robot in robots:
         facts = wish or wish_of(robot=robot, person=person, slot=Slot(after, after + length), now=now)
-        facts = structs.replace(facts, busy=(*facts.busy, *own))
         found += [(robot, slot) for slot in _free_on(facts, length, after, now, most)]
     return sorted(found, key=lambda one: one[1].starts_at)[:most]
-
-
-def _busy_slots(person: User, after: datetime) -> tuple[Taken, ...]:
-    """Return the person's bookings, of every robot, in the time that is searched."""
-    held = Booking.objects.filter(
-        person=person, starts_at__range=(after - LONGEST, after + SEARCH), held_until__gt=after
-    )
-    rows = held.values_list("starts_at", "held_until")
-    return tuple(Taken(Slot(starts, ends), "") for starts, ends in rows)
 
 
 def _free_on(facts: Wish, length: timedelta, after: datetime, now: datetime, most: int) -> list[Slot]:
@@ -376,8 +419,13 @@ class Held(Struct, frozen=True):
     person: UUID
     name: str
     slot: Slot
-    holds_from: datetime  # its start, or later the moment in which it was booked
+    booked_at: datetime
     used: bool = True  # its person has had control in it
+
+    @property
+    def holds_from(self) -> datetime:
+        """Return its start, or later the moment in which it was booked."""
+        return max(self.slot.starts_at, self.booked_at)
 
 
 AHEAD = timedelta(days=1)
@@ -400,7 +448,7 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
                 one.person_id,
                 one.person.display_name,
                 slot,
-                max(one.starts_at, one.made_at),
+                one.made_at,
                 one.used_at is not None,
             )
         )

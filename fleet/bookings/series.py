@@ -48,15 +48,21 @@ def weekly(
 
 
 def preview(
-    *, robot: Robot, person: User, slots: list[tuple[date, Slot | Refusal]], override: bool, now: datetime
+    *,
+    robot: Robot,
+    person: User,
+    slots: list[tuple[date, Slot | Refusal]],
+    override: bool,
+    lesson: bool,
+    now: datetime,
 ) -> list[Week]:
-    """Return each slot with all its refusals, before anything is booked."""
+    """Return each slot with all its refusals, before anything is booked. `lesson`: they are those of a course."""
     weeks = []
     for day, slot in slots:
         if isinstance(slot, Refusal):
             weeks.append(Week(day, None, [slot]))
         else:
-            wish = wish_of(robot=robot, person=person, slot=slot, now=now)
+            wish = wish_of(robot=robot, person=person, slot=slot, now=now, lesson=lesson)
             weeks.append(Week(day, slot, refusals(wish, override=override)))
     return weeks
 

@@ -29,7 +29,7 @@ from fleet.bookings.rules import Slot, Wish, check_cancel, refusals
 from fleet.bookings.selectors import (
     RobotFacts,
     Stage,
-    course_of,
+    courses_for,
     free_slots,
     grace_of,
     held_between,
@@ -40,8 +40,8 @@ from fleet.bookings.selectors import (
     wish_of,
 )
 from robots.access.models import Course
-from robots.access.selectors import manages_robot, may_manage
-from robots.registry.models import Robot
+from robots.access.selectors import courses_managed_by, manages_robot, may_manage, role_on
+from robots.registry.models import Robot, Role
 from robots.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)
@@ -95,11 +95,31 @@ def robot_locked(robot_id: UUID) -> Iterator[Robot]:
         raise BookingRefused([_TAKEN]) from error
 
 
-def account_named(username: str) -> User:
-    """Return the person to book for or to hand a booking to."""
+def account_named(username: str, actor: User, robot: Robot) -> User:
+    """Return the person to book for. Only those who may book for others learn that there is no such account."""
     found = User.objects.filter(username=username, is_active=True).first()
-    if found is None:
-        raise BookingRefused([_NO_ACCOUNT])
+    if found is not None:
+        return found
+    for_others = manages_robot(actor, robot) or courses_managed_by(actor).exists()
+    raise BookingRefused([_NO_ACCOUNT if for_others else _FOR_ANOTHER])
+
+
+def colleague_named(username: str, actor: User, booking: Booking) -> User:
+    """Return the person to hand a booking to.
+
+    Without such an account the refusal is that of a person who may not drive the robot. To the supervisors, the rules
+    name the person.
+    """
+    manages = may_manage_booking(actor, booking)
+    if booking.person_id != actor.pk and not manages:
+        raise BookingRefused([_NOT_YOURS])
+    found = User.objects.filter(username=username, is_active=True).first()
+    role = role_on(found, booking.robot, booking.starts_at) if found else None
+    drives = role is not None and role >= Role.OPERATOR
+    if found is None or not (drives or manages):
+        text = _("Nobody with the user name %(name)s may drive %(robot)s at this time.")
+        text %= {"name": username, "robot": booking.robot.name}
+        raise BookingRefused([Refusal("no_colleague", text, "booking")])
     return found
 
 
@@ -124,11 +144,13 @@ def booking_make(
     override: str = "",
     series: UUID | None = None,
     lesson_of: Course | None = None,
+    course: Course | None = None,
     facts: Callable[[Robot, Slot], RobotFacts] = robot_facts,
 ) -> Booking:
     """Book a slot for a person. `actor`: who books for them. `override`: the reason for which staff pass the rules.
 
     `lesson_of`: a course that the actor manages, which this is a lesson of; no quota counts it.
+    `course`: the one for which the slot counts, if the person may drive the robot by several.
     `facts` reads the robot for the check before the lock (`turns.in_turn`).
     """
     actor = actor or person
@@ -137,12 +159,21 @@ def booking_make(
     if not may_book_for(actor, person, robot, slot.starts_at):
         raise BookingRefused([_FOR_ANOTHER])
     override = _valid_reason(override, actor, robot)
+    if course is None and actor.pk != person.pk and not manages_robot(actor, robot):
+        courses = courses_for(robot, person, slot.starts_at)
+        course = next((one for one in courses if may_manage(actor, one)), None)
+    asked: dict[str, Any] = {
+        "actor": actor,
+        "override": override,
+        "course": course,
+        "lesson": lesson_of is not None,
+    }
     # First without the lock: the many who come too late for a slot must not wait for each other.
-    _check(robot, person, slot, now, actor=actor, override=override, facts=facts(robot, slot))
+    _check(robot, person, slot, now, **asked, facts=facts(robot, slot))
     with robot_locked(robot.id) as robot:
         free_unused(robot, slot, now)
-        course = quotas_locked(robot, person, slot)
-        _check(robot, person, slot, now, actor=actor, override=override)
+        quotas_locked(robot, person, slot)
+        course = _check(robot, person, slot, now, **asked)
         booking = Booking.objects.create(
             robot=robot,
             person=person,
@@ -169,16 +200,26 @@ def booking_move(
             slot = Slot(booking.starts_at, slot.ends_at)
         override = _valid_reason(override, actor, booking.robot)
         free_unused(booking.robot, slot, now, but=booking)
-        course = quotas_locked(booking.robot, booking.person, slot)
-        _check(booking.robot, booking.person, slot, now, actor=actor, override=override, moved=booking)
+        quotas_locked(booking.robot, booking.person, slot)
+        lesson = _is_lesson_of(booking.person, booking)
+        course = _check(
+            booking.robot,
+            booking.person,
+            slot,
+            now,
+            actor=actor,
+            override=override,
+            moved=booking,
+            lesson=lesson,
+        )
         old = Slot(booking.starts_at, booking.ends_at)
         if not old.within(slot):
             _require_may_cancel(booking, actor, now)
         if booking.state == State.BOOKED and now < old.starts_at and not slot.within(old):
             booking.state = state_for(actor, booking.robot, booking.course)
         if slot.starts_at != old.starts_at:
-            booking.reminded_at = None
-            booking.course = booking.course if _is_lesson_of(booking.person, booking) else course
+            booking.reminded_at, booking.made_at = None, now
+            booking.course = booking.course if lesson else course
         before = {"from": booking.starts_at.isoformat(), "to": booking.ends_at.isoformat()}
         booking.starts_at, booking.ends_at, booking.held_until = slot.starts_at, slot.ends_at, slot.ends_at
         booking.overridden = bool(override) or None  # else every rule allows it now
@@ -210,12 +251,13 @@ def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: 
             text = _("This is the booking of %(name)s already.") % {"name": to.display_name}
             raise BookingRefused([Refusal("invalid", text, "booking")])
         slot = Slot(booking.starts_at, booking.ends_at)
-        course = quotas_locked(booking.robot, to, slot)
-        _check(booking.robot, to, slot, now, actor=actor, moved=booking)
+        quotas_locked(booking.robot, to, slot)
+        lesson = _is_lesson_of(to, booking)
+        course = _check(booking.robot, to, slot, now, actor=actor, moved=booking, lesson=lesson)
         before = booking.person
         changed_by_another(booking, actor, _("handed to %(name)s") % {"name": to.display_name}, "", now)
         booking.person, booking.overridden = to, None
-        if not _is_lesson_of(to, booking):  # a student's slot counts for the quotas
+        if not lesson:  # a student's slot counts for the quotas
             booking.course, booking.series = course, None
         if booking.state == State.BOOKED and now < booking.starts_at:
             booking.state = state_for(actor, booking.robot, booking.course)
@@ -234,9 +276,7 @@ def booking_approve(*, booking_id: UUID, version: int, actor: User, now: datetim
         if not may_manage_booking(actor, booking):
             raise BookingRefused([_NOT_YOURS])
         if booking.state == State.AWAITING:
-            booking.state = State.BOOKED
-            if now > booking.starts_at:  # it holds the robot from now on only: others drove until here
-                booking.made_at = now
+            booking.state, booking.made_at = State.BOOKED, now  # others could drive until here
             save_booking(booking)
             record_booking("booking.approve", booking, actor)
             changed_by_another(booking, actor, _("approved"), "", now)
@@ -273,7 +313,9 @@ def booking_hand_running(*, robot: Robot, owner: UUID, to: User, actor: User, no
     running = _running(now).filter(robot=robot, person=owner).select_for_update(of=("self",))
     for booking in running.select_related("person", "robot"):
         before = booking.person
-        booking.person, booking.course = to, course_of(robot, to, booking.starts_at)
+        courses = courses_for(robot, to, booking.starts_at)
+        stays = booking.course in courses
+        booking.person, booking.course = to, booking.course if stays else next(iter(courses), None)
         save_booking(booking)
         parameters = {"before": {"person": str(before.pk)}}
         record_booking(
@@ -304,20 +346,19 @@ def save_booking(booking: Booking) -> None:
     booking.save()
 
 
-def quotas_locked(robot: Robot, person: User, slot: Slot) -> Course | None:
-    """Return the course for which a slot counts. Until the commit, no other slot is counted for its quotas.
+def quotas_locked(robot: Robot, person: User, slot: Slot) -> None:
+    """Until the commit, let nobody else count the bookings of a person, and of the courses for which a slot may count.
 
     A person, and a course, may book several robots at the same moment. SQLite has one writer at a time anyway.
     """
-    course = course_of(robot, person, slot.starts_at)
     if connection.vendor == "postgresql":
-        keys = [f"bookings of person {person.pk}"]
-        if course is not None and course.course_week_min is not None:
-            keys.append(f"bookings of course {course.pk}")
+        shared = [
+            one.pk for one in courses_for(robot, person, slot.starts_at) if one.course_week_min is not None
+        ]
+        keys = [f"bookings of person {person.pk}", *(f"bookings of course {key}" for key in sorted(shared))]
         with connection.cursor() as cursor:
             for key in keys:
                 cursor.execute("SELECT pg_advisory_xact_lock(hashtext(%s))", [key])
-    return course
 
 
 def _check(
@@ -329,13 +370,26 @@ def _check(
     actor: User,
     override: str = "",
     moved: Booking | None = None,
+    course: Course | None = None,
+    lesson: bool = False,
     facts: RobotFacts | None = None,
-) -> None:
-    """Raise BookingRefused with all refusals. `override`: the reason of a person who may pass the policy.
+) -> Course | None:
+    """Raise BookingRefused with all refusals, or return the course for which the slot counts.
+
+    `override`: the reason of a person who may pass the policy. The others are those of `wish_of`.
 
     If `actor` is another person than the one who drives, the words say whom they are about.
     """
-    wish = wish_of(robot=robot, person=person, slot=slot, now=now, moved=moved, facts=facts)
+    wish = wish_of(
+        robot=robot,
+        person=person,
+        slot=slot,
+        now=now,
+        moved=moved,
+        course=course,
+        lesson=lesson,
+        facts=facts,
+    )
     if moved is not None and moved.starts_at == slot.starts_at:
         wish = structs.replace(wish, start_kept=True)
     found = refusals(wish, override=bool(override))
@@ -347,6 +401,7 @@ def _check(
         ]
     if found:
         raise BookingRefused(found, wish)
+    return wish.course
 
 
 def _valid_reason(override: str, actor: User, robot: Robot) -> str:

@@ -118,6 +118,7 @@ def offer_accept(*, booking_id: str, actor: User, now: datetime) -> Booking:
         if offered.state != State.OFFERED or offered.person_id != actor.pk or over:
             raise BookingRefused([_NO_OFFER])
         offered.state, offered.offer_until = state_for(actor, offered.robot, offered.course), None
+        offered.made_at = now
         save_booking(offered)
         record_booking("booking.accept", offered, actor, outcome=offered.state)
     return offered
@@ -135,14 +136,15 @@ def _offer(waiting: Waiting, now: datetime) -> None:
             if not Waiting.objects.filter(pk=waiting.pk).delete()[0]:
                 return  # another process was faster
             free_unused(robot, slot, now)
-            course = quotas_locked(robot, waiting.person, slot)
-            if found := refusals(wish_of(robot=robot, person=waiting.person, slot=slot, now=now)):
+            quotas_locked(robot, waiting.person, slot)
+            wish = wish_of(robot=robot, person=waiting.person, slot=slot, now=now)
+            if found := refusals(wish):
                 raise BookingRefused(found)
             until = now + min(max((slot.starts_at - now) / 2, SHORTEST_OFFER), LONGEST_OFFER)
             offered = Booking.objects.create(
                 robot=robot,
                 person=waiting.person,
-                course=course,
+                course=wish.course,
                 starts_at=slot.starts_at,
                 ends_at=slot.ends_at,
                 held_until=slot.ends_at,

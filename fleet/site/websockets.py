@@ -7,6 +7,7 @@ from typing import Any
 from django.urls import path, re_path
 
 from teleop.camera.camera_consumer import CameraConsumer
+from teleop.live.bookings_consumer import BookingsConsumer
 from teleop.live.fleet_consumer import FleetConsumer
 from teleop.live.message_socket import no_such_address
 from teleop.live.robot_consumer import RobotConsumer
@@ -14,6 +15,7 @@ from teleop.live.topics_consumer import TopicsConsumer
 
 # Any: `path` is typed for HTTP views.
 fleet_page: Any = FleetConsumer.as_asgi()
+calendar: Any = BookingsConsumer.as_asgi()
 robot_page: Any = RobotConsumer.as_asgi()
 robot_topics: Any = TopicsConsumer.as_asgi()
 robot_cameras: Any = CameraConsumer.as_asgi()
@@ -21,6 +23,7 @@ elsewhere: Any = no_such_address
 
 websocket_urlpatterns = [
     path("ws/fleet/", fleet_page),
+    path("ws/bookings/", calendar),
     path("ws/robots/<slug:slug>/", robot_page),
     path("ws/robots/<slug:slug>/topics/", robot_topics),
     path("ws/robots/<slug:slug>/camera/", robot_cameras),

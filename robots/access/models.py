@@ -70,7 +70,7 @@ def _minutes(most_hours: int) -> list[MinValueValidator | MaxValueValidator]:
 class Course(models.Model):
     """People who have a role on some robots between two dates, both included, in the lab's time zone.
 
-    Quotas are in minutes and count bookings of the course's robots; None: no quota.
+    Quotas are in minutes and count the bookings that were made by the course; None: no quota.
     """
 
     name = models.CharField(_("name"), max_length=80, unique=True)

@@ -10,7 +10,7 @@ from datetime import date, datetime
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
-from django.db.models import Q, QuerySet
+from django.db.models import Min, Q, QuerySet
 from django.shortcuts import get_object_or_404
 from django.utils import timezone
 from django.utils.formats import date_format
@@ -201,6 +201,15 @@ def lacking(
     held = set(valid.values_list("person_id", "qualification_id"))
     lacks = {person: [one for one in wanted if (person, one.pk) not in held] for person in people}
     return {person: found for person, found in lacks.items() if found}
+
+
+def qualified_until(user: User, demands: Collection[int]) -> datetime | None:
+    """Return when the first of the demanded qualifications that `user` holds expires; None: none does."""
+    if user.is_staff or not demands:
+        return None
+    grants = QualificationGrant.objects.filter(qualification__in=demands, person=user)
+    until: datetime | None = grants.aggregate(until=Min("expires_at"))["until"]
+    return until
 
 
 # --- why ------------------------------------------------------------------------------------------

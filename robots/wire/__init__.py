@@ -71,6 +71,7 @@ from robots.wire.codec import encode as encode
 from robots.wire.codec import encode_report as encode_report
 from robots.wire.codec import heading as heading
 from robots.wire.codec import kind_of as kind_of
+from robots.wire.doors import BookingsReport as BookingsReport
 from robots.wire.doors import BrowserMessage as BrowserMessage
 from robots.wire.doors import BrowserReport as BrowserReport
 from robots.wire.doors import CameraReport as CameraReport
@@ -114,6 +115,7 @@ from robots.wire.link import Viewers as Viewers
 from robots.wire.page import Ask as Ask
 from robots.wire.page import AskCancel as AskCancel
 from robots.wire.page import Booked as Booked
+from robots.wire.page import BookingsChanged as BookingsChanged
 from robots.wire.page import CameraView as CameraView
 from robots.wire.page import Clear as Clear
 from robots.wire.page import ClearRobot as ClearRobot

@@ -30,6 +30,7 @@ from robots.wire.link import (
 from robots.wire.page import (
     Ask,
     AskCancel,
+    BookingsChanged,
     CameraView,
     Clear,
     ClearRobot,
@@ -99,6 +100,7 @@ BrowserReport = Welcome | Control | Notice | Accepted | Refused | BridgeGone | O
 TopicsReport = TopicAnswer | Sample | BridgeGone | Notice | Pong
 CameraReport = Cameras | CameraState | CameraPong | BridgeGone | Notice | Refused
 FleetReport = Fleet | Refused | Pong
+BookingsReport = BookingsChanged | Refused | Pong
 LinkReport = (
     BridgeHello
     | LaneToken

@@ -227,6 +227,10 @@ class FleetCard(Struct, frozen=True):
     next_booked: Booked | None = None  # the next one within a day
 
 
+class BookingsChanged(Struct, frozen=True, tag_field="t", tag="bookings_changed"):
+    """A booking, a policy or an out-of-service period changed: read again what this person may see."""
+
+
 class Fleet(Struct, frozen=True, tag_field="t", tag="fleet"):
     """The robots that this person may see, by slug. Sent about once a second and on change."""
 

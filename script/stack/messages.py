@@ -45,6 +45,7 @@ DOORS: Mapping[str, Any] = {
     "From readers of cameras to the console": wire.CameraMessage,
     "From the console to readers of cameras": wire.CameraReport,
     "From a web process to a camera process": wire.CameraRequest,
+    "From the console to the calendar": wire.BookingsReport,
     "From a web process to a bridge": wire.LinkRequest,
     "From a bridge to a web process": wire.LinkReport,
 }

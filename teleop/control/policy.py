@@ -2,22 +2,50 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Protocol
+from uuid import UUID
 
 from msgspec import Struct, structs
 
 from fleet.accounts.models import User
-from fleet.bookings.rules import FAR, shown
+from fleet.bookings.rules import FAR, Slot, shown
 from fleet.bookings.selectors import Held, Schedule
 from fleet.zones import zone_of
 from robots.access.models import Qualification
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
-from teleop.control.rules import OFFER_S, Waiter, offered
+from teleop.control.rules import OFFER_S, LeaseState, Waiter, offered
 
 ROLE_LOWERED = Refusal("role_lowered", "Your role on this robot is lower now. Take control again.", "account")
 ROBOT_DISABLED = Refusal("robot_disabled", "This robot is out of service: staff switched it off.", "robot")
+
+
+WARNING = timedelta(minutes=5)  # for a person in control, before a slot that was booked since ends it
+
+
+def schedule_for(user: UUID, schedule: Schedule, lease: LeaseState | None, now: datetime) -> Schedule:
+    """Return the schedule as it binds a person.
+
+    For the holder, a slot of another person that was booked since they took control begins `WARNING` after that, at
+    the earliest.
+    """
+    if lease is None or lease.user != user:
+        return schedule
+    slots = [_after_warning(held, lease) for held in (schedule.current, *schedule.next) if held is not None]
+    slots = [held for held in slots if held.slot.ends_at > held.slot.starts_at]
+    return structs.replace(
+        schedule,
+        current=next((held for held in slots if held.slot.starts_at <= now), None),
+        next=tuple(held for held in slots if held.slot.starts_at > now),
+    )
+
+
+def _after_warning(held: Held, lease: LeaseState) -> Held:
+    if held.person == lease.user or lease.started_at >= held.booked_at:
+        return held
+    begins = max(held.slot.starts_at, held.booked_at + WARNING)
+    return structs.replace(held, slot=Slot(begins, max(begins, held.slot.ends_at)))
 
 
 def out_of_service(robot: Robot) -> Refusal | None:

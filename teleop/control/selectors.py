@@ -18,7 +18,7 @@ from robots.access.selectors import lacking, missing_qualifications, role_on, ro
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import allowed_on, link_address, robot_facts
 from robots.wire import Refusal
-from teleop.control.policy import Subject, out_of_service, permit_for
+from teleop.control.policy import Subject, out_of_service, permit_for, schedule_for
 from teleop.control.rules import WAITS_S, LeaseState, Tab, Waiter, is_free
 from teleop.control.status import ControlStatus, Rights, RobotEntry, SessionEnd
 from teleop.models import ControlSession, Lease
@@ -72,15 +72,18 @@ def control_status(
         lease=lease,
         line=line,
         endings=_endings(set(sessions) - {lease.session} if lease else sessions),
-        rights=rights_of(people, robot, now, schedule, line if is_free(lease, now) else ()),
+        rights=rights_of(people, robot, now, schedule, line if is_free(lease, now) else (), lease),
         schedule=schedule,
     )
 
 
-def subject_of(user: User, robot: Robot, now: datetime, line: Sequence[Waiter] = ()) -> Subject:
-    """Return the facts by which the rules judge whether a person may control a robot."""
+def subject_of(
+    user: User, robot: Robot, now: datetime, line: Sequence[Waiter] = (), lease: LeaseState | None = None
+) -> Subject:
+    """Return the facts by which the rules judge whether a person may control a robot, or the holder keep it."""
     missing = tuple(missing_qualifications(user, robot, now))
-    return Subject(user, robot, role_on(user, robot), schedule_of(robot, now), now, missing, tuple(line))
+    schedule = schedule_for(user.pk, schedule_of(robot, now), lease, now)
+    return Subject(user, robot, role_on(user, robot), schedule, now, missing, tuple(line))
 
 
 def end_notes(sessions: Collection[UUID]) -> dict[UUID, str]:
@@ -101,6 +104,7 @@ def rights_of(
     now: datetime,
     schedule: Schedule | None = None,
     line: Sequence[Waiter] = (),
+    lease: LeaseState | None = None,
 ) -> dict[SignIn, Rights]:
     """Return each sign-in's rights on the robot; no rights if the robot is None (it was deleted).
 
@@ -120,7 +124,7 @@ def rights_of(
             (user_id, key) in active,
             roles.get(user_id),
             robot,
-            schedule,
+            schedule_for(user_id, schedule, lease, now),
             now,
             missing.get(user_id, ()),
             line,

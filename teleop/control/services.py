@@ -131,8 +131,8 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> No
     """Start a new term. In one's own slot, lengthen the slot, while no other person has booked."""
     with recorded_change():
         robot, user = robot_locked(robot_id), _user(user_id)
-        _, permit = _permit(user=user, robot=robot, now=now)
         held = lease_of(robot_id)
+        _, permit = _permit(user=user, robot=robot, now=now, lease=held)
         before = _allowed(held, rules.check_renew(held, tab=tab, line=line_of(robot_id, now), now=now))
         if permit.whole_slot and permit.until is not None and before.term_ends_at >= permit.until:
             booking_lengthen_running(robot=robot, person=user, now=now)
@@ -146,8 +146,8 @@ def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> N
     """Move a lease to a new connection of its tab: after a reload or network failure, or in a duplicated tab."""
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
-        _permit(user=user, robot=robot, now=now)
         held = lease_of(robot_id)
+        _permit(user=user, robot=robot, now=now, lease=held)
         before = _allowed(held, rules.check_resume(held, user=user_id, tab=tab, now=now))
         _change_lease(robot_id, before, {"connection": tab.connection, "seen_at": now})
         _record("control.resume", before, robot, user)
@@ -265,12 +265,19 @@ def _waiter(robot_id: UUID, request_id: int, now: datetime) -> Waiter:
     return _allowed(waiter, rules.check_waits(waiter))
 
 
-def _permit(*, user: User, robot: Robot, now: datetime, line: Sequence[Waiter] = ()) -> tuple[Role, Permit]:
+def _permit(
+    *,
+    user: User,
+    robot: Robot,
+    now: datetime,
+    line: Sequence[Waiter] = (),
+    lease: LeaseState | None = None,
+) -> tuple[Role, Permit]:
     """Return the person's role and permit to control. Raises ControlRefused.
 
-    `line`: who waits for control, if nobody has it.
+    `line`: who waits for control, if nobody has it. `lease`: the present one, if its holder keeps control.
     """
-    subject = subject_of(user, robot, now, line)
+    subject = subject_of(user, robot, now, line, lease)
     answer = permit_for(subject)
     if isinstance(answer, Refusal):
         raise ControlRefused(answer)

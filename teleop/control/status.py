@@ -13,7 +13,7 @@ from robots import wire
 from robots.bridge.config import Allowed, LinkAddress
 from robots.registry.models import Role
 from teleop.control import rules
-from teleop.control.policy import Permit
+from teleop.control.policy import Permit, schedule_for
 from teleop.control.rules import LeaseState, Phase, Tab, Waiter
 
 
@@ -87,7 +87,7 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
     phase = rules.phase(lease, now)
     mine = lease is not None and lease.tab.connection == tab.connection
     free = lease is None or phase is Phase.LAPSED
-    booked, next_booked = booked_slots(status.schedule, user, now)
+    booked, next_booked = booked_slots(schedule_for(user, status.schedule, lease, now), user, now)
     place = next((n for n, one in enumerate(status.line) if one.tab.connection == tab.connection), None)
     asking = None if place is None else status.line[place].id
     names = [wire.Request(one.id, one.name) for one in status.line if one.tab.connection]

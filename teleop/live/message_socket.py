@@ -16,6 +16,7 @@ from channels.consumer import AsyncConsumer
 from robots.bridge.server.flood_limits import TokenBucket
 from robots.wire import (
     Accepted,
+    BookingsReport,
     BrowserReport,
     FleetReport,
     Refusal,
@@ -123,7 +124,9 @@ class MessageSocket(AsyncConsumer):
             if await self.within_budget(of):
                 await self.refuse(of, error.refusal, seq)
 
-    async def send_message(self, message: BrowserReport | TopicsReport | FleetReport) -> None:
+    async def send_message(
+        self, message: BrowserReport | TopicsReport | FleetReport | BookingsReport
+    ) -> None:
         """Send a message to the client."""
         await self.send_encoded(encode(message).decode())
 

@@ -168,4 +168,4 @@ def test_handing_to_nobody_has_a_code(browser, booking):
     answer = browser.post(
         reverse("booking", args=[booking.pk]), {"action": "hand", "version": 1, "to": "nobody"}, **JSON
     )
-    assert (answer.status_code, codes(answer)) == (409, ["no_account"])
+    assert (answer.status_code, codes(answer)) == (409, ["no_colleague"])

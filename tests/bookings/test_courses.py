@@ -1,17 +1,22 @@
 """Bookings of people who drive a robot by a course, or need a qualification."""
 
-from datetime import datetime, timedelta, timezone
+from datetime import datetime, timedelta
+from datetime import timezone as dt_timezone
 
 import pytest
+from django.urls import reverse
+from django.utils import timezone
 
-from fleet.bookings.models import Booking
+from fleet.bookings.models import Booking, Policy
 from fleet.bookings.rules import Slot
-from fleet.bookings.services import BookingRefused, booking_make
+from fleet.bookings.services import BookingRefused, booking_make, booking_move
 from robots.access.models import Course, Enrolment, Qualification, QualificationGrant
+from robots.access.selectors import lab_date
+from tests.bookings.test_pages import JSON, fields
 
 pytestmark = pytest.mark.django_db
 
-NOW = datetime(2026, 3, 2, 9, 0, tzinfo=timezone.utc)
+NOW = datetime(2026, 3, 2, 9, 0, tzinfo=dt_timezone.utc)
 
 
 @pytest.fixture
@@ -30,6 +35,10 @@ def book(robot, person, begins_h, hours=1.0):
     return booking_make(robot=robot, person=person, slot=slot, now=NOW)
 
 
+def hour(begins_h):
+    return Slot(NOW + timedelta(hours=begins_h), NOW + timedelta(hours=begins_h + 1))
+
+
 def refused(*args):
     with pytest.raises(BookingRefused) as caught:
         book(*args)
@@ -40,6 +49,63 @@ def test_a_booking_counts_for_the_course(robot, stranger, operator, course):
     assert book(robot, stranger, 1).course == course
     assert book(robot, operator, 3).course is None
     assert refused(robot, stranger, 5, 1.5) == ["quota_course_week"]
+
+
+@pytest.fixture
+def thesis(robot, stranger, course):
+    """Another course of the same person."""
+    days = {"starts_on": course.starts_on, "ends_on": course.ends_on}
+    thesis = Course.objects.create(name="Thesis", slug="thesis", role="operator", week_min=60, **days)
+    thesis.robots.add(robot)
+    Enrolment.objects.create(course=thesis, person=stranger)
+    return thesis
+
+
+def test_in_two_courses_the_quota_of_the_second_counts_next(robot, stranger, course, thesis):
+    assert book(robot, stranger, 1, 1.5).course == course
+    assert book(robot, stranger, 3).course == thesis
+    assert refused(robot, stranger, 5) == ["quota_course_week"]
+
+
+def test_a_person_in_two_courses_chooses(signed_in, robot, stranger, course, thesis):
+    browser, today = signed_in(stranger), lab_date()
+    Course.objects.update(starts_on=today, ends_on=today + timedelta(days=6))
+    page = browser.get(reverse("booking-new")).content.decode()
+    assert '<option value="thesis">Thesis</option>' in page
+    assert browser.post(reverse("booking-new"), fields(robot, course="thesis"), **JSON).status_code == 200
+    assert Booking.objects.get().course == thesis
+    answer = browser.post(reverse("booking-new"), fields(robot, 4, course="thesis"), **JSON)
+    assert [one["code"] for one in answer.json()["refusals"]] == ["quota_course_week"]
+    thesis.robots.clear()
+    answer = browser.post(reverse("booking-new"), fields(robot, 4, course="thesis"), **JSON)
+    assert [one["code"] for one in answer.json()["refusals"]] == ["wrong_course"]
+
+
+def test_pages_show_what_is_left(signed_in, robot, stranger, course, staff):
+    today = lab_date()
+    quotas = {"day_min": 60, "at_once": 3, "course_week_min": 600}
+    Course.objects.update(starts_on=today, ends_on=today + timedelta(days=6), **quotas)
+    Policy.objects.create(week_min=300)
+    now = timezone.now().replace(hour=0, minute=0)
+    times = {"starts_at": now, "ends_at": now + timedelta(minutes=30)}
+    Booking.objects.create(
+        robot=robot, person=stranger, course=course, **times, held_until=times["ends_at"], made_at=now
+    )
+    for page in ("bookings-mine", "booking-new"):
+        text = signed_in(stranger).get(reverse(page)).content.decode()
+        own = ("30 min of 1 h today", "1 h 30 min of 2 h this week", "3 of 3 bookings to come")
+        rests = (*own, "9 h 30 min of 10 h this week for the whole course")
+        assert f"<dt>HRI 2026</dt>{''.join(f'<dd>{rest}</dd>' for rest in rests)}" in text
+        assert "<dt>all robots</dt><dd>4 h 30 min of 5 h this week</dd>" in text
+    text = signed_in(staff).get(reverse("bookings-course", args=["hri"])).content.decode()
+    assert "Left: 9 h 30 min of 10 h this week for the whole course." in text
+
+
+def test_a_moved_booking_stays_in_its_course(robot, stranger, course, thesis):
+    booking = booking_make(robot=robot, person=stranger, slot=hour(1), now=NOW, course=thesis)
+    booking_move(booking_id=booking.pk, version=1, slot=hour(5), actor=stranger, now=NOW)
+    booking.refresh_from_db()
+    assert booking.course == thesis
 
 
 def test_a_slot_beyond_the_courses_last_day_is_refused(robot, stranger, course):
@@ -64,7 +130,7 @@ def test_a_missing_qualification_is_named(robot, operator):
 
 
 def test_only_people_who_may_override_are_asked_for_a_reason(client, course, supervisor, second_operator):
-    today = datetime.now(timezone.utc).date()
+    today = datetime.now(dt_timezone.utc).date()
     Course.objects.update(starts_on=today - timedelta(days=2), ends_on=today + timedelta(days=20))
     course.supervisors.add(second_operator)
     for person, asked in ((second_operator, False), (supervisor, True)):

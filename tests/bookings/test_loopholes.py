@@ -64,12 +64,23 @@ def test_only_supervisors_of_the_robot_book_it_for_others(
     assert [one.robot for one in Booking.objects.all()] == [robot]
 
 
-def test_words_about_another_person_name_them(signed_in, robot, operator, observer):
+def test_words_about_another_person_name_them(signed_in, robot, operator, observer, supervisor):
     booking = stored(robot, operator, 60, 120)
     posted = {"action": "hand", "version": 1, "to": observer.username}
-    answer = signed_in(operator).post(reverse("booking", args=[booking.pk]), posted, **JSON)
+    answer = signed_in(supervisor).post(reverse("booking", args=[booking.pk]), posted, **JSON)
     [refusal] = answer.json()["refusals"]
     assert refusal["text"].startswith(f"For {observer.display_name}: You may not drive TIAGo 1")
+
+
+def test_handing_over_tells_nobody_who_has_an_account(signed_in, robot, operator, observer, stranger):
+    booking = stored(robot, operator, 60, 120)
+    browser = signed_in(operator)
+    texts = set()
+    for name in (observer.username, stranger.username, "nobody"):
+        posted = {"action": "hand", "version": 1, "to": name}
+        answer = browser.post(reverse("booking", args=[booking.pk]), posted, **JSON)
+        texts |= {refusal["text"].replace(name, "NAME") for refusal in answer.json()["refusals"]}
+    assert texts == {"Nobody with the user name NAME may drive TIAGo 1 at this time."}
 
 
 def test_a_reason_counts_only_from_supervisors_of_the_robot(signed_in, robot, other_robot, supervisor):
@@ -122,7 +133,7 @@ def test_a_course_that_lets_people_only_watch_lends_no_quota(signed_in, robot, c
     signed_in(stranger).post(reverse("booking-new"), fields(robot, 1), **JSON)
     assert Booking.objects.get().course == course
     answer = signed_in(stranger).post(reverse("booking-new"), fields(robot, 2), **JSON)
-    assert [refusal["code"] for refusal in answer.json()["refusals"]] == ["quota_open"]
+    assert [refusal["code"] for refusal in answer.json()["refusals"]] == ["quota_course_open"]
 
 
 # --- a slot that runs ------------------------------------------------------------------------------
@@ -316,7 +327,7 @@ def test_times_beyond_all_reason_are_refused_in_words_and_soon(browser, robot, s
 
 def test_characters_that_postgresql_refuses(signed_in, robot, operator):
     browser = signed_in(operator)
-    assert change(browser, stored(robot, operator, 60, 120), "hand", to="a\0") == ["no_account"]
+    assert change(browser, stored(robot, operator, 60, 120), "hand", to="a\0") == ["no_colleague"]
     assert change(browser, stored(robot, operator, 180, 240), "cancel", reason="a\0b") == []
     assert browser.post(reverse("bookings-address"), {"robot": "a\0"}).status_code == 404
     days = {"start": "2026-03-02", "end": "2026-03-09", "robot": "a\0"}

@@ -61,7 +61,7 @@ def codes(errors):
 
 
 def test_a_quota_holds_over_several_robots(robots, stranger):
-    Policy.objects.create(at_once=1)
+    Policy.objects.create(at_once=1, robots_at_once=len(robots))
     for robot in robots:
         role_set(robot=robot, user=stranger, role=Role.OPERATOR, actor=None)
     errors = all_at_once(

@@ -11,7 +11,7 @@ from fleet.audit.models import Record
 from fleet.bookings.models import Letter, State
 from fleet.bookings.rights import bookings_free_lost
 from fleet.bookings.rules import Slot
-from fleet.bookings.services import booking_make
+from fleet.bookings.services import BookingRefused, booking_make, booking_move
 from robots.access import services as access
 from robots.access.enrolment import unenrol
 from robots.access.models import Course, Enrolment, Qualification, RobotGroup
@@ -126,3 +126,27 @@ def test_housekeeping_frees_what_a_dead_process_left(robot, operator):
     RobotRole.objects.filter(user=operator).delete()  # without the services: nobody was told
     call_command("run_housekeeping", "--once")
     assert state_of(booking) is State.CANCELLED
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_slot_ends_where_a_qualification_expires(robot, student, second_operator, staff, begun):
+    new = Qualification(name="Induction", slug="induction")
+    access.qualification_save(qualification=new, robots=[robot], groups=[], actor=staff)
+    grant = {"qualification": new, "people": [student, second_operator], "actor": staff}
+    access.qualification_grant(**grant, expires_at=None)
+    booking = book(robot, student, days=0 if begun else 2)
+    ends = booking.starts_at + timedelta(minutes=30)
+    access.qualification_grant(**grant | {"people": [student]}, expires_at=ends)
+    assert (state_of(booking), booking.held_until) == (State.BOOKED, ends)
+    assert "shortened" in Letter.objects.get().subject
+    assert Record.objects.get(kind="booking.move").parameters["why"] == "unqualified"
+    rest = Slot(ends, ends + timedelta(minutes=30))
+    with pytest.raises(BookingRefused, match="A qualification that TIAGo 1 demands ends"):
+        booking_move(
+            booking_id=booking.pk,
+            version=booking.version,
+            slot=Slot(booking.starts_at, rest.ends_at),
+            actor=student,
+            now=timezone.now(),
+        )
+    booking_make(robot=robot, person=second_operator, slot=rest, now=timezone.now())

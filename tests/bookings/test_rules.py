@@ -8,6 +8,7 @@ import pytest
 
 from fleet.bookings.models import Policy
 from fleet.bookings.rules import Quota, Slot, Taken, Wish, check_cancel, refusals, to_utc
+from robots.access.models import RobotGroup
 from robots.registry.models import Role
 from robots.wire import Refusal
 
@@ -52,11 +53,35 @@ def test_a_plain_slot_is_allowed():
         "quota_day": wish(day_min=90, own=(slot(4),)),
         "quota_week": wish(week_min=90, own=(slot(30),)),
         "quota_open": wish(at_once=1, own=(slot(30),)),
+        "robots_at_once": wish(beside=(Taken(slot(1.5), "Tiago 2"),)),
+        "wrong_course": wish(wrong_course="HRI"),
         "gap": wish(gap_min=60, own_here=(slot(2.5),)),
     }.items(),
 )
 def test_each_rule_refuses_by_name(code, wanted):
     assert codes(wanted) == [code]
+
+
+def test_a_policys_refusal_names_whose_policy_it_is():
+    group = RobotGroup(name="the TIAGos")
+    for policy, name in ((Policy(group=group), "the TIAGos"), (Policy(), "all robots")):
+        [refusal] = refusals(msgspec.structs.replace(wish(slot(1, 5)), policy=policy))
+        assert refusal.text.endswith(f"make it shorter. (Policy of {name}.)")
+        assert refusal.figures["policy"] == name
+
+
+def test_robots_at_once_count_where_they_overlap():
+    one_after_another = (Taken(slot(1, 0.5), "Tiago 2"), Taken(slot(1.5, 0.5), "Tiago 3"))
+    assert codes(wish(robots_at_once=2, beside=one_after_another)) == []
+    together = (Taken(slot(0, 2), "Tiago 2"), Taken(slot(1.5), "Tiago 3"))
+    assert codes(wish(robots_at_once=2, beside=together)) == ["robots_at_once"]
+    assert codes(wish(beside=together, lesson=True)) == []
+    assert codes(wish(beside=together), override=True) == []
+
+
+def test_a_slot_ends_before_a_qualification_does():
+    assert codes(wish(qualified_until=slot(1).ends_at)) == []
+    assert codes(wish(qualified_until=slot(1, 0.5).ends_at)) == ["unqualified"]
 
 
 def test_all_rules_that_refuse_are_reported_at_once():
@@ -125,7 +150,7 @@ def test_cancelling_asks_for_notice_only_before_the_start():
         ("quota_course_day", Quota("HRI", day_min=90, own=(slot(4),))),
         ("quota_course_week", Quota("HRI", week_min=90, own=(slot(30),))),
         ("quota_common_week", Quota("HRI", course_week_min=90, all=(slot(30),))),
-        ("quota_open", Quota("HRI", at_once=1, own=(slot(30),))),
+        ("quota_course_open", Quota("HRI", at_once=1, own=(slot(30),))),
     ],
 )
 def test_quotas_of_a_course_name_the_course(code, quota):

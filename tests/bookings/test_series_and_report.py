@@ -98,6 +98,26 @@ def test_a_series_has_a_courses_lessons_and_the_report_its_term(client, robot, s
     assert answer.content.decode().splitlines()[1].startswith("HRI,4,3.50,")
 
 
+def test_the_report_shows_one_robot_or_person(
+    signed_in, robot, other_robot, operator, second_operator, staff
+):
+    now = django_timezone.now()
+    for where, who, hours in ((robot, operator, 1), (robot, second_operator, 2), (other_robot, operator, 3)):
+        starts = now - timedelta(days=hours)
+        ends = starts + timedelta(hours=hours)
+        times = {"starts_at": starts, "ends_at": ends, "held_until": ends, "made_at": starts}
+        Booking.objects.create(robot=where, person=who, **times, used_at=starts)
+
+    def hours_booked(**only):
+        answer = signed_in(staff).get(reverse("booking-report"), {"as": "csv", **only})
+        return [row.split(",")[2] for row in answer.content.decode().splitlines()[1:]]
+
+    assert hours_booked() == ["3.00", "3.00"]
+    assert hours_booked(robot=robot.slug, by="person") == ["2.00", "1.00"]
+    assert hours_booked(person="olga", by="person") == ["4.00"]
+    assert hours_booked(person="olga", robot=other_robot.slug) == ["3.00"]
+
+
 def test_the_report_sums_hours_and_slots_not_shown(client, robot, operator, supervisor):
     now = django_timezone.now()
     for days, used in ((3, True), (2, True), (1, False)):

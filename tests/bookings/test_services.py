@@ -58,6 +58,20 @@ def test_the_next_free_slot_is_not_beside_ones_own(robot, other_robot, operator)
     assert free == [(other_robot, slot(1.5))]
 
 
+def test_one_person_books_one_robot_at_a_time(robot, other_robot, operator, staff):
+    RobotRole.objects.create(user=operator, robot=other_robot, role=Role.OPERATOR)
+    book(robot, operator)
+    with pytest.raises(
+        BookingRefused, match=r"You may book one robot for the same time, and have TIAGo 1 from"
+    ):
+        book(other_robot, operator, slot(1.5))
+    book(other_robot, operator, slot(1.5), actor=staff, override="two robots meet")
+    Policy.objects.create(robot=other_robot, robots_at_once=2)
+    book(other_robot, operator, slot(0.5))
+    unused = slot(1.5).starts_at  # the grace time of the first is over
+    book(other_robot, operator, slot(2.5), now=unused)
+
+
 def test_ones_own_booking_in_the_way_is_called_so(robot, operator):
     book(robot, operator)
     with pytest.raises(BookingRefused, match=r"You have booked TIAGo 1 from .* already: change that booking"):

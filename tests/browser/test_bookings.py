@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sqlite3
+import time
 from collections.abc import Callable
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
@@ -17,6 +18,12 @@ from tests.browser.people import Person, robot_side
 
 Arrive = Callable[..., Person]
 ROBOT = "tiago-2"
+LIVE_S = 3.0  # 1 s on a quiet machine; the calendar's own poll would take 30 s
+POST_JSON = """async ([url, fields]) => {
+  const token = document.querySelector("input[name=csrfmiddlewaretoken]").value;
+  const headers = { Accept: "application/json", "X-CSRFToken": token };
+  return (await fetch(url, { method: "POST", headers, body: new URLSearchParams(fields) })).status;
+}"""
 
 
 @pytest.fixture
@@ -94,6 +101,22 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
     refusals = staff.page.locator(".refusals li")
     expect(refusals).to_have_count(2)  # taken, and too long
     expect(staff.page.locator(".alternatives a").first).to_contain_text("TIAGo One")
+
+
+def test_the_booking_of_another_person_appears_at_once(person: Arrive, book) -> None:
+    operator, staff = person("operator"), person("staff")
+    calendar_of_tomorrow(operator)
+    event = operator.page.locator(".ec-event")
+    expect(event).to_have_count(0)
+    staff.open("/bookings/new/")
+    tomorrow = f"{datetime.now(timezone.utc) + timedelta(days=1):%Y-%m-%d}"
+    slot = {"robot": "tiago-1", "starts_at": f"{tomorrow}T12:00", "ends_at": f"{tomorrow}T13:00"}
+    assert staff.page.evaluate(POST_JSON, ["/bookings/new/", slot]) == 200
+    stored_s = time.monotonic()
+    expect(event).to_have_count(1)
+    seen_after_s = time.monotonic() - stored_s
+    print(f"seen after {seen_after_s:.2f} s")
+    assert seen_after_s < LIVE_S
 
 
 def test_a_drag_before_the_robots_are_known_leads_to_the_form(person: Arrive) -> None:

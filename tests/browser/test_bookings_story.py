@@ -82,7 +82,15 @@ def test_a_student_is_refused_waits_and_gets_the_slot(
     expect(student.page.get_by_role("region", name="Waiting list")).to_contain_text(f"{ROBOT}, ")
 
     owner.open("/bookings/mine/")
-    owner.page.get_by_role("button", name=f"Cancel {ROBOT}").click()
+    cancel = owner.page.get_by_role("button", name=f"Cancel {ROBOT}")
+    question = owner.page.get_by_role("dialog", name="Cancel this booking?")
+    cancel.press("Enter")
+    expect(question).to_contain_text(ROBOT)
+    owner.page.keyboard.press("Escape")
+    expect(question).to_be_hidden()
+    cancel.press("Enter")
+    owner.page.keyboard.press("Tab")  # from "Keep it" to the yes
+    owner.page.keyboard.press("Enter")
     expect(owner.page.get_by_text(f"Cancelled: {ROBOT}")).to_be_visible()
     accept = student.page.get_by_role("button", name=f"Accept {ROBOT}")
     student.until(lambda: reload(student) and accept.is_visible(), "the offer")

@@ -138,12 +138,10 @@ class EmailForm(AddEmailForm):
     """A new e-mail address of a person, before it is verified."""
 
     def clean_email(self) -> str:
-        """Refuse the present address, and one that another account has."""
+        """Refuse the present address. That another account has it shows only to who opens the link: its owner."""
         address: str = self.cleaned_data["email"].lower()
         if address == self.user.email:
             raise ValidationError(_("This is your present address."), code="same_email")
-        if User.objects.filter(email=address).exclude(pk=self.user.pk).exists():
-            raise ValidationError(_("Another account has this e-mail address."), code="email_taken")
         return address
 
     def save(self, request: HttpRequest) -> EmailAddress:

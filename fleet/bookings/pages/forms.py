@@ -195,17 +195,39 @@ class OutOfServiceForm(forms.Form):
 
 
 class SlotForm(forms.Form):
-    """A robot and a slot. Supervisors may also name another person; those of a robot itself override its policy."""
+    """A robot and a slot; the course, if a person has several.
+
+    Supervisors may also name another person; those of a robot itself override its policy.
+    """
 
     robot = forms.ModelChoiceField(Robot.objects.none(), label=_("Robot"), to_field_name="slug")
     starts_at = LocalTime(label=_("From"))
     ends_at = LocalTime(label=_("To"))
     purpose = forms.CharField(label=_("Purpose (optional)"), max_length=120, required=False)
+    course = forms.ModelChoiceField(
+        Course.objects.none(),
+        label=_("Counts for"),
+        to_field_name="slug",
+        required=False,
+        empty_label=_("the first course with time left"),
+    )
     person = forms.CharField(label=_("For another person: their user name"), required=False)
     override = forms.CharField(label=_("Reason to book against the policy"), max_length=200, required=False)
 
-    def __init__(self, *args: Any, robots: Any, supervises: bool, overrides: bool, **options: Any) -> None:
+    def __init__(
+        self,
+        *args: Any,
+        robots: Any,
+        supervises: bool,
+        overrides: bool,
+        courses: Any = (),
+        **options: Any,
+    ) -> None:
         super().__init__(*args, **options)
+        if courses:
+            cast(forms.ModelChoiceField, self.fields["course"]).queryset = courses  # type: ignore[type-arg]
+        else:
+            del self.fields["course"]
         choice = self.fields["robot"]
         if isinstance(choice, forms.ModelChoiceField):
             choice.queryset = robots

@@ -32,6 +32,7 @@ from robots.access.selectors import (
     manages_robot,
     robots_managed_by,
     robots_supervised_by,
+    robots_visible_to,
 )
 from robots.registry.models import Robot
 
@@ -157,7 +158,7 @@ def series(request: HttpRequest) -> HttpResponse:
     common = {"robot": values["robot"], "person": person, "slots": slots, "now": now}
     if request.POST.get("action") != "book":
         valid = bool(override) and manages_robot(person, values["robot"])
-        weeks = preview(**common, override=valid)
+        weeks = preview(**common, override=valid, lesson=values["course"] is not None)
         return _series_page(request, form, weeks=weeks)
     made, left = series_make(
         **common,
@@ -201,7 +202,13 @@ def booking_report(request: HttpRequest) -> HttpResponse:
     by = request.GET.get("by", "robot")
     by = by if by in BY else "robot"
     starts, ends = day_of(min(first, last), zone).starts_at, day_of(max(first, last), zone).ends_at
-    rows = report(*((), [term]) if term else (robots, courses), starts=starts, ends=ends, by=by, now=now)
+    whose = request.GET.get("person", "").replace("\0", "").strip()
+    choice = robots_visible_to(person)
+    robot = choice.filter(slug=request.GET.get("robot", "").replace("\0", "")).first()
+    only = Q(person__full_name__icontains=whose) | Q(person__username__icontains=whose) if whose else Q()
+    only &= Q(robot=robot) if robot else Q()
+    scope = ((), [term]) if term else (robots, courses)
+    rows = report(*scope, starts=starts, ends=ends, by=by, now=now, only=only)
     if request.GET.get("as") == "csv":
         answer = HttpResponse(content_type="text/csv; charset=utf-8")
         answer["Content-Disposition"] = f'attachment; filename="bookings-{by}-{first}-{last}.csv"'
@@ -213,6 +220,9 @@ def booking_report(request: HttpRequest) -> HttpResponse:
         "choices": BY,
         "courses": courses,
         "term": term,
+        "robots": choice,
+        "robot": robot,
+        "whose": whose,
         "first": first,
         "last": last,
         "zone": zone.key,

@@ -9,7 +9,7 @@ from uuid import UUID
 
 from django.contrib import messages
 from django.contrib.auth.decorators import login_not_required
-from django.db.models import Q
+from django.db.models import Q, QuerySet
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse, QueryDict
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
@@ -28,6 +28,7 @@ from fleet.bookings.ical import address_make, address_revoke, feed_of
 from fleet.bookings.models import Booking, FeedAddress, State, Waiting
 from fleet.bookings.pages.calendar import calendar, local
 from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm, typed_day
+from fleet.bookings.quotas import common_left, left_of
 from fleet.bookings.rules import Slot, shown
 from fleet.bookings.selectors import (
     OPEN,
@@ -44,8 +45,10 @@ from fleet.bookings.services import BookingRefused
 from fleet.bookings.turns import in_turn
 from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
 from fleet.zones import viewers
+from robots.access.models import Course
 from robots.access.selectors import (
     courses_managed_by,
+    lab_date,
     manages_robot,
     robots_and_role,
     robots_managed_by,
@@ -110,13 +113,17 @@ def booking_new(request: HttpRequest) -> HttpResponse:
     """Show the booking form, or book. A script gets all refusals and alternatives as JSON."""
     person = person_of(request)
     if request.method != "POST":
-        return _form_page(request, SlotForm(initial=_initial(request), **_form_options(person)))
+        options = {**_form_options(person), "courses": _courses_to_choose(person)}
+        return _form_page(request, SlotForm(initial=_initial(request), **options))
     with in_turn() as facts:
         return _book(request, person, facts)
 
 
 def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], RobotFacts]) -> HttpResponse:
-    form = SlotForm(request.POST, **_form_options(person))
+    options = _form_options(person)
+    if "course" in request.POST:
+        options["courses"] = _courses_to_choose(person)
+    form = SlotForm(request.POST, **options)
     if not form.is_valid():
         return _refused(request, form, _form_refusals(form))
     try:
@@ -126,6 +133,7 @@ def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], Rob
             actor=person,
             slot=form.slot,
             purpose=form.cleaned_data["purpose"],
+            course=form.cleaned_data.get("course"),
             override=form.cleaned_data.get("override", ""),
             now=timezone.now(),
             facts=facts,
@@ -175,6 +183,7 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
         "zone": viewers().key,
         "has_address": FeedAddress.objects.filter(person=person_of(request), robot=None).exists(),
         "robots": robots_visible_to(person_of(request)),
+        "left": left_of(person_of(request), now),
     }
     return render(request, "bookings/mine.html", context)
 
@@ -194,6 +203,7 @@ def bookings_of_course(request: HttpRequest, slug: str) -> HttpResponse:
         "to_come": [row for row in rows if row["stage"] in OPEN][::-1],
         "past": [row for row in rows if row["stage"] not in OPEN],
         "zone": viewers().key,
+        "left": common_left(course, now),
     }
     return render(request, "bookings/course.html", context)
 
@@ -250,7 +260,7 @@ def _change(request: HttpRequest, found: Booking, person: User) -> None:
     elif action == "cancel":
         services.booking_cancel(version=version, reason=_text(request.POST, "reason")[:200], **common)
     elif action == "hand":
-        to = services.account_named(_text(request.POST, "to"))
+        to = services.colleague_named(_text(request.POST, "to"), person, found)
         services.booking_hand(version=version, to=to, **common)
     else:
         form = SlotForm(
@@ -349,6 +359,14 @@ def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
     return {"robots": Robot.objects.filter(pk=robot.pk), "supervises": manages, "overrides": manages}
 
 
+def _courses_to_choose(person: User) -> QuerySet[Course] | None:
+    """Return the courses by which the person may drive robots, if there are several."""
+    courses = Course.objects.filter(
+        enrolments__person=person, role=Role.OPERATOR, archived=False, ends_on__gte=lab_date()
+    )
+    return courses if courses.count() > 1 else None
+
+
 def _initial(request: HttpRequest) -> dict[str, Any]:
     """Return the first values of the form: from the address, else the next full hour for one hour."""
     hour = (timezone.now() + timedelta(hours=1)).replace(minute=0, second=0, microsecond=0)
@@ -360,9 +378,8 @@ def _initial(request: HttpRequest) -> dict[str, Any]:
 
 
 def _form_page(request: HttpRequest, form: SlotForm, status: int = 200, **context: Any) -> HttpResponse:
-    return render(
-        request, "bookings/new.html", {"form": form, "zone": viewers().key, **context}, status=status
-    )
+    context |= {"form": form, "zone": viewers().key, "left": left_of(person_of(request), timezone.now())}
+    return render(request, "bookings/new.html", context, status=status)
 
 
 def _form_refusals(form: SlotForm) -> list[Refusal]:

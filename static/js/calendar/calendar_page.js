@@ -2,11 +2,14 @@
 
 import { closable } from "../lib/dialog.js";
 import { make, makeButton, mark, parts, say, show } from "../lib/dom.js";
+import { Heartbeat } from "../lib/heartbeat.js";
 import { pageLanguage } from "../lib/languages.js";
+import { LiveSocket, socketUrl } from "../lib/socket.js";
 import { correctRoles } from "./accessible.js";
 import { bookingsChannel, readFeed, send } from "./bookings_api.js";
 
-const POLL_MS = 5000; // bookings of others appear after at most this
+const POLL_MS = 30_000; // without a connection, and for what the clock alone changes
+const READS_MS = 500; // between two reads when many book at once
 const PHONE_PX = 700;
 
 /** Starts the calendar in the page. @param {HTMLElement} main @param {object} library EventCalendar */
@@ -119,6 +122,8 @@ export function startCalendar(main, library) {
       calendar.refetchEvents();
   }
   const timer = setInterval(poll, POLL_MS);
+  const changes = listen(main.dataset.socket, atMost(poll, READS_MS));
+  document.addEventListener("visibilitychange", poll);
   bookingsChannel(() => calendar.refetchEvents());
 
   part.calendar.addEventListener("click", (click) => {
@@ -144,7 +149,51 @@ export function startCalendar(main, library) {
   correctRoles(part.calendar);
   turnTo(phone ? "listWeek" : "resourceTimeGridDay");
   say(part.title, calendar.getView().title);
-  return () => clearInterval(timer);
+  return () => {
+    clearInterval(timer);
+    document.removeEventListener("visibilitychange", poll);
+    changes.close();
+  };
+}
+
+/** Calls back when a booking changed. @param {string} path of the WebSocket */
+function listen(path, changed) {
+  const socket = new LiveSocket(socketUrl(path));
+  const heartbeat = new Heartbeat(socket);
+  socket.addEventListener("open", () => heartbeat.begin());
+  socket.addEventListener("message", ({ detail }) => {
+    heartbeat.heard(detail);
+    if (detail.t === "bookings_changed") changed();
+  });
+  socket.connect();
+  return {
+    close: () => {
+      heartbeat.close();
+      socket.close();
+    },
+  };
+}
+
+/** Returns a function that calls `step` at once, but again only `pauseMs` later: then once for all calls between. */
+export function atMost(step, pauseMs) {
+  let resting = false;
+  let asked = false;
+  const call = () => {
+    if (resting) {
+      asked = true;
+      return;
+    }
+    resting = true;
+    step();
+    setTimeout(() => {
+      resting = false;
+      if (asked) {
+        asked = false;
+        call();
+      }
+    }, pauseMs);
+  };
+  return call;
 }
 
 function withoutNow(text) {

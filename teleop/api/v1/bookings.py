@@ -26,6 +26,7 @@ from fleet.bookings.selectors import ALTERNATIVES, OPEN, free_slots, grace_of, p
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.turns import in_turn
 from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
+from robots.access.models import Course
 from robots.access.selectors import courses_managed_by
 from robots.registry.models import Robot
 from teleop.api.v1.door.cursors import page_by_time
@@ -150,7 +151,10 @@ class CancelAsked(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class BookRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """A slot to book. `person`: for somebody else; `override`: why against the policy, for managers of the robot."""
+    """A slot to book. `person`: for somebody else; `override`: why against the policy, for managers of the robot.
+
+    `course`: the one for which it counts; without it, the first whose quotas allow it.
+    """
 
     robot: Slug
     starts_at: Moment
@@ -158,6 +162,7 @@ class BookRequest(Struct, frozen=True, forbid_unknown_fields=True):
     purpose: Annotated[str, Meta(max_length=120)] = ""
     person: Username | None = None
     override: Reason = ""
+    course: Slug | None = None
 
 
 class MoveRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -300,7 +305,12 @@ class BookingsView(BookingsBase):
     def post(self, _request: Request, body: BookRequest) -> Response:
         """All rules that refuse stand in `refusals`; if the time is taken, `alternatives` has free slots."""
         robot, slot, now = self.robot(body.robot), _slot(body.starts_at, body.ends_at), timezone.now()
-        owner = services.account_named(body.person) if body.person else self.person
+        owner = services.account_named(body.person, self.person, robot) if body.person else self.person
+        course = None
+        if body.course is not None:
+            course = Course.objects.filter(enrolments__person=owner, slug=body.course).first()
+            if course is None:
+                raise Problem(NOT_FOUND)
         with _alternatives(robot, owner, slot), in_turn() as facts:
             booking = services.booking_make(
                 robot=robot,
@@ -309,6 +319,7 @@ class BookingsView(BookingsBase):
                 slot=slot,
                 purpose=body.purpose,
                 override=body.override,
+                course=course,
                 now=now,
                 facts=facts,
             )
@@ -363,8 +374,7 @@ class HandBookingView(BookingsBase):
     def post(self, request: Request, booking_id: UUID, body: HandBookingRequest) -> Response:
         """The rules must allow it for them."""
         version_seen(request)
-        self.one(booking_id)
-        to = services.account_named(body.to)
+        to = services.colleague_named(body.to, self.person, self.one(booking_id))
         return self.change(request, booking_id, services.booking_hand, to=to)
 
 

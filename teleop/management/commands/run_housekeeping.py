@@ -38,6 +38,7 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 1.0
 END_S = 4.0  # from the signal to the end of the process, even while the database hangs
+RIGHTS_S = 5 * 60.0  # between two looks for bookings of people without the right to them
 DAY_S = 24 * 60 * 60.0
 AGAIN_S = 60 * 60.0  # pause after the daily work failed
 SET_S = 60 * 60.0  # a change of the clock by more than this starts the daily work again
@@ -61,6 +62,7 @@ class Command(BaseCommand):
         """Repeat until the process is asked to end."""
         if options["once"]:
             end_lapsed()
+            rights.bookings_free_lost(None, timezone.now())
             for _ in daily_steps():
                 pass
             return
@@ -68,9 +70,13 @@ class Command(BaseCommand):
         daily, robots, webhooks = DailyWork(), RobotWatch(), WebhookWorker()
         post = ThreadPoolExecutor(max_workers=1)  # a mail server that hangs must not delay the ends of leases
         posted: Future[int] | None = None
+        looked_s = float("-inf")
         while not over.wait(EVERY_S):
             try:
                 end_lapsed()
+                if time.monotonic() - looked_s > RIGHTS_S:  # a process may have died before it freed them
+                    rights.bookings_free_lost(None, timezone.now())
+                    looked_s = time.monotonic()
                 robots.step(time.monotonic())
                 daily.work_a_little()
                 letters.write_reminders(timezone.now())
@@ -128,8 +134,6 @@ def daily_steps() -> Iterator[None]:
     yield
     now = timezone.now()
     yield from camera_audit.close_abandoned(now)
-    rights.bookings_free_lost(None, now)  # a process may have died between a change of access and this
-    yield
     letters.remove_old_letters(now)
     while remove_old_deliveries(now):
         yield

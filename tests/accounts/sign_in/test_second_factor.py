@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
@@ -11,7 +14,9 @@ from allauth.mfa.models import Authenticator
 from allauth.mfa.recovery_codes.internal.auth import RecoveryCodes
 from allauth.mfa.totp.internal import auth
 from channels.testing import WebsocketCommunicator
+from django.conf import settings
 from django.core.management import CommandError, call_command
+from django.db import connection
 from django.test import Client
 from django.utils import timezone
 
@@ -74,6 +79,28 @@ def test_an_app_is_set_up_and_then_asked_for(operator: User, signed_in: Callable
     assert later.get("/accounts/").status_code == 200
     newest = Record.objects.filter(kind="account.sign_in").latest("id")
     assert newest.parameters == {"by": ["password", "totp"]}
+
+
+def test_a_code_is_good_once_whichever_web_process_sees_it(guarded: User) -> None:
+    code = code_of(SECRET)
+    assert password_typed(guarded.username).post(CODE, {"code": code}).status_code == 302
+    again = (
+        "from allauth.mfa.models import Authenticator; from allauth.mfa.totp.internal.auth import TOTP;"
+        f"print(TOTP(Authenticator.objects.get(type='totp')).validate_code({code!r}))"
+    )
+    database = connection.settings_dict
+    url = f"sqlite:///{database['NAME']}"
+    if connection.vendor == "postgresql":
+        url = os.environ["FLEET_DATABASE_URL"].replace("/postgres?", f"/{database['NAME']}?")
+    said = subprocess.run(  # our own program
+        [sys.executable, "manage.py", "shell", "--no-imports", "-c", again],
+        cwd=settings.BASE_DIR,
+        env=os.environ | {"FLEET_DATABASE_URL": url, "DJANGO_SETTINGS_MODULE": "fleet.settings"},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert said.stdout.strip() == "False"
 
 
 def test_a_recovery_code_works_once(guarded: User) -> None:

@@ -1,8 +1,8 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { startCalendar } from "../../../static/js/calendar/calendar_page.js";
+import { atMost, startCalendar } from "../../../static/js/calendar/calendar_page.js";
 
 const PAGE = `
-  <main data-feed="/feed/" data-new="/new/" data-one="/" data-day="2026-03-02">
+  <main data-socket="/ws/bookings/" data-feed="/feed/" data-new="/new/" data-one="/" data-day="2026-03-02">
     <p data-part="hint">Drag.</p>
     <div data-part="toolbar"><h2 data-part="title"></h2></div>
     <div data-part="calendar"></div>
@@ -29,7 +29,15 @@ function open() {
 const answer = (status, body) => ({ ok: status < 400, json: () => Promise.resolve(body) });
 
 describe("the calendar", () => {
-  beforeEach(() => vi.stubGlobal("BroadcastChannel", EventTarget));
+  beforeEach(() => {
+    vi.stubGlobal("BroadcastChannel", EventTarget);
+    vi.stubGlobal(
+      "WebSocket",
+      class extends EventTarget {
+        close() {}
+      },
+    );
+  });
   afterEach(() => vi.unstubAllGlobals());
 
   it("says why bookings cannot be read, until they can", async () => {
@@ -53,5 +61,21 @@ describe("the calendar", () => {
     const columns = calendar.setOption.mock.calls.filter(([name]) => name === "resources");
     expect(columns).toEqual([["resources", resources]]);
     end();
+  });
+});
+
+describe("reads of a busy calendar", () => {
+  afterEach(() => vi.useRealTimers());
+
+  it("follow at once, then once for all that came meanwhile", () => {
+    vi.useFakeTimers();
+    const step = vi.fn();
+    const call = atMost(step, 500);
+    for (let n = 0; n < 5; n += 1) call();
+    expect(step).toHaveBeenCalledTimes(1);
+    vi.advanceTimersByTime(600);
+    expect(step).toHaveBeenCalledTimes(2);
+    vi.advanceTimersByTime(600);
+    expect(step).toHaveBeenCalledTimes(2);
   });
 });

@@ -171,7 +171,7 @@ def test_a_courses_supervisor_sees_and_changes_its_bookings(
 
 
 def test_a_token_for_one_robot_sees_and_books_only_that(robot, other_robot, staff, program):
-    here, there = book(robot, staff, 1), book(other_robot, staff, 1)
+    here, there = book(robot, staff, 1), book(other_robot, staff, 2)
     Waiting.objects.create(
         robot=other_robot, person=staff, starts_at=hour(1), ends_at=hour(2), since=clock.now()
     )
@@ -282,12 +282,12 @@ def test_a_query_that_does_not_fit_is_named(operator, program, query, says):
         ({"robot": ""}, "invalid", "robot"),
         ({"purpose": "x" * 121}, "invalid", "purpose"),
         ({"purpose": "a\0b"}, "invalid", "NUL"),
-        ({"person": "nobody"}, "no_account", "user name"),
+        ({"person": "nobody"}, "not_for_others", "your own courses"),  # as of anybody
     ],
 )
 def test_a_body_that_does_not_fit_is_named(robot, operator, program, change, code, says):
     answer = program(operator)("POST", "/bookings", {**wish(robot), **change})
-    assert (answer.status_code, answer.data["code"]) == (409 if code == "no_account" else 400, code)
+    assert (answer.status_code, answer.data["code"]) == (403 if code == "not_for_others" else 400, code)
     assert says in answer.data["detail"]
     assert Booking.objects.count() == 0
 
@@ -324,7 +324,7 @@ def test_hand_over_and_approve(robot, operator, second_operator, supervisor, pro
     own = api("POST", f"{address}/hand-over", {"to": "operator"}, If_Match='"2"')
     assert (own.status_code, own.data["code"]) == (409, "invalid")
     nobody = api("POST", f"{address}/hand-over", {"to": "nobody"}, If_Match='"2"')
-    assert nobody.data["code"] == "no_account"
+    assert nobody.data["code"] == "no_colleague"
     handed = api("POST", f"{address}/hand-over", {"to": "second"}, If_Match='"2"')
     assert (handed.data["person"], handed.data["yours"]) == ("Olaf Operator", False)
     assert api("PATCH", address, times(3), If_Match='"3"').status_code == 403

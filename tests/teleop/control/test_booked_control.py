@@ -12,11 +12,11 @@ from fleet.bookings.services import booking_approve, booking_cancel, booking_mak
 from robots.registry.models import Role
 from robots.wire import Refusal
 from teleop.control import queue, services
-from teleop.control.policy import Subject, permit_for
+from teleop.control.policy import Subject, permit_for, schedule_for
 from teleop.control.rules import Tab
 from teleop.control.selectors import end_notes, lease_of
 from teleop.control.status import ControlStatus, Rights
-from teleop.models import ControlSession
+from teleop.models import ControlSession, Lease
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -31,9 +31,9 @@ def tab(person):
     return Tab(f"{person.username}-tab", f"{person.username}-sign-in", f"{person.username}-connection")
 
 
-def book(robot, person, begins_min, minutes=60):
+def book(robot, person, begins_min, minutes=60, now=NOW):
     slot = Slot(at(begins_min), at(begins_min + minutes))
-    return booking_make(robot=robot, person=person, slot=slot, now=NOW)
+    return booking_make(robot=robot, person=person, slot=slot, now=now)
 
 
 def take(robot, person, now=NOW, step=services.lease_take, **options):
@@ -135,7 +135,8 @@ def test_an_out_of_service_period_stops_all_but_supervisors(robot, operator, sup
 def read_as_the_hub_does(robot, person, now, role=Role.OPERATOR):
     """Read the status of control for the holder's page, and fit the lease as the hub does."""
     lease = lease_of(robot.id)
-    rights = Rights(True, role, permit(robot, person, now, role))
+    schedule = schedule_for(person.id, schedule_of(robot, now), lease, now)
+    rights = Rights(True, role, permit_for(Subject(person, robot, role, schedule, now)))
     status = ControlStatus(now, lease, [], {}, {(person.id, "key"): rights}, schedule_of(robot, now))
     if (until := status.slot_end()) is not None:
         services.lease_fit_slot(robot_id=robot.id, before=lease, until=until, now=now)
@@ -161,6 +162,29 @@ def test_a_slot_booked_during_control_shortens_the_term(robot, operator, second_
     assert lease_of(robot.id).term_ends_at == at(5)
 
 
+@pytest.mark.parametrize("begins", [1, 3])
+def test_a_slot_booked_for_now_warns_the_driver_5_minutes(robot, operator, second_operator, begins):
+    take(robot, operator)
+    book(robot, second_operator, begins, now=at(1))
+    read_as_the_hub_does(robot, operator, at(begins))
+    assert lease_of(robot.id).term_ends_at == at(6)
+    Lease.objects.update(seen_at=at(6))  # the page is there all the time
+    me = {"robot_id": robot.id, "user_id": operator.id, "tab": tab(operator), "now": at(4)}
+    services.lease_renew(**me)  # nothing is won by that
+    services.lease_resume(**me)
+    assert lease_of(robot.id).term_ends_at == at(6)
+    Lease.objects.update(seen_at=at(6))
+    assert refused(robot, second_operator, at(5)).code == "held"
+    assert take(robot, second_operator, at(6)).term_ends_at == at(begins + 60)
+
+
+def test_a_slot_that_was_booked_before_control_is_no_surprise(robot, operator, second_operator):
+    book(robot, second_operator, 2)
+    assert take(robot, operator, at(1)).term_ends_at == at(2)
+    read_as_the_hub_does(robot, operator, at(1.5))
+    assert lease_of(robot.id).term_ends_at == at(2)
+
+
 def test_control_does_not_outlive_a_slot_that_is_given_up(robot, operator):
     booking = book(robot, operator, 0, 240)
     assert take(robot, operator, at(1)).term_ends_at == at(240)
@@ -171,15 +195,14 @@ def test_control_does_not_outlive_a_slot_that_is_given_up(robot, operator):
 
 def test_a_slot_booked_for_now_ends_a_supervisors_free_time(robot, operator, supervisor):
     taken = take(robot, supervisor)
-    book(robot, operator, 2)
-    Booking.objects.update(starts_at=at(2))
-    read_as_the_hub_does(robot, supervisor, at(2.01), Role.SUPERVISOR)
-    services.lease_expire(robot_id=robot.id, now=at(2.02))
+    book(robot, operator, 2, now=at(2))
+    read_as_the_hub_does(robot, supervisor, at(7.01), Role.SUPERVISOR)
+    services.lease_expire(robot_id=robot.id, now=at(7.02))
     assert lease_of(robot.id) is None
     assert end_notes([taken.session])[taken.session] == f"{operator.display_name}’s slot began."
-    take(robot, supervisor, at(3), services.lease_take_over, reason="fire drill")
-    read_as_the_hub_does(robot, supervisor, at(4), Role.SUPERVISOR)
-    assert lease_of(robot.id).term_ends_at == at(18)
+    take(robot, supervisor, at(8), services.lease_take_over, reason="fire drill")
+    read_as_the_hub_does(robot, supervisor, at(9), Role.SUPERVISOR)
+    assert lease_of(robot.id).term_ends_at == at(23)
 
 
 def test_keeping_control_lengthens_the_last_of_slots_that_touch(robot, operator):
@@ -196,4 +219,4 @@ def test_a_slot_approved_late_ends_a_supervisors_free_time(robot, operator, supe
     take(robot, supervisor, at(1))
     booking_approve(booking_id=booking.pk, version=booking.version, actor=staff, now=at(2))
     read_as_the_hub_does(robot, supervisor, at(2), Role.SUPERVISOR)
-    assert lease_of(robot.id).term_ends_at == at(2)
+    assert lease_of(robot.id).term_ends_at == at(7)

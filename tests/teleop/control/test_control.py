@@ -8,12 +8,14 @@ from datetime import timedelta
 
 import pytest
 from django.db import OperationalError
+from django.db.models import F
 from django.utils import timezone
 from msgspec import structs
 
 import robots.link.client
 from fleet.audit import services as audit
 from fleet.audit.models import Record
+from fleet.bookings.models import Booking
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
 from robots import wire
@@ -23,6 +25,7 @@ from robots.wire import Refusal
 from teleop.background.database import in_database
 from teleop.control import queue, rules, services
 from teleop.control.lease_events import LeaseEvents
+from teleop.control.policy import WARNING
 from teleop.control.rules import Tab
 from teleop.live import control_holder, robot_hub
 from teleop.live.message_socket import CloseCode
@@ -431,10 +434,15 @@ async def test_control_ends_with_its_term(open_page, bridge):
     assert await count("control.end") == 1
 
 
-async def test_a_slot_booked_for_now_ends_a_supervisors_control(open_page, bridge, robot, operator):
+async def test_a_slot_booked_for_now_ends_control_after_a_warning(open_page, bridge, robot, operator):
     page = await open_page("supervisor")
     fence = (await page.take())["fence"]
     await in_database(_book_now, robot, operator)
+    while not (control := await page.hears("control", state="yours"))["next_booked"]:
+        pass  # its page counts down to the slot as to one that was booked long ago
+    assert 290.0 < control["next_booked"]["seconds"] <= 300.0
+    assert control["booked"] is None
+    await in_database(_five_minutes_pass)
     begun_s = time.monotonic()
     assert (await bridge.hears(wire.Revoke)).fence == fence
     assert time.monotonic() - begun_s < 2.0  # and its cause: within the next read
@@ -453,6 +461,11 @@ async def test_a_slot_that_is_given_up_leaves_a_term_of_free_time(open_page, rob
     await in_database(browsers["operator"].post, f"/bookings/{booking.pk}/", posted)
     lasts_s = await eventually(_short_term)
     assert lasts_s <= 15 * 60.0
+
+
+def _five_minutes_pass():
+    for rows, name in ((Booking.objects, "made_at"), (ControlSession.objects, "started_at")):
+        rows.update(**{name: F(name) - WARNING})
 
 
 def _book_now(robot, person):

@@ -51,6 +51,7 @@ class Rules(Struct, frozen=True, forbid_unknown_fields=True):
     day_min: Quota | None  # per person
     week_min: Quota | None
     at_once: Quota | None  # bookings to come per person
+    robots_at_once: Annotated[int, Meta(ge=1, le=100)]  # that one person books for the same time
     grace_min: Minutes  # a slot that is not used for so long is free again
     needs_approval: bool
     free_time: bool  # time that nobody has booked is free to take

@@ -100,7 +100,14 @@ class SeriesView(SetupView):
         slots = weekly(first, body.weeks, body.without, zone)
         if body.preview:
             valid = bool(body.override) and manages_robot(self.person, robot)
-            weeks = preview(robot=robot, person=self.person, slots=slots, now=now, override=valid)
+            weeks = preview(
+                robot=robot,
+                person=self.person,
+                slots=slots,
+                now=now,
+                override=valid,
+                lesson=course is not None,
+            )
             return SeriesAnswer(None, [_week(week) for week in weeks])
         made, left = series_make(
             robot=robot,

@@ -1,0 +1,98 @@
+"""The time that is left of quotas: for a person, and for a course together. This day and week of the lab."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import datetime, timedelta
+
+from django.db.models import F
+from django.utils.translation import gettext as _
+from msgspec import Struct
+
+from fleet.accounts.models import User
+from fleet.bookings.models import Booking, Policy
+from fleet.bookings.rules import LONGEST, Slot, day_of, duration
+from fleet.bookings.selectors import policies_of
+from fleet.zones import zone_of
+from robots.access.models import Course
+from robots.access.selectors import lab_date, robots_visible_to, roles_of
+from robots.registry.models import Role
+
+
+class Left(Struct, frozen=True):
+    """The rests of the quotas of one course, or of the policy of some robots, in words."""
+
+    of: str
+    rests: tuple[str, ...]
+
+
+def left_of(person: User, now: datetime) -> list[Left]:
+    """Return what a person may still book: by each of their courses, and by the policies of the robots they drive."""
+    own = list(_counted(now, person=person))
+    found = []
+    for course in _courses_of(person, now):
+        mine = [slot for slot, key, lesson in own if key == course.pk and not lesson]
+        found.append(Left(course.name, (*_rests(course, mine, now), *common_left(course, now))))
+    slots = [slot for slot, _key, _lesson in own]
+    found += [Left(policy.of, tuple(_rests(policy, slots, now))) for policy in _policies_of(person)]
+    return [one for one in found if one.rests]
+
+
+def common_left(course: Course, now: datetime) -> tuple[str, ...]:
+    """Return the rest of the quota that a course has together, in words; none without such a quota."""
+    if course.course_week_min is None:
+        return ()
+    slots = [slot for slot, _key, lesson in _counted(now, course=course) if not lesson]
+    rest = _rest(course.course_week_min, slots, _week(now))
+    return (_("%(rest)s this week for the whole course") % {"rest": rest},)
+
+
+def _counted(now: datetime, **of: User | Course) -> Iterable[tuple[Slot, int | None, bool]]:
+    """Yield slots from this week on, each with its course's key and whether it is a lesson."""
+    since = _week(now).starts_at - LONGEST
+    rows = Booking.objects.filter(starts_at__gt=since, held_until__gt=F("starts_at"), **of)
+    for starts, ends, course, series in rows.values_list("starts_at", "held_until", "course_id", "series"):
+        yield Slot(starts, ends), course, series is not None
+
+
+def _courses_of(person: User, now: datetime) -> Iterable[Course]:
+    today = lab_date(now)
+    return Course.objects.filter(
+        enrolments__person=person,
+        role=Role.OPERATOR,
+        archived=False,
+        starts_on__lte=today,
+        ends_on__gte=today,
+    )
+
+
+def _policies_of(person: User) -> Iterable[Policy]:
+    robots = list(robots_visible_to(person))
+    roles = roles_of(person, robots)
+    driven = [robot for robot in robots if roles.get(robot.id, Role.OBSERVER) >= Role.OPERATOR]
+    return {policy.pk: policy for policy in policies_of(driven).values()}.values()
+
+
+def _rests(quota: Course | Policy, slots: list[Slot], now: datetime) -> list[str]:
+    words = []
+    if quota.day_min is not None:
+        today = day_of(lab_date(now), zone_of(""))
+        words.append(_("%(rest)s today") % {"rest": _rest(quota.day_min, slots, today)})
+    if quota.week_min is not None:
+        words.append(_("%(rest)s this week") % {"rest": _rest(quota.week_min, slots, _week(now))})
+    if quota.at_once is not None:
+        to_come = sum(1 for slot in slots if slot.ends_at > now)
+        facts = {"left": max(0, quota.at_once - to_come), "most": quota.at_once}
+        words.append(_("%(left)d of %(most)d bookings to come") % facts)
+    return words
+
+
+def _rest(most_min: int, slots: list[Slot], period: Slot) -> str:
+    left = max(0.0, most_min - sum(period.shared_minutes(slot) for slot in slots))
+    return _("%(left)s of %(most)s") % {"left": duration(left), "most": duration(most_min)}
+
+
+def _week(now: datetime) -> Slot:
+    lab, today = zone_of(""), lab_date(now)
+    monday = today - timedelta(days=today.weekday())
+    return Slot(day_of(monday, lab).starts_at, day_of(monday + timedelta(days=7), lab).starts_at)

@@ -1,0 +1,27 @@
+/** Lists of bookings ask before one is given up. */
+
+import { parts, say } from "../lib/dom.js";
+import { question } from "../lib/question.js";
+
+/**
+ * One dialog for all forms with `data-asks`: it says what is given up, and its yes has the button's word.
+ * @param {HTMLElement} root has the forms and the dialog
+ */
+export function askFirst(root) {
+  const part = parts(root);
+  let asking = null;
+  const { ask } = question(part["cancel-dialog"], () => asking.submit());
+  root.addEventListener("submit", (event) => {
+    const form = event.target.closest("form[data-asks]");
+    if (!form) return;
+    event.preventDefault();
+    asking = form;
+    say(part["cancel-title"], form.dataset.asks);
+    say(part["cancel-words"], form.dataset.words);
+    say(part["cancel-yes"], form.dataset.yes);
+    ask();
+  });
+}
+
+const page = document.querySelector("main:has([data-part='cancel-dialog'])");
+if (page) askFirst(page);
