@@ -33,6 +33,7 @@ class Base:
     ) -> None:
         self.latency = Latency(LIMITS, ASSUMED_S)
         self.delay_s, self.share, self.noise, self.deaf = delay_s, share, noise, deaf
+        self.reported = 1.0  # share of its speed that the odometry reports
         self.now_s = 50.0
         self.late: list[tuple[float, Velocity]] = []
         self.asked = self.speed = Velocity(0.0, 0.0, 0.0)
@@ -51,7 +52,8 @@ class Base:
                 self._obey(0.01)
             if tick % round(ODOMETRY_S / 0.01) == 0:
                 seen = self.random.normal(0.0, self.noise, 2)
-                self.latency.moved(Velocity(self.speed.vx + seen[0], 0.0, self.speed.w + seen[1]), self.now_s)
+                reported = Velocity(self.reported * self.speed.vx + seen[0], 0.0, self.speed.w + seen[1])
+                self.latency.moved(reported, self.now_s)
 
     def _obey(self, passed_s: float) -> None:
         most = (self.share * passed_s, self.share * 2.0944 * passed_s)
@@ -450,3 +452,27 @@ def test_the_gate_says_so_while_the_sensors_are_in_time(tiago):
     assert "the robot answers after 0.48 s" in verdict.text
     tiago.gate.observe_acknowledgement(float("nan"), tiago.now_s)
     assert tiago.decide(1.0).code == "robot_late"
+
+
+def test_a_base_that_brakes_by_itself_may_get_its_commands_late():
+    """Commands that suddenly come 0.4 s later leave a hole, in which the base's own dead-man brakes."""
+    base = Base(0.1)
+    base.about()
+    base.drive(0.5, 0.0, 2.0)
+    known_s = base.latency.worst_s(base.now_s)
+    assert known_s < 0.3
+    base.asked, base.late = Velocity(0.0, 0.0, 0.0), []
+    base.delay_s = 0.5
+    base.drive(0.45, 0.0, 0.25)
+    assert base.speed.vx < 0.4
+    assert base.latency.worst_s(base.now_s) >= LONGEST_S
+
+
+def test_a_base_that_is_always_slower_is_not_taken_for_late():
+    base = Base(0.1)
+    base.about()
+    base.reported = 0.9
+    base.drive(1.0, 0.0, 3.0)
+    for _ in range(20):
+        base.drive(1.0, 0.0, 0.1)
+        assert base.latency.worst_s(base.now_s) < LONGEST_S

@@ -5,9 +5,8 @@ has a certificate: if its boxes hold no point, the check would change nothing, s
 point, the check decides. So a box that is too large costs time only.
 
 The certificate assumes nothing about the past: the points are current. `ObstacleCache` transforms them to the newest
-pose when odometry comes, renews them with each scan, picture, echo or expiry, and computes the `Corridors` together
-with the points. All rules without points are decided before: missing and stale data, posture, blind directions, depth
-camera, latency, the operator's delay, rate limits.
+pose when odometry comes, and renews them with each scan, picture, echo or expiry. All rules without points are decided
+before: missing and stale data, posture, blind directions, depth camera, latency, the operator's delay, rate limits.
 
 A box lies about the base origin, x ahead along the way and y to the left. Let the wanted twist have vy = 0 and
 v = |vx|, and let radius(m) be the radius about the base origin that holds the hull, arm and all, grown by m.

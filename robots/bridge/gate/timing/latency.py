@@ -10,8 +10,8 @@ odometry, so the longest delay is assumed. The answer's own delay counts until t
 
 Between two such changes a link may grow slow: every message still comes, one per period, but later and later. The
 stamps show this for any clock of the robot: arrival less stamp rises above its minimum. If only commands come later,
-their acknowledgements show it: they take longer than their minimum. The age of the newest odometry, by its stamp,
-counts at every moment, whether odometry is late or silent.
+their acknowledgements show it: they take longer than their minimum; and a base without commands brakes by itself. The
+age of the newest odometry, by its stamp, counts at every moment, whether odometry is late or silent.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ _RESPONSE = (0.03, 0.08)  # m/s, rad/s: from here on the base has begun to obey
 _SURPRISE_S = 0.05  # a wait longer than measured by this has an unknown end
 _ASKED = 3.0  # responses: smaller changes need no answer
 _ASTRAY = 2.0  # responses: the base does something other than commanded, for long
+_SAGS = 1.5  # responses: the base got slower than all that was commanded
 _MISFIT = 0.2  # of the change: a worse fit is ignored
 
 LATELY_S = 0.2  # the quickest message in this time counts: a single late one is jitter
@@ -125,7 +126,7 @@ class Latency:
     def _wonder(self, now_s: float) -> None:
         """A base that does not answer in time, or does something else, may obey at any time."""
         late = self._waited_s(now_s) > self._expected_s(now_s) + _SURPRISE_S
-        if late or any(axis.is_astray for axis in self._axes):
+        if late or any(axis.is_astray or axis.sags for axis in self._axes):
             self._doubtful_until_s = now_s + LONGEST_S
 
     @property
@@ -253,6 +254,7 @@ class _Axis:
         self._held: Sample = (math.inf, 0.0)  # since when this, or nearly this, is sent
         self._off = math.inf  # how near the base came to it since any delay was over
         self.is_astray = False
+        self.sags = False  # it brakes by itself, as bases do without commands: they may come later
 
     def sent(self, value: float, now_s: float) -> None:
         last = self._commands[-1][1] if self._commands else self._before
@@ -273,6 +275,7 @@ class _Axis:
         if now_s - self._held[0] > LONGEST_S:
             self._off = min(self._off, off)
         self.is_astray = off - self._off > _ASTRAY * self._response
+        self.sags = self._got_slower(value) and self._least_asked(value) - abs(value) > _SAGS * self._response
         answer = self._answer(value, now_s)
         if self._since_s is None:
             return answer
@@ -282,6 +285,14 @@ class _Axis:
         self._since_s = None
         delay_s = best_delay(self._commands, self._before, self._odometry, self._acceleration, self._change)
         return answer._replace(measured_s=delay_s)
+
+    def _got_slower(self, value: float) -> bool:
+        return self._steady is not None and abs(value) < abs(self._steady) - self._response
+
+    def _least_asked(self, value: float) -> float:
+        """Return the least speed this way that a command which may be in effect asks for."""
+        way = math.copysign(1.0, value)
+        return min(way * self._before, *(way * asked for _, asked in self._commands), math.inf)
 
     def waited_s(self, now_s: float) -> float:
         """Return the time since a change that the base has not obeyed yet. A change that lasts too long is ignored."""
