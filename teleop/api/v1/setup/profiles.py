@@ -63,7 +63,7 @@ class ProfileDetail(ProfileEntry, frozen=True):
     footprint: dict[str, Any]  # m, base frame
     topics: dict[str, Any]
     gate: dict[str, Any]  # parameters that differ from the defaults
-    stick: list[Any]  # filter steps
+    stick: list[dict[str, Any]]  # filter steps
     updated_at: Time
 
 
@@ -86,7 +86,7 @@ class ProfileChange(Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
     footprint: dict[str, Any] | UnsetType = UNSET
     topics: dict[str, Any] | UnsetType = UNSET
     gate: dict[str, Any] | UnsetType = UNSET
-    stick: list[Any] | UnsetType = UNSET
+    stick: list[dict[str, Any]] | UnsetType = UNSET
 
 
 class PhraseText(Struct, frozen=True, forbid_unknown_fields=True):
