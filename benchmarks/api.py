@@ -41,10 +41,11 @@ from fleet.accounts.models import User
 from fleet.audit.services import record
 from robots.registry.models import Robot
 person, robot = User.objects.get(username="operator"), Robot.objects.get(slug="{OTHER}")
+facts = {{"robot_id": robot.id, "robot_name": robot.name, "parameters": {{"language": "en-GB", "topic": "/tts"}}}}
 for _ in range({RECORDS // 1000}):
     with transaction.atomic():
         for number in range(1000):
-            record("speech.start", actor=person, robot_id=robot.id, robot_name=robot.name, text=f"Number {{number}}.")
+            record("speech.start", actor=person, text=f"Number {{number}}.", **facts)
 """
 
 READ_P50_MS = 15.0
