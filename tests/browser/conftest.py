@@ -133,7 +133,7 @@ def induction(person: Callable[..., Person]) -> Iterator[str]:
     new.get_by_role("button", name="Save").click()
     yield name
     staff.open("/qualifications/")
-    staff.page.locator("details", has_text=name).locator("summary").click()
+    staff.page.locator("details", has_text=name).locator(".menu summary").click()
     staff.page.locator("details", has_text=name).get_by_role("button", name="Delete").click()
 
 

@@ -146,7 +146,7 @@ def test_a_person_finds_their_session_and_exports_their_data(
     spoken: Person,
 ) -> None:
     spoken.open("/")
-    spoken.page.locator("summary").click()
+    spoken.page.locator(".menu summary").click()
     spoken.page.get_by_role("link", name="Your data").click()
     with spoken.page.expect_download() as download:
         spoken.press("Export as JSON Lines")

@@ -301,7 +301,7 @@ def test_the_note_on_cookies_is_read_once_and_can_be_read_again(person: Arrive) 
     observer.press("Understood")
     observer.open("/")
     assert not note.is_visible()
-    observer.page.locator("summary").click()
+    observer.page.locator(".menu summary").click()
     observer.page.get_by_role("link", name="Cookies").click()
     names = {cookie["name"] for cookie in observer.context.cookies()}
     for name in names:

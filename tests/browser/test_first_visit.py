@@ -38,7 +38,7 @@ def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: in
     expect(hint).to_be_hidden()
     operator.watch("tiago-2")
     expect(hint).to_be_hidden()
-    operator.page.locator("summary").first.click()
+    operator.page.locator(".menu summary").click()
     operator.press("First steps")
     expect(hint).to_contain_text("1 of 3")
     operator.until_in_control()
@@ -48,7 +48,7 @@ def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: in
 def test_help_in_the_menu_leads_to_the_operators_page(person: Arrive) -> None:
     observer = person("observer", width=360, height=640)
     observer.watch("tiago-2")
-    observer.page.locator("summary").first.click()
+    observer.page.locator(".menu summary").click()
     observer.page.get_by_role("link", name="Help").click()
     page = observer.page
     page.get_by_role("heading", name="For operators").wait_for()
