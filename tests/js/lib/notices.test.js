@@ -159,8 +159,12 @@ describe("notices", () => {
     expect(parts["log-list"].querySelectorAll("li")).toHaveLength(100);
     expect(parts["log-list"].querySelector("li").textContent).toContain("Said 119.");
     const time = parts["log-list"].querySelector("time");
-    const parts_of_time = new Intl.DateTimeFormat("en", { timeZoneName: "short" }).formatToParts(new Date());
-    expect(time.textContent).toContain(parts_of_time.find(({ type }) => type === "timeZoneName").value);
+    const parts_of_time = new Intl.DateTimeFormat("en", { timeZoneName: "short" }).formatToParts(
+      new Date(),
+    );
+    expect(time.textContent).toContain(
+      parts_of_time.find(({ type }) => type === "timeZoneName").value,
+    );
     expect(parts["log-list"].querySelector("ul ~ p:not([hidden])")).toBeNull();
   });
 
