@@ -1,0 +1,172 @@
+"""Cameras of a whole console: a lost process, a viewer who stalls, a damaged camera, a lost right."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from websockets.asyncio.client import ClientConnection
+from websockets.exceptions import ConnectionClosed
+
+from benchmarks.parts.observer import Observer
+from script.stack.client import Driver, open_socket, sign_in
+from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from tests.processes import PATIENCE_S
+from tests.script.support import Family
+
+ROBOT = replace(PRACTICE_ROBOTS[0], rear_camera=True)
+ENDS_S = 1.0  # from the loss of a right to the last picture
+SLACK_S = 1.0  # of this computer
+
+
+@pytest.fixture(scope="module")
+def stack() -> Iterator[Stack]:
+    with temporary_stack((ROBOT,)) as running:
+        yield running
+
+
+class Viewer:
+    """A page that watches cameras, and acknowledges unless it `stalls`."""
+
+    def __init__(self, socket: ClientConnection, *, stalls: bool) -> None:
+        self.pictures: list[dict[str, Any]] = []
+        self.refusals: dict[str, dict[str, Any] | None] = {}
+        self.closed_s: float | None = None
+        self._socket = socket
+        self._stalls = stalls
+        self._news = asyncio.Condition()
+        self._reader = asyncio.create_task(self._read())
+
+    async def watch(self, *cameras: str) -> None:
+        for camera in cameras:
+            await self._send({"t": "camera_watch", "camera": camera})
+
+    async def until(self, condition: Any) -> None:
+        async with self._news:
+            await asyncio.wait_for(self._news.wait_for(condition), 2 * PATIENCE_S)
+
+    async def gets_pictures(self, camera: str = "head", count: int = 5) -> None:
+        """Wait for new pictures."""
+        self.pictures.clear()
+        await self.until(lambda: sum(one["camera"] == camera for one in self.pictures) >= count)
+
+    async def close(self) -> None:
+        await self._socket.close()
+        await self._reader
+
+    async def _send(self, message: dict[str, Any]) -> None:
+        await self._socket.send(json.dumps(message))
+
+    async def _read(self) -> None:
+        with suppress(ConnectionClosed):
+            while True:
+                received = await self._socket.recv()
+                async with self._news:
+                    await self._take(received)
+                    self._news.notify_all()
+        async with self._news:
+            self.closed_s = time.monotonic()
+            self._news.notify_all()
+
+    async def _take(self, received: str | bytes) -> None:
+        if isinstance(received, bytes):
+            header = json.loads(received[4 : 4 + int.from_bytes(received[:4], "big")])
+            self.pictures.append(header)
+            if not self._stalls:
+                acknowledged = {"t": "camera_ack", "camera": header["camera"], "number": header["number"]}
+                await self._send(acknowledged)
+        elif (message := json.loads(received))["t"] == "camera_state":
+            self.refusals[message["camera"]] = message["refusal"]
+
+
+@asynccontextmanager
+async def viewer(stack: Stack, cookie: str, *, stalls: bool = False) -> AsyncIterator[Viewer]:
+    async with open_socket(stack, f"/ws/robots/{ROBOT.slug}/camera/", cookie) as socket:
+        watching = Viewer(socket, stalls=stalls)
+        yield watching
+        await watching.close()
+
+
+def camera_process(stack: Stack) -> int:
+    return Family(stack.supervisor.pid).named("robots.bridge.ros.camera")
+
+
+async def test_control_goes_on_while_a_camera_process_is_lost(stack):
+    cookie = await asyncio.to_thread(sign_in, stack, "operator")
+    async with viewer(stack, cookie) as watching, Driver(stack, ROBOT.slug, cookie) as driver:
+        await watching.watch("head", "rear")
+        await watching.gets_pictures("head")
+        await watching.gets_pictures("rear")
+        await driver.take()
+        await driver.until(lambda: driver.state and all(sensor.ok for sensor in driver.state.sensors))
+        for number in (signal.SIGKILL, signal.SIGSTOP):
+            first = camera_process(stack)
+            os.kill(first, number)
+            driving = asyncio.create_task(
+                driver.hold_stick(0.0, 0.5, until=lambda: (watching.refusals.get("head") or {}).get("text"))
+            )
+            await watching.until(lambda: (watching.refusals.get("head") or {}).get("text"))
+            await driving
+            assert driver.fence is not None, "control goes on"
+            await watching.gets_pictures("head")
+            assert watching.refusals["head"] is None
+            assert camera_process(stack) != first
+        await driver.release()
+
+
+async def test_a_damaged_camera_is_named_and_the_other_goes_on(stack):
+    cookie = await asyncio.to_thread(sign_in, stack, "observer")
+    async with Observer(stack.robots[ROBOT.slug]) as robot, viewer(stack, cookie) as watching:
+        await watching.watch("head", "rear")
+        await watching.gets_pictures("head")
+        for fault, words in (
+            ("camera_truncated", "is cut off"),
+            ("camera_huge", "20000 x 20000"),
+            ("camera_bomb", "20000 x 20000"),
+            ("camera_zero", "neither JPEG nor PNG"),
+            ("camera_dead", "has sent no picture"),
+        ):
+            await robot.cause(fault)
+            await watching.until(
+                lambda words=words: words in (watching.refusals.get("head") or {}).get("text", "")
+            )
+            await watching.gets_pictures("rear")
+            await robot.cause("none")
+            await watching.gets_pictures("head")
+
+
+async def test_a_viewer_who_never_acknowledges_slows_no_other(stack):
+    cookie = await asyncio.to_thread(sign_in, stack, "observer")
+    async with viewer(stack, cookie, stalls=True) as stalled, viewer(stack, cookie) as watching:
+        await stalled.watch("rear")
+        await watching.watch("rear")
+        await stalled.gets_pictures("rear", 2)
+        await watching.gets_pictures("rear", 20)
+        assert len(stalled.pictures) <= 4, "two of full size, then two smaller ones"
+
+
+async def test_pictures_end_within_a_second_of_the_right(stack):
+    cookie = await asyncio.to_thread(sign_in, stack, "observer")
+    code = (
+        "from fleet.accounts.models import User; from robots.registry.models import Robot;"
+        "from robots.access.services import role_set; from fleet.audit.command_line import here;"
+        f"role_set(robot=Robot.objects.get(slug='{ROBOT.slug}'),"
+        " user=User.objects.get(username='observer'), role=None, actor=here());"
+        "import time; print('at', time.monotonic())"
+    )
+    async with viewer(stack, cookie) as watching:
+        await watching.watch("head")
+        await watching.gets_pictures()
+        command = stack.manage("revoke", "shell", "-c", code)
+        await watching.until(lambda: watching.closed_s is not None)
+        assert await asyncio.to_thread(command.wait, PATIENCE_S)
+    revoked_s = float(command.last_lines().split("at ")[-1])
+    assert watching.closed_s - revoked_s < ENDS_S + SLACK_S
