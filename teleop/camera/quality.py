@@ -12,6 +12,7 @@ from robots.wire import CameraSize, Variant
 
 LEAST_HZ = 8.0
 WINDOW_S = 2.0  # over which the rate is measured
+FEWEST_OFFERED = 10  # pictures in that time, by which a viewer can be judged
 FULL_AGAIN_S = (8.0, 120.0)  # first and longest time until full pictures are tried again
 MOST_UNACKNOWLEDGED = 2
 MOST_VIDEO_UNACKNOWLEDGED = 6  # a video picture is small, and each is needed
@@ -64,6 +65,8 @@ class Quality:
     @property
     def _is_slow(self) -> bool:
         """Whether fewer pictures are shown than the viewer should see, although they come."""
+        if len(self._offered) < FEWEST_OFFERED:
+            return False  # the camera itself is slow, or has just begun
         offered_hz, shown_hz = len(self._offered) / WINDOW_S, len(self._shown) / WINDOW_S
         return shown_hz < 0.8 * min(LEAST_HZ, self._wanted_hz, offered_hz)
 

@@ -44,6 +44,15 @@ def test_a_slow_viewer_gets_smaller_pictures(video, lower):
     assert [variant for _, variant in viewing.changes] == [lower]
 
 
+def test_a_camera_that_begins_slowly_stays_full():
+    viewing = Viewing()
+    for _ in range(4):
+        viewing.now_s += 0.6
+        viewing.quality.offered(viewing.now_s)
+        assert not viewing.quality.decide(viewing.now_s)
+    assert viewing.quality.variant == "full"
+
+
 def test_full_pictures_come_back_when_the_connection_does():
     viewing = Viewing().watch(4.0, 2.0).watch(20.0, 15.0)
     assert [variant for _, variant in viewing.changes] == ["video", "full"]
