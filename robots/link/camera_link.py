@@ -19,7 +19,8 @@ from robots.wire import CameraAt, CameraState, CameraWants, Refusal, TakenPictur
 
 log = logging.getLogger(__name__)
 
-RETRY_S = 0.3
+RETRY_S = (0.3, 2.0)  # first and longest pause between attempts
+CLOSE_S = 0.2
 
 STARTING = Refusal("camera_starts", "The camera is being switched on.", "robot")
 
@@ -53,12 +54,10 @@ class CameraLink:
         link.watch_cameras(self._move)
         self._task = asyncio.create_task(self._keep_connected())
 
-    async def close(self) -> None:
-        """End the connection: nobody watches any more."""
-        self._link.watch_cameras(None)
+    def close(self) -> None:
+        """End the connection: nobody watches any more. Waits for nothing."""
+        self._link.unwatch_cameras(self._move)
         self._task.cancel()
-        with suppress(asyncio.CancelledError):
-            await self._task
 
     def set_wants(self, wants: CameraWants) -> None:
         """Set which pictures come."""
@@ -84,6 +83,7 @@ class CameraLink:
             await socket.send(wire.encode(message), text=True)
 
     async def _keep_connected(self) -> None:
+        pause_s, longest_s = RETRY_S
         while True:
             address = self._address()
             if address is None:
@@ -92,12 +92,14 @@ class CameraLink:
                 self._moved.clear()
                 continue
             try:
-                async with open_link(address) as socket:
+                async with open_link(address, close_timeout=CLOSE_S) as socket:
+                    pause_s = RETRY_S[0]
                     await self._run(socket)
             except (OSError, InvalidHandshake, asyncio.TimeoutError, ConnectionClosed, ValueError) as error:
                 log.info("the camera process of %s: %s", self._link.robot_id, error)
             self._listener.on_cameras_gone(self._refusal)
-            await asyncio.sleep(RETRY_S)
+            await asyncio.sleep(pause_s)
+            pause_s = min(2.0 * pause_s, longest_s)
 
     @property
     def _refusal(self) -> Refusal:

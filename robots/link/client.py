@@ -194,10 +194,16 @@ class BridgeLink:
             if self._subscriptions_timer is None:
                 self._schedule_subscriptions()
 
-    def watch_cameras(self, listener: Callable[[wire.CameraAt], None] | None) -> None:
-        """Let the camera process run and report its address to `listener`; None: nobody watches any more."""
+    def watch_cameras(self, listener: Callable[[wire.CameraAt], None]) -> None:
+        """Let the camera process run and report its address to `listener`."""
         self._camera_listener = listener
-        self.send(wire.LinkCamera(listener is not None))
+        self.send(wire.LinkCamera(True))
+
+    def unwatch_cameras(self, listener: Callable[[wire.CameraAt], None]) -> None:
+        """Note that nobody watches through `listener` any more; a later one goes on."""
+        if self._camera_listener == listener:
+            self._camera_listener = None
+            self.send(wire.LinkCamera(False))
 
     @property
     def silent(self) -> bool:

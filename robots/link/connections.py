@@ -26,14 +26,17 @@ class LinkRefused(NotDone):
     """The bridge refused, or cannot be reached."""
 
 
-def open_link(address: LinkAddress) -> connect:
-    """Open a lasting connection."""
+def open_link(address: LinkAddress, close_timeout: float | None = 10.0) -> connect:
+    """Open a lasting connection. `close_timeout` in seconds: how long its end may wait for the other side."""
     if address.unix_path:
-        return unix_connect(address.unix_path, ping_interval=None, **_COMMON_OPTIONS)
+        return unix_connect(
+            address.unix_path, ping_interval=None, close_timeout=close_timeout, **_COMMON_OPTIONS
+        )
     return connect(
         _uri(address),
         ssl=_tls(address),
         additional_headers=_headers(address),
+        close_timeout=close_timeout,
         ping_interval=_PING_S,
         ping_timeout=_PING_S,
         **_COMMON_OPTIONS,

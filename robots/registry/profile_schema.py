@@ -238,6 +238,8 @@ def _camera_problems(cameras: list[CameraSource]) -> Iterator[str]:
             yield from _name_problem(camera.info, f"{path}.info")
         if not camera.base_frame:
             yield f"{path}.base_frame: must name the frame that lies on the floor below the robot"
+    if len({camera.base_frame for camera in cameras}) > 1:
+        yield "cameras: all must have the same base_frame"
     yield from _doublets([camera.name for camera in cameras], "cameras", "name")
 
 

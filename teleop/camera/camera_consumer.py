@@ -9,7 +9,7 @@ from fleet.accounts.tokens.models import Scope
 from robots import wire
 from robots.wire import CameraState, Refusal, camera_message, kind_of
 from teleop.background.jobs import run_in_background
-from teleop.camera.feed import CameraFeed, CameraViewer, feed_of
+from teleop.camera.feed import CameraViewer, feed_of
 from teleop.control.scopes import scope_missing
 from teleop.control.status import RobotEntry
 from teleop.live import robot_hub
@@ -28,7 +28,6 @@ class CameraConsumer(RobotSocket):
         super().__init__()
         self.camera_audit: CameraAudit | None = None
         self._viewers: dict[str, CameraViewer] = {}
-        self._feed: CameraFeed | None = None
 
     async def on_open(self) -> None:
         """Join the robot's hub, if this person may see the robot."""
@@ -42,24 +41,23 @@ class CameraConsumer(RobotSocket):
 
     async def on_close(self) -> None:
         """Show nothing more."""
-        await self._end_all()
+        self._end_all()
         if self.joined:
             await self.hub.remove(self)
 
     async def revoke_access(self, refusal: Refusal) -> None:
         """Show nothing more and close: this person may not see the robot any more."""
-        await self._end_all()
+        self._end_all()
+        self.camera_audit = None  # no watch begins any more
         await super().revoke_access(refusal)
 
     async def robot_edited(self, entry: RobotEntry) -> None:
         """Tell the page the robot's cameras, and watch on where they are now."""
         await self._send_cameras(entry)
-        for gone in self._viewers.keys() - {camera.name for camera in entry.facts.cameras}:
-            await self._end(gone)
-        if self._feed is not None and self._feed.link is not self.hub.link:
-            viewers = dict(self._viewers)
-            await self._end_all()
-            for viewer in viewers.values():
+        for camera, viewer in list(self._viewers.items()):
+            if not self._has(camera):
+                self._end(camera)
+            elif viewer.feed is not None and viewer.feed.link is not self.hub.link:
                 self._begin(viewer.watch)
 
     # --- messages ----------------------------------------------------------------------------------
@@ -71,36 +69,44 @@ class CameraConsumer(RobotSocket):
             return
         match message:
             case wire.CameraWatch(camera=camera):
-                if any(camera == entry.name for entry in self.hub.entry.facts.cameras):
-                    await self._end(camera)
+                if self._has(camera):
                     self._begin(message)
                 else:
                     await self.refuse(kind_of(message), _no_camera(camera))
             case wire.CameraEnd(camera=camera):
-                await self._end(camera)
+                self._end(camera)
             case wire.CameraAck(camera=camera, number=number, damaged=damaged):
-                if self._feed is not None and camera in self._viewers:
-                    self._viewers[camera].acknowledge(number, damaged)
-                    self._feed.acknowledged()
+                viewer = self._viewers.get(camera)
+                if viewer is not None and viewer.feed is not None:
+                    viewer.acknowledge(number, damaged)
+                    viewer.feed.acknowledged()
             case wire.Ping(sent_ms=sent_ms):
                 now_ms = round(time.monotonic() * 1000.0, 3)
                 await self.send_encoded(wire.encode(wire.CameraPong(sent_ms, now_ms)).decode())
 
-    def _begin(self, watch: wire.CameraWatch) -> None:
-        self._feed = feed_of(self.hub.link)
-        viewer = self._viewers[watch.camera] = CameraViewer(watch, self._show, self._state)
-        self._feed.add(viewer)
+    def _has(self, camera: str) -> bool:
+        return any(camera == entry.name for entry in self.hub.entry.facts.cameras)
 
-    async def _end(self, camera: str) -> None:
+    def _begin(self, watch: wire.CameraWatch) -> None:
+        """Watch a camera, from now on in this way."""
+        before = self._viewers.get(watch.camera)
+        if self.camera_audit is None:
+            return
+        viewer = self._viewers[watch.camera] = CameraViewer(watch, self._show, self._state)
+        feed_of(self.hub.link).add(viewer)
+        if before is not None and before.feed is not None:
+            before.feed.remove(before)
+
+    def _end(self, camera: str) -> None:
         viewer = self._viewers.pop(camera, None)
-        if viewer is not None and self._feed is not None:
-            await self._feed.remove(viewer)
+        if viewer is not None and viewer.feed is not None:
+            viewer.feed.remove(viewer)
         if self.camera_audit is not None:
             self.camera_audit.end(camera)
 
-    async def _end_all(self) -> None:
+    def _end_all(self) -> None:
         for camera in list(self._viewers):
-            await self._end(camera)
+            self._end(camera)
 
     async def _send_cameras(self, entry: RobotEntry) -> None:
         await self.send_encoded(wire.encode(wire.Cameras(entry.facts.cameras)).decode())

@@ -10,7 +10,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
+from itertools import count
 from typing import Any, NamedTuple
 from uuid import UUID
 
@@ -21,6 +21,8 @@ from robots.wire import CameraState, CameraWants, CameraWatch, PictureHeader, Re
 from teleop.camera.quality import Quality
 
 log = logging.getLogger(__name__)
+
+_numbers = count(1)  # of pictures on pages: they grow also where a camera is watched anew
 
 KEY_PAUSE_S = 0.5  # between two requests for a key picture
 DECIDE_S = 0.5
@@ -41,6 +43,7 @@ class CameraViewer:
     def __init__(self, watch: CameraWatch, send: Send, state: Callable[[CameraState], None]) -> None:
         self.watch = watch
         self.camera = watch.camera
+        self.feed: CameraFeed | None = None  # while it watches
         self.state = state
         self.quality = Quality(watch.size, watch.video, watch.rate_hz, time.monotonic())
         self.rate_hz = watch.rate_hz
@@ -58,6 +61,7 @@ class CameraViewer:
         """
         self._broken |= damaged
         now_s = time.monotonic()
+        self.quality.painted(damaged=damaged)
         for earlier in [waiting for waiting in self._unacknowledged if waiting <= number]:
             self.delay_s = now_s - self._unacknowledged.pop(earlier)
             self.quality.acknowledged(now_s)
@@ -109,7 +113,6 @@ class CameraFeed:
         self._viewers: set[CameraViewer] = set()
         self._newest: dict[tuple[str, Variant], _Newest] = {}
         self._states: dict[str, CameraState] = {}
-        self._numbers: dict[str, int] = {}
         self._key_asked_s: dict[str, float] = {}
         self._gone: Refusal | None = STARTING
         self._news = asyncio.Event()
@@ -119,6 +122,7 @@ class CameraFeed:
 
     def add(self, viewer: CameraViewer) -> None:
         """Show a camera to one more connection."""
+        viewer.feed = self
         self._viewers.add(viewer)
         self._send_wants()
         if self._gone is not None:
@@ -127,8 +131,8 @@ class CameraFeed:
             viewer.state(state)
         self._news.set()
 
-    async def remove(self, viewer: CameraViewer) -> None:
-        """Show it no more. The feed ends with its last viewer."""
+    def remove(self, viewer: CameraViewer) -> None:
+        """Show it no more. The feed ends with its last viewer. Waits for nothing: the hub of all pages calls it."""
         self._viewers.discard(viewer)
         if self._viewers:
             self._send_wants()
@@ -136,9 +140,7 @@ class CameraFeed:
         if _feeds.get(self.link.robot_id) is self:
             del _feeds[self.link.robot_id]
         self._task.cancel()
-        with suppress(asyncio.CancelledError):
-            await self._task
-        await self._camera_link.close()
+        self._camera_link.close()
 
     def acknowledged(self) -> None:
         """Note that a viewer may be ready for its next picture."""
@@ -161,7 +163,7 @@ class CameraFeed:
         """Make this the newest picture of its camera and variant."""
         self._gone = None
         now_s = time.monotonic()
-        number = self._numbers[header.camera] = self._numbers.get(header.camera, 0) + 1
+        number = next(_numbers)
         shown = PictureHeader(
             header.camera,
             number,
@@ -201,8 +203,10 @@ class CameraFeed:
     async def _keep_sending(self) -> None:
         decided_s = time.monotonic()
         while True:
-            with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._news.wait(), DECIDE_S)
+            # Not `wait_for`: before Python 3.12 it may swallow the cancellation.
+            alarm = asyncio.get_running_loop().call_later(DECIDE_S, self._news.set)
+            await self._news.wait()
+            alarm.cancel()
             self._news.clear()
             now_s = time.monotonic()
             if now_s - decided_s >= DECIDE_S:

@@ -13,6 +13,7 @@ from robots.wire import CameraSize, Variant
 LEAST_HZ = 8.0
 WINDOW_S = 2.0  # over which the rate is measured
 FEWEST_OFFERED = 10  # pictures in that time, by which a viewer can be judged
+MOST_DAMAGED = 3  # video pictures in a row: then this browser decodes no video
 FULL_AGAIN_S = (8.0, 120.0)  # first and longest time until full pictures are tried again
 MOST_UNACKNOWLEDGED = 2
 MOST_VIDEO_UNACKNOWLEDGED = 6  # a video picture is small, and each is needed
@@ -28,6 +29,7 @@ class Quality:
         self._wanted_hz = rate_hz
         self._since_s = now_s
         self._again_s = FULL_AGAIN_S[0]
+        self._damaged = 0
         self._offered: deque[float] = deque()  # when pictures of the camera came
         self._shown: deque[float] = deque()  # when pictures were acknowledged
 
@@ -44,20 +46,29 @@ class Quality:
         """Note that the viewer has painted a picture."""
         self._shown.append(now_s)
 
+    def painted(self, *, damaged: bool) -> None:
+        """Note whether the viewer could decode a picture."""
+        self._damaged = self._damaged + 1 if damaged else 0
+
     def decide(self, now_s: float) -> bool:
         """Choose the variant; return whether it changed."""
         for times in (self._offered, self._shown):
             while times and times[0] < now_s - WINDOW_S:
                 times.popleft()
         lasted_s = now_s - self._since_s
+        if self.variant == "video" and self._damaged >= MOST_DAMAGED:
+            self._lower = "small"
+            self._change("small", now_s)
+            return True
         if not self._may_change or lasted_s < WINDOW_S:
             return False
         if self.variant == "full" and self._is_slow:
-            self._again_s = FULL_AGAIN_S[0] if lasted_s > FULL_AGAIN_S[1] else 2.0 * self._again_s
-            self._again_s = min(self._again_s, FULL_AGAIN_S[1])
+            if lasted_s > FULL_AGAIN_S[1]:
+                self._again_s = FULL_AGAIN_S[0]
             self._change(self._lower, now_s)
             return True
         if self.variant != "full" and lasted_s > self._again_s and not self._is_slow:
+            self._again_s = min(2.0 * self._again_s, FULL_AGAIN_S[1])
             self._change("full", now_s)
             return True
         return False
@@ -68,7 +79,7 @@ class Quality:
         if len(self._offered) < FEWEST_OFFERED:
             return False  # the camera itself is slow, or has just begun
         offered_hz, shown_hz = len(self._offered) / WINDOW_S, len(self._shown) / WINDOW_S
-        return shown_hz < 0.8 * min(LEAST_HZ, self._wanted_hz, offered_hz)
+        return shown_hz < min(LEAST_HZ, 0.8 * self._wanted_hz, 0.8 * offered_hz)
 
     def _change(self, variant: Variant, now_s: float) -> None:
         self.variant, self._since_s = variant, now_s

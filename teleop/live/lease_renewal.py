@@ -54,6 +54,7 @@ class LeaseRenewer:
         self._camera_s = camera_s
         self._silent_s = silent_s
         self._soon = asyncio.Event()
+        self._ended = False
         # Another connection may have had this lease: its drive input ends here, sequence numbers start again.
         hub.link.send(Pause(self.fence, "The page was opened again."))
         self._task = asyncio.create_task(self._keep_renewing())
@@ -71,21 +72,25 @@ class LeaseRenewer:
 
     def revoke(self, reason: str) -> None:
         """End control: tell the bridge, and stop renewing."""
-        self._task.cancel()
+        self._end()
         self._hub.link.send(Revoke(self.fence, reason[:200]))
 
     def leave(self) -> None:
         """Pause control: the page is gone and may come back."""
-        self._task.cancel()
+        self._end()
         self._hub.link.send(Pause(self.fence, "The page is gone."))
 
     def pass_on(self) -> None:
         """Stop renewing without a word to the bridge: another connection of the same tab goes on with this grant."""
+        self._end()
+
+    def _end(self) -> None:
+        self._ended = True
         self._task.cancel()
 
     async def _keep_renewing(self) -> None:
         faulty = False  # a lasting fault is logged once
-        while True:
+        while not self._ended:  # before Python 3.12 `wait_for` may swallow the cancellation
             try:
                 if (refusal := await self._try_grant()) is not None:
                     await self._refused(refusal)

@@ -84,7 +84,7 @@ class TopicViewer:
         self._feed.changed()
 
     async def _keep_showing(self) -> None:
-        while True:
+        while self in self._feed.viewers:  # before Python 3.12 `wait_for` may swallow the cancellation
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self.news.wait(), self._pause_s())
             self.news.clear()

@@ -20,6 +20,7 @@ from robots.wire import CameraAt
 
 COMMAND = (sys.executable, "-m", "robots.bridge.ros.camera")
 SILENCE_S = 5.0  # without a sign of life a process hangs: it is killed, and another one starts
+START_S = 30.0  # a new process names its address within this time, or is killed
 LINGER_S = 10.0  # a process without viewers ends after this time, so that a reloaded page finds it
 
 _camera_at = msgspec.json.Decoder(CameraAt)
@@ -89,12 +90,15 @@ class CameraClient:
         return bool(self._watchers or self._idle)
 
     def began(self) -> None:
-        """Wait for its address."""
+        """Wait for its address; its last viewer may have left while it started."""
+        self._await_life(START_S)
+        if not self._watchers and self._idle is None:
+            self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end)
 
     def hear(self, line: bytes) -> None:
         """Take the address on which it listens, at first and then as a sign of life."""
         at = _camera_at.decode(line)
-        self._await_life()
+        self._await_life(SILENCE_S)
         if at != self._at:
             self._move(at)
 
@@ -104,11 +108,11 @@ class CameraClient:
             self._silence.cancel()
         self._move(CameraAt())
 
-    def _await_life(self) -> None:
+    def _await_life(self, within_s: float) -> None:
         if self._silence is not None:
             self._silence.cancel()
         loop = asyncio.get_running_loop()
-        self._silence = loop.call_later(SILENCE_S, self._child.kill, "it shows no sign of life")
+        self._silence = loop.call_later(within_s, self._child.kill, "it shows no sign of life")
 
     def _move(self, at: CameraAt) -> None:
         self._at = at

@@ -6,6 +6,8 @@ Only the camera process imports this module: Pillow and PyAV stay out of the bri
 from __future__ import annotations
 
 import io
+import struct
+import zlib
 from fractions import Fraction
 
 import av
@@ -25,6 +27,12 @@ VIDEO_BITS_PER_S = 250_000
 VIDEO_KEY_EVERY = 48  # pictures
 
 PIL.Image.MAX_IMAGE_PIXELS = LARGEST_SIDE * LARGEST_SIDE  # beyond twice as many, Pillow refuses to decode
+
+# Pillow's exceptions for damaged pictures.
+_UNDECODABLE = (
+    *(OSError, ValueError, SyntaxError, EOFError, OverflowError, MemoryError),
+    *(struct.error, zlib.error, PIL.Image.DecompressionBombError),
+)
 
 # Bytes per pixel and raw mode of Pillow, by encoding of sensor_msgs/Image.
 _RAW_MODES = {
@@ -101,12 +109,11 @@ def jpeg(image: PIL.Image.Image, quality: int = QUALITY) -> bytes:
 def decoded(picture: bytes, at_least: int) -> PIL.Image.Image:
     """Decode a JPEG or PNG in RGB, as small as its format decodes quickly but at least so wide. Raises `Damaged`."""
     try:
-        image = PIL.Image.open(io.BytesIO(picture))
+        image = PIL.Image.open(io.BytesIO(picture), formats=("JPEG", "PNG"))
         image.draft("RGB", (at_least, at_least))
-        image.load()
-    except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as error:
+        return image.convert("RGB")
+    except _UNDECODABLE as error:
         raise Damaged(f"cannot be decoded ({str(error)[:100]})") from error
-    return image.convert("RGB")
 
 
 def small(image: PIL.Image.Image) -> bytes:
@@ -134,7 +141,7 @@ class Video:
         self._wants_key = True
 
     def encode(self, image: PIL.Image.Image) -> tuple[bytes, bool]:
-        """Return the access unit of this picture, and whether it is a key picture."""
+        """Return the access unit of this picture, and whether it is a key picture. Raises `Damaged`."""
         fitted = narrowed(image, VIDEO_WIDTH)
         if self._codec is None or (self._codec.width, self._codec.height) != fitted.size:
             self._codec = _new_codec(*fitted.size)
@@ -144,7 +151,11 @@ class Video:
         if self._wants_key or self._count % VIDEO_KEY_EVERY == 0:
             frame.pict_type = av.video.frame.PictureType.I
         self._count += 1
-        packets = self._codec.encode(frame)
+        try:
+            packets = self._codec.encode(frame)
+        except av.FFmpegError as error:
+            self._codec = None
+            raise Damaged(f"cannot be made a video ({str(error)[:100]})") from error
         is_key = any(packet.is_keyframe for packet in packets)
         self._wants_key = self._wants_key and not is_key
         return b"".join(bytes(packet) for packet in packets), is_key

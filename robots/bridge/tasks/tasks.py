@@ -263,6 +263,7 @@ class Tasks:
 
     def _deny_asked(self, now_s: float, refusal: Refusal = HALTED) -> None:
         """Refuse requests that are not recorded yet."""
+        self._turns.clear()
         for kind, waiting in self._asked.items():
             denied, waiting[:] = list(waiting), []
             for asked in denied:
@@ -306,8 +307,10 @@ class Tasks:
         """Turn the head. A drag in the camera's picture is many turns: the first is recorded, and stands for all."""
         fence, until_s = self._turning
         if self._head is None or order.fence != fence or now_s > until_s:
-            self._turns = [*self._turns[-MOST_TURNS:], order]
+            asked = len(self._asked["head.turn"])
             self._ask("head.turn", requester, now_s)
+            if len(self._asked["head.turn"]) > asked:  # else it was refused
+                self._turns = [*self._turns[-MOST_TURNS:], order]
             return
         refusal = self._rules.why_not_begin(requester, now_s) or self._why_no_look(now_s)
         requester.answer(refusal)

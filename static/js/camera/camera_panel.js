@@ -27,6 +27,7 @@ export class CameraPanel {
   #drives = false;
   #reported = false;
   #reportMs = -Infinity;
+  #mainSinceMs = 0; // since when the main camera is shown
   #isKnown = false; // which cameras there are
   #observer;
   #timer;
@@ -135,6 +136,7 @@ export class CameraPanel {
     const before = [this.#main, this.#second].map((view) => view.camera?.name);
     const main = isShown ? this.#views.main : null;
     const second = isShown ? this.#views.second : null;
+    if (main?.name !== this.#main.camera?.name) this.#mainSinceMs = performance.now();
     this.#main.camera = main;
     this.#second.camera = second;
     this.#floor.header = this.#main.header;
@@ -170,7 +172,7 @@ export class CameraPanel {
   /** Age of the picture by which this person drives, or null. With the plan beside it, a picture that is gone is none. */
   #drivenBy() {
     if (!this.#main.camera) return null;
-    const { ageMs } = this.#main;
+    const ageMs = this.#main.ageMs ?? performance.now() - this.#mainSinceMs;
     const isGone = this.#main.isMissing || ageMs > GONE_MS;
     return this.#views.view === "both" && isGone ? null : ageMs;
   }

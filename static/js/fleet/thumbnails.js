@@ -22,13 +22,19 @@ export class Thumbnails {
     const url = socketUrl(`/ws/robots/${canvas.dataset.thumbnail}/camera/`);
     const socket = new CameraSocket(url, Promise.resolve(false), RATE_HZ);
     this.#sockets.push(socket);
+    let watched = null;
     socket.addEventListener("cameras", ({ detail: [first] }) => {
+      if (watched && watched !== first?.name) socket.end(watched);
+      watched = first?.name;
       if (first) socket.watch(first.name, "small");
       else socket.close();
     });
     socket.addEventListener("picture", ({ detail }) => this.#paint(canvas, socket, detail));
     socket.addEventListener("state", ({ detail }) => {
       if (detail.refusal) canvas.hidden = true;
+    });
+    socket.addEventListener("down", () => {
+      canvas.hidden = true;
     });
     socket.open();
   }

@@ -143,12 +143,12 @@ class Producer:
             return
         try:
             image = decoded(picture.encoded, VIDEO_WIDTH)
+            if "video" in due:
+                unit, is_key = watched.video.encode(image)
+                self._send(name, watched, picture, "video", "h264", unit, now_s, is_key=is_key)
         except Damaged as error:
             watched.topics.note_damage(error)
             return
-        if "video" in due:
-            unit, is_key = watched.video.encode(image)
-            self._send(name, watched, picture, "video", "h264", unit, now_s, is_key=is_key)
         if "small" in due:
             self._send(name, watched, picture, "small", "jpeg", small(image), now_s)
 
