@@ -31,8 +31,8 @@ ARGUMENTS = [
 ]
 # The first faces the hall's east wall at 2 m; the second stands in free space in the hall.
 ROBOTS = (
-    PracticeRobot("tiago-1", "TIAGo One", (7.6, 2.0, 0.0)),
-    PracticeRobot("tiago-2", "TIAGo Two", (2.0, 1.8, 0.0)),
+    PracticeRobot("tiago-1", "TIAGo One", (7.6, 2.0, 0.0), camera=False),
+    PracticeRobot("tiago-2", "TIAGo Two", (2.0, 1.8, 0.0), camera=False),
 )
 
 
@@ -133,7 +133,7 @@ def induction(person: Callable[..., Person]) -> Iterator[str]:
     new.get_by_role("button", name="Save").click()
     yield name
     staff.open("/qualifications/")
-    staff.page.locator("details", has_text=name).locator(".menu summary").click()
+    staff.page.locator("details", has_text=name).locator("summary").click()
     staff.page.locator("details", has_text=name).get_by_role("button", name="Delete").click()
 
 

@@ -2,14 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import Any
 
-from playwright.sync_api import expect
+import pytest
+from playwright.sync_api import Browser, expect
 
-from tests.browser.people import Fingers, Person
+from script.stack.stack import Stack
+from tests.browser.conftest import ROBOTS
+from tests.browser.people import Fingers, Person, running_stack
 from tests.browser.test_pages import found_by_axe
 
 Arrive = Callable[..., Person]
+
+
+@pytest.fixture(scope="module")
+def stack_with_camera(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    """A console of its own: the camera's pictures cost other tests no computing time."""
+    with running_stack(tmp_path_factory.mktemp("camera"), [replace(ROBOTS[0], camera=True)]) as stack:
+        yield stack
+
+
+@pytest.fixture
+def person(stack_with_camera: Stack, browser: Browser) -> Iterator[Arrive]:
+    """`person("operator")`: a signed-in person of that console."""
+    with ExitStack() as leaving:
+
+        def arrive(role: str, **looks: Any) -> Person:
+            somebody = Person(stack_with_camera, browser, role, **looks)
+            somebody.sign_in()
+            leaving.callback(somebody.leave)
+            return somebody
+
+        yield arrive
 
 
 def shows_a_picture(person: Person) -> None:

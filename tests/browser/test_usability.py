@@ -25,7 +25,9 @@ PATIENCE_S = 60.0
 TRIES = 3  # a busy machine may interrupt the driver; this is no fault of the page
 SLOWER_AT_MOST = 1.15  # ratio: joystick on the page with the gate, to keys at the robot
 # Two robots at the same start in separate offices: one driven through the gate, one without.
-DRIVEN, BESIDE = (PracticeRobot(f"tiago-{number}", f"TIAGo {number}", START) for number in (1, 2))
+DRIVEN, BESIDE = (
+    PracticeRobot(f"tiago-{number}", f"TIAGo {number}", START, camera=False) for number in (1, 2)
+)
 
 
 class Grip(NamedTuple):

@@ -1,6 +1,6 @@
 """``manage.py seed_demo FILE``: the practice robots and accounts of script/demo.
 
-FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick", "rear_camera"}],
+FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick", "rear_camera", "camera"}],
 "accounts": [{"username", "role", "password"}]}, and perhaps "students" for `seed_demo_week`.
 A new robot gets a small allow-list for practice. A second run
 updates only the robots' masters. Prints {slug: path of the bridge's socket}.
@@ -54,6 +54,7 @@ class PracticeRobot(Struct, frozen=True):
     advertised_address: str
     stick: list[Any] | None = None
     rear_camera: bool = False
+    camera: bool = True
 
 
 class Account(Struct, frozen=True):
@@ -100,7 +101,10 @@ def seed_robot(planned: PracticeRobot) -> Robot:
         robot.master_uri = planned.master_uri
         return robot_save(robot=robot, actor=here())
     profile = RobotProfile.objects.get(slug=PROFILE)
-    cameras = {"cameras": [*profile.topics["cameras"], REAR_CAMERA]}
+    cameras = [
+        *(profile.topics["cameras"] if planned.camera else []),
+        *([REAR_CAMERA] if planned.rear_camera else []),
+    ]
     robot = Robot(
         slug=planned.slug,
         name=planned.name,
@@ -109,7 +113,7 @@ def seed_robot(planned: PracticeRobot) -> Robot:
         master_uri=planned.master_uri,
         advertised_address=planned.advertised_address,
         stick=planned.stick,
-        overrides={"topics": cameras} if planned.rear_camera else {},
+        overrides={} if cameras == profile.topics["cameras"] else {"topics": {"cameras": cameras}},
     )
     robot_save(robot=robot, actor=here())
     for allowed in ALLOWED:
