@@ -129,6 +129,7 @@ TABLE: dict[str, Row] = {
     "drive_by": Row(DRIVE, "/robots/{robot}/drive-by", NO_LEASE, {"distance_m": 1.0}),
     "drive_by_cancel": Row(DRIVE, "/robots/{robot}/drive-by", NO_LEASE),
     "look_ahead": Row(DRIVE, "/robots/{robot}/look-ahead", NO_LEASE),
+    "head_turn": Row(DRIVE, "/robots/{robot}/head", NO_LEASE, {"pan": 0.1, "tilt": 0.0}),
     "forget": Row(DRIVE, "/robots/{robot}/forget", NO_LEASE),
     "stop_clear": Row(DRIVE, "/robots/{robot}/stop/clear", NO_PROGRAMS, {"number": 1}),
     "stop": Row((), "/robots/{robot}/stop", seen("200")),

@@ -41,7 +41,7 @@ class Program:
         self.hub = robot_hub.join(robot.id, entry, self)
         tab = Tab("program-0123456789", fingerprint(self.person[1]), self.id)
         self.control = ControlHolder(
-            self.hub, self.user.id, tab, report=self.reports.put, delay_s=lambda: None
+            self.hub, self.user.id, tab, report=self.reports.put, delay_s=lambda: None, camera_s=lambda: None
         )
         await self.hub.wait_for_link()
 
