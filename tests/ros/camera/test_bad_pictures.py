@@ -222,7 +222,7 @@ def test_a_changing_encoding_is_followed(camera, publish):
         publish(
             COMPRESSED,
             compressed("camera_encoding_changes", number),
-            lambda expected=expected: any(header.format == expected for header, _ in camera.pictures),
+            lambda expected=expected: any(header.format == expected for header, _ in list(camera.pictures)),
             f"a picture as {expected}",
         )
     for number in range(3):
@@ -239,7 +239,7 @@ def test_a_changing_size_begins_a_new_video(camera, publish):
     publish(
         COMPRESSED,
         smaller,
-        lambda: any(header.key and header.width == 160 for header, _ in camera.pictures),
+        lambda: any(header.key and header.width == 160 for header, _ in list(camera.pictures)),
         "a key picture",
     )
 
