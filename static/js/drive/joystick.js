@@ -24,6 +24,8 @@ export class Joystick extends EventTarget {
   #sticky = false;
   #slides = false;
   #onChange = ({ detail }) => this.#follow(detail);
+  // The zone may have moved on the page since: nipplejs would measure from where the middle was.
+  #onPress = () => this.#collection?.reposition();
   #onZero = ({ detail }) => this.#letGo(detail.reason);
 
   /** @param {HTMLElement} zone @param {import("./stick.js").Stick} stick */
@@ -33,6 +35,7 @@ export class Joystick extends EventTarget {
     this.#stick = stick;
     this.#stick.addEventListener("zero", this.#onZero);
     this.#stick.addEventListener("change", this.#onChange);
+    zone.addEventListener("pointerdown", this.#onPress, { capture: true });
     this.#observer = new ResizeObserver(() => this.#fit());
     this.#observer.observe(zone);
   }
@@ -60,6 +63,7 @@ export class Joystick extends EventTarget {
 
   close() {
     this.#observer.disconnect();
+    this.#zone.removeEventListener("pointerdown", this.#onPress, { capture: true });
     this.#stick.removeEventListener("zero", this.#onZero);
     this.#stick.removeEventListener("change", this.#onChange);
     this.#letGo("closed");
