@@ -346,7 +346,6 @@ SCOPES: dict[str, tuple[Scope, ...]] = {
             "service_tokens_list",
             "service_tokens_make",
             "tokens_make",
-            "tokens_end",
             "webhooks_list",
             "webhooks_make",
             "webhooks_delete",
@@ -372,6 +371,7 @@ SCOPES: dict[str, tuple[Scope, ...]] = {
         ),
         READ,
     ),
+    "tokens_end": (),  # a token ends itself with any scope; others are asked for in test_setup
 }
 
 
