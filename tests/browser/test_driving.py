@@ -274,7 +274,8 @@ def test_a_drive_by_a_distance_is_shown_cancelled_and_replaced(person: Arrive) -
     operator = person("operator", apart=True)
     operator.page.add_init_script(
         "window.WebSocket = class extends WebSocket"
-        " { constructor(...where) { super(...where); window.socket = this; } };"
+        " { constructor(...where) { super(...where);"
+        r" if (/\/robots\/[^/]+\/$/.test(where[0])) window.socket = this; } };"
     )
     operator.take("tiago-2")
 

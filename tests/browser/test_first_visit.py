@@ -28,6 +28,8 @@ def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: in
     assert found_by_axe(operator) == []
     assert [one for one in too_small(operator) if "hint" in one] == []
     operator.press("Take control")
+    if operator.state["stop"]["state"] != "clear":  # of another test
+        operator.clear()
     operator.until_in_control()
     expect(hint).to_contain_text("2 of 3")
     operator.push("a", until=lambda: operator.state["odometry"]["w"] > 0.05, what="a turn")

@@ -216,7 +216,7 @@ def places_on_tabs(person: Person) -> list[dict[str, float]]:
     for tab, names in {
         "motions": [".motions .hit"],
         "speech": [".phrases .hit"],
-        "centre": [".zone", ".openers", ".segments"],
+        "centre": [".zone", ".openers", ".speed .segments"],
     }.items():
         person.page.evaluate("tab => { location.hash = tab }", tab)
         person.page.locator(f".control[data-tab={tab}]").wait_for()
