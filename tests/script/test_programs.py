@@ -249,7 +249,9 @@ async def test_metrics_count_commands_decisions_and_viewers(stack: Stack) -> Non
     async with Driver(stack, ROBOT, cookie) as driver:
         await driver.take()
         await driver.hold_stick(0.0, 0.2, until=lambda: abs(driver.odometry.w) > 0.05)
-        assert await asyncio.to_thread(figure, "fleet_viewers") == 1.0
+        assert (
+            await asyncio.to_thread(figure, "fleet_viewers") >= 1.0
+        )  # programs of other tests may still be there
         assert await asyncio.to_thread(figure, "fleet_link_up") == 1.0
         await driver.release()
     after = [await asyncio.to_thread(figure, name) for name in names]
