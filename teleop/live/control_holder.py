@@ -145,8 +145,11 @@ class ControlHolder:
         """Give control back. The robot stops first; then the end is stored."""
         if not self._give_up(EndReason.RELEASED, "Control was given back.", by=self._user_id):
             raise ControlRefused(NO_LEASE)
-        await self._report_control()
-        await self._end_lease()
+        # A program that is told reads the robot at once: the end must be stored by then.
+        try:
+            await self._end_lease()
+        finally:
+            await self._report_control()
 
     async def ask(self) -> None:
         """Wait in line for control. The holder sees it."""

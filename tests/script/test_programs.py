@@ -246,12 +246,11 @@ async def test_metrics_count_commands_decisions_and_viewers(stack: Stack) -> Non
     names = ("fleet_command_forward_seconds_count", "fleet_bridge_decision_seconds_count")
     before = [await asyncio.to_thread(figure, name) for name in names]
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
+    others = await asyncio.to_thread(figure, "fleet_viewers")  # programs of other tests
     async with Driver(stack, ROBOT, cookie) as driver:
         await driver.take()
-        await driver.hold_stick(0.0, 0.2, until=lambda: abs(driver.odometry.w) > 0.05)
-        assert (
-            await asyncio.to_thread(figure, "fleet_viewers") >= 1.0
-        )  # programs of other tests may still be there
+        await driver.hold_stick(0.0, 0.2, until=lambda: driver.odometry and abs(driver.odometry.w) > 0.05)
+        assert await asyncio.to_thread(figure, "fleet_viewers") == others + 1.0
         assert await asyncio.to_thread(figure, "fleet_link_up") == 1.0
         await driver.release()
     after = [await asyncio.to_thread(figure, name) for name in names]
