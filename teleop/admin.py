@@ -15,11 +15,11 @@ from django.utils.translation import gettext_lazy
 
 from fleet import zones
 from fleet.accounts.requests import person_of
-from fleet.audit import exports
-from fleet.audit.addresses import beside, by_day, number, session_url_of
 from fleet.audit.admin import Line, ListAdmin, count_of
-from fleet.audit.forms import FilterForm
-from fleet.audit.listing import CONSOLE, COUNTED, PAGE
+from fleet.audit.reading import exports
+from fleet.audit.reading.addresses import beside, by_day, number, session_url_of
+from fleet.audit.reading.forms import FilterForm
+from fleet.audit.reading.listing import CONSOLE, COUNTED, PAGE
 from robots.registry.models import Robot
 from teleop.control.selectors import end_notes
 from teleop.models import ControlSession, EndReason

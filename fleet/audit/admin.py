@@ -22,12 +22,12 @@ from django.views.decorators.http import require_POST, require_safe
 from msgspec import Struct
 
 from fleet import zones
-from fleet.audit import exports, wording
-from fleet.audit.addresses import Link, address, beside, by_day, number, session_url_of
-from fleet.audit.forms import THE_CONSOLE, FilterForm, people_named
 from fleet.audit.kinds import Listing, kinds_listed
-from fleet.audit.listing import COUNTED, Row, Selection, row_of
 from fleet.audit.models import MotionRecord, Record, RefusalRecord, SpeechRecord
+from fleet.audit.reading import exports, wording
+from fleet.audit.reading.addresses import Link, address, beside, by_day, number, session_url_of
+from fleet.audit.reading.forms import THE_CONSOLE, FilterForm, people_named
+from fleet.audit.reading.listing import COUNTED, Row, Selection, row_of
 from fleet.audit.recorded_admin import RecordedAdmin
 from fleet.audit.retention import is_doubt_on_record
 

@@ -199,7 +199,7 @@ class Content(models.Model):
 
 
 class ContentSearch(models.Model):
-    """The texts of contents in an index of trigrams: a virtual table of SQLite (`fleet.audit.triggers` keeps it)."""
+    """The texts of contents in an index of trigrams: a virtual table of SQLite. See `integrity.triggers`."""
 
     rowid = models.BigIntegerField(primary_key=True)  # the record's number
     text = models.TextField()

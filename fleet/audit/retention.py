@@ -17,8 +17,8 @@ from django.contrib.auth.models import AbstractUser
 from django.db import connection, transaction
 from django.db.models import Max, Min
 
-from fleet.audit.canonical import NO_ROBOT
 from fleet.audit.command_line import SystemAccount
+from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Chain, Content, Record
 from fleet.audit.services import lock_chain, record

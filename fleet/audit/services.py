@@ -17,7 +17,9 @@ from django.contrib.auth.models import AbstractUser
 from django.db import InterfaceError, InternalError, OperationalError, connection, transaction
 from django.utils import timezone
 
-from fleet.audit.canonical import (
+from fleet.audit.command_line import SystemAccount
+from fleet.audit.errors import AuditUnavailable, UnknownKind
+from fleet.audit.integrity.canonical import (
     NO_ROBOT,
     bounded_text,
     content_digest,
@@ -26,8 +28,6 @@ from fleet.audit.canonical import (
     plain,
     plain_text,
 )
-from fleet.audit.command_line import SystemAccount
-from fleet.audit.errors import AuditUnavailable, UnknownKind
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Actor, Chain, Content, Record
 

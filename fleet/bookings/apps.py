@@ -12,7 +12,7 @@ class BookingsConfig(AppConfig):
 
     def ready(self) -> None:
         """Register the triggers and the receivers."""
-        from fleet.audit import triggers
+        from fleet.audit.integrity import triggers
         from fleet.bookings import overlaps, policies, rights  # noqa: F401 - they hear of changes
 
         triggers.expect("sqlite", overlaps.TRIGGERS)

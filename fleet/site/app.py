@@ -19,7 +19,7 @@ OFFLINE_FILES = (
     "css/base.css",
     "css/cards.css",
     "css/forms.css",
-    "js/lib/offline.js",
+    "js/page/offline.js",
     "img/icon.svg",
 )
 

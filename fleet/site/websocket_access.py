@@ -18,7 +18,7 @@ from django.http.request import split_domain_port, validate_host
 from fleet.accounts.sign_in.second_factor import is_missing, require_for_token
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid, key_of, token_of
-from teleop.live.message_socket import CloseCode
+from teleop.live.consumers.message_socket import CloseCode
 
 logger = logging.getLogger(__name__)
 

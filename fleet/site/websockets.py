@@ -7,11 +7,11 @@ from typing import Any
 from django.urls import path, re_path
 
 from teleop.camera.camera_consumer import CameraConsumer
-from teleop.live.bookings_consumer import BookingsConsumer
-from teleop.live.fleet_consumer import FleetConsumer
-from teleop.live.message_socket import no_such_address
-from teleop.live.robot_consumer import RobotConsumer
-from teleop.live.topics_consumer import TopicsConsumer
+from teleop.live.consumers.bookings_consumer import BookingsConsumer
+from teleop.live.consumers.fleet_consumer import FleetConsumer
+from teleop.live.consumers.message_socket import no_such_address
+from teleop.live.consumers.robot_consumer import RobotConsumer
+from teleop.live.consumers.topics_consumer import TopicsConsumer
 
 # Any: `path` is typed for HTTP views.
 fleet_page: Any = FleetConsumer.as_asgi()

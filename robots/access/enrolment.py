@@ -15,7 +15,7 @@ from django.utils.translation import gettext as _
 from msgspec import Struct
 
 from fleet.accounts.models import User
-from fleet.audit.canonical import NO_ROBOT
+from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.services import lock_chain, record
 from robots.access import welcome
 from robots.access.models import Course, Enrolment, Invitation

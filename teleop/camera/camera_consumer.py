@@ -13,8 +13,8 @@ from teleop.camera.feed import CameraViewer, feed_of
 from teleop.control.scopes import scope_missing
 from teleop.control.status import RobotEntry
 from teleop.live import robot_hub
-from teleop.live.message_socket import CloseCode
-from teleop.live.robot_socket import RobotSocket
+from teleop.live.consumers.message_socket import CloseCode
+from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.recording.camera_audit import TOO_MANY_CAMERAS, CameraAudit
 
 

@@ -11,8 +11,8 @@ from msgspec import Struct
 
 from fleet.accounts.models import User
 from fleet.audit import services as audit
-from fleet.audit.canonical import TEXT_BYTES
 from fleet.audit.errors import AuditUnavailable
+from fleet.audit.integrity.canonical import TEXT_BYTES
 from fleet.audit.models import Record
 from robots import wire
 from robots.link.client import LinkRefused

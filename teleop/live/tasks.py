@@ -24,7 +24,7 @@ from teleop.control.allow_list import check_role, required_role
 from teleop.control.rules import check_fence
 from teleop.control.selectors import lease_of
 from teleop.control.status import Rights
-from teleop.live.message_socket import BUSY
+from teleop.live.consumers.message_socket import BUSY
 from teleop.live.robot_hub import RobotHub
 
 log = logging.getLogger(__name__)

@@ -22,9 +22,9 @@ from msgspec.structs import replace
 
 from fleet import zones
 from fleet.accounts.models import User
-from fleet.audit import exports
-from fleet.audit.listing import Page, Row, Selection, Wanted, rows_of
 from fleet.audit.models import Record
+from fleet.audit.reading import exports
+from fleet.audit.reading.listing import Page, Row, Selection, Wanted, rows_of
 from teleop.models import ControlSession
 
 SESSIONS = 20  # per page

@@ -13,9 +13,9 @@ from django.utils import timezone
 from msgspec import Struct
 
 from fleet.accounts.models import User
-from fleet.audit import wording
-from fleet.audit.listing import Row, Selection, Wanted, rows_of
 from fleet.audit.models import Record
+from fleet.audit.reading import wording
+from fleet.audit.reading.listing import Row, Selection, Wanted, rows_of
 from fleet.bookings.models import Booking
 from robots.access.selectors import supervises
 from teleop.models import ControlSession

@@ -25,9 +25,9 @@ from msgspec import Struct
 from fleet import zones
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
-from fleet.audit import wording
-from fleet.audit.addresses import number, session_url_of
-from fleet.audit.listing import Row
+from fleet.audit.reading import wording
+from fleet.audit.reading.addresses import number, session_url_of
+from fleet.audit.reading.listing import Row
 from fleet.bookings.authority import awaiting_approval
 from robots.access.selectors import robot_visible_to, supervises
 from teleop.control.selectors import end_notes

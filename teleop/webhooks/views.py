@@ -18,7 +18,7 @@ from django.views.decorators.http import require_http_methods, require_safe
 
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
-from fleet.audit import wording
+from fleet.audit.reading import wording
 from fleet.zones import viewers
 from robots.wire import NotDone
 from teleop.models import Webhook, WebhookDelivery

@@ -18,9 +18,9 @@ from django.db import connection, transaction
 from fleet.accounts.management.commands import erase_person
 from fleet.accounts.models import User
 from fleet.audit import retention
+from fleet.audit.integrity.verify import verify_all
 from fleet.audit.models import Actor, Content, Record
 from fleet.audit.services import record
-from fleet.audit.verify import verify_all
 from teleop.recording import refusals
 from tests.processes import until
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet.audit.exports import safe_cell
+from fleet.audit.reading.exports import safe_cell
 
 FORMULAS = [
     "=1+1",

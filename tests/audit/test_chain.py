@@ -17,11 +17,11 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from fleet.accounts.models import User
-from fleet.audit.canonical import canonical, plain
 from fleet.audit.errors import NotPlain
+from fleet.audit.integrity.canonical import canonical, plain
+from fleet.audit.integrity.verify import verify_all
 from fleet.audit.models import Chain, Record
 from fleet.audit.services import record
-from fleet.audit.verify import verify_all
 
 ROBOT = uuid.UUID("7b0c1d9e-0000-4000-8000-000000000001")
 ROOT = Path(__file__).parents[2]

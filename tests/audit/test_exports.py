@@ -10,11 +10,11 @@ from django.test import AsyncClient
 from django.urls import reverse
 from django.utils import timezone
 
-from fleet.audit import exports
 from fleet.audit.errors import AuditUnavailable
-from fleet.audit.exports import BOM, COLUMNS, Format
-from fleet.audit.listing import Selection, Wanted
 from fleet.audit.models import Record
+from fleet.audit.reading import exports
+from fleet.audit.reading.exports import BOM, COLUMNS, Format
+from fleet.audit.reading.listing import Selection, Wanted
 from fleet.audit.services import record
 from teleop.models import ControlSession, EndReason
 

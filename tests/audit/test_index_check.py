@@ -3,10 +3,10 @@
 import pytest
 from django.db import connection
 
-from fleet.audit import index_check
+from fleet.audit.integrity import index_check
+from fleet.audit.integrity.verify import verify_all
 from fleet.audit.models import Content
 from fleet.audit.services import record
-from fleet.audit.verify import verify_all
 from tests.audit.support import index_anew, tamper
 
 pytestmark = pytest.mark.django_db

@@ -4,10 +4,10 @@ import pytest
 
 from benchmarks.parts.audit.history_writer import Past
 from benchmarks.parts.audit.invented_lab import RARE_OUTCOME
+from fleet.audit.integrity.verify import verify_all
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record
 from fleet.audit.services import record
-from fleet.audit.verify import verify_all
 from robots.registry.models import Robot
 from teleop.models import ControlSession
 from teleop.reports import robot_report, session_report

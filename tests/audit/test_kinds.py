@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from fleet.audit import wording
 from fleet.audit.kinds import KINDS
+from fleet.audit.reading import wording
 from robots.recording.bridge_records import ENDS
 
 ROOT = Path(__file__).parents[2]

@@ -10,10 +10,10 @@ from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
 
-from fleet.audit.canonical import NO_ROBOT
+from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.kinds import KINDS, Listing, kinds_listed
-from fleet.audit.listing import CONSOLE, COUNTED, Selection, Wanted, seen
 from fleet.audit.models import Chain, Record
+from fleet.audit.reading.listing import CONSOLE, COUNTED, Selection, Wanted, seen
 from fleet.audit.services import record
 
 pytestmark = pytest.mark.django_db
@@ -290,7 +290,7 @@ def test_rows_of_several_kinds_are_in_the_order_of_their_numbers():
 
 
 def test_more_than_a_thousand_are_not_counted(monkeypatch, admin):
-    monkeypatch.setattr("fleet.audit.listing.COUNTED", 5)
+    monkeypatch.setattr("fleet.audit.reading.listing.COUNTED", 5)
     monkeypatch.setattr("fleet.audit.admin.COUNTED", 5)
     for _ in range(7):
         say("hello")

@@ -8,13 +8,13 @@ import pytest
 from django.conf import settings
 from django.db import OperationalError, connection, transaction
 
-from fleet.audit.canonical import TEXT_BYTES
 from fleet.audit.command_line import SystemAccount, here
 from fleet.audit.errors import AuditUnavailable
+from fleet.audit.integrity.canonical import TEXT_BYTES
+from fleet.audit.integrity.verify import verify_all
 from fleet.audit.kinds import KINDS, Kept
 from fleet.audit.models import Record
 from fleet.audit.services import record
-from fleet.audit.verify import verify_all
 
 ROBOT = uuid.uuid4()
 

@@ -14,11 +14,11 @@ from django.db import DatabaseError, connection, transaction
 from django.utils import timezone as django_timezone
 
 from fleet.audit import retention
+from fleet.audit.integrity.verify import compare, verify_all
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Content, Record
 from fleet.audit.retention import expire, remove
 from fleet.audit.services import record
-from fleet.audit.verify import compare, verify_all
 
 pytestmark = pytest.mark.django_db
 

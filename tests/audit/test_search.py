@@ -3,9 +3,9 @@
 import pytest
 from django.db import connection
 
-from fleet.audit.listing import Selection, Wanted
 from fleet.audit.models import Content
-from fleet.audit.search import words_of
+from fleet.audit.reading.listing import Selection, Wanted
+from fleet.audit.reading.search import words_of
 from fleet.audit.services import record
 
 pytestmark = pytest.mark.django_db
@@ -24,7 +24,7 @@ SAID = {
 def said(request, monkeypatch):
     """Map each record to its text's name. Tests use both search methods for any number of records."""
     if request.param == "by the index":
-        monkeypatch.setattr("fleet.audit.listing.FEW", 0)
+        monkeypatch.setattr("fleet.audit.reading.listing.FEW", 0)
     return {record("speech.start", text=text).pk: name for name, text in SAID.items()}
 
 
@@ -137,7 +137,7 @@ def test_the_newest_text_comes_first(said):
 
 
 def test_each_of_many_texts_with_an_outcome_is_found_once(operator, monkeypatch):
-    monkeypatch.setattr("fleet.audit.listing.FEW", 0)
+    monkeypatch.setattr("fleet.audit.reading.listing.FEW", 0)
     wanted = {"outcome": "done", "person": str(operator.pk)}
     texts = [record("speech.start", actor=operator, text=f"good {number}") for number in range(3)]
     for text, outcome in zip(texts, ("done", "failed", "done"), strict=True):
@@ -163,7 +163,7 @@ def test_a_text_too_large_for_the_index_is_found(said):
     ("asked", "index"), [("morning", "VIRTUAL TABLE INDEX"), ("qq", "audit_content_said")]
 )
 def test_many_texts_are_searched_by_an_index_in_its_order(said, asked, index, monkeypatch):
-    monkeypatch.setattr("fleet.audit.listing.FEW", 0)
+    monkeypatch.setattr("fleet.audit.reading.listing.FEW", 0)
     [texts] = Selection(Wanted(words=words_of(asked)), ["speech.start"])._texts()
     plan = texts.order_by("-pk").values_list("pk")[:10].explain()
     assert index in plan

@@ -3,8 +3,8 @@
 import pytest
 from django.db import connection
 
-from fleet.audit import triggers
-from fleet.audit.verify import verify_all
+from fleet.audit.integrity import triggers
+from fleet.audit.integrity.verify import verify_all
 
 pytestmark = pytest.mark.django_db
 

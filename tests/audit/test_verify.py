@@ -11,9 +11,9 @@ from django.core.management import CommandError, call_command
 from django.db import connection
 from django.utils import timezone as django_timezone
 
+from fleet.audit.integrity.verify import Head, compare, verify, verify_all
 from fleet.audit.models import Chain, Content, Record
 from fleet.audit.services import record
-from fleet.audit.verify import Head, compare, verify, verify_all
 from tests.audit.support import index_anew, past_the_triggers, tamper
 
 pytestmark = pytest.mark.django_db

@@ -2,7 +2,7 @@
 
 from django.utils import timezone
 
-from fleet.audit.wording import figure
+from fleet.audit.reading.wording import figure
 
 
 def test_a_moment_is_shown_in_the_readers_zone():

@@ -6,8 +6,8 @@ from datetime import datetime, timedelta, timezone
 import pytest
 from django.db import IntegrityError, connection, transaction
 
+from fleet.audit.integrity.verify import verify_all
 from fleet.audit.models import Record
-from fleet.audit.verify import verify_all
 from fleet.bookings import overlaps
 from fleet.bookings.models import Booking, Letter, Policy, State
 from fleet.bookings.rules import Slot

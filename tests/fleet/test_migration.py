@@ -16,10 +16,10 @@ from django.db.backends.base.base import BaseDatabaseWrapper
 from django.db.migrations.loader import MigrationLoader
 from django.db.migrations.recorder import MigrationRecorder
 
-from fleet.audit import triggers
+from fleet.audit.integrity import triggers
+from fleet.audit.integrity.verify import verify
 from fleet.audit.models import Chain, Record
 from fleet.audit.services import record
-from fleet.audit.verify import verify
 
 ROBOT = uuid.UUID("7b0c1d9e-0000-4000-8000-000000000001")
 APPS = ["accounts", "audit", "robots", "teleop"]

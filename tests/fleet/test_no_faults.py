@@ -11,7 +11,7 @@ from django.test import Client
 from django.urls import URLPattern, get_resolver
 
 from fleet.site.asgi import application
-from teleop.live.message_socket import CloseCode
+from teleop.live.consumers.message_socket import CloseCode
 from tests.fleet.support import websocket_answer
 
 ACCEPTS = [None, "text/html", "q=;;,/"]

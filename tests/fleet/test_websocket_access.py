@@ -9,7 +9,7 @@ from django.urls import path
 
 from fleet.site.asgi import application
 from fleet.site.websocket_access import guarded
-from teleop.live.message_socket import CloseCode
+from teleop.live.consumers.message_socket import CloseCode
 from tests.fleet.support import websocket_answer
 
 pytestmark = pytest.mark.django_db(transaction=True)

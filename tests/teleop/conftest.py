@@ -104,7 +104,7 @@ def allow(monkeypatch) -> Callable[..., None]:
             found = read(robot_id)
             return found and structs.replace(found, allowed=entries)
 
-        monkeypatch.setattr("teleop.live.robot_socket.robot_entry", with_entries)
+        monkeypatch.setattr("teleop.live.consumers.robot_socket.robot_entry", with_entries)
         monkeypatch.setattr("teleop.live.robot_hub.robot_entry", with_entries)
 
     return allow_only

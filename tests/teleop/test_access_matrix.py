@@ -22,7 +22,7 @@ from robots.access.selectors import lab_date, role_on
 from robots.access.services import role_set
 from robots.registry.models import Robot, RobotProfile, Role
 from teleop.background.database import in_database
-from teleop.live.message_socket import CloseCode
+from teleop.live.consumers.message_socket import CloseCode
 from tests.conftest import PASSWORD
 from tests.teleop.support import Page
 

@@ -31,12 +31,12 @@ from django.urls import reverse
 
 from benchmarks.parts.audit import history_writer, invented_lab
 from fleet.accounts.models import User
-from fleet.audit import exports
 from fleet.audit.errors import AuditUnavailable
-from fleet.audit.listing import CONSOLE, Selection, Wanted
+from fleet.audit.integrity.verify import verify_all
 from fleet.audit.models import Record
+from fleet.audit.reading import exports
+from fleet.audit.reading.listing import CONSOLE, Selection, Wanted
 from fleet.audit.services import record
-from fleet.audit.verify import verify_all
 from robots.registry.models import Robot
 from teleop.models import ControlSession
 from teleop.reports import views

@@ -20,7 +20,7 @@ from msgspec import Struct
 
 from benchmarks.parts.audit.invented_lab import Event, Scenes
 from fleet.accounts.models import User
-from fleet.audit.canonical import NO_ROBOT, content_digest, first_digest, next_digest, plain
+from fleet.audit.integrity.canonical import NO_ROBOT, content_digest, first_digest, next_digest, plain
 from fleet.audit.models import Actor, Chain, Content, Record
 from robots.registry.models import Robot, RobotProfile
 from teleop.models import ControlSession

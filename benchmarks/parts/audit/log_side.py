@@ -15,8 +15,8 @@ def main() -> None:
     """Print it."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
     django.setup()
+    from fleet.audit.integrity.verify import verify_all
     from fleet.audit.models import Record  # models cannot be imported before the apps are ready
-    from fleet.audit.verify import verify_all
 
     entries = [
         Entry(found.pk, found.at.timestamp(), found.kind, found.of_id, found.outcome, found.details)

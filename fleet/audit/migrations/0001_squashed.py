@@ -3,7 +3,7 @@ import django.utils.timezone
 import uuid
 from django.db import migrations, models
 
-from fleet.audit import triggers
+from fleet.audit.integrity import triggers
 
 
 def make_triggers(_apps, schema_editor):

@@ -12,20 +12,20 @@ import rospy
 
 from robots.simulator.joints.frames import urdf
 from robots.simulator.robot import TICK_HZ, TICK_S, Robot
+from robots.simulator.ros.actions.controllers import CONTROLLERS, TrajectoryController
+from robots.simulator.ros.actions.gripper import GripperServer
+from robots.simulator.ros.actions.head import HeadServer
+from robots.simulator.ros.actions.motions import MotionServer
+from robots.simulator.ros.actions.speech import SpeechServer
 from robots.simulator.ros.base import BaseTopics
 from robots.simulator.ros.cameras.colour import CameraPublisher, head_camera, rear_camera
 from robots.simulator.ros.cameras.depth import DepthPublisher
 from robots.simulator.ros.cameras.drawing_thread import DrawingThread
-from robots.simulator.ros.controllers import CONTROLLERS, TrajectoryController
-from robots.simulator.ros.gripper import GripperServer
-from robots.simulator.ros.head import HeadServer
 from robots.simulator.ros.inertial import InertialTopics
 from robots.simulator.ros.joints import JointTopics
-from robots.simulator.ros.motions import MotionServer
 from robots.simulator.ros.navigation import NavigationTopics
 from robots.simulator.ros.power import PowerTopics
 from robots.simulator.ros.sensors import LaserTopics, SonarTopic
-from robots.simulator.ros.speech import SpeechServer
 from robots.simulator.ros.truth import GroundTruth
 
 _LONGEST_LAG_S = 0.2

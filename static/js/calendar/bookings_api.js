@@ -1,6 +1,6 @@
 /** The calendar's requests to the console. */
 
-import { readJson } from "../lib/read.js";
+import { readJson } from "../connection/read.js";
 
 const CHANNEL = "bookings";
 

@@ -1,10 +1,10 @@
 /** The calendar of bookings: all robots side by side; drag to book, move and lengthen. */
 
+import { Heartbeat } from "../connection/heartbeat.js";
+import { LiveSocket, socketUrl } from "../connection/socket.js";
 import { closable } from "../lib/dialog.js";
 import { make, makeButton, mark, parts, say, show } from "../lib/dom.js";
-import { Heartbeat } from "../lib/heartbeat.js";
 import { pageLanguage } from "../lib/languages.js";
-import { LiveSocket, socketUrl } from "../lib/socket.js";
 import { correctRoles } from "./accessible.js";
 import { bookingsChannel, readFeed, send } from "./bookings_api.js";
 

@@ -1,6 +1,6 @@
 /** The cameras on the control page: wires connection, pictures, views and head together. */
 
-import { socketUrl } from "../lib/socket.js";
+import { socketUrl } from "../connection/socket.js";
 import { CameraSocket } from "./camera_socket.js";
 import { CameraView } from "./camera_view.js";
 import { FloorOverlay } from "./floor_overlay.js";

@@ -1,7 +1,7 @@
 /** The connection for a robot's cameras, apart from control: which are watched, their pictures, acknowledgements. */
 
-import { Heartbeat } from "../lib/heartbeat.js";
-import { CLOSED_FOR_GOOD, LiveSocket } from "../lib/socket.js";
+import { Heartbeat } from "../connection/heartbeat.js";
+import { CLOSED_FOR_GOOD, LiveSocket } from "../connection/socket.js";
 import { CameraClock } from "./camera_clock.js";
 import { unpacked } from "./frame.js";
 

@@ -1,6 +1,9 @@
 /** The control page: wires the modules together. One `ControlPage` per page; `close()` ends all of it. */
 
 import { CameraPanel } from "../camera/camera_panel.js";
+import { Heartbeat } from "../connection/heartbeat.js";
+import { DelayEchoes, RoundTrips } from "../connection/round_trips.js";
+import { CLOSED_FOR_GOOD, LiveSocket, socketUrl } from "../connection/socket.js";
 import { DriveSender } from "../drive/drive_sender.js";
 import { DrivingOptions } from "../drive/driving_options.js";
 import { listenToGamepad } from "../drive/gamepad.js";
@@ -13,13 +16,10 @@ import { isNeutral, Stick } from "../drive/stick.js";
 import { TurnAndLook } from "../drive/turn.js";
 import { screenLock } from "../drive/wake_lock.js";
 import { mark, parts } from "../lib/dom.js";
-import { Heartbeat } from "../lib/heartbeat.js";
-import { Notices } from "../lib/notices.js";
 import { question } from "../lib/question.js";
-import { DelayEchoes, RoundTrips } from "../lib/round_trips.js";
-import { CLOSED_FOR_GOOD, LiveSocket, socketUrl } from "../lib/socket.js";
 import { tabClock, tabToken } from "../lib/tab.js";
 import { Tabs } from "../lib/tabs.js";
+import { Notices } from "../page/notices.js";
 import { TaskPanel } from "../tasks/task_panel.js";
 import { isHeld, isSilent, isStale, seenAt } from "./control_banner.js";
 import { ControlPanel } from "./control_panel.js";

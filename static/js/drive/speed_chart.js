@@ -1,6 +1,6 @@
 /** Speed over the last seconds: what was asked, what the gate allowed, what the odometry says. */
 
-import { RollingPlot } from "../lib/rolling_plot.js";
+import { RollingPlot } from "../plots/rolling_plot.js";
 
 const TIME = { windowS: 20, stepS: 5 };
 const LINES = [

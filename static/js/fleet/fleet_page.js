@@ -1,13 +1,13 @@
 /** The fleet page: a card per robot, live. */
 
+import { Heartbeat } from "../connection/heartbeat.js";
+import { LiveSocket, socketUrl } from "../connection/socket.js";
 import { connectionFact } from "../control/control_banner.js";
 import { StopButton } from "../control/stop_button.js";
 import { StopWords } from "../control/stop_words.js";
 import { mark, parts, say, show } from "../lib/dom.js";
-import { Heartbeat } from "../lib/heartbeat.js";
 import { matches, searches } from "../lib/list.js";
 import { recallInTab, rememberInTab } from "../lib/prefs.js";
-import { LiveSocket, socketUrl } from "../lib/socket.js";
 import { showRobot, showStop } from "./card.js";
 import { cardOf } from "./card_words.js";
 import { ClearAll } from "./clear_all.js";

@@ -2,7 +2,7 @@
 
 import { CameraSocket } from "../camera/camera_socket.js";
 import { fits } from "../camera/frame.js";
-import { socketUrl } from "../lib/socket.js";
+import { socketUrl } from "../connection/socket.js";
 
 const RATE_HZ = 0.2; // so the robot sends single pictures, no film
 

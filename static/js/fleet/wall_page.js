@@ -1,10 +1,10 @@
 /** The lab's monitor: a card per robot, large and live, with nothing to press. It looks after itself. */
 
+import { Heartbeat } from "../connection/heartbeat.js";
+import { LiveSocket, socketUrl } from "../connection/socket.js";
 import { connectionFact } from "../control/control_banner.js";
 import { screenLock } from "../drive/wake_lock.js";
 import { mark, parts, say } from "../lib/dom.js";
-import { Heartbeat } from "../lib/heartbeat.js";
-import { LiveSocket, socketUrl } from "../lib/socket.js";
 import { timeText } from "../lib/times.js";
 import { showRobot, showStop } from "./card.js";
 import { cardOf } from "./card_words.js";

@@ -1,6 +1,6 @@
 /** Bars over days, hours or weekdays: how long a robot was driven. */
 
-import { bars, Plot } from "../lib/uplot.js";
+import { bars, Plot } from "../plots/uplot.js";
 
 const LEAST = 1; // hour or minute: a chart of no driving has an axis
 const AXIS_PIXELS = 56;

@@ -1,9 +1,9 @@
 /** This robot's spoken texts that the person may read, newest first; each can be repeated. */
 
+import { readJson } from "../connection/read.js";
 import { make, makeButton, mark, sayOrHide, show } from "../lib/dom.js";
 import { inLanguage, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
-import { readJson } from "../lib/read.js";
 import { whenText } from "../lib/times.js";
 
 const PAGE = 50;

@@ -1,9 +1,9 @@
 /** Ready-made messages, each in its own script: a press and the robot says it. */
 
+import { readJson } from "../connection/read.js";
 import { make, makeButton, mark, sayOrHide } from "../lib/dom.js";
 import { inLanguage, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
-import { readJson } from "../lib/read.js";
 
 export class Phrases {
   #parts;

@@ -1,9 +1,9 @@
 /** All tasks except driving: motions, speech, topics, with common requests and notices. */
 
+import { socketUrl } from "../connection/socket.js";
 import { isAtLeast } from "../control/roles.js";
 import { Forget } from "../drive/forget.js";
 import { LookAhead } from "../drive/look_ahead.js";
-import { socketUrl } from "../lib/socket.js";
 import { TopicsTab } from "../topics/topics_tab.js";
 import { History } from "./history.js";
 import { endNotice, Motions } from "./motions.js";
@@ -42,7 +42,7 @@ export class TaskPanel {
    * @param {object} page
    * @param {{phrases: string, speech: string, topics: string}} page.addresses of what is read, and of the WebSocket
    * @param {(message: object) => boolean} page.send
-   * @param {import("../lib/notices.js").Notices} page.notices
+   * @param {import("../page/notices.js").Notices} page.notices
    * @param {() => number} page.clock milliseconds, growing over reloads of the tab
    */
   constructor(parts, { addresses, send, notices, clock }) {

@@ -1,7 +1,7 @@
 /** The connection for the robot's topics: questions with one answer each, and live views. */
 
-import { Heartbeat } from "../lib/heartbeat.js";
-import { LiveSocket } from "../lib/socket.js";
+import { Heartbeat } from "../connection/heartbeat.js";
+import { LiveSocket } from "../connection/socket.js";
 import { PATIENCE_MS as LATE_MS } from "../tasks/tasks.js";
 
 const PATIENCE_MS = 12_000; // what answers may have to be started first, and the robot's own services take a moment

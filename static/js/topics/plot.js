@@ -1,7 +1,7 @@
 /** Numbers of a topic's messages over time: a line for each field that was chosen. */
 
 import { make } from "../lib/dom.js";
-import { RollingPlot } from "../lib/rolling_plot.js";
+import { RollingPlot } from "../plots/rolling_plot.js";
 import { numberAt } from "./fields.js";
 
 const TIME = { windowS: 30, stepS: 10 };

@@ -15,11 +15,11 @@ from rest_framework.request import Request
 
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
-from fleet.audit import exports, wording
-from fleet.audit.canonical import NO_ROBOT
-from fleet.audit.listing import CONSOLE, Row, Selection, Wanted, row_of, rows_of
+from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.models import Actor, Record
-from fleet.audit.search import words_of
+from fleet.audit.reading import exports, wording
+from fleet.audit.reading.listing import CONSOLE, Row, Selection, Wanted, row_of, rows_of
+from fleet.audit.reading.search import words_of
 from robots.registry.models import Robot
 from robots.wire import Refusal
 from teleop.api.v1.door.cursors import decoded, encoded, page_by_time

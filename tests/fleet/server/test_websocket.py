@@ -5,7 +5,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from fleet.server import limits
-from teleop.live.message_socket import CloseCode
+from teleop.live.consumers.message_socket import CloseCode
 
 
 def test_a_stranger_must_sign_in(web):

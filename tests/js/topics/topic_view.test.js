@@ -1,7 +1,7 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
 import { TopicView } from "../../../static/js/topics/topic_view.js";
 
-vi.mock("../../../static/js/lib/uplot.js", () => ({
+vi.mock("../../../static/js/plots/uplot.js", () => ({
   Plot: class {
     redraw() {}
     slide() {}

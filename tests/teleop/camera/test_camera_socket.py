@@ -13,7 +13,7 @@ from robots.registry.models import Robot, RobotRole
 from robots.registry.selectors import link_address
 from robots.wire import CameraState, LinkCamera, Refusal, TakenPicture
 from teleop.background.database import in_database
-from teleop.live.message_socket import CloseCode
+from teleop.live.consumers.message_socket import CloseCode
 from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -28,7 +28,7 @@ from teleop.control.lease_events import LeaseEvents
 from teleop.control.policy import WARNING
 from teleop.control.rules import Tab
 from teleop.live import control_holder, robot_hub
-from teleop.live.message_socket import CloseCode
+from teleop.live.consumers.message_socket import CloseCode
 from teleop.models import ControlSession, EndReason, Lease
 from tests.teleop.support import eventually, unavailable
 

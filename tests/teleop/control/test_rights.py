@@ -14,7 +14,7 @@ from robots.access.models import Course, Enrolment, Qualification, Qualification
 from robots.registry.models import Robot, RobotRole
 from teleop.background.database import in_database
 from teleop.live import lease_renewal, robot_hub
-from teleop.live.message_socket import CloseCode
+from teleop.live.consumers.message_socket import CloseCode
 from teleop.live.robot_hub import STATUS_S
 from teleop.models import ControlSession, EndReason
 from tests.teleop.support import eventually

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from robots import wire
-from teleop.live.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
+from teleop.live.consumers.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
 
 pytestmark = pytest.mark.django_db(transaction=True)
 

@@ -13,8 +13,8 @@ from robots import wire
 from robots.link import client as robots_link
 from robots.registry.models import Robot, RobotRole
 from teleop.background.database import in_database
-from teleop.live import fleet_consumer
-from teleop.live.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
+from teleop.live.consumers import fleet_consumer
+from teleop.live.consumers.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER, CloseCode
 from tests.teleop.support import IDLE, FakeBridge, Page
 
 pytestmark = pytest.mark.django_db(transaction=True)

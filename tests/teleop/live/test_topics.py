@@ -5,15 +5,15 @@ import time
 import msgspec
 import pytest
 
-from fleet.audit.canonical import TEXT_BYTES
+from fleet.audit.integrity.canonical import TEXT_BYTES
 from fleet.audit.models import Record
 from robots import wire
 from robots.bridge.config import Allowed
 from robots.registry.models import Robot, RobotRole
 from teleop.background.database import in_database
-from teleop.live.message_socket import CloseCode
+from teleop.live.consumers.message_socket import CloseCode
+from teleop.live.consumers.topics_consumer import MAX_PENDING, QUERIES_BURST
 from teleop.live.topic_feed import MAX_SUBSCRIPTIONS
-from teleop.live.topics_consumer import MAX_PENDING, QUERIES_BURST
 from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)

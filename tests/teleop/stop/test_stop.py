@@ -18,7 +18,7 @@ from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from teleop.background import database
 from teleop.background.database import in_database
-from teleop.live.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER
+from teleop.live.consumers.message_socket import FLOOD_BURST, FLOOD_CLOSES_AFTER
 from teleop.recording.repeat_suppression import MOST, RepeatSuppressor
 from teleop.stop import emergency_stop
 from tests.teleop.support import eventually, unavailable

@@ -16,8 +16,8 @@ from django.db import DatabaseError
 from fleet.audit import services as audit
 from fleet.audit.command_line import here
 from fleet.audit.errors import AuditUnavailable
+from fleet.audit.integrity.verify import Head, Verified, compare, verify_all, verify_one
 from fleet.audit.models import Chain
-from fleet.audit.verify import Head, Verified, compare, verify_all, verify_one
 
 SHOWN = 50  # findings; the first ones matter
 

@@ -1,0 +1,283 @@
+"""The log as a file: CSV for spreadsheets, JSON Lines for programs. Streamed, so that it may be long, and recorded."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import logging
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
+from datetime import datetime
+from itertools import chain
+from typing import Any
+from urllib.parse import quote
+from zoneinfo import ZoneInfo
+
+from asgiref.sync import sync_to_async
+from django.contrib.auth.models import AbstractUser
+from django.db.models import TextChoices
+from django.http import StreamingHttpResponse
+from django.utils import timezone
+from msgspec.structs import asdict
+
+from fleet import zones
+from fleet.audit.errors import AuditUnavailable
+from fleet.audit.models import Record
+from fleet.audit.reading import wording
+from fleet.audit.reading.listing import Row, Selection, Wanted
+from fleet.audit.services import record
+
+log = logging.getLogger(__name__)
+
+Facts = dict[str, Any]
+
+CHUNK = 500  # rows in memory
+# Excel takes a file without it for one in an old code page, and Arabic becomes rubbish; others skip it.
+BOM = "\ufeff"
+# Characters that spreadsheets take for a formula at the beginning of a cell, also full-width (OWASP, CSV injection).
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+
+COLUMNS = [
+    *(
+        "number",
+        "time_utc",
+        "time_local",
+        "robot",
+        "robot_id",
+        "person",
+        "person_id",
+        "really_by",
+        "really_by_id",
+    ),
+    *("kind", "what", "subject", "outcome", "outcome_number", "outcome_time_utc", "outcome_time_local"),
+    *("control_session", "fence", "request", "details", "outcome_details"),
+]
+
+
+class Format(TextChoices):
+    """Formats of an export; the value is the file's extension."""
+
+    CSV = "csv", "CSV"
+    JSON_LINES = "jsonl", "JSON Lines"
+
+
+class Export:
+    """One export: its pieces, each a text of some rows, and the number of rows sent."""
+
+    def __init__(self, pieces: Iterator[tuple[str, int]], begun: Record, actor: AbstractUser) -> None:
+        self._pieces = pieces
+        self._begun = begun
+        self._actor = actor
+        self._count = 0
+        self._complete = self._is_on_record = False
+
+    def piece(self) -> str | None:
+        """The next rows, None after the last."""
+        text, count = next(self._pieces, (None, 0))
+        self._complete = text is None
+        self._count += count
+        return text
+
+    def ended(self) -> None:
+        """Record the outcome, once."""
+        if self._is_on_record:
+            return
+        self._is_on_record = True
+        outcome = "done" if self._complete else "broken_off"
+        try:
+            record(
+                "audit.export",
+                actor=self._actor,
+                of=self._begun,
+                outcome=outcome,
+                parameters={"rows": self._count},
+            )
+        except AuditUnavailable as error:  # rows already sent stay sent, and the begin is recorded
+            log.error("the outcome %s of export %s was not recorded: %s", outcome, self._begun.pk, error)
+
+
+class ExportResponse(StreamingHttpResponse):
+    """A response that records its end, also when the browser disconnects: the server closes every response."""
+
+    def __init__(self, head: str, export: Export, **options: Any) -> None:
+        super().__init__(_pieces(head, export), **options)
+        self._export = export
+
+    def close(self) -> None:
+        """The end."""
+        super().close()
+        self._export.ended()
+
+
+async def _pieces(head: str, export: Export) -> AsyncIterator[bytes]:
+    """Each piece is read in a thread, for it asks the database; none before the last is on its way."""
+    yield head.encode()
+    while (piece := await sync_to_async(export.piece)()) is not None:
+        yield piece.encode()
+    await sync_to_async(export.ended)()
+
+
+def response(
+    selection: Selection,
+    wanted: Wanted,
+    *,
+    actor: AbstractUser,
+    name: str,
+    format_: Format,
+    besides: Iterable[tuple[str, int]] = (),
+) -> ExportResponse:
+    """Return the file as a response. Raises `AuditUnavailable` if the export cannot be recorded.
+
+    `besides` are texts with their numbers of rows, which follow the selected rows.
+    """
+    head, to_text = _WRITERS[format_]
+    zone = zones.viewers()  # the rows are read when the request is over
+    pieces = ((to_text(rows, zone), len(rows)) for rows in selection.chunks(CHUNK))
+    return _file(head, chain(pieces, besides), wanted, actor=actor, name=name, format_=format_)
+
+
+def response_of(
+    columns: Sequence[str],
+    chunks: Iterable[list[Facts]],
+    wanted: Wanted,
+    *,
+    actor: AbstractUser,
+    name: str,
+    format_: Format,
+) -> ExportResponse:
+    """The same for rows that are no records: each row has a value for each column."""
+    if format_ is Format.CSV:
+        head = BOM + _csv_lines([columns])
+        pieces = ((_csv_lines([_safe(facts.values()) for facts in rows]), len(rows)) for rows in chunks)
+    else:
+        head = ""
+        pieces = (("".join(f"{_json(facts)}\n" for facts in rows), len(rows)) for rows in chunks)
+    return _file(head, pieces, wanted, actor=actor, name=name, format_=format_)
+
+
+def _file(
+    head: str,
+    pieces: Iterator[tuple[str, int]],
+    wanted: Wanted,
+    *,
+    actor: AbstractUser,
+    name: str,
+    format_: Format,
+) -> ExportResponse:
+    asked = {key: value for key, value in asdict(wanted).items() if value and key != "words"}
+    begun = record(
+        "audit.export",
+        actor=actor,
+        robot_id=None,
+        parameters={
+            "list": name,
+            "format": format_.value,
+            **{key: str(value) for key, value in asked.items()},
+        },
+        private={"words": " ".join(wanted.words)} if wanted.words else None,
+    )
+    file = f"{name}-{timezone.now():%Y-%m-%d}.{format_.value}"
+    return ExportResponse(
+        head,
+        Export(pieces, begun, actor),
+        content_type=_MEDIA_TYPES[format_],
+        headers={
+            "Content-Disposition": f"attachment; filename=\"{file}\"; filename*=UTF-8''{quote(file)}",
+            "Cache-Control": "no-store",
+        },
+    )
+
+
+# --- CSV ------------------------------------------------------------------------------------------
+
+
+def safe_cell(value: str) -> str:
+    """The cell as text for every spreadsheet: with an apostrophe before a formula."""
+    return f"'{value}" if value.startswith(_FORMULA) else value
+
+
+def _csv(rows: list[Row], zone: ZoneInfo) -> str:
+    return _csv_lines([_safe(_cells(row, zone)) for row in rows])
+
+
+def _safe(cells: Iterable[Any]) -> list[str]:
+    return ["" if cell is None else safe_cell(str(cell)) for cell in cells]
+
+
+def _csv_lines(lines: Iterable[Sequence[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, quoting=csv.QUOTE_ALL).writerows(lines)
+    return text.getvalue()
+
+
+def _cells(row: Row, zone: ZoneInfo) -> Iterator[Any]:
+    record, end = row.record, row.end
+    yield from (record.pk, _time(record), local(record.at, zone), record.robot_name, record.robot_id or "")
+    yield from (record.actor_name, record.actor_id or "")
+    yield from (record.real_actor.name if record.real_actor else "", record.real_actor_id or "")
+    yield from (record.kind, wording.label(record.kind), wording.subject(record), row.outcome)
+    yield from (end.pk, _time(end), local(end.at, zone)) if end else ("", "", "")
+    yield from (record.session_id or "", "" if record.fence is None else record.fence, record.request_id)
+    yield from (_json(record.details), _json(end.details) if end else "")
+
+
+# --- JSON Lines -----------------------------------------------------------------------------------
+
+
+def _json_lines(rows: list[Row], zone: ZoneInfo) -> str:
+    return "".join(f"{_json(_whole(row.record, row.end, zone))}\n" for row in rows)
+
+
+def _whole(record: Record, end: Record | None, zone: ZoneInfo) -> dict[str, Any]:
+    """All columns of a record; `ended` is the record of its outcome."""
+    return {
+        "number": record.pk,
+        "time": _time(record),
+        "time_local": local(record.at, zone),
+        "kind": record.kind,
+        "robot": {"id": _id(record.robot_id), "name": record.robot_name} if record.robot_id else None,
+        "person": _person(record.actor_id, record.actor_name),
+        "really_by": _person(record.real_actor_id, record.real_actor.name if record.real_actor else ""),
+        "control_session": _id(record.session_id),
+        "fence": record.fence,
+        "request": _id(record.request_id),
+        "of": record.of_id,
+        "outcome": record.outcome,
+        "details": record.details,
+        "expired": wording.expired(record),
+        "place": record.seq,
+        "digest": record.digest,
+        "ended": _whole(end, None, zone) if end else None,
+    }
+
+
+def _person(key: str | None, name: str) -> dict[str, str] | None:
+    return {"id": key, "name": name} if key else None
+
+
+def _id(value: Any) -> str | None:
+    return None if value is None else str(value)
+
+
+def _time(record: Record) -> str:
+    return record.at.isoformat()
+
+
+def local(moment: datetime, zone: ZoneInfo) -> str:
+    """Return a moment in a zone, with its distance from UTC, as exports write it beside UTC."""
+    return moment.astimezone(zone).isoformat()
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+
+
+_MEDIA_TYPES = {
+    Format.CSV: "text/csv; charset=utf-8",
+    Format.JSON_LINES: "application/jsonl; charset=utf-8",
+}
+# Header, and the format of rows.
+_WRITERS: dict[Format, tuple[str, Callable[[list[Row], ZoneInfo], str]]] = {
+    Format.CSV: (BOM + _csv_lines([COLUMNS]), _csv),
+    Format.JSON_LINES: ("", _json_lines),
+}

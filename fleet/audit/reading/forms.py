@@ -1,0 +1,142 @@
+"""Filters of the log's lists."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any, cast
+from uuid import UUID
+
+from django import forms
+from django.core.exceptions import ValidationError
+from django.urls import reverse
+from django.utils.translation import gettext_lazy as _
+
+from fleet import zones
+from fleet.audit.integrity.canonical import NO_ROBOT
+from fleet.audit.kinds import KINDS
+from fleet.audit.models import Actor, Chain
+from fleet.audit.reading import wording
+from fleet.audit.reading.listing import CONSOLE, Wanted, seen, that_begin, with_ends
+from fleet.audit.reading.search import words_of
+
+ANY = [("", _("any"))]
+THE_CONSOLE = _("the console itself")
+MOST_NAMED = 5
+
+
+class PersonField(forms.CharField):
+    """A person by name, by a part of it that only one has, or by identifier as in links. Shown by name."""
+
+    def prepare_value(self, value: Any) -> Any:
+        """Show the name of an identifier."""
+        if value == CONSOLE:
+            return str(THE_CONSOLE)
+        return (
+            Actor.objects.filter(pk=value).values_list("name", flat=True).first() or value if value else value
+        )
+
+    def clean(self, value: Any) -> str:
+        """Return the identifier; `ValidationError` if nobody, or more than one person, is called so."""
+        typed: str = super().clean(value)
+        if not typed or typed == CONSOLE or _is_identifier(typed):
+            return typed
+        if typed.casefold() == str(THE_CONSOLE).casefold():
+            return CONSOLE
+        found = people_named(typed, MOST_NAMED + 1)
+        exact = [pk for pk, name in found if name.casefold() == typed.casefold()]
+        if len(exact) == 1 or len(found) == 1:
+            return (exact or [found[0][0]])[0]
+        if not found:
+            raise ValidationError(_("Nobody in the log is called so."))
+        names = ", ".join(name for _pk, name in found[:MOST_NAMED])
+        raise ValidationError(_("Several people are called so: %(names)s."), params={"names": names})
+
+
+class FilterForm(forms.Form):
+    """In the address of the page, so that a filtered list can be sent to somebody.
+
+    `kinds` are those of the list (None: all), `without` the filters that it has no use for.
+    """
+
+    q = forms.CharField(label=_("Said"), max_length=200, required=False)
+    since = forms.DateField(label=_("From"), required=False)
+    until = forms.DateField(label=_("To"), required=False)
+    robot = forms.ChoiceField(label=_("Robot"), required=False)
+    person = PersonField(label=_("Person"), required=False)
+    kind = forms.ChoiceField(label=_("What"), required=False)
+    outcome = forms.ChoiceField(label=_("Outcome"), required=False)
+    session = forms.UUIDField(required=False, widget=forms.HiddenInput)
+
+    def __init__(
+        self,
+        asked: Any,
+        *,
+        kinds: Sequence[str] | None,
+        without: Sequence[str] = (),
+        outcomes_are: Any = None,
+    ) -> None:
+        super().__init__(asked, label_suffix="")
+        self.fields["q"].widget = forms.TextInput(attrs={"type": "search", "autocomplete": "off"})
+        for name in ("since", "until"):
+            self.fields[name].widget = forms.DateInput(attrs={"type": "date"}, format="%Y-%m-%d")
+        listed = list(KINDS if kinds is None else kinds)
+        self.offer("robot", _robots())
+        self.fields["person"].widget = forms.TextInput(
+            attrs={"type": "search", "autocomplete": "off", "data-people": reverse("admin:audit_people")}
+        )
+        self.offer("kind", [(kind, wording.label(kind)) for kind in that_begin(listed)])
+        outcomes = dict.fromkeys(outcome for _kind, outcome in seen(with_ends(listed)))
+        self.offer("outcome", sorted((outcome, wording.outcome(outcome)) for outcome in outcomes))
+        if outcomes_are is not None:
+            self.fields["outcome"].label = outcomes_are
+        for name in without:
+            del self.fields[name]
+
+    def clean(self) -> dict[str, Any]:
+        """The days in order."""
+        asked: dict[str, Any] = super().clean() or self.cleaned_data
+        since, until = asked.get("since"), asked.get("until")
+        if since and until and since > until:
+            raise ValidationError(_("The first day is after the last."))
+        return asked
+
+    def wanted(self) -> Wanted:
+        """The filters of a valid form."""
+        asked, zone = self.cleaned_data, zones.viewers().key
+        return Wanted(
+            words=words_of(asked.get("q", "")),
+            since=asked["since"],
+            until=asked["until"],
+            robot=UUID(asked["robot"]) if asked["robot"] else None,
+            person=asked["person"],
+            kind=asked.get("kind", ""),
+            outcome=asked.get("outcome", ""),
+            session=asked.get("session"),
+            zone=zone if (asked["since"] or asked["until"]) and zone != zones.UTC else "",
+        )
+
+    @property
+    def is_filtered(self) -> bool:
+        """Return whether it asks for less than everything."""
+        return any(self.data.get(name) for name in self.fields)
+
+    def offer(self, name: str, choices: Sequence[tuple[str, Any]]) -> None:
+        """Let one of these be chosen, or none."""
+        cast(forms.ChoiceField, self.fields[name]).choices = [*ANY, *choices]
+
+
+def _robots() -> list[tuple[str, Any]]:
+    robots = Chain.objects.exclude(pk=NO_ROBOT).order_by("name")
+    return [*((str(robot.pk), str(robot)) for robot in robots), (str(NO_ROBOT), _("none"))]
+
+
+def _is_identifier(typed: str) -> bool:
+    with suppress(ValueError):
+        return str(UUID(typed)) == typed
+    return Actor.objects.filter(pk=typed).exists()
+
+
+def people_named(part: str, most: int) -> list[tuple[str, str]]:
+    """Return people whose name contains `part`: identifier and name."""
+    return list(Actor.objects.filter(name__icontains=part).order_by("name").values_list("pk", "name")[:most])

@@ -1,0 +1,101 @@
+"""/head_controller/point_head_action: the head turns towards a point."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import rospy
+
+from robots.bridge.ros.message_types.classes import message_class
+from robots.simulator.joints.frames import FrameError, Matrix, frames, place
+from robots.simulator.joints.gaze import PAN, REACHED_RAD, TILT, Eye, GazeError, aim, error, eye
+from robots.simulator.joints.motions import EASED_PEAK, Phase, Point, Run
+from robots.simulator.robot import Robot
+from robots.simulator.ros.actions.action_server import Goals
+
+
+class Pointing(NamedTuple):
+    """A running goal. Its target is in the base frame at the goal's arrival."""
+
+    handle: Any
+    run: Run
+    eye: Eye
+    target: Matrix
+
+
+class HeadServer:
+    """Points the head. A new goal replaces the running one, and so does a trajectory of its controller."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._player = robot.player
+        self._frames = frames(robot.body)
+        self._pointing: Pointing | None = None
+        self._feedback = message_class("control_msgs/PointHeadFeedback")
+        self._goals = Goals("/head_controller/point_head_action", "control_msgs/PointHeadAction")
+
+    def step(self, now: float) -> None:
+        """Take new goals and cancels, then report whether the goal ended."""
+        for is_goal, handle in self._goals.arrived():
+            if is_goal:
+                self._begin(handle, now)
+            elif self._pointing is not None and self._pointing.handle == handle:
+                self._player.cancel(self._pointing.run)
+                self._report_end()
+        self._report_end()
+
+    def publish(self, _stamp: rospy.Time) -> None:
+        """Publish the head's remaining error."""
+        if self._pointing is not None:
+            feedback = self._feedback(pointing_angle_error=self._off(self._pointing))
+            self._pointing.handle.publish_feedback(feedback)
+
+    def _begin(self, handle: Any, now: float) -> None:
+        goal = handle.get_goal()
+        try:
+            target = self._in_base(goal.target)
+            axis = goal.pointing_axis
+            looks = eye(self._frames, goal.pointing_frame, (axis.x, axis.y, axis.z))
+            wanted = aim(self._frames, looks, target, self._player.positions)
+        except (FrameError, GazeError) as refused:
+            handle.set_rejected(text=str(refused))
+            return
+        seconds = max(goal.min_duration.to_sec(), self._shortest_s(wanted, goal.max_velocity))
+        run = self._player.follow(list(wanted), [Point(list(wanted.values()), seconds)], now)
+        self._report_end()  # of the goal before, which this one replaced
+        handle.set_accepted()
+        self._pointing = Pointing(handle, run, looks, target)
+
+    def _in_base(self, target: Any) -> Matrix:
+        """The target's point in the base frame."""
+        point = np.array([target.point.x, target.point.y, target.point.z])
+        if target.header.frame_id != "odom":
+            return place(self._frames, target.header.frame_id, self._player.positions).point(point)
+        base = self._robot.odometry
+        cos, sin = math.cos(base.yaw), math.sin(base.yaw)
+        ahead, left = point[0] - base.x, point[1] - base.y
+        return np.array([cos * ahead + sin * left, cos * left - sin * ahead, point[2]])
+
+    def _shortest_s(self, wanted: dict[str, float], max_velocity: float) -> float:
+        """Return the duration (s) with joints at most this fast (rad/s); 0: no limit."""
+        if not max_velocity > 0.0:
+            return 0.0
+        way = max(abs(wanted[joint] - self._player.positions[joint]) for joint in (PAN, TILT))
+        return EASED_PEAK * way / max_velocity
+
+    def _off(self, pointing: Pointing) -> float:
+        return error(self._frames, pointing.eye, pointing.target, self._player.positions)
+
+    def _report_end(self) -> None:
+        if self._pointing is None or self._pointing.run.phase is Phase.MOVING:
+            return
+        ended, self._pointing = self._pointing, None
+        if ended.run.phase is not Phase.DONE:
+            ended.handle.set_canceled(text=ended.run.phase.value)
+        elif (off := self._off(ended)) > REACHED_RAD:
+            text = f"the neck turns no further: {math.degrees(off):.0f} degrees off"
+            ended.handle.set_aborted(text=text)
+        else:
+            ended.handle.set_succeeded()

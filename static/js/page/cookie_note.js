@@ -1,0 +1,17 @@
+/** The note on cookies: shown until somebody on this device has read it. */
+
+import { recall, remember } from "../lib/prefs.js";
+
+const READ = "cookies-read";
+
+/** @param {HTMLElement} note has one button, which ends it */
+export function showOnce(note) {
+  if (recall(READ, false)) return;
+  note.hidden = false;
+  note.querySelector("button").addEventListener("click", () => {
+    remember(READ, true);
+    note.hidden = true;
+  });
+}
+
+for (const note of document.querySelectorAll("[data-cookie-note]")) showOnce(note);

@@ -1,0 +1,66 @@
+/** Common parts of all plots: quiet axes, the page's colours, redraw when size or colours change. */
+
+import UPlot from "../../vendor/uplot/uPlot.esm.js";
+import { coloursOf, onNewColours } from "../lib/colours.js";
+
+const LEAST_WIDTH = 100;
+const LEAST_HEIGHT = 80;
+const LEGEND_ROW = 26;
+
+/** Solid bars, one for each x. */
+export const bars = UPlot.paths.bars({ size: [0.7, 48], align: 0 });
+
+/** A uPlot that fills its element, where the style sheet gives it room. */
+export class Plot {
+  #element;
+  #columns;
+  #look;
+  #drawn = null;
+  #observer;
+  #listening = new AbortController();
+
+  /**
+   * @param {HTMLElement} element
+   * @param {() => Array<Array<?number>>} columns the data, as uPlot wants them
+   * @param {(given: {axis: object, colours: (names: string[]) => string[]}) => object} look uPlot's options but its
+   * size; `legendRows` are kept free below it
+   */
+  constructor(element, columns, look) {
+    this.#element = element;
+    this.#columns = columns;
+    this.#look = look;
+    const redraw = () => this.redraw();
+    this.#observer = new ResizeObserver(redraw);
+    this.#observer.observe(element);
+    onNewColours(redraw, this.#listening.signal);
+  }
+
+  redraw() {
+    this.#drawn?.destroy();
+    this.#drawn = null;
+    const { clientWidth: width, clientHeight } = this.#element;
+    if (width < LEAST_WIDTH || clientHeight < LEAST_HEIGHT) return;
+    const colours = (names) => coloursOf(this.#element, names);
+    const [stroke, line] = colours(["--ink-quiet", "--line"]);
+    const axis = { stroke, grid: { stroke: line, width: 1 }, ticks: { show: false } };
+    const { legendRows = 0, ...options } = this.#look({ axis, colours });
+    const height = clientHeight - LEGEND_ROW * legendRows;
+    this.#drawn = new UPlot(
+      { width, height, cursor: { show: false }, ...options },
+      this.#columns(),
+      this.#element,
+    );
+  }
+
+  /** The columns have changed: show those from `least` to `most` on the x axis. */
+  slide(least, most) {
+    this.#drawn?.setData(this.#columns(), false);
+    this.#drawn?.setScale("x", { min: least, max: most });
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#observer.disconnect();
+    this.#drawn?.destroy();
+  }
+}

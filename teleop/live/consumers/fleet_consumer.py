@@ -1,0 +1,284 @@
+"""The WebSocket of the fleet page: a card for each robot that its person may see."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import partial
+from uuid import UUID
+
+from django.db import DatabaseError
+from django.utils import timezone
+from msgspec import Struct, structs
+
+from fleet.accounts.models import User
+from fleet.accounts.selectors import signed_in
+from fleet.bookings.selectors import Schedule, schedules_of
+from robots import wire
+from robots.access.selectors import robots_visible_to, roles_of
+from robots.bridge.config import LinkAddress
+from robots.link.client import BridgeLink, links
+from robots.registry.models import Role
+from robots.registry.selectors import link_address
+from robots.wire import Ended, FleetCard, NotDone, Offers, Refusal, Refused, State, fleet_message
+from teleop.background.database import in_database
+from teleop.background.jobs import run_in_background
+from teleop.control.changes import database_refusal
+from teleop.control.policy import out_of_service
+from teleop.control.selectors import SIGNED_OUT, SignIn
+from teleop.control.status import booked_slots
+from teleop.live.consumers.message_socket import BUSY, CloseCode, MessageSocket
+from teleop.recording.refusals import RefusedRequest
+from teleop.stop.emergency_stop import StopButton, clear
+
+log = logging.getLogger(__name__)
+
+RIGHTS_S = 2.0
+SLOW_S = 1.0  # between two updates when no important value changed
+FAST_S = 0.1  # and when one did
+
+_SILENT = Refusal(
+    "bridge_silent", "The robot’s bridge does not answer: it or its computer is busy or frozen.", "robot"
+)
+_UNKNOWN = Refusal("no_such_robot", "There is no such robot, or you may not see it.", "account")
+_NONE = Refusal("no_such_robot", "There is no robot in service that you may stop.", "account")
+
+
+class VisibleRobot(Struct, frozen=True):
+    """A robot that the person may see."""
+
+    id: UUID
+    slug: str
+    enabled: bool
+    refusal: Refusal | None  # why it cannot be driven now
+    link: LinkAddress
+    may_clear: bool
+    schedule: Schedule  # its bookings
+    user: UUID  # of the page
+
+
+class FleetConsumer(MessageSocket):
+    """One fleet page. It gets the newest update after it acknowledged the previous one; updates are never queued."""
+
+    through = "fleet page"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._robots: dict[str, VisibleRobot] = {}
+        self._links: dict[str, BridgeLink] = {}
+        self._acknowledged = True
+        self._changed = asyncio.Event()
+        self._shown_key: list[object] = []
+        self._buttons: dict[str, StopButton] = {}
+        self._clearing: set[str] = set()  # robots with a running clear
+        self._loops: list[asyncio.Task[None]] = []
+
+    # --- opening and closing -----------------------------------------------------------------------
+
+    async def on_open(self) -> None:
+        """Show the robots, and keep them up to date."""
+        self.person: SignIn = (UUID(str(self.scope["user"].pk)), self.scope["session"].session_key or "")
+        self.user = await in_database(_person, self.person)
+        await self._read_robots()
+        self._loops = [run_in_background(self._keep_reading()), run_in_background(self._keep_showing())]
+
+    async def on_close(self) -> None:
+        """Unsubscribe from all robots."""
+        for loop in self._loops:
+            loop.cancel()
+        for link in self._links.values():
+            link.unsubscribe(self)
+
+    # --- messages ----------------------------------------------------------------------------------
+
+    async def on_message(self, raw: str) -> None:
+        """Act on one message. A stop waits for nothing."""
+        match fleet_message(raw):
+            case wire.StopAll():
+                if slugs := [robot.slug for robot in self._robots.values() if robot.enabled]:
+                    self._press_stop(slugs)
+                elif await self.within_budget("stop"):
+                    await self.refuse("stop", _NONE)
+            case wire.StopRobot(slug=slug) if slug in self._robots:
+                self._press_stop([slug])
+            case wire.StopRobot():
+                if await self.within_budget("stop"):
+                    await self.refuse("stop", _UNKNOWN)
+            case wire.ClearRobot(slug=slug, number=number):
+                if await self.within_budget("clear"):
+                    await self._clear_in_background(slug, number)
+            case wire.Ack():
+                if await self.within_budget("ack"):
+                    self._acknowledged = True
+                    self._wake()
+            case wire.Ping(sent_ms=sent_ms):
+                if await self.within_budget("ping"):
+                    await self.send_message(wire.Pong(sent_ms))
+
+    def _press_stop(self, slugs: Iterable[str]) -> None:
+        flood = not self.spend()  # counts for the flood limit, but is never refused
+        for slug in slugs:
+            button = self._buttons.get(slug)
+            if button is None:
+                not_stopped = partial(self._not_stopped, slug)
+                button = self._buttons[slug] = StopButton(self.user, self.through, not_stopped)
+            button.press(self._links[slug], flood=flood)
+
+    async def _not_stopped(self, slug: str, refusal: Refusal) -> None:
+        """Always name the robot: after "Stop all" the person must know which robot may still move."""
+        await self.answer(Refused("stop", _with_slug(refusal, slug)))
+
+    async def _clear_in_background(self, slug: str, number: int) -> None:
+        """Check, record and send a clear, for each robot in parallel."""
+        if slug not in self._robots:
+            await self._not_cleared(slug, _UNKNOWN)
+        elif slug in self._clearing:
+            await self._not_cleared(slug, BUSY)
+        else:
+            self._clearing.add(slug)
+            run_in_background(self._clear(slug, self._links[slug], number))
+
+    async def _clear(self, slug: str, link: BridgeLink, number: int) -> None:
+        try:
+            await clear(link, number, user=self.user, tab=None)
+        except NotDone as refused:
+            await self._not_cleared(slug, refused.refusal)
+        except DatabaseError as error:
+            await self._not_cleared(slug, database_refusal(error))
+        finally:
+            self._clearing.discard(slug)
+
+    async def _not_cleared(self, slug: str, refusal: Refusal) -> None:
+        await self.answer(Refused("clear", _with_slug(refusal, slug)))
+
+    def refused_request(self, of: str, refusal: Refusal) -> RefusedRequest:
+        """Name the person only: the record of a stop names its robot."""
+        return RefusedRequest(self.user, self.through, of, refusal)
+
+    # --- updates -----------------------------------------------------------------------------------
+
+    async def _keep_showing(self) -> None:
+        while True:
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._changed.wait(), SLOW_S)
+            self._changed.clear()
+            if self._acknowledged:
+                self._acknowledged = False
+                self._shown_key = self._change_key()
+                try:
+                    await self.send_message(wire.Fleet({slug: self._card(slug) for slug in self._robots}))
+                except Exception:
+                    self._acknowledged = True
+                    log.exception("A fleet page was not updated.")
+            await asyncio.sleep(FAST_S)
+
+    def _card(self, slug: str) -> FleetCard:
+        link, robot = self._links[slug], self._robots[slug]
+        known = link.up and not link.silent
+        refusal = None if known else robot.refusal or link.refusal or _SILENT
+        state = link.state if known else None
+        booked, next_booked = booked_slots(robot.schedule, robot.user, timezone.now())
+        return FleetCard(state, refusal, link.seen_at, robot.may_clear, link.pending, booked, next_booked)
+
+    def _wake(self) -> None:
+        if self._acknowledged and self._change_key() != self._shown_key:
+            self._changed.set()
+
+    def _change_key(self) -> list[object]:
+        """Return the values whose change people want to see at once."""
+        return [
+            (
+                link.up,
+                link.silent,
+                link.pending,
+                state and (state.phase, state.holder, state.stop, state.verdict.code),
+            )
+            for link in self._links.values()
+            for state in (link.state,)
+        ]
+
+    # --- visible robots ----------------------------------------------------------------------------
+
+    async def _keep_reading(self) -> None:
+        while True:
+            await asyncio.sleep(RIGHTS_S)
+            try:
+                await self._read_robots()
+            except DatabaseError as error:
+                log.warning("The robots of a fleet page could not be read: %s", error)
+            except Exception:
+                log.exception("Reading the robots of a fleet page failed.")
+
+    async def _read_robots(self) -> None:
+        """Subscribe to the robots that this person may see now."""
+        visible = await in_database(_visible_to, self.person)
+        if visible is None:
+            await self.close(CloseCode.SIGNED_OUT, SIGNED_OUT.text)
+            return
+        self._robots = {robot.slug: robot for robot in visible}
+        wanted = {robot.slug: links.get(robot.id, robot.link) for robot in visible}
+        for slug, link in self._links.items():
+            if wanted.get(slug) is not link:
+                link.unsubscribe(self)
+        fresh = [link for slug, link in wanted.items() if self._links.get(slug) is not link]
+        self._links = wanted
+        for link in fresh:
+            link.subscribe(self)
+
+    # --- events of the links (robots.link.client.Listener) --------------------------------------------------
+
+    def on_view(self, raw: str) -> None:
+        """Ignore pictures: cards show the state."""
+
+    def on_status(self, state: State) -> None:
+        """Send an update soon if an important value changed."""
+        self._wake()
+
+    def on_link(self, up: bool, refusal: Refusal | None) -> None:
+        """Send an update soon."""
+        self._wake()
+
+    def on_capabilities(self, offers: Offers) -> None:
+        """Ignore: not on a card."""
+
+    def on_sample(self, topic: str, shown: str) -> None:
+        """Ignore: not on a card."""
+
+    def on_ended(self, ended: Ended) -> None:
+        """Ignore: the state shows it."""
+
+    def on_refused(self, refused: Refused) -> None:
+        """Ignore: no request of this page."""
+
+
+def _with_slug(refusal: Refusal, slug: str) -> Refusal:
+    return structs.replace(refusal, figures={**refusal.figures, "slug": slug})
+
+
+def _person(person: SignIn) -> User:
+    return User.objects.get(pk=person[0])
+
+
+def _visible_to(person: SignIn) -> Iterable[VisibleRobot] | None:
+    """Return the robots that this sign-in may see; None if it ended."""
+    user = signed_in([person]).get(person)
+    if user is None:
+        return None
+    robots = list(robots_visible_to(user))
+    roles = roles_of(user, robots)
+    schedules = schedules_of(robots, timezone.now())
+    return [
+        VisibleRobot(
+            robot.id,
+            robot.slug,
+            robot.enabled,
+            out_of_service(robot),
+            link_address(robot),
+            may_clear=roles.get(robot.id, Role.OBSERVER) >= Role.SUPERVISOR,
+            schedule=schedules[robot.id],
+            user=user.id,
+        )
+        for robot in robots
+    ]

@@ -1,0 +1,303 @@
+"""The WebSocket of one robot's control page."""
+
+from __future__ import annotations
+
+import logging
+import time
+from functools import partial
+from typing import cast
+from uuid import UUID
+
+from django.db import DatabaseError
+
+from fleet.accounts.tokens.models import Scope
+from robots import wire
+from robots.registry.models import Role
+from robots.wire import (
+    Accepted,
+    Ended,
+    NotDone,
+    Offers,
+    Refusal,
+    Refused,
+    WireError,
+    browser_message,
+    kind_of,
+)
+from teleop.background.jobs import RequestQueue, run_in_background
+from teleop.control.changes import ControlRefused, NotStored, database_refusal
+from teleop.control.rules import Tab, check_fence, fingerprint
+from teleop.control.scopes import needed_scopes, scope_missing
+from teleop.control.status import ControlStatus, RobotEntry
+from teleop.live import robot_hub
+from teleop.live.camera_view import CameraViewAge
+from teleop.live.consumers.message_socket import BUSY, CloseCode
+from teleop.live.consumers.robot_socket import RobotSocket
+from teleop.live.control_holder import ControlHolder
+from teleop.live.picture_feed import PictureViewer
+from teleop.live.tasks import TaskSender
+from teleop.stop import emergency_stop
+
+log = logging.getLogger(__name__)
+
+_DRIVE = '{"t":"drive",'  # pages start a drive message so; any other spelling takes the slower way
+
+_HELLO_FIRST = Refusal("hello_first", "The first message is hello.", "wire")
+
+
+class RobotConsumer(RobotSocket):
+    """One page of one robot: its pictures, its control, its tasks, its stop button."""
+
+    through = "robot page"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.control: ControlHolder | None = None  # from hello on
+        self.viewer: PictureViewer | None = None
+        self.camera_view = CameraViewAge()
+
+    # --- opening and closing -----------------------------------------------------------------------
+
+    async def on_open(self) -> None:
+        """Join the robot's hub, if this person may see the robot."""
+        entry = await self.find_robot()
+        if entry is not None:
+            self.stop_button = emergency_stop.StopButton(
+                self.user, self.through, partial(self.refuse, "stop")
+            )
+            self.requests = RequestQueue()
+            self.tasks = TaskSender(self)
+            self.hub = robot_hub.join(self.robot_id, entry, self)
+
+    async def on_close(self) -> None:
+        """Stop the robot at once; the lease waits for the page to come back."""
+        if not self.joined:
+            return
+        self.requests.close()
+        if self.viewer:
+            self.viewer.leave()
+        try:
+            if self.control:
+                await self.control.leave()
+        except (ControlRefused, DatabaseError) as error:
+            log.warning("A closed page was not stored; its lease lapses by itself: %s", error)
+        finally:
+            await self.hub.remove(self)
+
+    # --- messages from the page --------------------------------------------------------------------
+
+    async def on_message(self, raw: str) -> None:
+        """Act on one message. Drive input takes the shortest way; a stop waits for nothing."""
+        message = browser_message(raw)
+        if isinstance(message, wire.Stop):  # counts for the flood limit, but is never refused
+            self.stop_button.press(self.hub.link, flood=not self.spend())
+        elif not await self.within_budget(kind_of(message)):
+            return
+        elif not self.opens(*(needed := needed_scopes(message))):
+            await self.refuse(kind_of(message), scope_missing(needed), getattr(message, "seq", None))
+        elif isinstance(message, wire.Drive):
+            await self._drive(message, raw)
+        elif isinstance(message, wire.CameraView):
+            if self.camera_view.take(message.age_ms) and self.control:
+                self.control.renew_soon()
+        elif isinstance(message, wire.TaskRequest):
+            await self.tasks.start(message)
+        elif isinstance(message, wire.Ack):
+            if self.viewer:
+                await self.viewer.acknowledge()
+        elif isinstance(message, wire.Ping):
+            await self.send_message(wire.Pong(message.sent_ms))
+        elif isinstance(message, wire.Refresh):
+            await self._refresh_offers(message)
+        elif not self.requests.add(lambda: self._do(message)):
+            await self.refuse(kind_of(message), BUSY)
+
+    def on_message_now(self, raw: str) -> bool:
+        """Forward the holder's drive input to a bridge on this computer at once."""
+        began_s = time.perf_counter()
+        fence = self.fence
+        if (
+            fence is None
+            or not self.opens(Scope.DRIVE)
+            or not raw.startswith(_DRIVE)
+            or not self.hub.link.has_lane
+        ):
+            return False
+        try:
+            drive = browser_message(raw)
+        except WireError:
+            return False
+        if not isinstance(drive, wire.Drive) or drive.fence != fence or not self.spend():
+            return False
+        if self.hub.link.forward_now(raw):
+            self.hub.forwards.add(time.perf_counter() - began_s)
+        else:
+            self.refused["link_busy"] += 1  # a newer drive input follows in a moment
+        return True
+
+    async def _drive(self, drive: wire.Drive, raw: str) -> None:
+        if drive.fence == self.fence:
+            began_s = time.perf_counter()
+            if await self.hub.link.forward(raw):
+                self.hub.forwards.add(time.perf_counter() - began_s)
+            else:
+                self.refused["link_busy"] += 1  # a newer drive input follows in a moment
+            return
+        refusal = check_fence(drive.fence, self.fence)
+        if refusal is not None:
+            await self.refuse("drive", refusal, drive.seq, drive.fence)
+
+    async def _refresh_offers(self, refresh: wire.Refresh) -> None:
+        refusal = self.hub.refresh_offers(self)
+        kind = kind_of(refresh)
+        await self.answer(Refused(kind, refusal, refresh.seq) if refusal else Accepted(kind, refresh.seq))
+
+    async def _do(self, message: wire.BrowserMessage) -> None:
+        """Carry out a request that needs the database."""
+        try:
+            if isinstance(message, wire.Hello):
+                await self._hello(message)
+            elif self.control is None:
+                raise ControlRefused(_HELLO_FIRST)
+            else:
+                await self._change(message, self.control)
+        except NotStored as refused:
+            await self._not_now(message, refused.refusal)
+        except NotDone as refused:
+            await self.refuse(kind_of(message), refused.refusal)
+        except DatabaseError as error:
+            log.error("%s on %s: %s", kind_of(message), self.scope["path"], error)
+            await self._not_now(message, database_refusal(error))
+
+    async def _not_now(self, message: wire.BrowserMessage, refusal: Refusal) -> None:
+        await self.refuse(kind_of(message), refusal)
+        if isinstance(message, wire.Hello):
+            # A page says hello once per connection. It reconnects by itself, and then says it again.
+            await self.close(CloseCode.TRY_AGAIN, refusal.text)
+
+    async def _hello(self, hello: wire.Hello) -> None:
+        if self.control is not None:
+            raise ControlRefused(Refusal("hello_twice", "This page has said hello already.", "wire"))
+        program = self.token.name if self.token else ""
+        tab = Tab(hello.tab, fingerprint(self.person[1]), self.id, program)
+        self.control = ControlHolder(
+            self.hub,
+            self.user.id,
+            tab,
+            report=self.send_message,
+            delay_s=lambda: self.viewer.delay_s if self.viewer else None,
+            camera_s=self.camera_view.age_s,
+            silent_s=lambda: time.monotonic() - self.heard_s,
+        )
+        await self._welcome()
+        await self.hub.read_status_for(self)
+        await self.control.resume()
+        self.viewer = PictureViewer(self.hub.pictures, self.asgi_send)
+        self.viewer.is_driver = self.fence is not None
+        self.wants_pictures = True
+        self.hub.viewers_changed()
+        if self.hub.link.offers:
+            await self.send_message(self.hub.link.offers)
+        await self.hub.wait_for_link()
+        self.report_bridge_gone()
+
+    async def _change(self, message: wire.BrowserMessage, control: ControlHolder) -> None:
+        """Change who has control, or clear the stop."""
+        match message:
+            case wire.Take():
+                await control.take()
+            case wire.TakeOver(reason=reason):
+                await control.take_over(reason)
+            case wire.HandOver(request=request):
+                await control.hand_over(request)
+            case wire.Renew():
+                await control.renew()
+            case wire.Release():
+                await control.release()
+            case wire.Ask():
+                await control.ask()
+            case wire.AskCancel():
+                await control.withdraw()
+            case wire.Clear(number=number):
+                await emergency_stop.clear(self.hub.link, number, user=self.user, tab=control.tab)
+
+    # --- reports from the hub (robot_hub.Member) --------------------------------------------------------
+
+    @property
+    def held_session(self) -> UUID | None:
+        """The control session of this page; None without control."""
+        return self.control.session if self.control else None
+
+    @property
+    def waits(self) -> bool:
+        """Return whether this page waits in line for control."""
+        return self.control is not None and self.control.waits
+
+    @property
+    def fence(self) -> int | None:
+        """Its fencing number."""
+        return self.control.fence if self.control else None
+
+    @property
+    def role_in_control(self) -> Role | None:
+        """The role with which its person took control."""
+        return self.control.role if self.control else None
+
+    async def follow(self, status: ControlStatus) -> None:
+        """Follow this person's rights and the lease."""
+        role_before = self.rights.role
+        await super().follow(status)
+        if not self.may_see:
+            return
+        if role_before != self.rights.role:
+            await self._welcome()
+        if self.control:
+            await self.control.follow(status, self.rights)
+        if self.viewer:
+            self.viewer.is_driver = self.fence is not None
+
+    async def robot_edited(self, entry: RobotEntry) -> None:
+        """The registry's entry of the robot changed."""
+        await self._welcome()
+        self.report_bridge_gone()
+
+    def link_changed(self, up: bool, refusal: Refusal | None) -> None:
+        """Renew control when the link is up again; tell the page when the bridge is gone."""
+        if up and self.control:
+            self.control.renew_soon()
+        self.report_bridge_gone()
+
+    def offers_changed(self, offers: Offers) -> None:
+        """Tell the page what the robot offers now. A page that has not said hello yet learns it then."""
+        if self.wants_pictures:
+            run_in_background(self.send_message(offers))
+
+    def ended_at_bridge(self, ended: Ended) -> None:
+        """Send the grant again: the bridge ended this control, and refuses it now if that is final."""
+        if self.control and ended.fence == self.fence:
+            self.control.renew_soon()
+
+    def refused_at_bridge(self, refused: Refused) -> None:
+        """Pass on a refusal that concerns this page's control."""
+        if self.fence is not None and refused.fence == self.fence:
+            run_in_background(self.refuse(refused.of, refused.refusal, refused.seq, refused.fence))
+
+    async def revoke_access(self, refusal: Refusal) -> None:
+        """End control and close: this person may not see the robot any more."""
+        if self.control:
+            self.control.revoke(refusal)
+        if self.viewer:
+            self.viewer.leave()
+        await super().revoke_access(refusal)
+
+    # --- messages to the page ------------------------------------------------------------------------
+
+    async def _welcome(self) -> None:
+        if self.control is not None and self.rights.role:
+            role = cast(wire.Role, self.rights.role.value)
+            await self.send_message(wire.Welcome(wire.PROTOCOL, self.name, role, self.hub.entry.facts))
+
+    def report_bridge_gone(self) -> None:
+        """Tell the page that the bridge is gone. A page that has not said hello yet learns it then."""
+        if self.control is not None:
+            super().report_bridge_gone()

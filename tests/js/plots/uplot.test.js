@@ -1,0 +1,65 @@
+import { beforeEach, describe, expect, it, vi } from "vitest";
+import { Plot } from "../../../static/js/plots/uplot.js";
+
+const drawn = vi.hoisted(() => []);
+
+vi.mock("../../../static/vendor/uplot/uPlot.esm.js", () => {
+  class UPlot {
+    static paths = { bars: () => () => null };
+    destroy = vi.fn();
+    setData = vi.fn();
+    setScale = vi.fn();
+
+    constructor(options, columns) {
+      Object.assign(this, { options, columns });
+      drawn.push(this);
+    }
+  }
+  return { default: UPlot };
+});
+
+function element(width, height) {
+  const room = document.createElement("div");
+  Object.defineProperties(room, {
+    clientWidth: { get: () => width },
+    clientHeight: { get: () => height },
+  });
+  document.body.append(room);
+  return room;
+}
+
+describe("a plot", () => {
+  beforeEach(() => drawn.splice(0));
+
+  it("leaves room for its legend, and needs room to be drawn", () => {
+    const look = () => ({ legendRows: 2 });
+    for (const height of [200, 40]) {
+      const plot = new Plot(element(300, height), () => [[0]], look);
+      plot.redraw();
+      plot.close();
+    }
+    expect(drawn.map(({ options }) => [options.width, options.height])).toEqual([[300, 148]]);
+  });
+
+  it("is redrawn in a new theme's colours until it is closed", () => {
+    const columns = [[0], [1]];
+    const plot = new Plot(
+      element(300, 200),
+      () => columns,
+      () => ({}),
+    );
+    plot.redraw();
+    columns[0].push(1);
+    columns[1].push(2);
+    document.dispatchEvent(new CustomEvent("fleet:theme"));
+    expect(drawn).toHaveLength(2);
+    expect(drawn[0].destroy).toHaveBeenCalled();
+    expect(drawn[1].columns).toEqual([
+      [0, 1],
+      [1, 2],
+    ]);
+    plot.close();
+    document.dispatchEvent(new CustomEvent("fleet:theme"));
+    expect(drawn).toHaveLength(2);
+  });
+});
