@@ -68,7 +68,7 @@ class MovingArm:
         self._now_s = now_s
         if now_s - self._reported_s >= REPORTED_EVERY_S:
             self._reported_s = now_s
-            self.posture.hear(self._robot.player.positions.items(), now_s)
+            self.posture.update(self._robot.player.positions.items(), now_s)
             self._controller.posture = self.posture.posture(now_s)
         if now_s - self._watched_s >= WATCHED_EVERY_S:
             self._watched_s = now_s

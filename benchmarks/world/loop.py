@@ -29,7 +29,7 @@ from robots.bridge.tasks.head import AHEAD_TAKES_S, FOLLOW_RADPS, Head
 from robots.simulator.faults import Faults
 from robots.simulator.joints.joint_table import camera_pose
 from robots.simulator.physics.base import Twist, clamp
-from robots.simulator.physics.mujoco_world import Onlooker, Pose
+from robots.simulator.physics.mujoco_world import Pose, WorldReader
 from robots.simulator.physics.mux import TwistMux
 from robots.simulator.robot import TICK_S, Robot
 from robots.simulator.sensors.depth import DepthCamera
@@ -230,7 +230,7 @@ class Loop:
         self._camera = DepthCamera(
             self._random, sensors.depth_size, sensors.depth_nearest_m, sensors.depth_holes
         )
-        self._onlooker = Onlooker(self.robot.physics)
+        self._reader = WorldReader(self.robot.physics)
         self._events: list[tuple[float, int, Callable[[float], None]]] = []
         self._numbers = itertools.count()
         self._phase_ticks = self._random.integers(0, PHASES, 3)  # of scan, sonars and depth
@@ -384,9 +384,9 @@ class Loop:
 
     def _tell_depth(self, stamp_s: float, now_s: float) -> None:
         joints = self.joints(self._pan)
-        self._onlooker.follow(self.robot.physics.snapshot())
+        self._reader.follow(self.robot.physics.snapshot())
         self._looked(now_s, DEPTH, self._pan)
-        metres = self._camera.image(self._onlooker, camera_pose(joints))
+        metres = self._camera.image(self._reader, camera_pose(joints))
         to_base = _optical_frame(joints)
         self._later(
             now_s,

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from benchmarks.world.truth import TOP_M, outline
 from robots.simulator.joints.joint_table import camera_pose
-from robots.simulator.physics.mujoco_world import Onlooker, Snapshot
+from robots.simulator.physics.mujoco_world import Snapshot, WorldReader
 from robots.simulator.sensors.depth import FARTHEST_M as DEPTH_FARTHEST_M
 from robots.simulator.sensors.depth import FOCAL_PX, HEIGHT, WIDTH
 from robots.simulator.sensors.laser import in_world
@@ -71,23 +71,23 @@ class Seen(NamedTuple):
 
 def seen(loop: Loop, touch: Touch) -> Seen | None:
     """How what `touch` touched was seen before; None if no sensor can have."""
-    onlooker = Onlooker(loop.robot.physics)
-    onlooker.follow(loop.robot.physics.snapshot())
-    root, local = _touched(onlooker, touch)
+    reader = WorldReader(loop.robot.physics)
+    reader.follow(loop.robot.physics.snapshot())
+    root, local = _touched(reader, touch)
     times: dict[str, list[float]] = {}
     for look in loop.looks:
         if look.time_s < touch.time_s:
-            onlooker.follow(look.snapshot)
-            points = onlooker.data.xpos[root] + local @ onlooker.data.xmat[root].reshape(3, 3).T
-            if _in_view(loop, onlooker, look, points):
+            reader.follow(look.snapshot)
+            points = reader.data.xpos[root] + local @ reader.data.xmat[root].reshape(3, 3).T
+            if _in_view(loop, reader, look, points):
                 times.setdefault(look.sensor, []).append(look.time_s)
     known = {sensor: looks[LOOKS - 1] for sensor, looks in times.items() if len(looks) >= LOOKS}
     return Seen(tuple(known), touch.time_s - min(known.values())) if known else None
 
 
-def _touched(onlooker: Onlooker, touch: Touch) -> tuple[int, Floats]:
+def _touched(reader: WorldReader, touch: Touch) -> tuple[int, Floats]:
     """The body that was touched, and points of it near the contact, in its own frame."""
-    model, data = onlooker.model, onlooker.data
+    model, data = reader.model, reader.data
     geom = model.geom(touch.other).id
     root = int(model.body_rootid[model.geom_bodyid[geom]])
     # Walls and boxes all hang at the world itself: there a thing is one geometry.
@@ -111,26 +111,26 @@ def _surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Floats:
     return np.concatenate([np.column_stack((around, np.full(len(around), level))) for level in levels])
 
 
-def _in_view(loop: Loop, onlooker: Onlooker, look: Look, points: Floats) -> bool:
+def _in_view(loop: Loop, reader: WorldReader, look: Look, points: Floats) -> bool:
     """Return whether the sensor had any of the points before it."""
     if look.sensor == LASER:
-        origin, shown = _before_laser(loop, onlooker, points)
+        origin, shown = _before_laser(loop, reader, points)
     elif look.sensor == DEPTH:
-        origin, shown = _before_camera(loop, onlooker, look.reading, points)
+        origin, shown = _before_camera(loop, reader, look.reading, points)
     else:
-        origin, shown = _before_sonar(loop, onlooker, look, points)
+        origin, shown = _before_sonar(loop, reader, look, points)
     if not len(shown):
         return False
     way = shown - origin
     far = np.linalg.norm(way, axis=1)
-    met = onlooker.cast(origin, np.ascontiguousarray(way / far[:, None]))
+    met = reader.cast(origin, np.ascontiguousarray(way / far[:, None]))
     return bool(((met < 0.0) | (met > far - SAME_M)).any())
 
 
-def _before_laser(loop: Loop, onlooker: Onlooker, points: Floats) -> tuple[Floats, Floats]:
+def _before_laser(loop: Loop, reader: WorldReader, points: Floats) -> tuple[Floats, Floats]:
     mount = loop.robot.laser.mount
     x, y, z, yaw = mount.pose
-    origin = np.array([*in_world(onlooker.pose, x, y), z])
+    origin = np.array([*in_world(reader.pose, x, y), z])
     levels = np.unique(points[:, 2])
     spans = any(low <= z <= high for low, high in pairwise(levels) if high - low <= LEVEL_M + 1e-6)
     if not spans:
@@ -140,31 +140,31 @@ def _before_laser(loop: Loop, onlooker: Onlooker, points: Floats) -> tuple[Float
     at_height = np.column_stack((at_height[:, :2], np.full(len(at_height), z)))
     way = at_height - origin
     far = np.hypot(way[:, 0], way[:, 1])
-    bearing = np.arctan2(way[:, 1], way[:, 0]) - (onlooker.pose.yaw + yaw)
+    bearing = np.arctan2(way[:, 1], way[:, 0]) - (reader.pose.yaw + yaw)
     off = np.abs(np.remainder(bearing + math.pi, math.tau) - math.pi)
     return origin, at_height[
         (off < mount.half_angle) & (far > mount.shortest_m) & (far < min(mount.longest_m, REACH_M))
     ]
 
 
-def _before_sonar(loop: Loop, onlooker: Onlooker, look: Look, points: Floats) -> tuple[Floats, Floats]:
+def _before_sonar(loop: Loop, reader: WorldReader, look: Look, points: Floats) -> tuple[Floats, Floats]:
     mount = next(sonar.mount for sonar in loop.robot.sonars if sonar.mount.frame == look.sensor)
     x, y, z, yaw = mount.pose
-    origin = np.array([*in_world(onlooker.pose, x, y), z])
+    origin = np.array([*in_world(reader.pose, x, y), z])
     way = points - origin
     far = np.linalg.norm(way, axis=1)
-    heading = onlooker.pose.yaw + yaw
+    heading = reader.pose.yaw + yaw
     along = way[:, 0] * math.cos(heading) + way[:, 1] * math.sin(heading)
     heard = min(look.reading + ECHO_M + 2.0 * mount.sigma_m, mount.longest_m)
     return origin, points[(along > far * math.cos(mount.fov / 2.0)) & (far < heard)]
 
 
-def _before_camera(loop: Loop, onlooker: Onlooker, pan: float, points: Floats) -> tuple[Floats, Floats]:
+def _before_camera(loop: Loop, reader: WorldReader, pan: float, points: Floats) -> tuple[Floats, Floats]:
     camera = camera_pose(loop.joints(pan))
-    cos, sin = math.cos(onlooker.pose.yaw), math.sin(onlooker.pose.yaw)
+    cos, sin = math.cos(reader.pose.yaw), math.sin(reader.pose.yaw)
     to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     origin = np.array(
-        [*in_world(onlooker.pose, float(camera.origin[0]), float(camera.origin[1])), camera.origin[2]]
+        [*in_world(reader.pose, float(camera.origin[0]), float(camera.origin[1])), camera.origin[2]]
     )
     forward, left, up = ((points - origin) @ (to_world @ camera.axes)).T
     nearest_m = loop.case.conditions.sensors.depth_nearest_m

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 
 class Kept(TextChoices):
-    """How long expiring parts of a record are kept; the settings have the days of each class."""
+    """Retention class of a record's expiring parts. The settings give each class its days."""
 
     SPEECH = "speech", _("what robots were made to say")
     DRIVING = "driving", _("drives, motions and what the robot refused")

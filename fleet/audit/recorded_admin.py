@@ -18,13 +18,13 @@ class RecordedAdmin(admin.ModelAdmin):  # type: ignore[type-arg]  # not subscrip
     """
 
     def log_addition(self, request: HttpRequest, obj: Any, message: Any) -> None:  # type: ignore[override]
-        """Nothing."""
+        """Write no entry: the audit log has its own record."""
 
     def log_change(self, request: HttpRequest, obj: Any, message: Any) -> None:  # type: ignore[override]
-        """Nothing."""
+        """Write no entry: the audit log has its own record."""
 
     def log_deletions(self, request: HttpRequest, queryset: Iterable[Any]) -> list[LogEntry]:
-        """Nothing."""
+        """Write no entry: the audit log has its own record."""
         return []
 
     def history_view(self, request: HttpRequest, object_id: str, extra_context: Any = None) -> HttpResponse:

@@ -25,7 +25,7 @@ from fleet.bookings.rules import Slot, Wish, lost_right, qualified
 from fleet.bookings.selectors import wish_of
 from fleet.bookings.services import BookingRefused, record_booking, robot_locked, save_booking
 from robots.access.selectors import lacking, roles_on
-from robots.access.signals import access_changed, tell_access_changed
+from robots.access.signals import access_changed, publish_access_changed
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
 
@@ -135,10 +135,10 @@ def _access_changed(*, people: frozenset[UUID] | None, **_options: Any) -> None:
 
 @receiver(erased)
 def _account_erased(*, user: User, **_options: Any) -> None:
-    tell_access_changed([user.pk])
+    publish_access_changed([user.pk])
 
 
 @receiver(post_save, sender=User)
 def _account_changed(*, instance: User, created: bool, update_fields: Any, **_options: Any) -> None:
     if not created and (update_fields is None or set(update_fields) & set(_RIGHTS)):
-        tell_access_changed([instance.pk])
+        publish_access_changed([instance.pk])

@@ -1,1 +1,1 @@
-"""How moments and numbers are written where a page leaves that to Django, by language."""
+"""Formats of times and numbers on pages, by language."""

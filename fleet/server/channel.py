@@ -93,7 +93,7 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         return forward(self) if forward is not None else super().process()
 
     def address(self) -> str:
-        """Whose request this is, for counting."""
+        """Return the client that this request counts for."""
         client, _scheme = self.seen_from()
         return str(client[0]) if client else ""
 

@@ -1,4 +1,4 @@
-"""How much one request may ask of the server before anybody has looked at it.
+"""Limits of a request before any view has looked at it.
 
 The server does not know yet who asks: a session cookie is a hint and no proof. Requests with one may bring a larger
 body, because admin forms do; all bodies together are bounded as well.
@@ -111,5 +111,5 @@ def no_answer() -> Refusal:
 
 
 def most_body_bytes(*, session_cookie: bool) -> int:
-    """How large a body may be."""
+    """Return the largest allowed body, bytes."""
     return SIGNED_IN_BODY_BYTES if session_cookie else BODY_BYTES

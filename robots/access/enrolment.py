@@ -21,7 +21,7 @@ from robots.access import welcome
 from robots.access.models import Course, Enrolment, Invitation
 from robots.access.people_lists import Listed, PeopleList, Wrong
 from robots.access.selectors import lab_date
-from robots.access.signals import tell_access_changed
+from robots.access.signals import publish_access_changed
 from robots.wire import NotDone, Refusal
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def unenrol(*, course: Course, people: Sequence[User], actor: Actor) -> int:
     if gone:
         found.delete()
         record("course.unenrol", actor=actor, parameters={"course": course.slug, "people": gone})
-        tell_access_changed(UUID(person) for person in gone)
+        publish_access_changed(UUID(person) for person in gone)
     return len(gone)
 
 

@@ -216,7 +216,7 @@ def qualified_until(user: User, demands: Collection[int]) -> datetime | None:
 
 
 class Source(Struct, frozen=True):
-    """Where a role comes from: a course, or None for a person's own role or staff."""
+    """Source of a role: a course, or None for a person's own role or staff."""
 
     role: Role
     course: Course | None

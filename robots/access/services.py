@@ -12,7 +12,7 @@ from django.db import transaction
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
 from robots.access.models import Course, GroupRole, Qualification, QualificationGrant, RobotGroup
-from robots.access.signals import tell_access_changed
+from robots.access.signals import publish_access_changed
 from robots.registry.models import Robot, RobotRole, Role
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> No
         parameters={"user": str(user.pk), "from": before, "to": after},
         private={"name": user.display_name},
     )
-    tell_access_changed([user.pk])
+    publish_access_changed([user.pk])
 
 
 @transaction.atomic
@@ -50,7 +50,7 @@ def group_role_set(*, group: RobotGroup, user: User, role: Role | None, actor: A
         parameters={"user": str(user.pk), "group": group.slug, "from": before, "to": after},
         private={"name": user.display_name},
     )
-    tell_access_changed([user.pk])
+    publish_access_changed([user.pk])
 
 
 def _replace_role(
@@ -77,7 +77,7 @@ def group_save(*, group: RobotGroup, robots: Collection[Robot], actor: Actor) ->
         record("group.create", actor=actor, parameters={"group": group.slug, "changes": changes})
     elif changes:
         record("group.change", actor=actor, parameters={"group": group.slug, "changes": changes})
-        tell_access_changed(None)
+        publish_access_changed(None)
     return group
 
 
@@ -86,7 +86,7 @@ def group_delete(*, group: RobotGroup, actor: Actor) -> None:
     """Delete a robot group: its courses no longer give its robots."""
     record("group.delete", actor=actor, parameters={"group": group.slug})
     group.delete()
-    tell_access_changed(None)
+    publish_access_changed(None)
 
 
 @transaction.atomic
@@ -104,7 +104,7 @@ def course_save(
         record("course.create", actor=actor, parameters={"course": course.slug, "changes": changes})
     elif changes:
         record("course.change", actor=actor, parameters={"course": course.slug, "changes": changes})
-        tell_access_changed(_people_of(course))
+        publish_access_changed(_people_of(course))
     return course
 
 
@@ -113,7 +113,7 @@ def course_archive(*, course: Course, archived: bool, actor: Actor) -> None:
     """Archive a course, which ends its roles at once, or open it again."""
     if Course.objects.filter(pk=course.pk, archived=not archived).update(archived=archived):
         record("course.archive", actor=actor, parameters={"course": course.slug, "archived": archived})
-        tell_access_changed(_people_of(course))
+        publish_access_changed(_people_of(course))
 
 
 @transaction.atomic
@@ -131,7 +131,7 @@ def qualification_save(
         record("qualification.create", actor=actor, parameters=facts)
     elif changes:
         record("qualification.change", actor=actor, parameters=facts)
-    tell_access_changed(None)
+    publish_access_changed(None)
     return qualification
 
 
@@ -175,7 +175,7 @@ def qualification_grant(
             "expires_at": expires_at.isoformat() if expires_at else None,
         },
     )
-    tell_access_changed(person.pk for person in changed)
+    publish_access_changed(person.pk for person in changed)
     return len(changed)
 
 
@@ -190,7 +190,7 @@ def qualification_revoke(*, qualification: Qualification, people: Collection[Use
         held.delete()
         facts = {"qualification": qualification.slug, "people": gone}
         record("qualification.revoke", actor=actor, parameters=facts)
-        tell_access_changed(UUID(person) for person in gone)
+        publish_access_changed(UUID(person) for person in gone)
     return len(gone)
 
 

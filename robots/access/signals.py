@@ -13,7 +13,7 @@ access_changed = (
 )  # `people`: a frozenset of their identifiers, None for everybody; sent after the commit
 
 
-def tell_access_changed(people: Iterable[UUID] | None) -> None:
+def publish_access_changed(people: Iterable[UUID] | None) -> None:
     """Send `access_changed` once the transaction is committed."""
     chosen = None if people is None else frozenset(people)
     transaction.on_commit(lambda: access_changed.send(sender=Signal, people=chosen))

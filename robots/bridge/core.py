@@ -294,11 +294,11 @@ class Core:
 
     @property
     def needs_fresh_sensors(self) -> bool:
-        """Whether sensor messages must be handled at once, not only at the next tick. Thread-safe."""
+        """Return whether sensor messages must be handled at once, not only at the next tick. Thread-safe."""
         return self.lease.current is not None or self.stop_state.state == "stopping"
 
     def publishing(self, now_s: float) -> bool:
-        """Whether twists are published: during control, a stop, and shortly after both."""
+        """Return whether twists are published: during control, a stop, and shortly after both."""
         return now_s < self._publish_until_s
 
     def close(self, now_s: float) -> None:

@@ -43,7 +43,7 @@ class Decision(NamedTuple):
 
     @property
     def same(self) -> bool:
-        """Whether every bit of the verdict is equal."""
+        """Return whether every bit of the verdict is equal."""
         return _encoder.encode(self.recorded) == _encoder.encode(self.replayed)
 
 

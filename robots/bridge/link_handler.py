@@ -70,10 +70,10 @@ class LinkHandler:
 
     async def received(self, link: Link, raw: bytes) -> None:
         """Handle one message of the WebSocket."""
-        if not self.hear(link, raw):
+        if not self.handle(link, raw):
             await asyncio.sleep(0)
 
-    def hear(self, link: Link, raw: bytes) -> bool:
+    def handle(self, link: Link, raw: bytes) -> bool:
         """Handle one message of WebSocket or drive lane. Return False if it was dropped by the flood limit."""
         now_s = time.monotonic()
         try:
@@ -90,7 +90,7 @@ class LinkHandler:
             case wire.Drive():
                 return self._drive(link, message, now_s)
             case wire.Grant() | wire.Revoke() | wire.Pause():
-                self._fences.hear(link, message)
+                self._fences.handle(link, message)
             case wire.LinkStop():
                 self._stop(link, message, now_s)
             case wire.LinkClear():

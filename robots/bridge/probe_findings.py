@@ -48,7 +48,7 @@ class HostFound(Struct, frozen=True):
 
 
 class CallbackFound(Struct, frozen=True):
-    """Whether the master could call us at our advertised address."""
+    """Return whether the master could call us at our advertised address."""
 
     advertised: str
     called: bool

@@ -83,7 +83,9 @@ class Bridge:
         self._maps = MapFetcher(config, self._records.keep_map)
         self._fences = FenceStore(self._core, store, saved.fence, lambda: self._beat(time.monotonic()))
         handler = LinkHandler(self._core, self._fences, self._inspector, self._cameras)
-        self._links = LinkServer(config.link, handler.opened, handler.received, handler.closed, handler.hear)
+        self._links = LinkServer(
+            config.link, handler.opened, handler.received, handler.closed, handler.handle
+        )
         self._watchdog = WatchdogClient(lane_path(config), self._pressed)
         self._ended = False
         self._rests = True
@@ -169,7 +171,7 @@ class Bridge:
             alarm.cancel()
 
     def _ticks(self, now_s: float, late_s: float) -> bool:
-        """Whether to tick now: every second time while nothing goes to the base; always when late, to report it."""
+        """Return whether to tick now. Every second time while nothing goes to the base; always if late."""
         core = self._core
         self._rests = not (
             self._rests or late_s >= TICK_S or core.needs_fresh_sensors or core.publishing(now_s)

@@ -34,7 +34,7 @@ _BRIDGE_WELL = {State.RUNNING, State.DISABLED}
 
 
 class Condition(NamedTuple):
-    """How a part is."""
+    """State of a part."""
 
     fault: str = ""  # in a word; "": it is well
     words: str = ""
@@ -120,7 +120,7 @@ def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:
 
 
 def condition_of(robot_id: UUID, address: LinkAddress) -> Condition:
-    """How a robot is, by its bridge."""
+    """State of a robot, by its bridge."""
     try:
         state = state_once(robot_id, address)
     except LinkRefused as refused:

@@ -98,7 +98,7 @@ class PictureHeader(Struct, frozen=True):
 
 
 class CameraWants(Struct, frozen=True, tag_field="t", tag="camera_wants"):
-    """Which pictures a web process needs: for each camera its variants, each with the highest rate (Hz)."""
+    """Pictures that a web process needs: for each camera its variants, each with the highest rate (Hz)."""
 
     cameras: dict[CameraName, dict[Variant, CameraRate]]
 

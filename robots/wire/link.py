@@ -112,7 +112,7 @@ class LinkSubscribe(Struct, frozen=True, tag_field="t", tag="look_at"):
 
 
 class LinkCamera(Struct, frozen=True, tag_field="t", tag="link_camera"):
-    """Whether people watch cameras through this web process. While somebody does, `CameraAt` follows."""
+    """Return whether people watch cameras through this web process. While somebody does, `CameraAt` follows."""
 
     wanted: bool
 

@@ -39,7 +39,7 @@ class Verdict(Struct, frozen=True, omit_defaults=True):
 
 
 class Sensor(Struct, frozen=True):
-    """How a sensor is. `age_s` None: never seen."""
+    """State of a sensor. `age_s` None: never seen."""
 
     name: str
     kind: Literal["scan", "sonar", "odometry", "depth"]
@@ -116,7 +116,7 @@ class Speech(Struct, frozen=True):
 
 
 class SpeechEnd(Struct, frozen=True):
-    """How that ended.
+    """End of the task.
 
     `outcome`: done, failed or rejected (by the robot); sent (a plain message: end not known); cancelled, stopped,
     unheard; a refusal's code if it was recorded but could not begin any more.
@@ -140,7 +140,7 @@ class DriveByProgress(Struct, frozen=True):
 
 
 class DriveByEnd(Struct, frozen=True):
-    """How that ended.
+    """End of the task.
 
     `outcome`: done; held_back (the gate let the robot no farther, or a sensor that it needs fell silent); stopped;
     control_lost; replaced (by the stick or a published velocity); no_odometry; late (the bridge was); no_progress (the
@@ -158,7 +158,7 @@ class DriveByEnd(Struct, frozen=True):
 
 
 class ChoiceEnd(Struct, frozen=True):
-    """How a choice ended by itself: its topic is gone, and input goes to the default `to` again."""
+    """End of a choice by itself: its topic is gone, and input goes to the default `to` again."""
 
     number: int  # of the choice's record
     topic: str
@@ -243,7 +243,7 @@ class MotionOffer(Struct, frozen=True):
 
 
 class UseOffer(Struct, frozen=True):
-    """Where input of one use goes if nobody chooses otherwise, and of which type a topic (an action) must be."""
+    """Default target of one use of input, and the type that a topic (an action) must have."""
 
     topic: str
     type: str

@@ -64,7 +64,7 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 def is_loopback(address: str) -> bool:
-    """Whether only this computer can connect to the address: then X-Forwarded headers are trusted."""
+    """Return whether only this computer can connect to the address: then X-Forwarded headers are trusted."""
     try:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:

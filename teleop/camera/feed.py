@@ -72,7 +72,7 @@ class CameraViewer:
         self._sent = None
 
     def takes(self, newest: _Newest, now_s: float) -> bool:
-        """Whether to send this picture now. A missed video picture breaks the stream until the next key picture."""
+        """Return whether to send it now. A missed video picture breaks the video until the next key picture."""
         if newest is self._sent:
             return False
         has_room = len(self._unacknowledged) < self.quality.most_unacknowledged
@@ -88,7 +88,7 @@ class CameraViewer:
 
     @property
     def needs_key(self) -> bool:
-        """Whether its video cannot go on without a key picture."""
+        """Return whether its video cannot go on without a key picture."""
         return (
             self.quality.variant == "video"
             and self._broken

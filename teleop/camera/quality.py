@@ -35,7 +35,7 @@ class Quality:
 
     @property
     def most_unacknowledged(self) -> int:
-        """How many pictures may be unacknowledged at once."""
+        """Return the number of pictures that may be unacknowledged at once."""
         return MOST_VIDEO_UNACKNOWLEDGED if self.variant == "video" else MOST_UNACKNOWLEDGED
 
     def offered(self, now_s: float) -> None:
@@ -75,7 +75,7 @@ class Quality:
 
     @property
     def _is_slow(self) -> bool:
-        """Whether fewer pictures are shown than the viewer should see, although they come."""
+        """Return whether fewer pictures are shown than the viewer should see, although they come."""
         if len(self._offered) < FEWEST_OFFERED:
             return False  # the camera itself is slow, or has just begun
         offered_hz, shown_hz = len(self._offered) / WINDOW_S, len(self._shown) / WINDOW_S

@@ -74,7 +74,7 @@ def line_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> bo
     return mine.update(connection=tab.connection, seen_at=now) == 1
 
 
-def line_seen(*, robot_id: UUID, connections: list[str], now: datetime) -> None:
+def line_keep(*, robot_id: UUID, connections: list[str], now: datetime) -> None:
     """Note that these pages are there: a web process that died leaves nobody in line for long."""
     Waiting.objects.filter(robot_id=robot_id, starts_at=None, connection__in=connections).update(seen_at=now)
 

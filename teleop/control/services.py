@@ -160,7 +160,7 @@ def lease_fit_slot(*, robot_id: UUID, before: LeaseState, until: datetime, now: 
         booking_used(robot_id=robot_id, person_id=before.user, now=now)
 
 
-def lease_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> None:
+def lease_keep(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> None:
     """Store the holder's last sign of life, if this connection still holds the lease."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
     mine.update(seen_at=seen_at)

@@ -29,7 +29,7 @@ from teleop.control.changes import ControlRefused
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import Phase
 from teleop.control.selectors import SignIn, control_status, robot_entry
-from teleop.control.services import lease_expire, lease_fit_slot, lease_seen
+from teleop.control.services import lease_expire, lease_fit_slot, lease_keep
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live.picture_feed import PictureFeed
 from teleop.live.topic_feed import TopicFeed
@@ -235,14 +235,14 @@ class RobotHub:
         for member in list(self.members.values()):
             if session := member.held_session:
                 silent = timedelta(seconds=time.monotonic() - member.heard_s)
-                lease_seen(
+                lease_keep(
                     robot_id=self.robot_id,
                     session=session,
                     connection=member.id,
                     seen_at=timezone.now() - silent,
                 )
         if waiting := [member.id for member in list(self.members.values()) if member.waits]:
-            queue.line_seen(robot_id=self.robot_id, connections=waiting, now=timezone.now())
+            queue.line_keep(robot_id=self.robot_id, connections=waiting, now=timezone.now())
 
     async def _keep_reading(self) -> None:
         reads = 0

@@ -1,4 +1,4 @@
-"""Where a webhook may lead: no address of this computer or of a private network, unless `FLEET_WEBHOOK_ALLOW` has it.
+"""Allowed addresses of webhooks: none of this computer or a private network, unless `FLEET_WEBHOOK_ALLOW` has it.
 
 A name is resolved for each request, and the request goes to an address that was checked here: a second resolution
 could give another one.

@@ -16,7 +16,7 @@ from robots.simulator.cameras.lens import HEAD_LENS
 from robots.simulator.faults import parse_faults
 from robots.simulator.joints.frames import frames, place
 from robots.simulator.joints.joint_table import HOME, camera_pose
-from robots.simulator.physics.mujoco_world import Onlooker, Pose
+from robots.simulator.physics.mujoco_world import Pose, WorldReader
 from robots.simulator.sensors.body import REAR_CAMERA, TIAGO
 from robots.simulator.worlds import Box
 from tests.simulator.conftest import room
@@ -29,10 +29,10 @@ def picture(robot_in):
     """``picture(world, pose)``: the head camera's picture there."""
 
     def draw(world, pose):
-        onlooker = Onlooker((robot := robot_in(world, pose).robot).physics)
-        onlooker.follow(robot.physics.snapshot())
+        reader = WorldReader((robot := robot_in(world, pose).robot).physics)
+        reader.follow(robot.physics.snapshot())
         try:
-            drawing = Drawing(onlooker)
+            drawing = Drawing(reader)
         except NoCameraError as error:
             pytest.skip(str(error))
         pixels = drawing.image(camera_pose(HOME), HEAD_LENS)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robots.simulator.joints.joint_table import HOME, camera_pose
-from robots.simulator.physics.mujoco_world import Onlooker, Pose
+from robots.simulator.physics.mujoco_world import Pose, WorldReader
 from robots.simulator.sensors.depth import FOCAL_PX, HEIGHT, WIDTH, DepthCamera, as_millimetres
 from robots.simulator.worlds import Box, Table, World
 from tests.simulator.conftest import room
@@ -96,10 +96,10 @@ def test_sonars_report_obstacles_behind(robot_in):
 
 def test_a_depth_picture_is_the_wall_ahead(robot_in):
     robot = robot_in(room()).robot
-    onlooker = Onlooker(robot.physics)
-    onlooker.follow(robot.physics.snapshot())
+    reader = WorldReader(robot.physics)
+    reader.follow(robot.physics.snapshot())
     pose = camera_pose(HOME)
-    depth = DepthCamera(np.random.default_rng(1)).image(onlooker, pose)
+    depth = DepthCamera(np.random.default_rng(1)).image(reader, pose)
     assert depth.shape == (HEIGHT, WIDTH)
     wall = 2.0 - pose.origin[0]
     assert np.nanmedian(depth[200:280]) == pytest.approx(wall, abs=0.02), "along the optical axis: flat"
@@ -112,10 +112,10 @@ def test_the_floor_is_seen_in_a_world_where_little_else_stands(robot_in):
     leg = Box(name="leg", at=(2.0, 0.0), size=(0.04, 0.04, 0.7))
     bare = World(name="bare", size=(-8.0, -8.0, 8.0, 8.0), boxes=[leg])
     robot = robot_in(bare, Pose(0.0, 0.0, 0.0)).robot
-    onlooker = Onlooker(robot.physics)
-    onlooker.follow(robot.physics.snapshot())
+    reader = WorldReader(robot.physics)
+    reader.follow(robot.physics.snapshot())
     pose = camera_pose(HOME | {"head_2_joint": -0.68})
-    depth = DepthCamera(np.random.default_rng(1)).image(onlooker, pose)
+    depth = DepthCamera(np.random.default_rng(1)).image(reader, pose)
     assert np.isnan(depth).mean() < 0.05
     assert np.nanmedian(depth[238:242]) == pytest.approx(pose.origin[2] / math.sin(0.68), abs=0.05)
     assert robot.physics.contacts() == [], "the base stands in the floor and touches nothing"
@@ -123,11 +123,11 @@ def test_the_floor_is_seen_in_a_world_where_little_else_stands(robot_in):
 
 def test_a_point_cloud_is_the_depth_picture_in_space(robot_in):
     robot = robot_in(room()).robot
-    onlooker = Onlooker(robot.physics)
-    onlooker.follow(robot.physics.snapshot())
+    reader = WorldReader(robot.physics)
+    reader.follow(robot.physics.snapshot())
     pose = camera_pose(HOME | {"head_1_joint": 0.4, "head_2_joint": -0.6})
     camera = DepthCamera(np.random.default_rng(1))
-    points = camera.points(camera.image(onlooker, pose)).reshape(-1, 3)
+    points = camera.points(camera.image(reader, pose)).reshape(-1, 3)
     right, down, ahead = points[~np.isnan(points[:, 2])].T
     x, y, z = pose.origin[:, None] + pose.axes @ np.stack((ahead, -right, -down))
     # It sees the wall ahead, the left wall and the floor: every point lies on one of them.
@@ -139,9 +139,9 @@ def test_a_point_cloud_is_the_depth_picture_in_space(robot_in):
 def test_the_depth_camera_sees_a_table_top_that_the_laser_misses(robot_in):
     world = room(tables=[Table(name="desk", at=(1.2, 0.0), size=(0.8, 1.6), legs=False)])
     robot = robot_in(world).robot
-    onlooker = Onlooker(robot.physics)
-    onlooker.follow(robot.physics.snapshot())
-    depth = DepthCamera(np.random.default_rng(1)).image(onlooker, camera_pose(HOME | {"head_2_joint": -0.6}))
+    reader = WorldReader(robot.physics)
+    reader.follow(robot.physics.snapshot())
+    depth = DepthCamera(np.random.default_rng(1)).image(reader, camera_pose(HOME | {"head_2_joint": -0.6}))
     assert np.nanmin(depth) < 1.0
 
 

@@ -1,4 +1,4 @@
-"""How django-allauth works in this console: its hooks, by our limits, our records and our e-mails."""
+"""Hooks of django-allauth: they apply the console's limits, write its records and send its e-mails."""
 
 from __future__ import annotations
 

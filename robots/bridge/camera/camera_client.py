@@ -86,7 +86,7 @@ class CameraClient:
     # --- the process (line_process.LineProcessOwner) ----------------------------------------------
 
     def needed(self) -> bool:
-        """Whether to keep the process."""
+        """Return whether to keep the process."""
         return bool(self._watchers or self._idle)
 
     def began(self) -> None:
@@ -95,7 +95,7 @@ class CameraClient:
         if not self._watchers and self._idle is None:
             self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end)
 
-    def hear(self, line: bytes) -> None:
+    def handle_line(self, line: bytes) -> None:
         """Take the address on which it listens, at first and then as a sign of life."""
         at = _camera_at.decode(line)
         self._await_life(SILENCE_S)

@@ -52,7 +52,7 @@ class _WebProcess:
         self._news.set()
 
     def _continues(self, header: TakenPicture) -> bool:
-        """Whether this video picture can be decoded by those who got all before. After a gap, ask for a key picture."""
+        """Return whether viewers of all earlier pictures can decode this one. After a gap, ask for a key picture."""
         if header.key:
             self._broken.discard(header.camera)
         elif (header.camera, "video") in self._pictures or header.camera in self._broken:

@@ -51,7 +51,7 @@ class FenceStore:
         self._writing = False
         self._waiting = _Waiting(maxlen=MAX_WAITING)  # messages about a fence that is not on disk yet
 
-    def hear(self, link: Link, message: Message) -> None:
+    def handle(self, link: Link, message: Message) -> None:
         """Apply `message` now, or when its fence is on disk."""
         if isinstance(message, Grant):
             refusal = self._core.lease.check(message)
@@ -108,7 +108,7 @@ class FenceStore:
         if error is None:
             self._on_disk = fence
             for link, message in waited:
-                self.hear(link, message)
+                self.handle(link, message)
             return
         log.error("writing a fence failed: %s", error)
         for link, message in waited:

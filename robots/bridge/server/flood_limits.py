@@ -31,7 +31,7 @@ class TokenBucket:
         return max(1.0 - self._left, 0.0) / self.rate_per_s
 
     def is_full(self, now_s: float) -> bool:
-        """Whether the bucket is full, so that it need not be kept."""
+        """Return whether the bucket is full, so that it need not be kept."""
         self._fill(now_s)
         return self._left >= self.size
 

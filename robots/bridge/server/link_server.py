@@ -188,11 +188,11 @@ class LinkServer:
         for link in self.links:
             if link.lane is None and hmac.compare_digest(link.token.encode(), token.encode()):
 
-                def hear(message: bytes, link: Link = link) -> None:
+                def handle(message: bytes, link: Link = link) -> None:
                     if self._on_quick and not self._deaf:
                         self._on_quick(link, message)
 
-                link.lane = Lane(end, hear, link.cut)
+                link.lane = Lane(end, handle, link.cut)
                 return
         log.warning("a drive lane with an unknown token was refused")
         end.close()

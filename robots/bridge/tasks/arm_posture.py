@@ -22,7 +22,7 @@ HAND_M = 0.25  # the reach of a hand that the description leaves out
 
 
 class ArmPosture:
-    """Where one arm is. Times are the bridge's monotonic clock, seconds.
+    """Place of one arm. Times are the bridge's monotonic clock, seconds.
 
     Joint positions and goals come on rospy's threads, questions on the gate's.
     """
@@ -63,7 +63,7 @@ class ArmPosture:
         self._moved = {link: tree.moving([link]) for link in links}
         self._own, self._tree = own, tree
 
-    def hear(self, joints: Iterable[tuple[str, float]], now_s: float) -> None:
+    def update(self, joints: Iterable[tuple[str, float]], now_s: float) -> None:
         """Take positions (rad or m) of some joints; several nodes may each report some. Ignore what is not finite."""
         for name, position in joints:
             if math.isfinite(position):

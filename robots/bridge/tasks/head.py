@@ -1,4 +1,4 @@
-"""Where the head looks: where the holder turns it, ahead on request, and, if configured, into the turn of a drive.
+"""Direction of the head: as its holder turns it, ahead on request, and, if configured, into the turn of a drive.
 
 A head that the holder has turned stays there until it is asked to look ahead again.
 """

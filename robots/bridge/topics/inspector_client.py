@@ -200,7 +200,7 @@ class InspectorClient:
     # --- the process (line_process.LineProcessOwner) ----------------------------------------------
 
     def needed(self) -> bool:
-        """Whether to keep the process: subscriptions, publishing, or a recent query."""
+        """Return whether to keep the process: subscriptions, publishing, or a recent query."""
         return bool(self._wanted() or self._at_rate or self._waiting or self._idle)
 
     def began(self) -> None:
@@ -211,7 +211,7 @@ class InspectorClient:
             self._child.send(b"\n".join(self._unsent.values()))
             self._unsent.clear()
 
-    def hear(self, line: bytes) -> None:
+    def handle_line(self, line: bytes) -> None:
         """Take an answer or a sample."""
         match _report.decode(line):
             case wire.LinkSample(topic=topic):

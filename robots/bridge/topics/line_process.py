@@ -26,12 +26,12 @@ class LineProcessOwner(Protocol):
     """The user of a line process."""
 
     def needed(self) -> bool:
-        """Whether a process must run."""
+        """Return whether a process must run."""
 
     def began(self) -> None:
         """Send a new process its initial messages."""
 
-    def hear(self, line: bytes) -> None:
+    def handle_line(self, line: bytes) -> None:
         """Take a line from it. A ValueError ends the process."""
 
     def ended(self) -> None:
@@ -53,12 +53,12 @@ class LineProcess:
 
     @property
     def lives(self) -> bool:
-        """Whether a process exists, which may be ending."""
+        """Return whether a process exists, which may be ending."""
         return self._process is not None
 
     @property
     def listens(self) -> bool:
-        """Whether a process exists that takes lines."""
+        """Return whether a process exists that takes lines."""
         return self._stdin is not None
 
     def need(self) -> None:
@@ -133,7 +133,7 @@ class LineProcess:
             else:
                 self._owner.began()
             while line := await process.stdout.readline():
-                self._owner.hear(line)
+                self._owner.handle_line(line)
         finally:
             self._process = self._stdin = None
             process.stdin.close()

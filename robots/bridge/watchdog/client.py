@@ -36,11 +36,11 @@ class WatchdogClient:
 
     @property
     def connected(self) -> bool:
-        """Whether a watchdog is connected."""
+        """Return whether a watchdog is connected."""
         return self._socket is not None
 
     def missing(self, now_s: float) -> bool:
-        """Whether no watchdog took a heartbeat for `MISSING_S`: none runs, or it is frozen."""
+        """Return whether no watchdog took a heartbeat for `MISSING_S`: none runs, or it is frozen."""
         return now_s - max(self._taken_s, self._since_s) > MISSING_S
 
     def beat(self, beat: Heartbeat, now_s: float) -> None:

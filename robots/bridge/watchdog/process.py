@@ -80,7 +80,7 @@ class Watchdog:
     def step(self, heard: list[ReceivedMessage], now_s: float) -> None:
         """Handle messages, then act. Queued messages come first: a queued heartbeat is not silence."""
         for connection, message in heard:
-            self._hear(connection, message, now_s)
+            self._handle(connection, message, now_s)
         self._act(now_s)
 
     def _pause_s(self, now_s: float) -> float:
@@ -88,7 +88,7 @@ class Watchdog:
             return IDLE_S
         return max(self._zero_s + PERIOD_S - now_s, 0.0) if self._rules.zeros(now_s) else PERIOD_S
 
-    def _hear(self, connection: socket.socket, message: bytes | None, now_s: float) -> None:
+    def _handle(self, connection: socket.socket, message: bytes | None, now_s: float) -> None:
         if message is None:
             self._gone(connection, now_s)
             return

@@ -56,7 +56,7 @@ class StopRules:
 
     @property
     def latched(self) -> bool:
-        """Whether the robot is stopped."""
+        """Return whether the robot is stopped."""
         return self._own is not None or self._beat.latched
 
     @property
@@ -91,11 +91,11 @@ class StopRules:
         return self._own
 
     def zeros(self, now_s: float) -> bool:
-        """Whether to publish zeros: while a stop is latched, and shortly after a driving bridge fell silent."""
+        """Return whether to publish zeros: while a stop is latched, and shortly after a driving bridge fell silent."""
         silent_s = now_s - self._beat_s - SILENT_S
         return self.latched or (self._beat.publishing and 0.0 <= silent_s < QUIET_AFTER_S)
 
     def cancel(self, now_s: float) -> bool:
-        """Whether to cancel goals from here: no bridge that reaches the robot does it."""
+        """Return whether to cancel goals from here: no bridge that reaches the robot does it."""
         works = self._bridge_lives and self._beat.publishing and now_s - self._beat_s < SILENT_S
         return self.latched and (self._own is not None or not works)

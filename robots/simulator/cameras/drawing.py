@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from robots.simulator.cameras.lens import HEAD_LENS, Lens
 from robots.simulator.joints.joint_table import CameraPose
-from robots.simulator.physics.mujoco_world import Onlooker
+from robots.simulator.physics.mujoco_world import WorldReader
 from robots.simulator.physics.scene import DECORATION_GROUP
 
 _MOST_GEOMS = 500
@@ -31,22 +31,22 @@ class NoCameraError(Exception):
 class Drawing:
     """Draws the pictures of all colour cameras; raises `NoCameraError` if this computer cannot draw."""
 
-    def __init__(self, onlooker: Onlooker) -> None:
+    def __init__(self, reader: WorldReader) -> None:
         self._context = _context()
         self._context.make_current()
-        self._onlooker = onlooker
-        self._scene = mujoco.MjvScene(onlooker.model, maxgeom=_MOST_GEOMS)
+        self._reader = reader
+        self._scene = mujoco.MjvScene(reader.model, maxgeom=_MOST_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._options = mujoco.MjvOption()
         self._options.geomgroup[DECORATION_GROUP] = 1
-        self._renderer = mujoco.MjrContext(onlooker.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        self._renderer = mujoco.MjrContext(reader.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._renderer)
         self._view = mujoco.MjvCamera()
 
     def image(self, pose: CameraPose, lens: Lens) -> NDArray[np.uint8]:
         """The picture of a camera at `pose` (base frame): (height, width, 3), red green blue."""
-        looker = self._onlooker
+        looker = self._reader
         everything = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
             looker.model, looker.data, self._options, None, self._view, everything, self._scene
@@ -65,7 +65,7 @@ class Drawing:
 
     def _aim(self, pose: CameraPose, lens: Lens) -> None:
         """Place both of the scene's eyes at the camera."""
-        robot = self._onlooker.pose
+        robot = self._reader.pose
         cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
         to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         where = to_world @ pose.origin + np.array([robot.x, robot.y, 0.0])

@@ -78,7 +78,7 @@ def cast_rays(
     return distance
 
 
-class Onlooker:
+class WorldReader:
     """Reads the world from its own thread, in parallel with the physics."""
 
     def __init__(self, physics: Physics) -> None:
@@ -189,7 +189,7 @@ class Physics:
         return cast_rays(self.model, self.data, self.robot_id, origin, directions)
 
     def snapshot(self) -> Snapshot:
-        """Return all present poses, for an `Onlooker` on another thread."""
+        """Return all present poses, for an `WorldReader` on another thread."""
         data = self.data
         return Snapshot(data.qpos.copy(), data.mocap_pos.copy(), data.mocap_quat.copy())
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.simulator.joints.joint_table import CameraPose
-from robots.simulator.physics.mujoco_world import Onlooker
+from robots.simulator.physics.mujoco_world import WorldReader
 from robots.simulator.sensors.laser import in_world
 
 WIDTH = 640
@@ -52,13 +52,13 @@ class DepthCamera:
         self._rays = (rays / length[..., None]).reshape(-1, 3)  # forward, left, up
         self._ahead = (1.0 / length).ravel()  # part of a ray's length that lies along the optical axis
 
-    def image(self, onlooker: Onlooker, camera: CameraPose) -> NDArray[np.float32]:
+    def image(self, reader: WorldReader, camera: CameraPose) -> NDArray[np.float32]:
         """Distances along the optical axis in metres (height, width); nan without a measurement."""
-        robot = onlooker.pose
+        robot = reader.pose
         cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
         to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         origin = np.array([*in_world(robot, camera.origin[0], camera.origin[1]), camera.origin[2]])
-        distance = onlooker.cast(origin, self._rays @ (to_world @ camera.axes).T)
+        distance = reader.cast(origin, self._rays @ (to_world @ camera.axes).T)
         depth = self._as_measured(distance * self._ahead).reshape(self._shape)
         return self._with_holes(depth).repeat(self._coarse, axis=0).repeat(self._coarse, axis=1)
 

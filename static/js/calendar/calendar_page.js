@@ -206,12 +206,12 @@ function clock(now, timeZone) {
   return new Intl.DateTimeFormat("en", parts).format(now);
 }
 
-/** Whether browser and page show the same time. @param {Date} now */
+/** Return whether browser and page show the same time. @param {Date} now */
 export function sameClock(now, zone = document.documentElement.dataset.zone) {
   return clock(now, zone || undefined) === clock(now);
 }
 
-/** Where the day view begins: two hours before now in the page's zone. @param {Date} now */
+/** Begin of the day view: two hours before now in the page's zone. @param {Date} now */
 export function scrollTime(now, zone = document.documentElement.dataset.zone) {
   const options = { timeZone: zone || undefined, hour: "2-digit", hourCycle: "h23" };
   const hour = Number(new Intl.DateTimeFormat("en", options).format(now));

@@ -6,7 +6,7 @@ import { CameraPicture } from "./camera_picture.js";
 const SAID_MS = 300; // the age of a newer picture is nobody's concern
 const OLD_MS = 500; // from then on it is grey
 
-/** How old a picture is, in words; empty while it is new. */
+/** Age of a picture in words; empty while it is new. */
 export function ageText(ageMs) {
   if (ageMs <= SAID_MS) return "";
   return interpolate(gettext("picture %s s old"), [(ageMs / 1000).toFixed(1)]);
@@ -60,13 +60,13 @@ export class CameraView extends EventTarget {
     return this.#picture.painted?.header ?? null;
   }
 
-  /** How old the shown picture is; null: none is shown. */
+  /** Age of the shown picture; null: none is shown. */
   get ageMs() {
     const { painted } = this.#picture;
     return painted ? Math.max(0, performance.now() - painted.takenMs) : null;
   }
 
-  /** Whether pictures are known to have ended. */
+  /** Return whether pictures are known to have ended. */
   get isMissing() {
     return this.#why !== "";
   }

@@ -154,7 +154,7 @@ function pixel([x, y, z], [fx, fy, cx, cy]) {
   return [cx + (fx * x) / z, cy + (fy * y) / z];
 }
 
-/** Where an outline on the floor is in the picture, without what lies behind the camera; pixels of the header's size. */
+/** Place of an outline on the floor in the picture, without what lies behind the camera; pixels of the header's size. */
 export function inPicture(outline, { lens, pose }) {
   const corners = outline.map((place) => seen(place, pose));
   const clipped = [];
@@ -173,7 +173,7 @@ function wrapped(angle) {
   return Math.atan2(Math.sin(angle), Math.cos(angle));
 }
 
-/** Where the camera stands and looks, on the floor plan. */
+/** Place and direction of the camera on the floor plan. */
 function standOf(m) {
   const at = (column) => -(m[column] * m[3] + m[4 + column] * m[7] + m[8 + column] * m[11]);
   return { x: at(0), y: at(1), heading: Math.atan2(m[9], m[8]) };

@@ -20,12 +20,12 @@ export function unpacked(frame) {
   }
 }
 
-/** Whether a picture of this size is shown. */
+/** Return whether a picture of this size is shown. */
 export function fits({ width, height }) {
   return width > 0 && height > 0 && width <= LONGEST_SIDE && height <= LONGEST_SIDE;
 }
 
-/** Where a picture is drawn in a box that it does not fill. @returns {{scale: number, x: number, y: number}} */
+/** Place of a picture in a box that it does not fill. @returns {{scale: number, x: number, y: number}} */
 export function placeIn({ width, height }, boxWidth, boxHeight) {
   const scale = Math.min(boxWidth / width, boxHeight / height);
   return { scale, x: (boxWidth - width * scale) / 2, y: (boxHeight - height * scale) / 2 };

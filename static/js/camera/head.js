@@ -147,7 +147,7 @@ export class Head {
     return turnToPlace((clientX - left) / scale, (clientY - top) / scale, header);
   }
 
-  /** Where the picture is on the page. */
+  /** Place of the picture on the page. */
   #place() {
     const header = this.#header();
     const box = this.#area.getBoundingClientRect();

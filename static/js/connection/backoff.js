@@ -4,7 +4,7 @@ const FIRST_MS = 250;
 const LONGEST_MS = 2000;
 
 /**
- * How long to wait before attempt number `attempt` (0 is the first after a loss).
+ * Waiting time before attempt number `attempt` (0 is the first after a loss).
  * Jitter takes up to a fifth off, so that many pages do not return in one moment.
  * @param {number} attempt
  * @param {() => number} random

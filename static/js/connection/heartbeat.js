@@ -1,4 +1,4 @@
-/** Whether the other end of a socket still answers, and how long the way there and back is. */
+/** Watches that the other end of a socket still answers, and measures the round trip. */
 
 import { RoundTrips } from "./round_trips.js";
 

@@ -1,4 +1,4 @@
-/** How long the way is: round trips of the last seconds. */
+/** Round trips of the last seconds. */
 
 const KEPT = 7;
 
@@ -23,7 +23,7 @@ export class RoundTrips {
   }
 }
 
-/** When each numbered message left, until the robot's bridge echoes the number. */
+/** Time at which each numbered message left, until the robot's bridge echoes the number. */
 export class DelayEchoes {
   #sent = new Map();
 

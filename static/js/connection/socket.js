@@ -1,4 +1,4 @@
-/** A WebSocket that comes back: JSON in and out, bytes in, as DOM events. */
+/** A WebSocket that connects again by itself: JSON in and out, bytes in, as DOM events. */
 
 import { waitBefore } from "./backoff.js";
 

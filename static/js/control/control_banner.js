@@ -9,7 +9,7 @@ export function isStale(sinceViewMs) {
   return sinceViewMs > STALE_MS;
 }
 
-/** Whether the silence counts as a lost connection: requests make no sense now. */
+/** Return whether the silence counts as a lost connection: requests make no sense now. */
 export function isSilent(sinceViewMs) {
   return sinceViewMs > SILENT_MS;
 }
@@ -33,7 +33,7 @@ export function connectionFact({ connected, gone = null, heard, stale }) {
 
 const SEEN_S = 2; // a robot that is silent for longer is out of reach
 
-/** Whether the robot itself was heard recently; otherwise its motion is not known. */
+/** Return whether the robot itself was heard recently; otherwise its motion is not known. */
 export function isSeen({ phase, unseen_s: unseenS }) {
   return phase === "online" || (unseenS ?? Infinity) < SEEN_S;
 }
@@ -44,7 +44,7 @@ export function unknownText(seenAt) {
   return interpolate(gettext("unknown, last seen %s"), [whenText(seenAt * 1000)]);
 }
 
-/** When a robot was last heard, by its own state. @returns {?number} seconds since 1970 */
+/** Time of the last news of a robot, by its own state. @returns {?number} seconds since 1970 */
 export function seenAt({ unseen_s: unseenS }, nowMs = Date.now()) {
   return unseenS === null || unseenS === undefined ? null : nowMs / 1000 - unseenS;
 }
@@ -245,7 +245,7 @@ export function limitsOf({ code, way, limits = [] }) {
   return limits.map((limit) => ({ text: limit.text, holds: holds(limit) }));
 }
 
-/** Whether the gate stops the stick completely. Not while a drive is being recorded, which takes only a moment. */
+/** Return whether the gate stops the stick completely. Not while a drive is being recorded, which takes only a moment. */
 export function isHeld(verdict) {
   const zero = (twist) => twist.every((value) => value === 0);
   return verdict.code !== "recording" && !zero(verdict.asked) && zero(verdict.allowed);

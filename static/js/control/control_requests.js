@@ -40,7 +40,7 @@ function doneText(t, { holder, remaining_s: remainingS }) {
   return texts[t] ?? "";
 }
 
-/** Whether the present `control` answers the request. */
+/** Return whether the present `control` answers the request. */
 function isDone(t, { state, asking = null, remaining_s: remainingS = 0 }, renewedS) {
   switch (t) {
     case "take":

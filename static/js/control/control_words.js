@@ -6,7 +6,7 @@ const SOON_S = 4 * 3600; // a later booking is not shown
 const FAR_S = 3600;
 const WARNINGS_S = [60, 300]; // before a slot ends control
 
-/** How the holder is called on this page. */
+/** Name of the holder on this page. */
 function holder(control) {
   return control.holder ?? gettext("Somebody");
 }
@@ -66,7 +66,7 @@ export function controlWords(control, resumableS = null, offerS = null) {
   }
 }
 
-/** Whether waiting in line helps: others may take control now, and this person later. */
+/** Return whether waiting in line helps: others may take control now, and this person later. */
 function mayWait({ refusal }) {
   return ["next_in_line", "booked"].includes(refusal?.code);
 }
@@ -102,7 +102,7 @@ export function slotWords({ state, booked, next_booked: next }, sinceS) {
   return interpolate(gettext("The slot of %s begins in %s"), [next.name, begins]);
 }
 
-/** Whether the words about a slot may give way on a small screen: nobody has one now, and the next begins late. */
+/** Return whether the words about a slot may give way on a small screen: nobody has one now, and the next begins late. */
 export function isSlotFar({ booked, next_booked: next }, sinceS) {
   return !booked && next !== null && next !== undefined && next.seconds - sinceS > FAR_S;
 }

@@ -21,7 +21,7 @@ export function watchersText({ watchers, watchers_more: more }) {
   return names.join(", ") || gettext("Nobody");
 }
 
-/** How far the robot's clock is from the console's, if far enough to be reported: positive is ahead. */
+/** Difference of the robot's clock and the console's, if large enough to be reported: positive is ahead. */
 export function skewText({ clock_skew_s: skewS }) {
   if (!skewS) return "";
   const text =

@@ -54,7 +54,7 @@ export class Drawers {
       opener.setAttribute("aria-expanded", String(own === name));
   }
 
-  /** Of the lists in one drawer, the chosen one is shown. */
+  /** Shows the chosen list of a drawer. */
   #choose(button) {
     if (!button) return;
     const drawer = button.closest("[data-drawer]");

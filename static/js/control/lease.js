@@ -24,7 +24,7 @@ export function minutesText(seconds) {
   return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
 }
 
-/** Whether the person should be offered to keep control. */
+/** Return whether the person should be offered to keep control. */
 export function isLastCall(seconds) {
   return seconds !== null && seconds <= LAST_CALL_S;
 }

@@ -21,7 +21,7 @@ export function moved(places, panel, place) {
   return { ...places, [there]: places[panel], [panel]: place };
 }
 
-/** Whether what was kept is an arrangement: each panel has a place of its own. */
+/** Return whether what was kept is an arrangement: each panel has a place of its own. */
 function isArrangement(places) {
   const kept = Object.keys(STANDARD).map((panel) => places?.[panel]);
   return PLACES.every((place) => kept.includes(place));

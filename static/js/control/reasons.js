@@ -14,7 +14,7 @@ export class Reasons {
    * @param {number} nowMs of a monotonic clock
    * @param {Date} at the same moment, for people
    */
-  hear(verdict, text, nowMs, at = new Date()) {
+  add(verdict, text, nowMs, at = new Date()) {
     if (!text) return;
     const { code, side = null, sensor = null, allowed } = verdict;
     const key = `${code} ${sensor} ${side}`;

@@ -2,7 +2,7 @@
 
 const ROLES = ["observer", "operator", "supervisor", "staff"];
 
-/** Whether somebody with this role may do what needs the role `needed`. */
+/** Return whether somebody with this role may do what needs the role `needed`. */
 export function isAtLeast(role, needed) {
   return ROLES.indexOf(role) >= ROLES.indexOf(needed);
 }

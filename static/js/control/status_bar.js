@@ -118,7 +118,7 @@ export class StatusBar {
     for (const [i, { holds }] of standing.entries()) mark(limits.children[i], "held", holds);
     const text = cut ? "" : plain(verdictText(verdict), this.#names);
     const now = performance.now();
-    this.#reasons.hear(verdict, text, now);
+    this.#reasons.add(verdict, text, now);
     const shown = text || (cut ? "" : this.#reasons.recent(now));
     const once = standing.some(({ holds }) => holds) || texts.includes(shown);
     say(words, once ? "" : shown); // the limits above it say it already

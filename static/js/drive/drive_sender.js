@@ -7,7 +7,7 @@ const RESTING_MS = 200;
 const TIMER_SLACK_MS = 4; // timers come a little early or late; half a period would halve the rate
 
 /**
- * Whether the stick should be sent now.
+ * Return whether the stick should be sent now.
  * @param {{neutral: boolean, sinceLastMs: number, backlog: number}} moment `backlog`: bytes the network has not taken
  */
 export function isDue({ neutral, sinceLastMs, backlog }) {

@@ -1,4 +1,4 @@
-/** How a person wants to drive: speed, what sideways means, a stick that stays, which side is which. */
+/** A person's choices for driving: speed, meaning of sideways, a stick that stays, side of the stick. */
 
 import { make, makeButton, mark, say, show } from "../lib/dom.js";
 import { recall, remember } from "../lib/prefs.js";
@@ -14,7 +14,7 @@ function paces() {
   ];
 }
 
-/** How fast that is, in words. Pure. @param {number} speed m/s */
+/** A speed in words. Pure. @param {number} speed m/s */
 export function paceText(speed) {
   return paces().find(([upTo]) => speed <= upTo)[1];
 }

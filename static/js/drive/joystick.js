@@ -51,12 +51,12 @@ export class Joystick extends EventTarget {
     this.#stick.neutralise("input-changed");
   }
 
-  /** Whether it is in sight: not on every tab. */
+  /** Return whether it is in sight: not on every tab. */
   get isShown() {
     return this.#zone.clientWidth > 0;
   }
 
-  /** Whether it stays out of the middle with no finger on it. */
+  /** Return whether it stays out of the middle with no finger on it. */
   get sticks() {
     return this.#held;
   }

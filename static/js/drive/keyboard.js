@@ -29,7 +29,7 @@ export function axesOf(held, holonomic) {
   return axes.x || axes.y || axes.w ? axes : NEUTRAL;
 }
 
-/** Whether keys belong to the place where the person is: a field, a list, an open dialog. */
+/** Return whether keys belong to the place where the person is: a field, a list, an open dialog. */
 export function isEditing(target) {
   return Boolean(
     target?.closest?.(

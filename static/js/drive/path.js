@@ -3,7 +3,7 @@
 const STRAIGHT_RADPS = 1e-4;
 
 /**
- * Where the base is after driving a constant twist for some time: an arc, or a line.
+ * Pose of the base after driving a constant twist for some time: on an arc, or a line.
  * @param {{vx: number, vy: number, w: number}} twist
  * @param {number} seconds
  * @returns {{x: number, y: number, yaw: number}}

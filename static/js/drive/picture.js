@@ -30,7 +30,7 @@ const COLOURS = [
   "hold",
 ];
 
-/** Whether a twist is worth a path. */
+/** Return whether a twist is worth a path. */
 export function moves([vx, vy, w]) {
   return (
     Math.abs(vx) > SLOWEST_SHOWN || Math.abs(vy) > SLOWEST_SHOWN || Math.abs(w) > SLOWEST_SHOWN

@@ -29,7 +29,7 @@ export class Stick extends EventTarget {
     return this.#input;
   }
 
-  /** Whether an input is held out of neutral and ignored until it has been there. */
+  /** Return whether an input is held out of neutral and ignored until it has been there. */
   get waitsForNeutral() {
     return this.#blocked.size > 0;
   }

@@ -10,7 +10,7 @@ const INPUT = "turn";
 const LEFT = Object.freeze({ x: 0, y: 0, w: 1 });
 const TAP_MS = 300;
 
-/** Whether sensors do not see the whole area behind the robot. */
+/** Return whether sensors do not see the whole area behind the robot. */
 export function reverseIsBlind({ limits = [] }) {
   return limits.some(({ code, way }) => code === "blind_direction" && way === "reverse");
 }

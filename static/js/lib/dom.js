@@ -1,4 +1,4 @@
-/** Small hands for the page: text only ever goes in by textContent. */
+/** Short functions for elements of a page. Text is only set by textContent. */
 
 /** Sets text if it differs, so that nothing is announced or laid out twice. */
 export function say(element, text) {

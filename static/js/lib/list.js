@@ -10,7 +10,7 @@ function folded(text) {
   return text.normalize("NFD").replace(/\p{M}/gu, "").toLowerCase();
 }
 
-/** Whether every word of a search is somewhere in a text. */
+/** Return whether every word of a search is somewhere in a text. */
 export function matches(text, search) {
   const searched = folded(text);
   return folded(search)

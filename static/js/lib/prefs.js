@@ -20,7 +20,7 @@ export function recall(name, fallback) {
   return all()[name] ?? fallback;
 }
 
-/** Where it cannot be stored, a choice holds until the page closes. */
+/** A choice that cannot be stored holds until the page closes. */
 export function remember(name, value) {
   all()[name] = value;
   tried(() => localStorage.setItem(KEY, JSON.stringify(chosen)));

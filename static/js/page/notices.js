@@ -91,7 +91,7 @@ class Shown {
     if (!this.held) this.#run();
   }
 
-  /** Whether the pointer or the focus is on it. */
+  /** Return whether the pointer or the focus is on it. */
   get held() {
     return this.#holders.size > 0;
   }

@@ -1,4 +1,4 @@
-/** Where the robot was at a moment of a control session, and what was said of it last. Times in seconds since it began. */
+/** Place of the robot at a moment of a control session, and the last message about it. Times in seconds since it began. */
 
 /** Seconds, x, y in units of the picture, degrees. @typedef {[number, number, number, number]} Sample */
 

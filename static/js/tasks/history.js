@@ -8,7 +8,7 @@ import { whenText } from "../lib/times.js";
 
 const PAGE = 50;
 
-/** How a speech ended, in a word or two. */
+/** End of a speech, in a word or two. */
 export function outcomeText(outcome) {
   const texts = {
     done: gettext("done"),

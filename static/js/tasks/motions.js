@@ -7,7 +7,7 @@ import { levelOf } from "./task_ends.js";
 // A press so soon after a motion ended was meant to cancel it: hands are slower than that.
 const MEANT_CANCEL_MS = 500;
 
-/** How a motion ended, as a notice. */
+/** Notice of a motion's end. */
 export function endNotice({ outcome, text }, title) {
   const outcomes = {
     succeeded: gettext("%s: done."),

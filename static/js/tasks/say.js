@@ -12,7 +12,7 @@ const LANGUAGE = "language";
 const UNSPEAKABLE = /(?![\n\t])[\p{Cc}\p{Cs}]/u;
 const HEARD = /[^\p{C}\p{Z}\s]/u;
 
-/** How many characters a text has, as the robot's side counts them. */
+/** Number of characters of a text, as the robot's side counts them. */
 function lengthOf(text) {
   return Array.from(text).length;
 }
@@ -22,7 +22,7 @@ function endedOnce(sentence) {
   return sentence.replace(/([\p{Sentence_Terminal}…]\p{P}*\p{Cf}*”)\.$/u, "$1");
 }
 
-/** How a speech ended, as a notice. */
+/** Notice of a speech's end. */
 export function speechEndNotice({ outcome, text: why }, text) {
   const outcomes = {
     done: gettext("Said: “%s”."),

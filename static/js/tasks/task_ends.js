@@ -1,6 +1,6 @@
 /** Ends of motions and speech: for the person of this page, and for everybody. */
 
-/** How much it matters how a motion or a speech ended. */
+/** Importance of a motion's or a speech's end. */
 export function levelOf(outcome) {
   if (["succeeded", "done", "sent", "cancelled"].includes(outcome)) return "success";
   return ["rejected", "failed"].includes(outcome) ? "error" : "warning";

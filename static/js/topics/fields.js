@@ -62,7 +62,7 @@ function numberText(value) {
   return size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(3) : value.toFixed(3);
 }
 
-/** How often, how big, from whom, how old: in words. */
+/** Rate, size, publisher and age of a sample, in words. */
 export function figuresText(message) {
   if (!message.number) return publishersText(message);
   const { rate_hz: rateHz, bytes } = message;

@@ -1,4 +1,4 @@
-/** Where input goes: for each use its topic now, the way back to the default, and what else could be chosen. */
+/** Targets of input: for each use its present topic, the way back to the default, and other choices. */
 
 import { whyNot } from "../control/roles.js";
 import { dim, make, makeButton, say, sayOrHide, show } from "../lib/dom.js";

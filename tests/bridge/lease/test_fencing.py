@@ -67,7 +67,7 @@ def asks_to_move(core, fence: int) -> wire.Refusal | None:
 
 async def test_a_fence_counts_only_when_it_is_on_disk(fences, core, disk):
     link = Wire(1)
-    fences.hear(link, GRANT)
+    fences.handle(link, GRANT)
     assert asks_to_move(core, 5).code == "no_lease"
     assert not link.reports
     disk.free.set()
@@ -79,17 +79,17 @@ async def test_a_fence_counts_only_when_it_is_on_disk(fences, core, disk):
 async def test_a_number_on_disk_is_renewed_without_the_disk(fences, core, disk):
     link = Wire(1)
     disk.free.set()
-    fences.hear(link, GRANT)
+    fences.handle(link, GRANT)
     await link.hears(wire.Granted(5))
-    fences.hear(link, GRANT)
+    fences.handle(link, GRANT)
     assert link.reports == [wire.Granted(5), wire.Granted(5)]
     assert len(disk.saved) == 1
 
 
 async def test_a_revoke_behind_its_own_grant_wins(fences, core, disk):
     link = Wire(1)
-    fences.hear(link, GRANT)
-    fences.hear(link, wire.Revoke(5, "taken over"))
+    fences.handle(link, GRANT)
+    fences.handle(link, wire.Revoke(5, "taken over"))
     disk.free.set()
     await link.hears(wire.Granted(5))
     assert core.lease.current is None
@@ -98,43 +98,43 @@ async def test_a_revoke_behind_its_own_grant_wins(fences, core, disk):
 
 async def test_page_lost_during_the_grants_write_restarts_numbering(fences, core, disk):
     link = Wire(1)
-    fences.hear(link, GRANT)
-    fences.hear(link, wire.Pause(5, "The page is gone."))
+    fences.handle(link, GRANT)
+    fences.handle(link, wire.Pause(5, "The page is gone."))
     disk.free.set()
     await link.hears(wire.Granted(5))
     assert asks_to_move(core, 5) is None
-    fences.hear(link, GRANT)
+    fences.handle(link, GRANT)
     assert asks_to_move(core, 5) is None, "the page came back and begins with number 1 again"
 
 
 async def test_page_is_paused_only_by_the_link_of_its_grant(fences, core, disk):
     left, back = Wire(1), Wire(2)
     disk.free.set()
-    fences.hear(left, GRANT)
+    fences.handle(left, GRANT)
     await left.hears(wire.Granted(5))
-    fences.hear(back, GRANT)
+    fences.handle(back, GRANT)
     assert core.drive(wire.Drive(fence=5, seq=9, sent_ms=0.0, x=0.0, w=0.0), 2, 100.0) is None
-    fences.hear(left, wire.Pause(5, "The page is gone."))
+    fences.handle(left, wire.Pause(5, "The page is gone."))
     assert core.state(100.0, []).seq == 9, "it counts on"
-    fences.hear(back, wire.Pause(5, "The page is gone."))
+    fences.handle(back, wire.Pause(5, "The page is gone."))
     assert core.state(100.0, []).seq is None
 
 
 async def test_older_holder_is_revoked_during_the_next_fences_write(fences, core, disk):
     link = Wire(1)
     disk.free.set()
-    fences.hear(link, GRANT)
+    fences.handle(link, GRANT)
     await link.hears(wire.Granted(5))
     disk.free.clear()
-    fences.hear(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
-    fences.hear(link, wire.Revoke(5, "taken over"))
+    fences.handle(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
+    fences.handle(link, wire.Revoke(5, "taken over"))
     assert core.lease.current is None
 
 
 async def test_higher_of_two_fences_being_written_gets_control(fences, core, disk):
     link = Wire(1)
-    fences.hear(link, GRANT)
-    fences.hear(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
+    fences.handle(link, GRANT)
+    fences.handle(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
     disk.free.set()
     await link.hears(wire.Granted(6))
     assert [type(report) for report in link.reports] == [wire.Refused, wire.Granted]
@@ -144,9 +144,9 @@ async def test_higher_of_two_fences_being_written_gets_control(fences, core, dis
 
 async def test_a_link_that_is_gone_gets_nothing(fences, core, disk):
     gone, there = Wire(1), Wire(2)
-    fences.hear(gone, GRANT)
+    fences.handle(gone, GRANT)
     fences.forget(gone)
-    fences.hear(there, GRANT)
+    fences.handle(there, GRANT)
     disk.free.set()
     await there.hears(wire.Granted(5))
     assert (core.lease.link, gone.reports) == (2, [])
@@ -156,13 +156,13 @@ async def test_a_number_that_cannot_be_written_is_not_given(fences, core, disk):
     link = Wire(1)
     disk.fails = True
     disk.free.set()
-    fences.hear(link, GRANT)
+    fences.handle(link, GRANT)
     await asyncio.wait_for(link.news.wait(), 10)
     (refused,) = link.reports
     assert refused.refusal.code == "state_not_saved"
     assert "No space left on device" in refused.refusal.text
     disk.fails = False
-    fences.hear(link, GRANT)
+    fences.handle(link, GRANT)
     await link.hears(wire.Granted(5))
 
 

@@ -558,7 +558,7 @@ def test_no_parameter_is_set_while_its_old_value_is_unknown(inspector, rosmaster
     with spoiling(rosmaster) as master:
         master.spoiled["getParam"] = CUT_SHORT
         lame = Inspector(tiago_config(master, tmp_path, allowed=ALLOWED), answers.put)
-        lame.hear(msgspec.json.encode(InspectorQuery(1, wire.SetParameter("/greeting", "after"))))
+        lame.handle_line(msgspec.json.encode(InspectorQuery(1, wire.SetParameter("/greeting", "after"))))
         assert b"robot_offline" in answers.get(timeout=PATIENCE_S)
     assert rospy.get_param("/greeting") == "before"
 
@@ -711,7 +711,7 @@ def test_only_so_many_questions_are_under_way_at_once(monkeypatch, tmp_path, ros
     monkeypatch.setattr(graph, "graph", waits)
     asked = Inspector(tiago_config(rosmaster, tmp_path), answers.put)
     for number in range(MOST_QUESTIONS + 1):
-        asked.hear(wire.encode(wire.LinkQuery(number, wire.ListTopics())))
+        asked.handle_line(wire.encode(wire.LinkQuery(number, wire.ListTopics())))
     for _ in range(MOST_QUESTIONS):
         assert begun.acquire(timeout=PATIENCE_S)
     assert not begun.acquire(timeout=0.1)

@@ -155,7 +155,7 @@ def test_a_call_that_became_too_late_is_not_sent(rosmaster, ros, tmp_path, monke
     monkeypatch.setattr(answers.services, "find", find_late)
     monkeypatch.setattr(InspectorQuery, "require_time", lambda _: late.is_set() and _too_late())
     with serving("/lamp", SetBool, lambda request: calls.append(request) or SetBoolResponse()):
-        inspector.hear(wire.encode(InspectorQuery(1, wire.CallService("/lamp", {"data": True}), 0.0)))
+        inspector.handle_line(wire.encode(InspectorQuery(1, wire.CallService("/lamp", {"data": True}), 0.0)))
         assert b"too_old" in said.get(timeout=PATIENCE_S)
     assert calls == []
 
@@ -168,7 +168,7 @@ def test_an_answer_with_a_too_long_line_is_refused(rosmaster, tmp_path, monkeypa
     said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     inspector = answers.Inspector(tiago_config(rosmaster, tmp_path), said.put)
     monkeypatch.setattr(answers, "LARGEST_ANSWER", 100)
-    inspector.hear(wire.encode(InspectorQuery(1, wire.Describe("std_msgs/String"))))
+    inspector.handle_line(wire.encode(InspectorQuery(1, wire.Describe("std_msgs/String"))))
     assert b"too_large" in said.get(timeout=PATIENCE_S)
 
 

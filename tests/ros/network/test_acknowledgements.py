@@ -97,7 +97,7 @@ def test_a_machine_that_takes_nothing_more_is_waited_for(listen):
 
 
 def test_remote_viewers_are_not_awaited_remote_robots_are(listen):
-    robot, onlooker, echoes = listen(), listen("127.0.0.2"), Acknowledgements("127.0.0.1")
+    robot, reader, echoes = listen(), listen("127.0.0.2"), Acknowledgements("127.0.0.1")
     stalled = []
 
     def looked(now_s, *listeners):
@@ -110,11 +110,11 @@ def test_remote_viewers_are_not_awaited_remote_robots_are(listen):
                 listener.acknowledges()
         return echoes.took_s(now_s + 0.4)
 
-    assert looked(1.0, onlooker) == 0.0
-    onlooker.stalls()
-    stalled.append(onlooker)
-    assert looked(2.0, onlooker) == pytest.approx(0.4)
-    assert looked(3.0, robot, onlooker) == 0.0
+    assert looked(1.0, reader) == 0.0
+    reader.stalls()
+    stalled.append(reader)
+    assert looked(2.0, reader) == pytest.approx(0.4)
+    assert looked(3.0, robot, reader) == 0.0
 
 
 def test_a_connection_closed_by_rospy_no_longer_counts(listen):

@@ -92,11 +92,11 @@ def test_endless_frames_drop_old_unneeded_ones():
     with pytest.raises(PoseUnknown):
         frames.place("camera", 1.0, patience_s=0.0)  # so this frame is wanted
     for transform in tree * 2:  # twice: the first round makes the parent known
-        frames.hear(transform, fixed=False)
+        frames.take(transform, fixed=False)
         with pytest.raises(PoseUnknown):
             frames.place("camera", 99.0, patience_s=0.0)
     for number in range(4 * MOST_MOVING):
-        frames.hear(_transform("base", f"flood_{number}"), fixed=False)
+        frames.take(_transform("base", f"flood_{number}"), fixed=False)
     assert len(frames._moving) == MOST_MOVING
     assert frames.is_full
     assert frames.place("camera", 1.0, patience_s=0.0).shape == (4, 4)
@@ -104,16 +104,16 @@ def test_endless_frames_drop_old_unneeded_ones():
 
 def test_endless_fixed_frames_leave_the_first_ones():
     frames = Frames("base")
-    frames.hear(_transform("base", "camera"), fixed=True)
+    frames.take(_transform("base", "camera"), fixed=True)
     for number in range(2 * MOST_FIXED):
-        frames.hear(_transform("base", f"flood_{number}"), fixed=True)
+        frames.take(_transform("base", f"flood_{number}"), fixed=True)
     assert len(frames._fixed) == MOST_FIXED
     assert frames.place("camera", 1.0, patience_s=0.0).shape == (4, 4)
 
 
 def test_a_frame_with_a_long_name_is_not_kept():
     frames = Frames("base")
-    frames.hear(_transform("base", LONG), fixed=False)
+    frames.take(_transform("base", LONG), fixed=False)
     assert not frames._moving
 
 

@@ -34,12 +34,12 @@ def raw(*several):
 def frames():
     """A camera 0.1 m ahead on a head that turns slowly, 1 m above the base, and unneeded frames."""
     frames = Frames("base")
-    frames.hear(
+    frames.take(
         raw(stamped("/head", "camera", 0.0, (0.1, 0.0, 0.0)), stamped("map", "door", 0.0)), fixed=True
     )
     for step in range(11):
         stamp_s = 10.0 + 0.02 * step
-        frames.hear(
+        frames.take(
             raw(
                 stamped("odom", "base", stamp_s, (5.0 + step, 0.0, 0.0)),
                 stamped("base", "head", stamp_s, (0.0, 0.0, 1.0), yaw=0.2 * (stamp_s - 10.0)),
@@ -60,7 +60,7 @@ def test_the_way_is_put_together_at_the_stamp(frames):
 
 def test_a_picture_waits_for_the_frames_of_its_stamp(frames):
     late = raw(stamped("base", "head", 10.24, (0.0, 0.0, 1.0), yaw=0.05))
-    timer = threading.Timer(0.05, frames.hear, (late, False))
+    timer = threading.Timer(0.05, frames.take, (late, False))
     timer.start()
     assert frames.place("camera", 10.23, patience_s=5.0)[2, 3] == 1.0
     timer.join()
@@ -81,26 +81,26 @@ def test_a_missing_transform_is_reported(frames, frame, stamp_s, says):
 
 
 def test_while_the_head_turns_its_place_counts_for_nothing(frames):
-    frames.hear(raw(stamped("base", "head", 10.22, yaw=0.24)), fixed=False)
+    frames.take(raw(stamped("base", "head", 10.22, yaw=0.24)), fixed=False)
     with pytest.raises(PoseUnknown, match="the head is turning"):
         frames.place("camera", 10.21, patience_s=0.0)
 
 
 def test_a_hole_is_not_bridged(frames):
-    frames.hear(raw(stamped("base", "head", 11.2)), fixed=False)
+    frames.take(raw(stamped("base", "head", 11.2)), fixed=False)
     with pytest.raises(PoseUnknown, match=r"for 1\.0 s"):
         frames.place("camera", 10.9, patience_s=0.0)
 
 
 def test_a_clock_that_was_set_back_starts_again(frames):
     for stamp_s in (3.0, 3.1):
-        frames.hear(raw(stamped("base", "head", stamp_s, (0.0, 0.0, 2.0))), fixed=False)
+        frames.take(raw(stamped("base", "head", stamp_s, (0.0, 0.0, 2.0))), fixed=False)
     assert frames.place("camera", 3.05, patience_s=0.0)[2, 3] == 2.0
 
 
 def test_frames_in_a_circle_are_no_way():
     frames = Frames("base")
-    frames.hear(raw(stamped("a", "b", 0.0), stamped("b", "a", 0.0)), fixed=True)
+    frames.take(raw(stamped("a", "b", 0.0), stamped("b", "a", 0.0)), fixed=True)
     with pytest.raises(PoseUnknown):
         frames.place("a", 1.0, patience_s=0.0)
 
@@ -108,7 +108,7 @@ def test_frames_in_a_circle_are_no_way():
 @pytest.mark.parametrize("numbers", [(math.nan, 0.0, 0.0), (math.inf, 0.0, 0.0)])
 def test_numbers_that_are_none_place_nothing(numbers):
     frames = Frames("base")
-    frames.hear(raw(stamped("base", "camera", 0.0, numbers)), fixed=True)
+    frames.take(raw(stamped("base", "camera", 0.0, numbers)), fixed=True)
     with pytest.raises(PoseUnknown, match="make no sense"):
         frames.place("camera", 1.0, patience_s=0.0)
 
@@ -116,14 +116,14 @@ def test_numbers_that_are_none_place_nothing(numbers):
 def test_a_floor_frames_newest_pose_counts(frames):
     assert frames.flat("odom", "map") is None
     for x in (1.0, 2.0):
-        frames.hear(raw(stamped("map", "odom", 10.0 + x, (x, -3.0, 0.5), yaw=2.5)), fixed=False)
+        frames.take(raw(stamped("map", "odom", 10.0 + x, (x, -3.0, 0.5), yaw=2.5)), fixed=False)
     assert frames.flat("odom", "map") == pytest.approx((2.0, -3.0, 2.5))
     assert frames.flat("odom", "world") is None
 
 
 def test_a_frame_without_finite_numbers_has_no_place():
     frames = Frames("base")
-    frames.hear(raw(stamped("map", "odom", 1.0, (math.nan, 0.0, 0.0))), fixed=False)
+    frames.take(raw(stamped("map", "odom", 1.0, (math.nan, 0.0, 0.0))), fixed=False)
     assert frames.flat("odom", "map") is None
 
 

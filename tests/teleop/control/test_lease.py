@@ -384,8 +384,8 @@ def test_only_the_holding_connection_counts_as_seen(robot, operator):
     held = take(robot, operator)
     later = NOW + timedelta(seconds=5)
     seen = {"robot_id": robot.id, "seen_at": later}
-    services.lease_seen(session=held.session, connection="another", **seen)
-    services.lease_seen(session=uuid4(), connection="operator-connection", **seen)
+    services.lease_keep(session=held.session, connection="another", **seen)
+    services.lease_keep(session=uuid4(), connection="operator-connection", **seen)
     assert lease_of(robot.id).seen_at == NOW
-    services.lease_seen(session=held.session, connection="operator-connection", **seen)
+    services.lease_keep(session=held.session, connection="operator-connection", **seen)
     assert lease_of(robot.id).seen_at == later

@@ -91,9 +91,9 @@ async def test_many_viewers_take_turns_but_the_driver_gets_all():
     for number in range(1, 101):
         views.publish(str(number))
         await asyncio.sleep(0)
-        for onlooker in crowd:
-            if onlooker.shown == number:
-                await onlooker.acknowledge()
+        for reader in crowd:
+            if reader.shown == number:
+                await reader.acknowledge()
     await views.close()
     assert len(sent[0]) == 100
     assert all(33 <= len(sent[name]) <= 35 for name in range(1, len(crowd)))

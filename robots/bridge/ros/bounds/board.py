@@ -57,7 +57,7 @@ class Board:
                 self._barred.popitem(last=False)
 
     def barred(self, topic: str, uri: str, now_s: float | None = None) -> bool:
-        """Whether this publisher is still barred."""
+        """Return whether this publisher is still barred."""
         now_s = time.monotonic() if now_s is None else now_s
         with self._lock:
             return self._barred.get((topic, uri), 0.0) > now_s

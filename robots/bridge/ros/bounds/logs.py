@@ -21,7 +21,7 @@ class LogLimiter(logging.Filter):
         self._budget = TokenBucket(PER_S, AT_ONCE)
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether the record is written."""
+        """Return whether the record is written."""
         if record.name.partition(".")[0] not in TALKATIVE:
             return True
         if not self._budget.spend(time.monotonic()):

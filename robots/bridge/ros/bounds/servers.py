@@ -51,7 +51,7 @@ class CallerLimits:
         self._open: OrderedDict[socket.socket, None] = OrderedDict()
 
     def may(self, address: str, now_s: float) -> bool:
-        """Whether this address may make one more call or connection."""
+        """Return whether this address may make one more call or connection."""
         with self._lock:
             budget = self._budgets.setdefault(address, TokenBucket(PER_S, AT_ONCE))
             self._budgets.move_to_end(address)

@@ -53,7 +53,7 @@ def main() -> None:
     start_vital(inspector.run, "node")
     say(wire.encode(Ready()))
     for line in sys.stdin.buffer:
-        inspector.hear(line)
+        inspector.handle_line(line)
     exit_within(END_S)
     inspector.close()
 

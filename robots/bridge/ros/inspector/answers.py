@@ -62,7 +62,7 @@ class Inspector:
         self._permit = PublishPermit()  # to publish, until the next halt
         self._checked: dict[tuple[str, str], Definition] = {}  # by topic and type, as they were checked last
 
-    def hear(self, line: bytes) -> None:
+    def handle_line(self, line: bytes) -> None:
         """Handle one request. Returns at once, so that a halt and the end of stdin are read without delay."""
         self._permit.heard()
         match _request.decode(line):

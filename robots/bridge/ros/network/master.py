@@ -25,7 +25,7 @@ CAMERA = "/fleet_camera"  # the same for camera processes
 
 
 def is_own(node: str) -> bool:
-    """Whether a node is a console's bridge, inspector, camera process or watchdog: these are not part of the robot."""
+    """Return whether a node is a console's bridge, inspector, camera process or watchdog, not the robot's."""
     return node.startswith((BRIDGE, INSPECTOR, CAMERA, WATCHDOG))
 
 
@@ -234,7 +234,7 @@ class DeathWatch:
             raise MasterError(f"No ROS master answers at {uri} ({error}).") from error
 
     def wait(self, timeout_s: float) -> bool:
-        """Whether the master died within `timeout_s`."""
+        """Return whether the master died within `timeout_s`."""
         self._socket.settimeout(timeout_s)
         try:
             self._socket.recv(1)
@@ -250,7 +250,7 @@ class DeathWatch:
 
 
 def node_alive(uri: str, node: str) -> bool | None:
-    """Whether this node answers at this XML-RPC address; True as well if its host name does not resolve here.
+    """Return whether this node answers at this XML-RPC address; True as well if its host name does not resolve here.
 
     None: the node is silent or out of reach now. False: no process listens there, or another one does.
     """

@@ -122,7 +122,7 @@ class MasterMonitor:
                 raise MasterError(f"The ROS master at {self._master.uri} is gone.")
 
     def name_is_lost(self) -> bool:
-        """Whether another node took the bridge's name on the master, and maybe left again.
+        """Return whether another node took the bridge's name on the master, and maybe left again.
 
         Thread-safe. False if the master does not answer.
         """

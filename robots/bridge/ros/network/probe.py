@@ -180,11 +180,11 @@ def _topic(asked: Listened, state: SystemState, uris: dict[str, str], listen_s: 
     publishers = state.publishers.get(asked.topic, [])
     found = TopicFound(asked.what, publishers, state.types.get(asked.topic), our_md5=_our_md5(asked.type))
 
-    def hear(conversation: Conversation) -> TopicFound:
+    def read(conversation: Conversation) -> TopicFound:
         return _listen(conversation, asked, found, listen_s)
 
     addresses = {node: uris.get(node) for node in publishers}
-    heard, unheard = first_response(hear, asked.topic, addresses, CALLER, NODE_S)
+    heard, unheard = first_response(read, asked.topic, addresses, CALLER, NODE_S)
     errors = "; ".join(f"{node}: {why}" for node, why in unheard.items())
     return heard or msgspec.structs.replace(found, error=errors or None)
 

@@ -101,20 +101,20 @@ def connect_to_publisher(
 
 
 def first_response(
-    hear: Callable[[Conversation], T],
+    read: Callable[[Conversation], T],
     topic: str,
     publishers: Mapping[str, str | None],  # a node's address, None if the master has none
     caller: str,
     timeout_s: float = CONNECT_S,
 ) -> tuple[T | None, dict[str, str]]:
-    """Return the result of `hear` for the first reachable publisher, and the errors of the others by node."""
+    """Return the result of `read` for the first reachable publisher, and the errors of the others by node."""
     unheard: dict[str, str] = {}
     for node, uri in publishers.items():
         try:
             if uri is None:
                 raise ValueError("has no address at the master")
             with connect_to_publisher(topic, uri, caller, timeout_s) as conversation:
-                return hear(conversation), unheard
+                return read(conversation), unheard
         except (OSError, MasterError, ValueError, struct.error) as error:
             unheard[node] = str(error)
     return None, unheard

@@ -39,21 +39,23 @@ class PostureTopics:
         """Subscribe to joint states and, with `motions`, to the motion server's goals and results."""
         expect(joint_states.name, "sensor_msgs/JointState")
         pause(joint_states.name, lambda: EVERY_S)
-        subscribers = [rospy.Subscriber(joint_states.name, rospy.AnyMsg, self._hear, queue_size=JOINTS_WAIT)]
+        subscribers = [
+            rospy.Subscriber(joint_states.name, rospy.AnyMsg, self._on_joints, queue_size=JOINTS_WAIT)
+        ]
         if motions:
             kind = motions.type.removesuffix("Action")
-            for part, hear in (("goal", self._begun), ("result", self._ended)):
+            for part, listener in (("goal", self._begun), ("result", self._ended)):
                 topic, type_ = f"{motions.name}/{part}", f"{kind}Action{part.capitalize()}"
-                subscribers.append(rospy.Subscriber(topic, message_class(type_), hear, queue_size=10))
+                subscribers.append(rospy.Subscriber(topic, message_class(type_), listener, queue_size=10))
         return subscribers
 
     # --- on rospy's threads ------------------------------------------------------------------------
 
-    def _hear(self, raw: Any) -> None:
+    def _on_joints(self, raw: Any) -> None:
         now_s = time.monotonic()
         message = JointState().deserialize(raw._buff)
         names = (cut(name, NAME) for name in message.name)
-        self._arm.hear(zip(names, message.position, strict=False), now_s)
+        self._arm.update(zip(names, message.position, strict=False), now_s)
         if now_s - self._reported_s >= EVERY_S:
             self._reported_s = now_s
             self._take(self._arm.posture(now_s), now_s)

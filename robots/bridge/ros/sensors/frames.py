@@ -53,7 +53,7 @@ class FramePlace(NamedTuple):
 
 
 class Frames:
-    """The newest transforms of every frame. `hear` and `place` may be called on different threads."""
+    """The newest transforms of every frame. `take` and `place` may be called on different threads."""
 
     def __init__(self, base: str) -> None:
         self._base = base
@@ -65,10 +65,10 @@ class Frames:
 
     @property
     def is_full(self) -> bool:
-        """Whether frames were dropped lately because there are too many."""
+        """Return whether frames were dropped lately because there are too many."""
         return time.monotonic() - self._full_s < FULL_S
 
-    def hear(self, raw: bytes, fixed: bool) -> None:
+    def take(self, raw: bytes, fixed: bool) -> None:
         """Take a serialized tf2_msgs/TFMessage, or the complete transforms of a truncated one."""
         with self._news:
             for child, place in transforms(raw):

@@ -33,10 +33,10 @@ def take(wanted: MapWanted) -> TakenMap | NoMap:
     except MasterError as error:
         return NoMap(str(error))
 
-    def hear(conversation: Conversation) -> TakenMap:
+    def read(conversation: Conversation) -> TakenMap:
         return taken(_message(conversation, wanted))
 
-    heard, unheard = first_response(hear, name, addresses, CALLER)
+    heard, unheard = first_response(read, name, addresses, CALLER)
     whys = "; ".join(f"{node}: {why}" for node, why in unheard.items())
     return heard or NoMap(whys or f"nobody publishes {name}")
 

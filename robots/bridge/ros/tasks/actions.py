@@ -60,8 +60,8 @@ class ActionTopics:
             "result": (message_class(f"{kind}ActionResult"), self._on_result, queue),
         }
         self._subscribers = [
-            rospy.Subscriber(f"{action.name}/{part}", type_, hear, queue_size=size, tcp_nodelay=True)
-            for part, (type_, hear, size) in listeners.items()
+            rospy.Subscriber(f"{action.name}/{part}", type_, listener, queue_size=size, tcp_nodelay=True)
+            for part, (type_, listener, size) in listeners.items()
         ]
 
     def send(self, goal: Any) -> None:

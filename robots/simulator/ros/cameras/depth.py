@@ -38,7 +38,7 @@ class DepthPublisher:
 
     def take(self, thread: DrawingThread, moment: Moment) -> None:
         """Measure and publish, on the drawing thread."""
-        depth = self._camera.image(thread.onlooker, moment.camera)
+        depth = self._camera.image(thread.reader, moment.camera)
         pixels = as_millimetres(depth) if self._encoding == "16UC1" else depth
         self._image.publish(stamped(_image(self._encoding, pixels), moment.stamp, OPTICAL_FRAME))
         self._info.publish(stamped(camera_info(HEAD_LENS), moment.stamp, OPTICAL_FRAME))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robots.simulator.cameras.drawing import Drawing, NoCameraError
 from robots.simulator.cameras.lens import Lens
 from robots.simulator.joints.joint_table import CameraPose
-from robots.simulator.physics.mujoco_world import Onlooker, Physics, Snapshot
+from robots.simulator.physics.mujoco_world import Physics, Snapshot, WorldReader
 
 log = logging.getLogger(__name__)
 
@@ -33,14 +33,14 @@ class Taker(Protocol):
     """A camera: takes and publishes a picture, on the drawing thread."""
 
     def take(self, thread: DrawingThread, moment: Moment) -> None:
-        """Take the picture of `moment`; `thread.onlooker` shows the world as it was."""
+        """Take the picture of `moment`; `thread.reader` shows the world as it was."""
 
 
 class DrawingThread:
     """Takes pictures in the order of the requests. A camera has one waiting request: a newer one takes its place."""
 
     def __init__(self, physics: Physics) -> None:
-        self.onlooker = Onlooker(physics)
+        self.reader = WorldReader(physics)
         self.blind = False  # this computer cannot draw in colour
         self._drawing: Drawing | None = None
         self._waiting: dict[Taker, Moment] = {}
@@ -59,7 +59,7 @@ class DrawingThread:
         """Draw the world in colour: (height, width, 3), red green blue; None if this computer cannot."""
         if self._drawing is None and not self.blind:
             try:
-                self._drawing = Drawing(self.onlooker)
+                self._drawing = Drawing(self.reader)
             except NoCameraError as error:
                 self.blind = True
                 log.warning("no colour camera on this machine: %s", error)
@@ -75,7 +75,7 @@ class DrawingThread:
     def _run(self) -> None:
         while (request := self._next()) is not None:
             taker, moment = request
-            self.onlooker.follow(moment.snapshot)
+            self.reader.follow(moment.snapshot)
             taker.take(self, moment)
         if self._drawing is not None:
             self._drawing.close()
