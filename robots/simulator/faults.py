@@ -31,6 +31,13 @@ class Faults:
     camera_rate_hz: float = 0.0  # at most so many pictures a second; 0: as usual
     camera_info_wrong: bool = False  # in turn: zeros, another size, not numbers
     motion_fails: bool = False  # motions are aborted half-way
+    navigation_blind: bool = False  # drives straight at the goal, whatever stands there
+    navigation_fails: bool = False  # finds no plan
+    navigation_silent: bool = False  # takes goals and never answers: no status, feedback or result
+    navigation_goes_on: bool = False  # confirms a cancel and drives on
+    navigation_answers_another: bool = False  # its results name another goal
+    localisation_dead: bool = False  # no transform from map to odom
+    localisation_jumps: bool = False  # the believed pose is 1.5 m off
     command_delay_s: float = 0.0  # commands reach the controller late
     brake_share: float = 1.0  # of the controller's nominal deceleration
     slip_share: float = 0.0  # of the wheels' path that the robot does not travel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
@@ -16,8 +17,8 @@ from robots.simulator.physics.mujoco_world import Physics, Pose
 from robots.simulator.physics.people import Walker
 from robots.simulator.physics.wheels import Wheels
 from robots.simulator.sensors.body import Body
-from robots.simulator.sensors.laser import Laser
-from robots.simulator.sensors.localisation import Localisation
+from robots.simulator.sensors.laser import Laser, in_world
+from robots.simulator.sensors.localisation import JUMP_M, Localisation
 from robots.simulator.sensors.odometry import Drift, Odometry
 from robots.simulator.sensors.sonar import Sonar
 from robots.simulator.worlds import World
@@ -50,6 +51,21 @@ class Robot:
         self._lay_arm()
         self._late: deque[tuple[float, Twist]] = deque()
         self._steps = round(TICK_S / self.physics.timestep_s)
+
+    def map_to_odom(self) -> Pose | None:
+        """Return the odometry frame's believed pose in the map frame; None while localisation is dead."""
+        if self.faults.localisation_dead:
+            return None
+        x, y, yaw = self.localisation.map_to_odom(self.physics.pose)
+        return Pose(x + JUMP_M, y, yaw) if self.faults.localisation_jumps else Pose(x, y, yaw)
+
+    def believed(self) -> Pose | None:
+        """Return the robot's believed pose in the map frame; None while localisation is dead."""
+        frame = self.map_to_odom()
+        if frame is None:
+            return None
+        x, y = in_world(frame, self.odometry.x, self.odometry.y)
+        return Pose(x, y, math.remainder(frame.yaw + self.odometry.yaw, math.tau))
 
     def command(self, twist: Twist, now: float) -> None:
         """Take a command for the base."""

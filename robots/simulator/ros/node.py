@@ -16,6 +16,7 @@ from robots.simulator.ros.actions.controllers import CONTROLLERS, TrajectoryCont
 from robots.simulator.ros.actions.gripper import GripperServer
 from robots.simulator.ros.actions.head import HeadServer
 from robots.simulator.ros.actions.motions import MotionServer
+from robots.simulator.ros.actions.move_base import MoveBaseServer
 from robots.simulator.ros.actions.speech import SpeechServer
 from robots.simulator.ros.base import BaseTopics
 from robots.simulator.ros.cameras.colour import CameraPublisher, head_camera, rear_camera
@@ -23,7 +24,7 @@ from robots.simulator.ros.cameras.depth import DepthPublisher
 from robots.simulator.ros.cameras.drawing_thread import DrawingThread
 from robots.simulator.ros.inertial import InertialTopics
 from robots.simulator.ros.joints import JointTopics
-from robots.simulator.ros.navigation import NavigationTopics
+from robots.simulator.ros.map import MapTopics
 from robots.simulator.ros.power import PowerTopics
 from robots.simulator.ros.sensors import LaserTopics, SonarTopic
 from robots.simulator.ros.truth import GroundTruth
@@ -61,7 +62,7 @@ class SimulatorNode:
         self._truth = GroundTruth(robot)
         self._duties = [
             Duty(TICK_HZ, 0, BaseTopics(robot).publish),
-            Duty(5, 6, NavigationTopics(robot).publish),
+            Duty(5, 6, MapTopics(robot).publish),
             Duty(TICK_HZ, 0, JointTopics(robot).publish),
             Duty(TICK_HZ, 0, InertialTopics(robot).publish),
             Duty(1, 7, PowerTopics(robot).publish),
@@ -73,8 +74,10 @@ class SimulatorNode:
         for index, sonar in enumerate(robot.sonars):
             self._duties.append(Duty(5, 3 * index + 1, partial(sonars.publish, sonar)))
         self._servers: list[Callable[[float], None]] = []
+        if robot.body.names.mux:
+            self._servers.append(MoveBaseServer(robot).step)
         if robot.body.upper_body:
-            self._servers = [SpeechServer().step, MotionServer(robot).step, GripperServer(robot).step]
+            self._servers += [SpeechServer().step, MotionServer(robot).step, GripperServer(robot).step]
             for index, name in enumerate(CONTROLLERS):
                 controller = TrajectoryController(robot, name)
                 self._servers.append(controller.step)

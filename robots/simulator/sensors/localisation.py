@@ -13,6 +13,11 @@ MOVED_M = 0.2  # a new estimate after this, or
 TURNED_RAD = 0.3
 SIGMA_M = 0.02
 SIGMA_RAD = 0.005
+GIVEN_M = 0.5  # standard deviations after a person has set the pose, until the robot has moved
+GIVEN_RAD = 0.26
+FOUND_M = 0.8  # from a set pose that is less off than this, it finds the true one
+FOUND_RAD = 0.6
+JUMP_M = 1.5  # the fault `localisation_jumps`
 
 
 class Localisation:
@@ -23,19 +28,43 @@ class Localisation:
         self._random = random
         self._believed_at: Pose | None = None  # in the odometry's frame
         self._map_to_odom = Pose(0.0, 0.0, 0.0)
+        self._is_given = False  # set by a person, and not yet confirmed
+        self._is_lost = False
+
+    @property
+    def sigmas(self) -> tuple[float, float]:
+        """Standard deviations of the believed pose: metres and radians."""
+        return (GIVEN_M, GIVEN_RAD) if self._is_given else (SIGMA_M, SIGMA_RAD)
+
+    def give(self, pose: Pose, truth: Pose) -> None:
+        """Take the pose in the map that a person has set. Far from the true one, the robot stays lost there."""
+        self._believed_at = self._present()
+        self._set(*pose, self._believed_at)
+        self._is_given = True
+        turned = abs(math.remainder(pose.yaw - truth.yaw, math.tau))
+        self._is_lost = math.dist(pose[:2], truth[:2]) > FOUND_M or turned > FOUND_RAD
 
     def map_to_odom(self, truth: Pose) -> Pose:
         """Return the odometry frame's pose in the map frame, for the robot's true pose `truth`."""
-        odometry = Pose(self._odometry.x, self._odometry.y, self._odometry.yaw)
+        odometry = self._present()
         if self._believed_at is None or _moved(self._believed_at, odometry):
             self._believed_at = odometry
-            x, y, yaw = np.array(truth) + self._random.normal(0.0, (SIGMA_M, SIGMA_M, SIGMA_RAD))
-            turn = math.remainder(yaw - odometry.yaw, math.tau)
-            c, s = math.cos(turn), math.sin(turn)
-            self._map_to_odom = Pose(
-                x - c * odometry.x + s * odometry.y, y - s * odometry.x - c * odometry.y, turn
-            )
+            if not self._is_lost:
+                self._is_given = False
+                x, y, yaw = np.array(truth) + self._random.normal(0.0, (SIGMA_M, SIGMA_M, SIGMA_RAD))
+                self._set(float(x), float(y), float(yaw), odometry)
         return self._map_to_odom
+
+    def _present(self) -> Pose:
+        return Pose(self._odometry.x, self._odometry.y, self._odometry.yaw)
+
+    def _set(self, x: float, y: float, yaw: float, odometry: Pose) -> None:
+        """Believe that the robot, which is at `odometry` in that frame, is at this pose in the map."""
+        turn = math.remainder(yaw - odometry.yaw, math.tau)
+        c, s = math.cos(turn), math.sin(turn)
+        self._map_to_odom = Pose(
+            x - c * odometry.x + s * odometry.y, y - s * odometry.x - c * odometry.y, turn
+        )
 
 
 def _moved(before: Pose, now: Pose) -> bool:

@@ -1,0 +1,81 @@
+"""Local following: a twist towards a point of the path ahead (pure pursuit), held back by what the laser sees."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.simulator.navigation.planner import Place
+from robots.simulator.physics.base import STILL, Twist, clamp
+from robots.simulator.physics.mujoco_world import Pose
+
+FASTEST_MPS = 0.5
+NARROW_MPS = 0.25  # where a wall is nearer than `NARROW_M` to the robot's middle
+NARROW_M = 0.45
+AHEAD_M = 0.4  # distance to the point of the path that the robot steers at
+TURN_FIRST_RAD = 0.6  # turn on the spot, if the path goes off by more than this
+FASTEST_RADPS = 0.8
+SLOW_DOWN_PER_S = 1.0  # speed per metre that is left
+LOOKS_AHEAD_S = (0.25, 0.5, 0.75, 1.0, 1.25)
+THERE_M, THERE_RAD = 0.12, 0.12
+
+Points = NDArray[np.float64]  # rows of x, y
+
+
+def nearest(path: list[Place], pose: Pose) -> int:
+    """Return the index of the path's nearest place."""
+    return min(range(len(path)), key=lambda index: math.dist(path[index], pose[:2]))
+
+
+def steering_point(path: list[Place], pose: Pose) -> Place:
+    """Return the first place of the path that is `AHEAD_M` away, beyond the nearest one; its end, if none is."""
+    for place in path[nearest(path, pose) :]:
+        if math.dist(place, pose[:2]) >= AHEAD_M:
+            return place
+    return path[-1]
+
+
+def follow(path: list[Place], heading: float, pose: Pose, clear_m: float) -> Twist | None:
+    """Return the twist along the path at `pose` (map), then onto `heading`; None: the robot is there."""
+    left_m = math.dist(path[-1], pose[:2])
+    if left_m < THERE_M:
+        off = math.remainder(heading - pose.yaw, math.tau)
+        return None if abs(off) < THERE_RAD else Twist(w=turn_towards(off))
+    x, y = steering_point(path, pose)
+    off = math.remainder(math.atan2(y - pose.y, x - pose.x) - pose.yaw, math.tau)
+    if abs(off) > TURN_FIRST_RAD:
+        return Twist(w=turn_towards(off))
+    fastest = NARROW_MPS if clear_m < NARROW_M else FASTEST_MPS
+    speed = min(fastest * math.cos(off), max(0.08, SLOW_DOWN_PER_S * left_m))
+    turn = 2.0 * speed * math.sin(off) / max(AHEAD_M, math.dist((x, y), pose[:2]))
+    return Twist(speed, 0.0, clamp(turn, -FASTEST_RADPS, FASTEST_RADPS))
+
+
+def turn_towards(off: float) -> float:
+    """Rotation (rad/s) on the spot for a heading that is `off` (rad)."""
+    return clamp(2.0 * off, -FASTEST_RADPS, FASTEST_RADPS) if abs(off) > 0.1 else math.copysign(0.2, off)
+
+
+def held_back(twist: Twist, seen: Points, hull_m: float) -> Twist:
+    """Return the twist, or the fastest share of it after which the robot meets nothing that it sees (base frame)."""
+    if twist.vx == 0.0 or not len(seen):
+        return twist
+    for share, margin_m in ((1.0, 0.03), (0.6, 0.02), (0.3, 0.01)):
+        slower = Twist(twist.vx * share, 0.0, twist.w * share)
+        if all(_clear(slower, seconds, seen, hull_m + margin_m) for seconds in LOOKS_AHEAD_S):
+            return slower
+    # The way may be free in another direction: the hull is round.
+    return Twist(w=math.copysign(0.3, twist.w)) if abs(twist.w) > 0.05 else STILL
+
+
+def _clear(twist: Twist, seconds: float, seen: Points, radius_m: float) -> bool:
+    turned = twist.w * seconds
+    if abs(turned) > 1e-3:
+        radius = twist.vx / twist.w
+        x, y = radius * math.sin(turned), radius * (1.0 - math.cos(turned))
+    else:
+        x, y = twist.vx * seconds, 0.0
+    ahead = seen[seen[:, 0] > 0.0]
+    return bool((np.hypot(ahead[:, 0] - x, ahead[:, 1] - y) > radius_m).all())

@@ -1,0 +1,134 @@
+"""Navigation as move_base offers it: one goal at a time, with its real reasons of failure and with provoked faults."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from robots.simulator.navigation import follower
+from robots.simulator.navigation.planner import CostMap, Place
+from robots.simulator.physics.base import STILL, Twist
+from robots.simulator.physics.mujoco_world import Pose
+from robots.simulator.robot import Robot
+from robots.simulator.sensors.laser import Laser, in_world
+from robots.simulator.sensors.survey import surveyed
+
+HULL_M = 0.275
+PLANNED_M = 0.30  # radius of the robot in plans
+SCAN_S = 0.1
+REPLANS_S = 1.0  # pause between two plans around an obstacle that is not on the map
+MOVED_M = 0.15
+GIVES_UP_S = 15.0  # without a step forward, as move_base with its recovery behaviours
+
+NO_PLAN = "Failed to find a valid plan. Even after executing recovery behaviors."
+NO_CONTROL = "Failed to find a valid control. Even after executing recovery behaviors."
+REACHED = "Goal reached."
+
+
+class Phase(Enum):
+    """State of a goal."""
+
+    DRIVING = "driving"
+    REACHED = "reached"
+    FAILED = "failed"
+
+
+@dataclass
+class Going:
+    """A goal on its way. `path` is in the map frame; `text` says why it ended."""
+
+    goal: Pose
+    path: list[Place] = field(default_factory=list)
+    phase: Phase = Phase.DRIVING
+    text: str = ""
+    moved_from: Place = (math.inf, math.inf)  # place of the last progress
+    moved_s: float = -math.inf  # time of that
+    planned_s: float = -math.inf
+
+
+class Navigator:
+    """Drives one robot by the map, its localisation and its laser. Times are seconds of one clock."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        survey = surveyed(robot.physics, robot.world.size, robot.body.laser.pose[2])
+        self._costs = CostMap(survey, PLANNED_M)
+        self._laser = Laser(
+            robot.body.laser, np.random.default_rng(0)
+        )  # its noise must not shift the topic's
+        self._seen = np.empty((0, 2))
+        self._seen_s = -math.inf
+        self.going: Going | None = None
+
+    def go(self, goal: Pose, now: float) -> Going:
+        """Begin a goal (map frame). It ends at once, if there is no way."""
+        self.going = Going(goal, moved_s=now)
+        self._costs.mark(())
+        self._plan(self.going, now)
+        return self.going
+
+    def cancel(self) -> None:
+        """Forget the goal."""
+        self.going = None
+
+    def step(self, now: float) -> Twist | None:
+        """Return the next twist of the base; None: nothing is under way."""
+        going = self.going
+        if going is None or going.phase is not Phase.DRIVING:
+            return None
+        pose = self._robot.believed()
+        if pose is None:
+            going.phase, going.text = Phase.FAILED, NO_PLAN
+            return STILL
+        if self._robot.faults.navigation_blind:
+            return _straight_on(going.goal, pose)
+        if now - self._seen_s >= SCAN_S:
+            self._look(now)
+        twist = follower.follow(going.path, going.goal.yaw, pose, self._costs.clear_m((pose.x, pose.y)))
+        if twist is None:
+            going.phase, going.text = Phase.REACHED, REACHED
+            return STILL
+        sent = follower.held_back(twist, self._seen, HULL_M)
+        self._judge(going, pose, sent, now)
+        return STILL if going.phase is not Phase.DRIVING else sent
+
+    def _judge(self, going: Going, pose: Pose, sent: Twist, now: float) -> None:
+        """Plan again where the way is barred; give up after `GIVES_UP_S` without a step forward."""
+        if math.dist(pose[:2], going.moved_from) > MOVED_M:
+            going.moved_from, going.moved_s = (pose.x, pose.y), now
+        if sent.vx == 0.0 and now - going.planned_s >= REPLANS_S:
+            self._costs.mark(in_world(pose, x, y) for x, y in self._seen)
+            self._plan(going, now, forgive=True)
+        if now - going.moved_s > GIVES_UP_S:
+            going.phase, going.text = Phase.FAILED, NO_CONTROL
+
+    def _plan(self, going: Going, now: float, *, forgive: bool = False) -> None:
+        pose = self._robot.believed()
+        path: list[Place] = []
+        if pose is not None and not self._robot.faults.navigation_fails:
+            path = self._costs.plan((pose.x, pose.y), going.goal[:2])
+        going.planned_s = now
+        if path:
+            going.path = path
+        elif not forgive:  # what bars the way now may go: until it gives up, it waits
+            going.phase, going.text = Phase.FAILED, NO_PLAN
+
+    def _look(self, now: float) -> None:
+        """Take the points of a scan, in the base frame."""
+        self._seen_s = now
+        x, y, _, yaw = self._laser.mount.pose
+        ranges = self._laser.scan(self._robot.physics)
+        good = np.isfinite(ranges) & (ranges < 3.0)
+        angles = self._laser.angles[good] + yaw
+        self._seen = np.column_stack([x + ranges[good] * np.cos(angles), y + ranges[good] * np.sin(angles)])
+
+
+def _straight_on(goal: Pose, pose: Pose) -> Twist:
+    """The fault `navigation_blind`: full speed at the goal, whatever stands there."""
+    off = math.remainder(math.atan2(goal.y - pose.y, goal.x - pose.x) - pose.yaw, math.tau)
+    if abs(off) > follower.TURN_FIRST_RAD:
+        return Twist(w=follower.turn_towards(off))
+    return Twist(follower.FASTEST_MPS, 0.0, off)

@@ -1,0 +1,149 @@
+"""Global plan: the cheapest path on the map, which keeps away from walls where there is room."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robots.simulator.sensors.survey import FREE, OCCUPIED, RESOLUTION_M, Survey
+
+Place = tuple[float, float]
+Cell = tuple[int, int]  # row, column
+
+STEP_CELLS = 2  # the path runs on every second cell of the map: 0.1 m
+SEEN_M = 0.7  # as far as walls make a path dearer
+DEARER = 4.0  # a metre at a wall costs as much as this many in the open
+BESIDE_M = 0.3  # a goal in an obstacle is moved by no more than this
+
+_NEIGHBOURS = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1) if row or column]
+
+
+class CostMap:
+    """Distances to the nearest obstacle on the map, metres, up to `SEEN_M`; with obstacles that the laser adds."""
+
+    def __init__(self, survey: Survey, radius_m: float) -> None:
+        self._survey = survey
+        self._radius_m = radius_m
+        self._known = survey.cells == FREE
+        self._clear = _clearance(survey.cells == OCCUPIED)
+        self._mapped = self._clear
+
+    def mark(self, points: Iterable[Place]) -> None:
+        """Add obstacles (world) to those of the map; those that were added before are forgotten."""
+        solid = np.zeros(self._known.shape, bool)
+        for point in points:
+            row, column = self.cell(point)
+            if 0 <= row < solid.shape[0] and 0 <= column < solid.shape[1]:
+                solid[row, column] = True
+        self._clear = np.minimum(self._mapped, _clearance(solid))
+
+    def clear_m(self, place: Place) -> float:
+        """Distance from a place to the nearest obstacle, metres; 0 outside the known map."""
+        return self._clear_at(self.cell(place))
+
+    def cell(self, place: Place) -> Cell:
+        """Return the cell of a place."""
+        survey = self._survey
+        return (
+            math.floor((place[1] - survey.south_m) / RESOLUTION_M),
+            math.floor((place[0] - survey.west_m) / RESOLUTION_M),
+        )
+
+    def plan(self, start: Place, goal: Place) -> list[Place]:
+        """Return places from `start` to `goal`; empty: there is no way. A start too close to a wall may leave it."""
+        begin, end = self._coarse(start), self._nearest_open(self._coarse(goal))
+        if end is None:
+            return []
+        cells = self._search(begin, end)
+        if not cells:
+            return []
+        places = [self._place(cell) for cell in cells]
+        places[0] = start
+        if self._open(self._coarse(goal)):
+            places[-1] = goal
+        return places
+
+    def _search(self, begin: Cell, end: Cell) -> list[Cell]:
+        """A*, with the straight distance as the estimate."""
+        came: dict[Cell, Cell] = {}
+        cost = {begin: 0.0}
+        queue = [(math.dist(begin, end), begin)]
+        done: set[Cell] = set()
+        while queue:
+            _, cell = heapq.heappop(queue)
+            if cell == end:
+                return list(_back(came, cell))[::-1]
+            if cell in done:
+                continue
+            done.add(cell)
+            for row, column in _NEIGHBOURS:
+                other = cell[0] + row, cell[1] + column
+                clear_m = self._clear_at((other[0] * STEP_CELLS, other[1] * STEP_CELLS))
+                if clear_m < self._radius_m and math.dist(other, begin) > self._radius_m / RESOLUTION_M:
+                    continue
+                if clear_m <= 0.0:
+                    continue
+                dear = 1.0 + DEARER * max(0.0, SEEN_M - clear_m) / SEEN_M
+                via = cost[cell] + math.hypot(row, column) * dear
+                if via < cost.get(other, math.inf):
+                    cost[other] = via
+                    came[other] = cell
+                    heapq.heappush(queue, (via + math.dist(other, end), other))
+        return []
+
+    def _coarse(self, place: Place) -> Cell:
+        row, column = self.cell(place)
+        return row // STEP_CELLS, column // STEP_CELLS
+
+    def _place(self, cell: Cell) -> Place:
+        half = STEP_CELLS / 2
+        return (
+            self._survey.west_m + (cell[1] * STEP_CELLS + half) * RESOLUTION_M,
+            self._survey.south_m + (cell[0] * STEP_CELLS + half) * RESOLUTION_M,
+        )
+
+    def _open(self, cell: Cell) -> bool:
+        return self._clear_at((cell[0] * STEP_CELLS, cell[1] * STEP_CELLS)) >= self._radius_m
+
+    def _nearest_open(self, goal: Cell) -> Cell | None:
+        reach = round(BESIDE_M / RESOLUTION_M / STEP_CELLS)
+        around = [
+            (goal[0] + row, goal[1] + column)
+            for row in range(-reach, reach + 1)
+            for column in range(-reach, reach + 1)
+        ]
+        return min(filter(self._open, around), key=lambda cell: math.dist(cell, goal), default=None)
+
+    def _clear_at(self, cell: Cell) -> float:
+        rows, columns = self._known.shape
+        if not (0 <= cell[0] < rows and 0 <= cell[1] < columns) or not self._known[cell]:
+            return 0.0
+        return float(self._clear[cell])
+
+
+def _clearance(solid: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Distance of each cell to the nearest solid one, metres, up to `SEEN_M`."""
+    reach = round(SEEN_M / RESOLUTION_M)
+    clear = np.full(solid.shape, SEEN_M)
+    rows, columns = np.nonzero(solid)
+    for row in range(-reach, reach + 1):
+        for column in range(-reach, reach + 1):
+            distance = math.hypot(row, column) * RESOLUTION_M
+            if distance >= SEEN_M:
+                continue
+            r, c = rows + row, columns + column
+            inside = (r >= 0) & (r < solid.shape[0]) & (c >= 0) & (c < solid.shape[1])
+            r, c = r[inside], c[inside]
+            clear[r, c] = np.minimum(clear[r, c], distance)
+    return clear
+
+
+def _back(came: dict[Cell, Cell], cell: Cell) -> Iterator[Cell]:
+    yield cell
+    while cell in came:
+        cell = came[cell]
+        yield cell
