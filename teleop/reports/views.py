@@ -28,7 +28,7 @@ from fleet.accounts.requests import person_of
 from fleet.audit.reading import wording
 from fleet.audit.reading.addresses import number, session_url_of
 from fleet.audit.reading.listing import Row
-from fleet.bookings.authority import awaiting_approval
+from fleet.bookings.permissions import awaiting_approval
 from robots.access.selectors import robot_visible_to, supervises
 from teleop.control.selectors import end_notes
 from teleop.reports import own_data, path_plot, robot_report, session_report, today

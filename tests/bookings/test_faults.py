@@ -13,8 +13,8 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.bookings import services, waiting
+from fleet.bookings.lost_rights import bookings_free_lost
 from fleet.bookings.models import Booking, Letter, State, Waiting
-from fleet.bookings.rights import bookings_free_lost
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import schedule_of
 from fleet.bookings.services import booking_make

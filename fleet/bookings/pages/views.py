@@ -23,11 +23,11 @@ from msgspec.json import encode
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
 from fleet.bookings import services
-from fleet.bookings.authority import awaiting_approval, may_manage_booking
 from fleet.bookings.ical import address_make, address_revoke, feed_of
 from fleet.bookings.models import Booking, FeedAddress, State, Waiting
 from fleet.bookings.pages.calendar import calendar, local
 from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm, typed_day
+from fleet.bookings.permissions import awaiting_approval, may_manage_booking
 from fleet.bookings.quotas import common_left, left_of
 from fleet.bookings.rules import Slot, shown
 from fleet.bookings.selectors import (

@@ -19,8 +19,8 @@ from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
 from fleet.bookings import services
-from fleet.bookings.authority import bookings_managed_by
 from fleet.bookings.models import Booking, Waiting
+from fleet.bookings.permissions import bookings_managed_by
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import ALTERNATIVES, OPEN, free_slots, grace_of, policies_of, stage_of
 from fleet.bookings.services import BookingRefused
@@ -118,7 +118,7 @@ class BookingProblem(ProblemDetails, frozen=True, kw_only=True):
 
 
 class BookingsAsked(Struct, frozen=True, forbid_unknown_fields=True, rename={"from_": "from"}):
-    """Which bookings."""
+    """Filters of bookings."""
 
     robot: Slug | None = None
     person: (
@@ -133,7 +133,7 @@ class BookingsAsked(Struct, frozen=True, forbid_unknown_fields=True, rename={"fr
 
 
 class FreeAsked(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which free slots."""
+    """Filters of free slots."""
 
     minutes: Annotated[int, Meta(ge=1, le=10080, description="Length of the slot.")] = 60
     robot: (

@@ -162,7 +162,7 @@ class CourseRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class CourseChange(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """What is left out stays."""
+    """Fields that are left out stay as they are."""
 
     name: Annotated[str, Meta(min_length=1, max_length=80)] | UnsetType = UNSET
     starts_on: date | UnsetType = UNSET

@@ -55,7 +55,7 @@ class Reader(Struct, frozen=True):
 
 
 class EventsAsked(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which events."""
+    """Filters of events."""
 
     robot: Annotated[str, Meta(max_length=100, description="Only of this one.")] | None = None
     after: (

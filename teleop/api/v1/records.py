@@ -94,7 +94,7 @@ class SessionDetail(SessionEntry, frozen=True):
 
 
 class SessionsAsked(Struct, frozen=True, forbid_unknown_fields=True, rename={"from_": "from"}):
-    """Which control sessions."""
+    """Filters of control sessions."""
 
     robot: RobotName | None = None
     person: PersonName | None = None
@@ -148,7 +148,7 @@ class AuditList(Struct, frozen=True):
 
 
 class RecordsAsked(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which records."""
+    """Filters of records."""
 
     robot: Annotated[str, Meta(max_length=100, description="“none”: records without robot.")] | None = None
     person: (
@@ -167,14 +167,14 @@ class RecordsAsked(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class AuditAsked(RecordsAsked, frozen=True, forbid_unknown_fields=True):
-    """Which records, page by page."""
+    """Filters and page of records."""
 
     cursor: Cursor | None = None
     limit: Limit = 50
 
 
 class ExportAsked(RecordsAsked, frozen=True, forbid_unknown_fields=True):
-    """Which records, in which format."""
+    """Filters of records, and the format of the file."""
 
     format: Literal["jsonl", "csv"] = "jsonl"
 

@@ -41,26 +41,26 @@ _BUSY = Refusal("busy", "Too many questions about topics are asked at once: try 
 
 
 class TopicAsked(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which topic."""
+    """The topic that is meant."""
 
     topic: TopicName
 
 
 class TypeAsked(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which message type; with `topic`, as its publisher has it."""
+    """The message type that is meant; with `topic`, as its publisher has it."""
 
     type: TypeName
     topic: TopicName | None = None
 
 
 class ServiceAsked(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which service."""
+    """The service that is meant."""
 
     service: TopicName
 
 
 class ParameterAsked(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which parameter, or tree of them."""
+    """The parameter that is meant, or tree of them."""
 
     name: TopicName
 

@@ -22,7 +22,7 @@ from django.utils import timezone
 from fleet.accounts.tokens.services import remove_expired_tokens
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
-from fleet.bookings import letters, rights, waiting
+from fleet.bookings import letters, lost_rights, waiting
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
 from teleop.api.v1.door.idempotency import remove_old_answers
@@ -62,7 +62,7 @@ class Command(BaseCommand):
         """Repeat until the process is asked to end."""
         if options["once"]:
             end_lapsed()
-            rights.bookings_free_lost(None, timezone.now())
+            lost_rights.bookings_free_lost(None, timezone.now())
             for _ in daily_steps():
                 pass
             return
@@ -75,7 +75,7 @@ class Command(BaseCommand):
             try:
                 end_lapsed()
                 if time.monotonic() - looked_s > RIGHTS_S:  # a process may have died before it freed them
-                    rights.bookings_free_lost(None, timezone.now())
+                    lost_rights.bookings_free_lost(None, timezone.now())
                     looked_s = time.monotonic()
                 robots.step(time.monotonic())
                 daily.work_a_little()

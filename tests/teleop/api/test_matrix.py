@@ -1,4 +1,4 @@
-"""Who may do what by the API: role x scope x operation x (own, of one's course, another's), complete.
+"""Permissions at the API: role x scope x operation x (own, of one's course, another's), complete.
 
 Each operation of the schema has one row: the scopes of which a token needs one, its request, and how it ends for each
 person in three places. Everything else follows: nobody gets 401, a token without the scope 403, whatever the place.
@@ -59,7 +59,7 @@ Ends = tuple[str, str, str]
 
 
 def seen(done: str) -> Ends:
-    """Whoever may see the robot, gets this; the others find nothing."""
+    """People who may see the robot get this; the others find nothing."""
     return (
         f"{done} {done} not_found {done} {done}",
         f"{done} {done} {done} not_found {done}",

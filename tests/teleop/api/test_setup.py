@@ -1,4 +1,4 @@
-"""What supervisors and staff set up on pages, programs set up by REST: the same rules, the same records."""
+"""Set-up by REST instead of pages: the same rules, the same records."""
 
 from __future__ import annotations
 

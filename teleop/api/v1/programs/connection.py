@@ -60,7 +60,7 @@ class Caller(Struct, frozen=True):
 
 
 class Velocity(Struct, frozen=True):
-    """What drive messages say: parts of the robot's limits."""
+    """A velocity as drive messages carry it: parts of the robot's limits."""
 
     x: float
     y: float

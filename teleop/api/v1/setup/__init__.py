@@ -1,1 +1,1 @@
-"""What supervisors and staff set up: registry, profiles, webhooks, tokens, policies, groups, qualifications."""
+"""Set-up by supervisors and staff: registry, profiles, webhooks, tokens, policies, groups, qualifications."""

@@ -1,4 +1,4 @@
-"""What the views of this folder have in common: staff only, robots that a token serves, entity tags."""
+"""Base of the views of this folder: operations of one shape, staff only, robots of a token, entity tags."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class ProfileDetail(ProfileEntry, frozen=True):
 
 
 class ProfileChange(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """What is left out stays."""
+    """Fields that are left out stay as they are."""
 
     name: Annotated[str, Meta(min_length=1, max_length=80)] | UnsetType = UNSET
     holonomic: bool | UnsetType = UNSET

@@ -1,4 +1,4 @@
-"""Whose bookings a person may change, beside their own.
+"""Permissions of a person on bookings of others.
 
 Staff, and supervisors who have this role on the robot itself, manage all bookings of the robot and its policy. The
 supervisors of a course manage those of the course: its robots serve other courses, too.
