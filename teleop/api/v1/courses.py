@@ -6,7 +6,6 @@ from datetime import date
 from functools import partial
 from typing import Annotated, Any, Literal
 
-from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.db.models import Count
 from django.utils import timezone
@@ -16,7 +15,6 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
-from fleet.accounts.tokens.models import Scope
 from robots.access import enrolment, services
 from robots.access.models import Course, Qualification
 from robots.access.pages.forms import ActionForm, end_of, free_slug
@@ -24,10 +22,17 @@ from robots.access.people_lists import read_people
 from robots.access.selectors import courses_managed_by, demanded_in, grants_in, lab_date, robots_of
 from robots.registry.models import Robot
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import operation
 from teleop.api.v1.door.parameters import Time
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
-from teleop.api.v1.setup.base import IF_MATCH, SetupView, invalid, named_groups, require_unchanged
+from teleop.api.v1.setup.base import (
+    SetupView,
+    edits,
+    faults_named,
+    makes,
+    manages,
+    named_groups,
+    require_unchanged,
+)
 from teleop.api.v1.setup.groups import account_named
 
 _NO_ROBOT = Refusal("robot_needed", "Name at least one robot or robot group.", "wire")
@@ -193,7 +198,7 @@ class Changed(Struct, frozen=True):
     people: int
 
 
-_course = partial(operation, scope=Scope.MANAGE, refuses=(404,), tag="courses")
+_course = partial(manages, tag="courses")
 
 
 class CoursesBase(SetupView):
@@ -233,10 +238,8 @@ class CoursesBase(SetupView):
         for name, value in (plain | quotas).items():
             if value is not UNSET:
                 setattr(course, name, value)
-        try:
+        with faults_named():
             services.course_save(course=course, actor=self.staff(), **lists)
-        except ValidationError as error:
-            raise invalid(error) from error
 
     def courses(self) -> list[Course]:
         """Return the courses that the person manages, and of which the token serves every robot."""
@@ -298,14 +301,11 @@ class CoursesView(CoursesBase):
         """Staff manage all."""
         return CourseList([CourseEntry(**_entry(course)) for course in self.courses()])
 
-    @operation(
+    @makes(
         "courses_make",
         "Make a course",
-        scope=Scope.MANAGE,
         body=CourseRequest,
         answer=CourseDetail,
-        status=201,
-        refuses=(404,),
         keyed=True,
         tag="courses",
         examples=[
@@ -337,15 +337,12 @@ class CourseView(CoursesBase):
         """Robots, dates, quotas, supervisors, and what its robots demand."""
         return self.tagged(self.detail(self.course(slug)))
 
-    @operation(
+    @edits(
         "courses_change",
         "Change a course, archive it or open it again",
-        scope=Scope.MANAGE,
         body=CourseChange,
         answer=CourseDetail,
-        refuses=(404, 412, 428),
         tag="courses",
-        parameters=[IF_MATCH],
     )
     def patch(self, request: Request, slug: str, body: CourseChange) -> Response:
         """By staff. An archived course gives its people nothing."""

@@ -3,26 +3,38 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import TypeVar
 
 import msgspec
 from django.core.exceptions import NON_FIELD_ERRORS, ValidationError
+from django.db.models import Model
 from drf_spectacular.utils import OpenApiParameter
 from msgspec import Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
+from fleet.accounts.tokens.models import Scope
 from robots.access.models import RobotGroup
 from robots.registry.models import Robot
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import ApiView
+from teleop.api.v1.door.operation import ApiView, operation
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
 from teleop.api.v1.door.versions import etag_of, version_seen
 
 IF_MATCH = OpenApiParameter(
     "If-Match", str, OpenApiParameter.HEADER, required=True, description="The ETag as you read it."
 )
+Entry = TypeVar("Entry", bound=Model)
+# The shapes of most operations here: a list has no 404.
+reads = partial(operation, scope=Scope.READ, refuses=(404,))
+manages = partial(operation, scope=Scope.MANAGE, refuses=(404,))
+makes = partial(manages, status=201)
+edits = partial(manages, refuses=(404, 412, 428), parameters=[IF_MATCH])
+
 _STAFF_ONLY = Refusal("permission_denied", "This is for staff and their service accounts.", "account")
 _CHANGED = Refusal("changed", "It was changed meanwhile: read it again.", "wire")
 _OF_ALL_ROBOTS = Refusal(
@@ -40,9 +52,15 @@ class SetupView(ApiView):
         return self.person
 
     def serves(self, robots: Iterable[Robot]) -> bool:
-        """Return whether the token may be used for all these robots."""
+        """Return whether the token may be used for all these robots.
+
+        One that is bound to robots may not be used for what has no robot: others may come to it later.
+        """
         token = self.token
-        return token is None or all(token.serves(robot.id) for robot in robots)
+        if token is None or not token.robots:
+            return True
+        served = [token.serves(robot.id) for robot in robots]
+        return bool(served) and all(served)
 
     def require_served(self, robots: Iterable[Robot]) -> None:
         """Raise `Problem` if the token does not serve all these robots."""
@@ -62,6 +80,23 @@ class SetupView(ApiView):
         """Answer an entry with its ETag."""
         headers = {"ETag": etag_of(mark_of(entry))} | ({"Location": location} if location else {})
         return Response(msgspec.to_builtins(entry), status, headers=headers)
+
+    def shown_once(self, entry: Struct, location: str = "") -> Response:
+        """Answer a new entry with its secret, which nothing keeps."""
+        headers = {"Cache-Control": "no-store"} | ({"Location": location} if location else {})
+        return Response(msgspec.to_builtins(entry), 201, headers=headers)
+
+    def group(self, slug: str) -> RobotGroup:
+        """Return a robot group, for staff whose token serves all its robots. Raises `Problem`."""
+        self.staff()
+        [group] = named_groups([slug])
+        self.require_served(group.robots.all())
+        return group
+
+
+def locked(entry: Entry) -> Entry:
+    """Return the entry as it is stored now; nobody changes it until the transaction ends."""
+    return type(entry)._default_manager.select_for_update(no_key=True).get(pk=entry.pk)
 
 
 def named_groups(slugs: Collection[str]) -> list[RobotGroup]:
@@ -83,11 +118,15 @@ def require_unchanged(request: Request, entry: Struct) -> None:
         raise Problem(_CHANGED)
 
 
-def invalid(error: ValidationError) -> Problem:
-    """Return a model's or form's faults as one problem that names the fields."""
-    fields = error.message_dict if hasattr(error, "error_dict") else {}
-    texts = [
-        " ".join(words) if name == NON_FIELD_ERRORS else f"{name}: {' '.join(words)}"
-        for name, words in fields.items()
-    ]
-    return Problem(Refusal("invalid", " ".join(texts or error.messages), "wire"))
+@contextmanager
+def faults_named() -> Iterator[None]:
+    """Answer a model's or form's faults as one problem that names the fields."""
+    try:
+        yield
+    except ValidationError as error:
+        fields = error.message_dict if hasattr(error, "error_dict") else {}
+        texts = [
+            " ".join(words) if name == NON_FIELD_ERRORS else f"{name}: {' '.join(words)}"
+            for name, words in fields.items()
+        ]
+        raise Problem(Refusal("invalid", " ".join(texts or error.messages), "wire")) from error

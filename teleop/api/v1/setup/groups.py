@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal
 
-from django.core.exceptions import ValidationError
 from django.db import transaction
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.models import User
-from fleet.accounts.tokens.models import Scope
 from robots.access import services
 from robots.access.models import GroupRole, Qualification, RobotGroup
 from robots.access.pages.forms import free_slug
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import operation
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
-from teleop.api.v1.setup.base import IF_MATCH, SetupView, invalid, named_groups, require_unchanged
+from teleop.api.v1.setup.base import (
+    SetupView,
+    edits,
+    faults_named,
+    locked,
+    makes,
+    manages,
+    named_groups,
+    require_unchanged,
+)
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Slugs = Annotated[list[str], Meta(max_length=1000)]
 GivenRole = Literal["observer", "operator", "supervisor"]
-Entry = TypeVar("Entry", RobotGroup, Qualification)
 
 _NO_ACCOUNT = Refusal("not_found", "There is no open account with this user name.", "wire")
 
@@ -93,40 +97,27 @@ class QualificationRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class GroupsBase(SetupView):
     """Base of the views of robot groups. A bound token sees and changes those whose robots it serves, all of them."""
 
-    def group(self, slug: str) -> RobotGroup:
-        """Return one of them. Raises `Problem`: not found."""
-        self.staff()
-        [group] = named_groups([slug])
-        self.require_served(group.robots.all())
-        return group
-
     def save_group(self, group: RobotGroup, body: GroupRequest) -> None:
         """Save a group. Raises `Problem`."""
         robots = self.named_robots(body.robots)
+        self.require_served(robots)
         group.name, group.slug = body.name, group.slug or free_slug(RobotGroup, body.name)
-        _saved(lambda: services.group_save(group=group, robots=robots, actor=self.staff()))
+        with faults_named():
+            services.group_save(group=group, robots=robots, actor=self.staff())
 
 
 class GroupsView(GroupsBase):
     """`/robot-groups`."""
 
-    @operation("groups_list", "List robot groups", scope=Scope.MANAGE, answer=GroupList, tag="groups")
+    @manages("groups_list", "List robot groups", answer=GroupList, tag="groups", refuses=())
     def get(self, _request: Request) -> GroupList:
         """By staff."""
         self.staff()
         found = RobotGroup.objects.prefetch_related("robots")
         return GroupList([_group(one) for one in found if self.serves(one.robots.all())])
 
-    @operation(
-        "groups_make",
-        "Make a robot group",
-        scope=Scope.MANAGE,
-        body=GroupRequest,
-        answer=GroupEntry,
-        status=201,
-        refuses=(404,),
-        keyed=True,
-        tag="groups",
+    @makes(
+        "groups_make", "Make a robot group", body=GroupRequest, answer=GroupEntry, keyed=True, tag="groups"
     )
     def post(self, _request: Request, body: GroupRequest) -> Response:
         """By staff."""
@@ -139,44 +130,21 @@ class GroupsView(GroupsBase):
 class GroupView(GroupsBase):
     """`/robot-groups/{slug}`."""
 
-    @operation(
-        "groups_read",
-        "Read a robot group",
-        scope=Scope.MANAGE,
-        answer=GroupEntry,
-        refuses=(404,),
-        tag="groups",
-    )
+    @manages("groups_read", "Read a robot group", answer=GroupEntry, tag="groups")
     def get(self, _request: Request, slug: str) -> Response:
         """By staff."""
         return self.tagged(_group(self.group(slug)))
 
-    @operation(
-        "groups_change",
-        "Change a robot group",
-        scope=Scope.MANAGE,
-        body=GroupRequest,
-        answer=GroupEntry,
-        refuses=(404, 412, 428),
-        tag="groups",
-        parameters=[IF_MATCH],
-    )
+    @edits("groups_change", "Change a robot group", body=GroupRequest, answer=GroupEntry, tag="groups")
     def put(self, request: Request, slug: str, body: GroupRequest) -> Response:
         """By staff. Roles and bookings follow at once."""
         with transaction.atomic():
-            group = _locked(self.group(slug))
+            group = locked(self.group(slug))
             require_unchanged(request, _group(group))
             self.save_group(group, body)
         return self.tagged(_group(self.group(slug)))
 
-    @operation(
-        "groups_delete",
-        "Delete a robot group",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404,),
-        tag="groups",
-    )
+    @manages("groups_delete", "Delete a robot group", tag="groups")
     def delete(self, _request: Request, slug: str) -> None:
         """Its robots stay; roles, courses and policies by it end."""
         services.group_delete(group=self.group(slug), actor=self.staff())
@@ -185,13 +153,11 @@ class GroupView(GroupsBase):
 class GroupRoleView(GroupsBase):
     """`/robot-groups/{slug}/roles/{username}`."""
 
-    @operation(
+    @manages(
         "groups_role_set",
         "Give a person a role on a group’s robots",
-        scope=Scope.MANAGE,
         body=RoleRequest,
         answer=Holder,
-        refuses=(404,),
         tag="groups",
     )
     def put(self, _request: Request, slug: str, username: str, body: RoleRequest) -> Holder:
@@ -200,14 +166,7 @@ class GroupRoleView(GroupsBase):
         services.group_role_set(group=group, user=person, role=Role(body.role), actor=self.staff())
         return Holder(person.username, body.role)
 
-    @operation(
-        "groups_role_remove",
-        "Take a person’s role on a group’s robots away",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404,),
-        tag="groups",
-    )
+    @manages("groups_role_remove", "Take a person’s role on a group’s robots away", tag="groups")
     def delete(self, _request: Request, slug: str, username: str) -> None:
         """Roles by courses and on single robots stay."""
         group, person = self.group(slug), account_named(username)
@@ -217,13 +176,11 @@ class GroupRoleView(GroupsBase):
 class RobotRolesView(SetupView):
     """`/registry/{slug}/roles/{username}`."""
 
-    @operation(
+    @manages(
         "registry_role_set",
         "Give a person a role on a robot",
-        scope=Scope.MANAGE,
         body=RoleRequest,
         answer=Holder,
-        refuses=(404,),
         tag="registry",
     )
     def put(self, _request: Request, slug: str, username: str, body: RoleRequest) -> Holder:
@@ -232,14 +189,7 @@ class RobotRolesView(SetupView):
         services.role_set(robot=robot, user=person, role=Role(body.role), actor=staff)
         return Holder(person.username, body.role)
 
-    @operation(
-        "registry_role_remove",
-        "Take a person’s role on a robot away",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404,),
-        tag="registry",
-    )
+    @manages("registry_role_remove", "Take a person’s role on a robot away", tag="registry")
     def delete(self, _request: Request, slug: str, username: str) -> None:
         """Roles by courses and groups stay."""
         staff, robot, person = self.staff(), self.robot(slug), account_named(username)
@@ -261,42 +211,28 @@ class QualificationsBase(SetupView):
     def save_qualification(self, entry: Qualification, body: QualificationRequest) -> None:
         """Save a qualification. Raises `Problem`."""
         robots, groups = self.named_robots(body.robots), named_groups(body.groups)
-        for group in groups:
-            self.require_served(group.robots.all())
+        self.require_served([*robots, *(robot for group in groups for robot in group.robots.all())])
         entry.name, entry.description = body.name, body.description
         entry.slug = entry.slug or free_slug(Qualification, body.name)
-        staff = self.staff()
-        _saved(
-            lambda: services.qualification_save(
-                qualification=entry, robots=robots, groups=groups, actor=staff
-            )
-        )
+        with faults_named():
+            services.qualification_save(qualification=entry, robots=robots, groups=groups, actor=self.staff())
 
 
 class QualificationsView(QualificationsBase):
     """`/qualifications`."""
 
-    @operation(
-        "qualifications_list",
-        "List qualifications",
-        scope=Scope.MANAGE,
-        answer=QualificationList,
-        tag="groups",
-    )
+    @manages("qualifications_list", "List qualifications", answer=QualificationList, tag="groups", refuses=())
     def get(self, _request: Request) -> QualificationList:
         """By staff."""
         self.staff()
         found = Qualification.objects.prefetch_related("robots", "groups__robots")
         return QualificationList([_qualification(one) for one in found if self.serves(_demanding(one))])
 
-    @operation(
+    @makes(
         "qualifications_make",
         "Make a qualification",
-        scope=Scope.MANAGE,
         body=QualificationRequest,
         answer=QualificationDetail,
-        status=201,
-        refuses=(404,),
         keyed=True,
         tag="groups",
     )
@@ -311,44 +247,27 @@ class QualificationsView(QualificationsBase):
 class QualificationView(QualificationsBase):
     """`/qualifications/{slug}`."""
 
-    @operation(
-        "qualifications_read",
-        "Read a qualification",
-        scope=Scope.MANAGE,
-        answer=QualificationDetail,
-        refuses=(404,),
-        tag="groups",
-    )
+    @manages("qualifications_read", "Read a qualification", answer=QualificationDetail, tag="groups")
     def get(self, _request: Request, slug: str) -> Response:
         """By staff."""
         return self.tagged(_qualification(self.qualification(slug)))
 
-    @operation(
+    @edits(
         "qualifications_change",
         "Change a qualification",
-        scope=Scope.MANAGE,
         body=QualificationRequest,
         answer=QualificationDetail,
-        refuses=(404, 412, 428),
         tag="groups",
-        parameters=[IF_MATCH],
     )
     def put(self, request: Request, slug: str, body: QualificationRequest) -> Response:
         """By staff. People who lack it lose control of robots that demand it now."""
         with transaction.atomic():
-            entry = _locked(self.qualification(slug))
+            entry = locked(self.qualification(slug))
             require_unchanged(request, _qualification(entry))
             self.save_qualification(entry, body)
         return self.tagged(_qualification(self.qualification(slug)))
 
-    @operation(
-        "qualifications_delete",
-        "Delete a qualification",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404,),
-        tag="groups",
-    )
+    @manages("qualifications_delete", "Delete a qualification", tag="groups")
     def delete(self, _request: Request, slug: str) -> None:
         """No robot demands it any more, and nobody holds it."""
         services.qualification_delete(qualification=self.qualification(slug), actor=self.staff())
@@ -360,17 +279,6 @@ def account_named(username: str) -> User:
     if found is None:
         raise Problem(_NO_ACCOUNT)
     return found
-
-
-def _locked(entry: Entry) -> Entry:
-    return type(entry)._default_manager.select_for_update().get(pk=entry.pk)
-
-
-def _saved(save: Callable[[], Any]) -> None:
-    try:
-        save()
-    except ValidationError as error:
-        raise invalid(error) from error
 
 
 def _demanding(entry: Qualification) -> list[Robot]:

@@ -11,15 +11,14 @@ from django.utils import timezone
 from msgspec import Meta, Struct
 from rest_framework.request import Request
 
-from fleet.accounts.tokens.models import Scope
 from robots.access import enrolment, welcome
 from robots.access.models import Invitation
 from robots.access.pages.forms import InvitationForm, end_of
 from robots.wire import Refusal
 from teleop.api.v1.courses import Changed, CoursesBase, PeopleRequest
-from teleop.api.v1.door.operation import operation
 from teleop.api.v1.door.parameters import Time
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.setup.base import makes, manages
 
 
 class InvitationEntry(Struct, frozen=True):
@@ -50,27 +49,17 @@ class InvitationRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class InvitationsView(CoursesBase):
     """`/courses/{slug}/invitations`."""
 
-    @operation(
-        "invitations_list",
-        "List the invitations to a course",
-        scope=Scope.MANAGE,
-        answer=InvitationList,
-        refuses=(404,),
-        tag="courses",
-    )
+    @manages("invitations_list", "List the invitations to a course", answer=InvitationList, tag="courses")
     def get(self, request: Request, slug: str) -> InvitationList:
         """Also those that are over."""
         found = Invitation.objects.filter(course=self.course(slug)).select_related("course")
         return InvitationList([_entry(request, one) for one in found])
 
-    @operation(
+    @makes(
         "invitations_make",
         "Make an invitation",
-        scope=Scope.MANAGE,
         body=InvitationRequest,
         answer=InvitationEntry,
-        status=201,
-        refuses=(404,),
         keyed=True,
         tag="courses",
     )
@@ -91,14 +80,7 @@ class InvitationsView(CoursesBase):
 class InvitationView(CoursesBase):
     """`/courses/{slug}/invitations/{id}`."""
 
-    @operation(
-        "invitations_revoke",
-        "Revoke an invitation",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404,),
-        tag="courses",
-    )
+    @manages("invitations_revoke", "Revoke an invitation", tag="courses")
     def delete(self, _request: Request, slug: str, invitation_id: UUID) -> None:
         """Nobody joins by it any more. Twice is harmless."""
         found = Invitation.objects.select_related("course").filter(pk=invitation_id, course=self.course(slug))
@@ -110,13 +92,11 @@ class InvitationView(CoursesBase):
 class WelcomeView(CoursesBase):
     """`/courses/{slug}/welcome`."""
 
-    @operation(
+    @manages(
         "courses_welcome",
         "Send people the e-mail with which they set a password",
-        scope=Scope.MANAGE,
         body=PeopleRequest,
         answer=Changed,
-        refuses=(404,),
         keyed=True,
         tag="courses",
     )

@@ -6,7 +6,6 @@ from typing import Annotated, Any, Literal
 from uuid import UUID
 
 import msgspec
-from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.db.models import Q
 from django.utils import timezone
@@ -25,7 +24,7 @@ from robots.wire import Refusal
 from teleop.api.v1.door.operation import operation
 from teleop.api.v1.door.parameters import Moment, Time, utc
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
-from teleop.api.v1.setup.base import IF_MATCH, SetupView, invalid, named_groups, require_unchanged
+from teleop.api.v1.setup.base import SetupView, edits, faults_named, makes, manages, reads, require_unchanged
 
 Weekday = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]
 Clock = Annotated[str, Meta(pattern=r"^(([01][0-9]|2[0-3]):[0-5][0-9]|24:00)$")]
@@ -131,15 +130,11 @@ class PoliciesBase(SetupView):
         """Set a policy that is as the client saw it."""
         values = msgspec.to_builtins(body)
         with transaction.atomic():
-            place = {"robot": of.get("robot"), "group": of.get("group")}
-            Policy.objects.select_for_update(of=("self",)).filter(
-                **place
-            ).first()  # nobody changes it in between
+            place = Policy.objects.filter(robot=of.get("robot"), group=of.get("group"))
+            place.select_for_update(of=("self",)).first()  # nobody changes it in between
             require_unchanged(request, self.entry(**of))
-            try:
+            with faults_named():
                 policies.policy_set(values=values, actor=self.person, **of)
-            except ValidationError as error:
-                raise invalid(error) from error
         return self.tagged(self.entry(**of))
 
 
@@ -178,15 +173,13 @@ class CommonPolicyView(PoliciesBase):
         """Robots without another follow it."""
         return self.tagged(self.entry())
 
-    @operation(
+    @edits(
         "policies_set_common",
         "Set the policy of all robots",
-        scope=Scope.MANAGE,
+        refuses=(412, 428),
         body=Rules,
         answer=PolicyEntry,
-        refuses=(412, 428),
         tag="policies",
-        parameters=[IF_MATCH],
     )
     def put(self, request: Request, body: Rules) -> Response:
         """By staff."""
@@ -198,40 +191,17 @@ class CommonPolicyView(PoliciesBase):
 class RobotPolicyView(PoliciesBase):
     """`/policies/robots/{slug}`."""
 
-    @operation(
-        "policies_read_robot",
-        "Read the policy of a robot",
-        scope=Scope.READ,
-        answer=PolicyEntry,
-        refuses=(404,),
-        tag="policies",
-    )
+    @reads("policies_read_robot", "Read the policy of a robot", answer=PolicyEntry, tag="policies")
     def get(self, _request: Request, slug: str) -> Response:
         """Its own, or that which it follows."""
         return self.tagged(self.entry(robot=self.robot(slug)))
 
-    @operation(
-        "policies_set_robot",
-        "Set the policy of a robot",
-        scope=Scope.MANAGE,
-        body=Rules,
-        answer=PolicyEntry,
-        refuses=(404, 412, 428),
-        tag="policies",
-        parameters=[IF_MATCH],
-    )
+    @edits("policies_set_robot", "Set the policy of a robot", body=Rules, answer=PolicyEntry, tag="policies")
     def put(self, request: Request, slug: str, body: Rules) -> Response:
         """By supervisors of the robot itself, and staff. Bookings that are made stay."""
         return self.changed(request, body, robot=self.managed_robot(slug))
 
-    @operation(
-        "policies_remove_robot",
-        "Remove the policy of a robot",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404,),
-        tag="policies",
-    )
+    @manages("policies_remove_robot", "Remove the policy of a robot", tag="policies")
     def delete(self, _request: Request, slug: str) -> None:
         """It follows that of its group, or of all robots again."""
         policies.policy_remove(robot=self.managed_robot(slug), actor=self.person)
@@ -240,47 +210,23 @@ class RobotPolicyView(PoliciesBase):
 class GroupPolicyView(PoliciesBase):
     """`/policies/groups/{slug}`."""
 
-    def group(self, slug: str) -> RobotGroup:
-        """Return a group of which the token serves every robot. Raises `Problem`."""
-        self.staff()
-        [group] = named_groups([slug])
-        self.require_served(group.robots.all())
-        return group
-
-    @operation(
-        "policies_read_group",
-        "Read the policy of a robot group",
-        scope=Scope.READ,
-        answer=PolicyEntry,
-        refuses=(404,),
-        tag="policies",
-    )
+    @reads("policies_read_group", "Read the policy of a robot group", answer=PolicyEntry, tag="policies")
     def get(self, _request: Request, slug: str) -> Response:
         """By staff: a group may have robots of several supervisors."""
         return self.tagged(self.entry(group=self.group(slug)))
 
-    @operation(
+    @edits(
         "policies_set_group",
         "Set the policy of a robot group",
-        scope=Scope.MANAGE,
         body=Rules,
         answer=PolicyEntry,
-        refuses=(404, 412, 428),
         tag="policies",
-        parameters=[IF_MATCH],
     )
     def put(self, request: Request, slug: str, body: Rules) -> Response:
         """By staff."""
         return self.changed(request, body, group=self.group(slug))
 
-    @operation(
-        "policies_remove_group",
-        "Remove the policy of a robot group",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404,),
-        tag="policies",
-    )
+    @manages("policies_remove_group", "Remove the policy of a robot group", tag="policies")
     def delete(self, _request: Request, slug: str) -> None:
         """Its robots follow that of all robots again."""
         policies.policy_remove(group=self.group(slug), actor=self.person)
@@ -302,21 +248,18 @@ class PeriodsView(PoliciesBase):
         found = OutOfService.objects.filter(open_now, robot__in=self.robots()).select_related("robot")
         return PeriodList([PeriodEntry(**_period(one)) for one in found])
 
-    @operation(
+    @makes(
         "out_of_service_add",
         "Take a robot out of service",
-        scope=Scope.MANAGE,
         body=PeriodRequest,
         answer=PeriodMade,
-        status=201,
-        refuses=(404,),
         keyed=True,
         tag="policies",
     )
     def post(self, _request: Request, body: PeriodRequest) -> PeriodMade:
         """By supervisors of the robot itself, and staff. Bookings stay: their people learn that they are affected."""
         now = timezone.now()
-        try:
+        with faults_named():
             period, affected = policies.out_of_service_add(
                 robot=self.managed_robot(body.robot),
                 starts_at=utc(body.starts_at) if body.starts_at else now,
@@ -326,22 +269,13 @@ class PeriodsView(PoliciesBase):
                 actor=self.person,
                 now=now,
             )
-        except ValidationError as error:
-            raise invalid(error) from error
         return PeriodMade(**_period(period), affected=[booking.pk for booking in affected])
 
 
 class PeriodView(PoliciesBase):
     """`/out-of-service/{id}`."""
 
-    @operation(
-        "out_of_service_end",
-        "Put a robot back into service",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404,),
-        tag="policies",
-    )
+    @manages("out_of_service_end", "Put a robot back into service", tag="policies")
     def delete(self, _request: Request, period_id: UUID) -> None:
         """The period ends now; one that has not begun is removed."""
         found = OutOfService.objects.filter(pk=period_id, robot__in=self.managed()).first()

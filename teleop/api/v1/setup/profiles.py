@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
-from django.core.exceptions import ValidationError
 from django.db import transaction
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.request import Request
@@ -27,7 +24,7 @@ from robots.wire import Refusal
 from teleop.api.v1.door.operation import operation
 from teleop.api.v1.door.parameters import Time
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
-from teleop.api.v1.setup.base import IF_MATCH, SetupView, invalid, require_unchanged
+from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, reads, require_unchanged
 
 Topic = Annotated[str, Meta(max_length=200)]
 
@@ -137,33 +134,16 @@ class ProfilesBase(SetupView):
 class ProfileView(ProfilesBase):
     """`/profiles/{slug}`."""
 
-    @operation(
-        "profiles_read",
-        "Read a profile",
-        scope=Scope.READ,
-        answer=ProfileDetail,
-        refuses=(404,),
-        tag="registry",
-    )
+    @reads("profiles_read", "Read a profile", answer=ProfileDetail, tag="registry")
     def get(self, _request: Request, slug: str) -> Response:
         """Limits, body, ROS interface, gate and stick of this kind of robots."""
         return self.tagged(_detail(self.profile(slug)))
 
-    @operation(
-        "profiles_change",
-        "Change a profile",
-        scope=Scope.MANAGE,
-        body=ProfileChange,
-        answer=ProfileDetail,
-        refuses=(404, 412, 428),
-        tag="registry",
-        parameters=[IF_MATCH],
-    )
+    @edits("profiles_change", "Change a profile", body=ProfileChange, answer=ProfileDetail, tag="registry")
     def patch(self, request: Request, slug: str, body: ProfileChange) -> Response:
         """By staff. Bridges of its robots start again, and robots that move stop for it."""
-        with _faults_named(), transaction.atomic():
-            found = self.changeable(slug)
-            found = RobotProfile.objects.select_for_update().get(pk=found.pk)
+        with faults_named(), transaction.atomic():
+            found = locked(self.changeable(slug))
             require_unchanged(request, _detail(found))
             for name, value in structs.asdict(body).items():
                 if value is not UNSET:
@@ -172,79 +152,62 @@ class ProfileView(ProfilesBase):
         return self.tagged(_detail(self.profile(slug)))
 
 
-class ProfilePhrasesView(ProfilesBase):
+class PhrasesBase(ProfilesBase):
+    """Base of the views of phrases."""
+
+    def replaced(self, request: Request, owner: RobotProfile | Robot, body: PhraseTexts) -> Response:
+        """Replace phrases that are as the client saw them."""
+        with transaction.atomic():
+            locked(owner)
+            require_unchanged(request, _phrases(owner))
+            phrases_import(owner=owner, lines=_lines(body), actor=self.staff(), replace=True)
+        return self.tagged(_phrases(owner))
+
+
+class ProfilePhrasesView(PhrasesBase):
     """`/profiles/{slug}/phrases`."""
 
-    @operation(
-        "profiles_phrases_read",
-        "Read a profile’s phrases",
-        scope=Scope.READ,
-        answer=PhraseTexts,
-        refuses=(404,),
-        tag="registry",
-    )
+    @reads("profiles_phrases_read", "Read a profile’s phrases", answer=PhraseTexts, tag="registry")
     def get(self, _request: Request, slug: str) -> Response:
         """In their order."""
         return self.tagged(_phrases(self.profile(slug)))
 
-    @operation(
+    @edits(
         "profiles_phrases_set",
         "Replace a profile’s phrases",
-        scope=Scope.MANAGE,
         body=PhraseTexts,
         answer=PhraseTexts,
-        refuses=(404, 412, 428),
         tag="registry",
-        parameters=[IF_MATCH],
     )
     def put(self, request: Request, slug: str, body: PhraseTexts) -> Response:
         """By staff."""
-        owner = self.changeable(slug)
-        require_unchanged(request, _phrases(owner))
-        phrases_import(owner=owner, lines=_lines(body), actor=self.staff(), replace=True)
-        return self.tagged(_phrases(owner))
+        return self.replaced(request, self.changeable(slug), body)
 
 
-class RobotPhrasesView(SetupView):
+class RobotPhrasesView(PhrasesBase):
     """`/registry/{slug}/phrases`."""
 
-    @operation(
+    @reads(
         "registry_phrases_read",
         "Read the phrases that only one robot has",
-        scope=Scope.READ,
         answer=PhraseTexts,
-        refuses=(404,),
         tag="registry",
     )
     def get(self, _request: Request, slug: str) -> Response:
         """Beside those of its profile."""
         return self.tagged(_phrases(self.robot(slug)))
 
-    @operation(
+    @edits(
         "registry_phrases_set",
         "Replace the phrases that only one robot has",
-        scope=Scope.MANAGE,
         body=PhraseTexts,
         answer=PhraseTexts,
-        refuses=(404, 412, 428),
         tag="registry",
-        parameters=[IF_MATCH],
     )
     def put(self, request: Request, slug: str, body: PhraseTexts) -> Response:
         """By staff."""
-        staff, owner = self.staff(), self.robot(slug)
-        require_unchanged(request, _phrases(owner))
-        phrases_import(owner=owner, lines=_lines(body), actor=staff, replace=True)
-        return self.tagged(_phrases(owner))
-
-
-@contextmanager
-def _faults_named() -> Iterator[None]:
-    """Answer a model's faults as one problem."""
-    try:
-        yield
-    except ValidationError as error:
-        raise invalid(error) from error
+        self.staff()
+        return self.replaced(request, self.robot(slug), body)
 
 
 def _lines(body: PhraseTexts) -> list[Line]:

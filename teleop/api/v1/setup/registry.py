@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, Any
 
-from django.core.exceptions import ValidationError
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -19,7 +18,7 @@ from robots.wire import Refusal
 from teleop.api.v1.door.operation import operation
 from teleop.api.v1.door.parameters import Time
 from teleop.api.v1.door.problems import Problem
-from teleop.api.v1.setup.base import IF_MATCH, SetupView, invalid, require_unchanged
+from teleop.api.v1.setup.base import IF_MATCH, SetupView, faults_named, require_unchanged
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Address = Annotated[str, Meta(max_length=200)]
@@ -120,10 +119,8 @@ class RegistrationView(RegistryView):
 
 
 def _saved(robot: Robot, staff: User) -> Robot:
-    try:
+    with faults_named():
         return robot_save(robot=robot, actor=staff)
-    except ValidationError as error:
-        raise invalid(error) from error
 
 
 def _entry(robot: Robot) -> Registration:

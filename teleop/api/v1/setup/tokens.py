@@ -6,12 +6,11 @@ from datetime import datetime, timedelta
 from typing import Annotated, Literal
 from uuid import UUID
 
-import msgspec
 from allauth.account.internal.flows.reauthentication import did_recently_reauthenticate
 from django.db.models import Count, Max
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiExample
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
 
@@ -25,7 +24,7 @@ from robots.wire import Refusal
 from teleop.api.v1.door.operation import operation
 from teleop.api.v1.door.parameters import Moment, Time, utc
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
-from teleop.api.v1.setup.base import SetupView
+from teleop.api.v1.setup.base import SetupView, makes, manages
 from teleop.control.scopes import scope_missing
 
 USUAL = timedelta(days=90)
@@ -152,9 +151,7 @@ class TokensBase(SetupView):
             raise Problem(_TOO_MANY) from error
         except TokenInvalid as error:
             raise Problem(Refusal(error.code, error.text, "account")) from error
-        entry = msgspec.to_builtins(self.entry(made, owner))
-        headers = {"Cache-Control": "no-store"}
-        return Response({**entry, "token": text}, 201, headers=headers)
+        return self.shown_once(TokenMade(**structs.asdict(self.entry(made, owner)), token=text))
 
     def _robots(self, owner: User, body: TokenRequest) -> list[Robot]:
         """Return the robots to which the new token is bound; none: all."""
@@ -198,13 +195,11 @@ class TokensView(TokensBase):
         """With their last use."""
         return self.listed(self.person)
 
-    @operation(
+    @makes(
         "tokens_make",
         "Make a token",
-        scope=Scope.MANAGE,
         body=TokenRequest,
         answer=TokenMade,
-        status=201,
         refuses=(404, 409),
         tag="tokens",
         examples=[
@@ -239,12 +234,8 @@ class TokenView(TokensBase):
 class ServiceAccountsView(TokensBase):
     """`/service-accounts`."""
 
-    @operation(
-        "service_accounts_list",
-        "List service accounts",
-        scope=Scope.MANAGE,
-        answer=ServiceAccountList,
-        tag="tokens",
+    @manages(
+        "service_accounts_list", "List service accounts", answer=ServiceAccountList, tag="tokens", refuses=()
     )
     def get(self, _request: Request) -> ServiceAccountList:
         """By staff."""
@@ -252,15 +243,14 @@ class ServiceAccountsView(TokensBase):
         found = User.objects.exclude(project="").annotate(count=Count("tokens"), used=Max("tokens__used_at"))
         return ServiceAccountList([_account(one) for one in found.order_by("project", "full_name")])
 
-    @operation(
+    @makes(
         "service_accounts_make",
         "Make a service account",
-        scope=Scope.MANAGE,
         body=ServiceAccountRequest,
         answer=ServiceAccount,
-        status=201,
         keyed=True,
         tag="tokens",
+        refuses=(),
     )
     def post(self, _request: Request, body: ServiceAccountRequest) -> ServiceAccount:
         """By staff. It needs a role, and a token."""
@@ -273,25 +263,16 @@ class ServiceAccountsView(TokensBase):
 class ServiceTokensView(TokensBase):
     """`/service-accounts/{username}/tokens`."""
 
-    @operation(
-        "service_tokens_list",
-        "List the tokens of a service account",
-        scope=Scope.MANAGE,
-        answer=TokenList,
-        refuses=(404,),
-        tag="tokens",
-    )
+    @manages("service_tokens_list", "List the tokens of a service account", answer=TokenList, tag="tokens")
     def get(self, _request: Request, username: str) -> TokenList:
         """By staff."""
         return self.listed(self.account(username))
 
-    @operation(
+    @makes(
         "service_tokens_make",
         "Make a token of a service account",
-        scope=Scope.MANAGE,
         body=TokenRequest,
         answer=TokenMade,
-        status=201,
         refuses=(404, 409),
         tag="tokens",
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
-import msgspec
 from django.db.models import Count, Q
 from django.utils.dateparse import parse_datetime
 from drf_spectacular.utils import OpenApiExample
@@ -13,12 +12,10 @@ from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
 
-from fleet.accounts.tokens.models import Scope
 from robots.registry.models import Robot
-from teleop.api.v1.door.operation import operation
 from teleop.api.v1.door.parameters import Time
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
-from teleop.api.v1.setup.base import SetupView
+from teleop.api.v1.setup.base import SetupView, makes, manages
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks import services
 from teleop.webhooks.addresses import LONGEST
@@ -132,18 +129,16 @@ class WebhooksBase(SetupView):
 class WebhooksView(WebhooksBase):
     """`/webhooks`."""
 
-    @operation("webhooks_list", "List webhooks", scope=Scope.MANAGE, answer=WebhookList, tag="webhooks")
+    @manages("webhooks_list", "List webhooks", answer=WebhookList, tag="webhooks", refuses=())
     def get(self, _request: Request) -> WebhookList:
         """By staff."""
         return WebhookList([WebhookEntry(**_entry(one)) for one in self.seen()])
 
-    @operation(
+    @makes(
         "webhooks_make",
         "Make a webhook",
-        scope=Scope.MANAGE,
         body=WebhookRequest,
         answer=WebhookMade,
-        status=201,
         refuses=(404, 409),
         tag="webhooks",
         examples=[
@@ -174,32 +169,22 @@ class WebhooksView(WebhooksBase):
             actor=staff,
         )
         answer = WebhookMade(**_entry(self.one(made.pk)), secret=secret)
-        headers = {"Location": f"/api/v1/webhooks/{made.pk}", "Cache-Control": "no-store"}
-        return Response(msgspec.to_builtins(answer), 201, headers=headers)
+        return self.shown_once(answer, f"/api/v1/webhooks/{made.pk}")
 
 
 class WebhookView(WebhooksBase):
     """`/webhooks/{id}`."""
 
-    @operation(
-        "webhooks_read",
-        "Read a webhook",
-        scope=Scope.MANAGE,
-        answer=WebhookEntry,
-        refuses=(404,),
-        tag="webhooks",
-    )
+    @manages("webhooks_read", "Read a webhook", answer=WebhookEntry, tag="webhooks")
     def get(self, _request: Request, webhook_id: UUID) -> WebhookEntry:
         """By staff."""
         return WebhookEntry(**_entry(self.one(webhook_id)))
 
-    @operation(
+    @manages(
         "webhooks_change",
         "Pause or resume a webhook",
-        scope=Scope.MANAGE,
         body=WebhookChange,
         answer=WebhookEntry,
-        refuses=(404,),
         tag="webhooks",
     )
     def patch(self, _request: Request, webhook_id: UUID, body: WebhookChange) -> WebhookEntry:
@@ -208,14 +193,7 @@ class WebhookView(WebhooksBase):
         step(webhook=self.one(webhook_id), actor=self.staff())
         return WebhookEntry(**_entry(self.one(webhook_id)))
 
-    @operation(
-        "webhooks_delete",
-        "Delete a webhook",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404,),
-        tag="webhooks",
-    )
+    @manages("webhooks_delete", "Delete a webhook", tag="webhooks")
     def delete(self, _request: Request, webhook_id: UUID) -> None:
         """By staff, with its deliveries."""
         services.webhook_delete(webhook=self.one(webhook_id), actor=self.staff())
@@ -224,14 +202,7 @@ class WebhookView(WebhooksBase):
 class DeliveriesView(WebhooksBase):
     """`/webhooks/{id}/deliveries`."""
 
-    @operation(
-        "webhooks_deliveries",
-        "Read the deliveries of a webhook",
-        scope=Scope.MANAGE,
-        answer=DeliveryList,
-        refuses=(404,),
-        tag="webhooks",
-    )
+    @manages("webhooks_deliveries", "Read the deliveries of a webhook", answer=DeliveryList, tag="webhooks")
     def get(self, _request: Request, webhook_id: UUID) -> DeliveryList:
         """The last 100, with the answer to each attempt."""
         found = self.one(webhook_id).deliveries.order_by("-pk")[:SHOWN]
@@ -241,14 +212,7 @@ class DeliveriesView(WebhooksBase):
 class TestView(WebhooksBase):
     """`/webhooks/{id}/test`."""
 
-    @operation(
-        "webhooks_test",
-        "Send a test",
-        scope=Scope.MANAGE,
-        status=204,
-        refuses=(404, 409),
-        tag="webhooks",
-    )
+    @manages("webhooks_test", "Send a test", refuses=(404, 409), tag="webhooks")
     def post(self, _request: Request, webhook_id: UUID) -> None:
         """It leaves within about two seconds, and is among the deliveries."""
         services.webhook_test(webhook=self.one(webhook_id), actor=self.staff())
@@ -257,14 +221,7 @@ class TestView(WebhooksBase):
 class AgainView(WebhooksBase):
     """`/webhooks/{id}/again`."""
 
-    @operation(
-        "webhooks_again",
-        "Try again what was given up",
-        scope=Scope.MANAGE,
-        answer=TriedAgain,
-        refuses=(404,),
-        tag="webhooks",
-    )
+    @manages("webhooks_again", "Try again what was given up", answer=TriedAgain, tag="webhooks")
     def post(self, _request: Request, webhook_id: UUID) -> TriedAgain:
         """Each of these events once more, with the same pauses."""
         return TriedAgain(services.webhook_again(webhook=self.one(webhook_id), actor=self.staff()))
