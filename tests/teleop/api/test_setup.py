@@ -353,6 +353,61 @@ def test_a_token_that_ends_takes_those_it_made_along(program: Program, operator:
     assert Record.objects.filter(kind="token.end").count() == 2
 
 
+def test_a_token_bound_to_robots_sets_up_nothing_beyond_them(
+    program: Program, staff: User, robot: Robot, other: Robot
+) -> None:
+    bound, wide = program(staff, robots=[robot]), program(staff)
+    RobotGroup.objects.create(name="Empty", slug="empty")
+    asked = {"name": "New", "profile": robot.profile.slug, "master_uri": "http://10.0.0.5:11311"}
+    read = bound("GET", f"/registry/{robot.slug}")
+    [token] = [one for one in wide("GET", "/tokens").data["tokens"] if one["robots"] is None]
+    for method, path, body in [
+        ("POST", "/registry", asked),
+        (
+            "PATCH",
+            f"/registry/{robot.slug}",
+            {"master_uri": other.master_uri},
+        ),  # this robot would be the other one
+        ("POST", "/robot-groups", {"name": "Later"}),  # others may come to it later
+        ("PUT", "/robot-groups/empty/roles/staff", {"role": "operator"}),
+        ("GET", "/policies/groups/empty", None),
+        ("POST", "/qualifications", {"name": "Later"}),
+        ("POST", "/qualifications", {"name": "Later", "robots": [robot.slug], "groups": ["empty"]}),
+        ("DELETE", f"/tokens/{token['id']}", None),
+    ]:
+        refused = bound(method, path, body, If_Match=read["ETag"])
+        found = (refused.status_code, refused.data["code"], refused.data["rule"])
+        assert found == (403, "other_robots", "account"), (method, path, refused.data)
+    assert not Robot.objects.filter(name="New").exists()
+    assert (
+        bound("PATCH", f"/registry/{robot.slug}", {"enabled": False}, If_Match=read["ETag"]).status_code
+        == 200
+    )
+
+
+def test_a_token_whose_robots_are_gone_makes_none_for_all(
+    program: Program, staff: User, other: Robot
+) -> None:
+    own = program(staff, robots=[other])
+    other.delete()
+    refused = own("POST", "/tokens", {"name": "more", "scopes": ["read"]})
+    assert (refused.status_code, refused.data["code"]) == (403, "more_than_own")
+
+
+def test_a_webhook_brings_a_token_no_news_that_it_may_not_read(
+    program: Program, staff: User, robot: Robot
+) -> None:
+    asked = {
+        "name": "ci",
+        "address": "https://hooks.example.org/lab",
+        "kinds": list(NEWS),
+        "robots": [robot.slug],
+    }
+    refused = program(staff, "manage")("POST", "/webhooks", asked)
+    assert (refused.data["code"], refused.data["figures"]) == ("scope_missing", {"scope": "read"})
+    assert program(staff, "manage", "read")("POST", "/webhooks", asked).status_code == 201
+
+
 def test_a_token_ends_itself_and_no_other_persons(program: Program, operator: User, observer: User) -> None:
     reader, stranger = program(operator, "read"), program(observer)
     [own] = reader("GET", "/tokens").data["tokens"]

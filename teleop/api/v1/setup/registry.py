@@ -82,6 +82,7 @@ class RegisterView(RegistryView):
     def post(self, _request: Request, body: RegisterRequest) -> Response:
         """By staff. A bridge is started for it; `GET /robots/{slug}` says how it is."""
         staff = self.staff()
+        self.require_all_robots()  # the new one is not among those that the token serves
         profile = RobotProfile.objects.filter(slug=body.profile).first()
         if profile is None:
             raise Problem(_NO_PROFILE)
@@ -111,6 +112,8 @@ class RegistrationView(RegistryView):
     def patch(self, request: Request, slug: str, body: RegistrationChange) -> Response:
         """By staff. The bridge is started again where that is needed."""
         staff, robot = self.staff(), self.robot(slug)
+        if body.master_uri is not UNSET:
+            self.require_all_robots()  # another master is another robot
         require_unchanged(request, _entry(robot))
         for name, value in structs.asdict(body).items():
             if value is not UNSET:

@@ -136,7 +136,7 @@ class TokensBase(SetupView):
         if not name or tokens_of(owner).filter(name=name).exists():
             raise Problem(_NAME_TAKEN)
         robots, expires_at = self._robots(owner, body), self._expiry(body)
-        self._require_no_more(body, [robot.pk for robot in robots])
+        self._require_no_more(body, robots)
         try:
             made, text = token_make(
                 user=owner,
@@ -171,7 +171,7 @@ class TokensBase(SetupView):
             return utc(body.expires_at)
         return self.token.expires_at if self.token else timezone.now() + USUAL
 
-    def _require_no_more(self, body: TokenRequest, robots: list[UUID]) -> None:
+    def _require_no_more(self, body: TokenRequest, robots: list[Robot]) -> None:
         """Raise `Problem` if the new token could do more than the token of this request; all reasons are named."""
         own = self.token
         if own is None:
@@ -179,8 +179,8 @@ class TokensBase(SetupView):
         refusals = []
         if missing := [scope for scope in body.scopes if not own.opens(Scope(scope))]:
             refusals.append(_more("scopes", ", ".join(missing)))
-        if not all(own.serves(robot) for robot in robots):
-            refusals.append(_more("robots", ", ".join(body.robots or ())))
+        if not self.serves(robots):
+            refusals.append(_more("robots", ", ".join(body.robots or ("all",))))
         if body.expires_at is not None and utc(body.expires_at) > own.expires_at:
             refusals.append(_more("expires_at", own.expires_at.isoformat()))
         if refusals:
@@ -221,13 +221,15 @@ class TokenView(TokensBase):
     @operation("tokens_end", "End a token", scope=None, status=204, refuses=(404,), tag="tokens")
     def delete(self, _request: Request, token_id: UUID) -> None:
         """Its streams, its control and the tokens that it made end within a second. A token ends itself with any
-        scope; others with `manage`: those of the same person, for staff everybody's."""
+        scope; others with `manage`: those of the same person, for staff everybody's; if bound, those for its robots."""
         found = Token.objects.select_related("user").filter(pk=token_id).first()
         if found is None or (found.user != self.person and not self.person.is_staff):
             raise Problem(NOT_FOUND)
         own = self.token
-        if own is not None and own.pk != found.pk and not own.opens(Scope.MANAGE):
-            raise Problem(scope_missing((Scope.MANAGE,)))
+        if own is not None and own.pk != found.pk:
+            if not own.opens(Scope.MANAGE):
+                raise Problem(scope_missing((Scope.MANAGE,)))
+            self.require_served(Robot.objects.filter(pk__in=found.robots))
         token_end(token=found, actor=self.person)
 
 

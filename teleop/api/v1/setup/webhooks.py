@@ -12,10 +12,12 @@ from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
 
+from fleet.accounts.tokens.models import Scope
 from robots.registry.models import Robot
 from teleop.api.v1.door.parameters import Time
 from teleop.api.v1.door.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, makes, manages
+from teleop.control.scopes import scope_missing
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks import services
 from teleop.webhooks.addresses import LONGEST
@@ -115,8 +117,7 @@ class WebhooksBase(SetupView):
             waiting=Count("deliveries", filter=Q(deliveries__state=State.WAITING)),
             given_up=Count("deliveries", filter=Q(deliveries__state=State.GIVEN_UP)),
         )
-        bound = self.token is not None and bool(self.token.robots)
-        return [one for one in found if not bound or (one.robots.all() and self.serves(one.robots.all()))]
+        return [one for one in found if self.serves(one.robots.all())]
 
     def one(self, webhook_id: UUID) -> Webhook:
         """Return one of them. Raises `Problem`: not found."""
@@ -155,11 +156,12 @@ class WebhooksView(WebhooksBase):
         ],
     )
     def post(self, _request: Request, body: WebhookRequest) -> Response:
-        """By staff. The answer has its secret, which nothing shows again; so this takes no Idempotency-Key, and its
-        name is taken by the first of two requests."""
+        """By staff; a token needs the scope `read`, too. The answer has its secret, which nothing shows again; so this
+        takes no Idempotency-Key, and its name is taken by the first of two requests."""
         staff, robots = self.staff(), self.named_robots(body.robots)
-        if not robots:
-            self.require_all_robots()
+        self.require_served(robots)
+        if self.token is not None and not self.token.opens(Scope.READ):
+            raise Problem(scope_missing((Scope.READ,)))  # it would be sent what it may not read
         made, secret = services.webhook_make(
             name=body.name,
             address=body.address,
