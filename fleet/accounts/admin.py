@@ -104,7 +104,7 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         super().save_model(request, obj, form, change)
 
     def user_change_password(self, request: HttpRequest, id: str, form_url: str = "") -> HttpResponse:
-        """Change a person's password. A person who changes their own stays signed in here and nowhere else.
+        """Change a person's password: their sign-ins and tokens end. Who changes their own stays signed in here.
 
         A service account gets none: it signs in by tokens only.
         """
@@ -117,8 +117,15 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
                 return redirect("person", before.pk)
             response = super().user_change_password(request, id, form_url)
             after = self.get_object(request, unquote(id))
-            if before and after and before == request.user and before.password != after.password:
-                services.own_password_changed(request, after)
+            if before and after and before.password != after.password:
+                if before == request.user:
+                    services.own_password_changed(request, after)
+                else:  # signals ended them; Django gave this session a new key
+                    services.sign_in_begun(request, person_of(request))
+                    notice = _(
+                        "The person is signed out everywhere, and the tokens of their programs are ended."
+                    )
+                    self.message_user(request, notice, messages.INFO)
         return response
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:

@@ -7,6 +7,7 @@ from typing import Any
 
 from django.contrib.auth.models import AbstractUser
 from django.db import transaction
+from django.dispatch import Signal
 
 from fleet.audit.command_line import SystemAccount, here
 from fleet.audit.services import actor_renamed, record
@@ -18,6 +19,10 @@ RIGHTS = (
     "is_staff",
     "is_superuser",
 )  # kept as long as the record; the other fields are personal data
+
+
+# user, actor: somebody else set the password of this account, or took it away; sent in the transaction.
+password_set_by_another = Signal()
 
 
 class RecordedUser(AbstractUser):
@@ -46,12 +51,14 @@ class RecordedUser(AbstractUser):
                 _record("account.create", self, changes)  # differences from a blank account
             elif changes:
                 _record("account.change", self, changes)
-                if "email" in {
-                    change["field"] for change in changes
-                }:  # allauth's list has what is verified of it
+                changed = {change["field"] for change in changes}
+                if "email" in changed:  # allauth's list has what is verified of it
                     self.emailaddress_set.exclude(email=self.email).delete()  # type: ignore[attr-defined]
-                if {"username", "full_name"} & {change["field"] for change in changes}:
+                if {"username", "full_name"} & changed:
                     actor_renamed(self)
+                if "password" in changed and self.changed_by != self:
+                    actor = self.changed_by or here()
+                    password_set_by_another.send(sender=type(self), user=self, actor=actor)
 
     def record_creation(self, actor: AbstractUser | SystemAccount | None) -> None:
         """Record a new account that was stored with others, not by `save`."""

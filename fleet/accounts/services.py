@@ -20,6 +20,7 @@ from django.utils.text import slugify
 from fleet.accounts.models import SignIn, User
 from fleet.accounts.selectors import sign_ins_of
 from fleet.accounts.tokens.models import Token
+from fleet.accounts.tokens.services import tokens_end
 from fleet.audit.command_line import SystemAccount
 from fleet.audit.erasure import erase, pseudonym
 from fleet.audit.models import Record
@@ -76,6 +77,13 @@ def own_password_changed(request: HttpRequest, user: User) -> None:
     """Only the sign-in of this request goes on, under the new key that Django gave its session."""
     sign_in = sign_in_begun(request, user)
     sign_ins_end_others(user=user, session_key=sign_in.session_id, why="password changed")
+
+
+@transaction.atomic
+def password_reset(*, user: User, actor: User | SystemAccount, why: str, tokens: bool) -> int:
+    """End every sign-in of the person, and their tokens if so asked. Returns how many tokens were valid."""
+    sign_ins_end_others(user=user, session_key="", why=why)
+    return tokens_end(user=user, actor=actor) if tokens else 0
 
 
 @transaction.atomic

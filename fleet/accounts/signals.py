@@ -15,6 +15,7 @@ from django.dispatch import receiver
 from django.http import HttpRequest
 
 from fleet.accounts import services
+from fleet.accounts.changes import password_set_by_another
 from fleet.accounts.models import User
 from fleet.accounts.sign_in import throttle
 from fleet.audit.command_line import SystemAccount, here
@@ -97,6 +98,12 @@ def _actor(owner: User) -> User | SystemAccount:
     if context.request is None:
         return here()
     return context.request.user if isinstance(context.request.user, User) else owner
+
+
+@receiver(password_set_by_another)
+def _password_set_by_another(*, user: User, actor: User | SystemAccount, **_: Any) -> None:
+    """Somebody set it who need not know what the person's programs hold: as after a forgotten one, all ends."""
+    services.password_reset(user=user, actor=actor, why="password set by another person", tokens=True)
 
 
 @receiver(pre_delete, sender=User)  # within the transaction of the deletion

@@ -71,7 +71,8 @@ class AccountAdapter(DefaultAccountAdapter):
         user.changed_by = user
         with transaction.atomic():
             user.save()
-            services.sign_ins_end_others(user=user, session_key="", why="password reset")
+            # The form ended the tokens before, if that was chosen.
+            services.password_reset(user=user, actor=user, why="password reset", tokens=False)
 
     def confirm_email(self, request: HttpRequest, email_address: EmailAddress) -> bool:
         """Make a verified address the person's. False, with a message, if another account has it by now."""

@@ -94,7 +94,7 @@ def token_make(
 
 
 @transaction.atomic
-def token_end(*, token: Token, actor: User) -> None:
+def token_end(*, token: Token, actor: User | SystemAccount) -> None:
     """End a token and those that it made: their streams and their control end within a second."""
     for child in Token.objects.filter(made_with=token.pk):
         token_end(token=child, actor=actor)
@@ -104,7 +104,7 @@ def token_end(*, token: Token, actor: User) -> None:
 
 
 @transaction.atomic
-def tokens_end(*, user: User, actor: User) -> int:
+def tokens_end(*, user: User, actor: User | SystemAccount) -> int:
     """End all tokens of a person. Returns how many were valid."""
     now, valid = timezone.now(), 0
     for token in Token.objects.filter(user=user):

@@ -5,6 +5,7 @@ from unittest import mock
 
 import pytest
 from django.contrib.auth.hashers import make_password
+from django.core.management import call_command
 from django.db import connection
 from django.utils import timezone
 
@@ -134,6 +135,45 @@ def test_a_new_password_ends_tokens_only_if_that_is_chosen(stranger, operator, s
     assert "1 token is ended." in kept.post(PAGE, again, follow=True).content.decode()
     assert not Token.objects.exists()
     assert Record.objects.get(kind="token.end").actor_id == str(operator.pk)
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize(
+    "button", [{}, {"usable_password": "false", "unset-password": "on"}]
+)  # another, or none
+def test_a_password_that_staff_set_ends_sign_ins_and_tokens(button, operator, staff, signed_in):
+    desk, admin = signed_in(operator), signed_in(staff)
+    token_for(operator)
+    token_for(staff)
+    answer = admin.post(f"/admin/accounts/user/{operator.pk}/password/", ADMIN_FORM | button, follow=True)
+    assert "signed out everywhere" in answer.content.decode()
+    assert not still_signed_in([(operator.pk, desk.session.session_key)])
+    assert still_signed_in([(staff.pk, admin.session.session_key)])
+    assert [token.user for token in Token.objects.all()] == [staff]
+    assert Record.objects.get(kind="token.end").actor_id == str(staff.pk)
+    ended = Record.objects.get(kind="account.sign_out")
+    assert (ended.actor_id, ended.outcome) == (str(operator.pk), "password set by another person")
+
+
+@pytest.mark.django_db
+def test_the_command_line_ends_them_too(operator, signed_in):
+    signed_in(operator)
+    token_for(operator)
+    with mock.patch("getpass.getpass", return_value=NEW):
+        call_command("changepassword", operator.username)
+    assert _has(operator, NEW)
+    assert not Token.objects.exists()
+    assert not operator.sign_ins.exists()
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_password_stays_while_the_end_of_its_tokens_cannot_be_recorded(operator, staff, signed_in):
+    token_for(operator)
+    admin = signed_in(staff)
+    with mock.patch("fleet.accounts.tokens.services.record", autospec=True, side_effect=FULL):
+        assert admin.post(f"/admin/accounts/user/{operator.pk}/password/", ADMIN_FORM).status_code == 503
+    assert _has(operator, PASSWORD)
+    assert Token.objects.exists()
 
 
 def token_for(person):
