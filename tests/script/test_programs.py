@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import re
+import subprocess
+import sys
 import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import pytest
 from websockets.asyncio.client import connect
 
 from script.stack.client import Driver, sign_in
+from script.stack.places import REPOSITORY
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 from tests.script.support import manage, token
 
 ROBOT = PRACTICE_ROBOTS[0].slug
+SCOPES = ("read", "drive", "speak", "motions")  # those that docs/api.md asks for
 
 
 @pytest.fixture(scope="module")
@@ -308,3 +314,41 @@ def test_a_program_reads_topics_and_publishes_by_the_allow_list(stack: Stack) ->
     assert api("DELETE", f"{robot}/control")[0] == 204
     reader = Api(stack, token(stack, "operator", "read", name="no-topics"))
     assert reader("GET", f"{robot}/topics")[1]["figures"] == {"scope": "topics"}
+
+
+def docs_programs(language: str, stack: Stack) -> list[str]:
+    """Return the programs of docs/api.md in a language, for this console."""
+    text = (REPOSITORY / "docs" / "api.md").read_text().replace("127.0.0.1:8000", f"127.0.0.1:{stack.port}")
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
+
+
+def run_docs(stack: Stack, words: list[str], text: str, **environment: str) -> str:
+    """Run a program of the docs and return what it printed."""
+    done = subprocess.run(
+        words,
+        input=text,
+        env={**os.environ, "TOKEN": token(stack, "operator", *SCOPES), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=180.0,
+    )
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def test_the_programs_of_the_docs_run_as_they_are(stack: Stack, tmp_path: Path) -> None:
+    """Copied from the page, with the port of this console."""
+    (tmp_path / ".curlrc").write_text("fail-with-body\nsilent\nshow-error\n")
+    [commands] = docs_programs("bash", stack)
+    said = run_docs(stack, ["bash", "-e"], commands, CURL_HOME=str(tmp_path))
+    assert '"kind":"drive_by"' in said and '"outcome":"done"' in said, said
+    staff = Api(stack, token(stack, "staff", "read", "drive", name="clears"))
+    stop = staff("GET", f"/robots/{ROBOT}")[1]["state"]["stop"]
+    assert stop["state"] != "clear"
+    assert staff("POST", f"/robots/{ROBOT}/stop/clear", {"number": stop["number"]})[0] == 200
+    square, stream = docs_programs("python", stack)
+    assert run_docs(stack, [sys.executable, "-"], square).split() == ["done"] * 8
+    before = staff("GET", f"/robots/{ROBOT}")[1]["state"]["odometry"]["yaw"]
+    run_docs(stack, [sys.executable, "-"], stream)
+    assert staff("GET", f"/robots/{ROBOT}")[1]["state"]["odometry"]["yaw"] > before + 0.1

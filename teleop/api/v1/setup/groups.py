@@ -211,7 +211,7 @@ class QualificationsBase(SetupView):
     def save_qualification(self, entry: Qualification, body: QualificationRequest) -> None:
         """Save a qualification. Raises `Problem`."""
         robots, groups = self.named_robots(body.robots), named_groups(body.groups)
-        for demanding in [group.robots.all() for group in groups] or [robots]:
+        for demanding in [list(group.robots.all()) for group in groups] or [robots]:
             self.require_served(demanding)
         entry.name, entry.description = body.name, body.description
         entry.slug = entry.slug or free_slug(Qualification, body.name)

@@ -222,13 +222,13 @@ class TokenView(TokensBase):
     def delete(self, _request: Request, token_id: UUID) -> None:
         """Its streams, its control and the tokens that it made end within a second. A token ends itself with any
         scope; others with `manage`: those of the same person, for staff everybody's; if bound, those for its robots."""
+        own = self.token
+        if own is not None and own.pk != token_id and not own.opens(Scope.MANAGE):
+            raise Problem(scope_missing((Scope.MANAGE,)))
         found = Token.objects.select_related("user").filter(pk=token_id).first()
         if found is None or (found.user != self.person and not self.person.is_staff):
             raise Problem(NOT_FOUND)
-        own = self.token
-        if own is not None and own.pk != found.pk:
-            if not own.opens(Scope.MANAGE):
-                raise Problem(scope_missing((Scope.MANAGE,)))
+        if own != found:
             self.require_served(Robot.objects.filter(pk__in=found.robots))
         token_end(token=found, actor=self.person)
 
