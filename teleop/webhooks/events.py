@@ -21,7 +21,7 @@ from teleop.models import WebhookDelivery
 TEST = "webhook.test"
 _PRIVATE = {"booking.feed", "booking.feed_end"}  # somebody's calendar address
 _REQUESTS_ONLY = {"stop.press"}  # `stop.latch` is what came of it
-_OUTCOMES_ONLY = {"stop.clear"}
+_OUTCOMES_ONLY = {"stop.clear", "drive.by"}
 
 
 class News(Struct, frozen=True):
@@ -40,7 +40,7 @@ NEWS = {
         frozenset({"control.take", "control.take_over", "control.hand_over", "control.end"}),
     ),
     "stops": News(_("stops"), frozenset({"stop.press", "stop.latch", "stop.clear"})),
-    "motions": News(_("ends of motions"), frozenset({"motion.end"})),
+    "motions": News(_("ends of motions"), frozenset({"motion.end", "drive.by"})),
     "speech": News(_("ends of speech"), frozenset({"speech.end"})),
 }
 

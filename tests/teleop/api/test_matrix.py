@@ -648,30 +648,29 @@ def test_each_operation_of_the_schema_has_a_row() -> None:
 
 @pytest.mark.django_db
 @pytest.mark.filterwarnings("ignore:StreamingHttpResponse must consume:Warning")
-def test_role_scope_operation_and_place_decide(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("who", PEOPLE)
+def test_role_scope_operation_and_place_decide(who: str, lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(refusals, "record_soon", lambda _refused: None)
     monkeypatch.setattr(emergency_stop, "press_once", stopped)
-    for who, person in lab.people.items():
-        if who in PEOPLE:
-            found = {place: role for place, robot in lab.robots.items() if (role := role_on(person, robot))}
-            assert found == ROLES[who]
+    number, person = PEOPLE.index(who), lab.people[who]
+    found = {place: role for place, robot in lab.robots.items() if (role := role_on(person, robot))}
+    assert found == ROLES[who]
     door, wrong = Door(operations()), []
 
-    def check(name: str, who: str, how: str, place: str, caller: Caller, expected: str) -> None:
+    def check(name: str, how: str, place: str, caller: Caller, expected: str) -> None:
         found = door(name, caller, lab.objects[who, place])
         if found != expected:
-            wrong.append(f"{name} by {who} ({how}) in {place}: {found}, not {expected}")
+            wrong.append(f"{name} ({how}) in {place}: {found}, not {expected}")
 
     for name in TABLE:
-        check(name, "operator", "nobody", "own", Caller(Client(), {}), "signed_out")
-    for number, who in enumerate(PEOPLE):
-        for turn, (how, scopes, caller) in enumerate(sign_ins(lab.people[who])):
-            for step, (name, row) in enumerate(TABLE.items()):
-                opens = how == "browser" or not row.scopes or any(scope in scopes for scope in row.scopes)
-                # All places with all scopes; with the others the places take turns, so that the test stays short.
-                for place in PLACES if how == "all" else [PLACES[(number + turn + step) % len(PLACES)]]:
-                    expected = row.ends[PLACES.index(place)].split()[number] if opens else "scope_missing"
-                    if expected.isdigit() and how != "browser" and not set(row.also) <= set(scopes):
-                        expected = "scope_missing"
-                    check(name, who, how, place, caller, expected)
+        check(name, "nobody", "own", Caller(Client(), {}), "signed_out")
+    for turn, (how, scopes, caller) in enumerate(sign_ins(person)):
+        for step, (name, row) in enumerate(TABLE.items()):
+            opens = how == "browser" or not row.scopes or any(scope in scopes for scope in row.scopes)
+            # All places with all scopes; with the others the places take turns, so that the test stays short.
+            for place in PLACES if how == "all" else [PLACES[(number + turn + step) % len(PLACES)]]:
+                expected = row.ends[PLACES.index(place)].split()[number] if opens else "scope_missing"
+                if expected.isdigit() and how != "browser" and not set(row.also) <= set(scopes):
+                    expected = "scope_missing"
+                check(name, how, place, caller, expected)
     assert not wrong, f"{len(wrong)}:\n" + "\n".join(wrong)

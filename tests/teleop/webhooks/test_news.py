@@ -67,9 +67,11 @@ def test_kinds_and_robots_are_chosen(make, robot, other_robot, operator):
         clear = record("stop.clear", **facts)
         record("stop.clear", of=clear, outcome="clear", actor=operator)
         record("booking.feed", **facts)
+        drive = record("drive.by", **facts)
+        record("drive.by", of=drive, outcome="done", actor=operator)
     for webhook in (both, speech):
         NewsReader().read(webhook)
-    assert kinds(both) == ["speech.end", "control.take", "stop.press", "stop.latch", "stop.clear"]
+    assert kinds(both) == ["speech.end", "control.take", "stop.press", "stop.latch", "stop.clear", "drive.by"]
     assert kinds(speech) == ["speech.end"] * 2
 
 

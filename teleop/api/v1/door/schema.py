@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from teleop.api.v1.door.problems import ProblemDetails
 
+_SLUG = {"type": "string", "pattern": "^[-a-zA-Z0-9_]+$"}  # as the library says it of `<slug:...>`
 REFERENCE = "#/components/schemas/{name}"
 
 
@@ -85,7 +86,7 @@ def with_stops(result: dict[str, Any], generator: Any, **_options: Any) -> dict[
     """Add the stops, which REST framework does not serve: nothing but sign-in and origin may refuse them."""
     _, found = msgspec.json.schema_components([StopResults, ProblemDetails], ref_template=REFERENCE)
     result["components"]["schemas"] |= found
-    one = {"name": "slug", "in": "path", "required": True, "schema": {"type": "string"}}
+    one = {"name": "slug", "in": "path", "required": True, "schema": _SLUG}
     addresses: list[tuple[str, str, list[Any]]] = [
         ("/stop", "stop_all", []),
         ("/robots/{slug}/stop", "stop", [one]),
