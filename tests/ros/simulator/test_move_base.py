@@ -86,7 +86,9 @@ def test_it_plans_drives_and_arrives(ros, goals, base):
         assert position.header.frame_id == "map"
         status = goals.result(goal)
     assert (status.status, status.text) == (GoalStatus.SUCCEEDED, "Goal reached.")
-    base.until(lambda truth: math.dist((truth.pose.pose.position.x, truth.pose.pose.position.y), (3.2, 1.8)) < 0.2)
+    base.until(
+        lambda truth: math.dist((truth.pose.pose.position.x, truth.pose.pose.position.y), (3.2, 1.8)) < 0.2
+    )
 
 
 def test_a_cancel_stops_the_base(goals, base):
