@@ -14,8 +14,8 @@ import pytest
 from django.db import OperationalError, connection
 from django.test import override_settings
 
-from robots.registry.management.commands.run_fleet import Fleet, wait_shortly
 from robots.registry.models import Allowance, BridgeStatus, Robot
+from robots.supervisor.fleet_supervisor import Fleet, wait_shortly
 from tests.processes import until
 from tests.robots.support import FakePrograms
 
@@ -119,7 +119,7 @@ def test_a_full_disk_blocks_one_edit_and_ends_no_bridge(supervised: Supervised, 
     supervised.until_started("tiago-2", 1)
     full = OSError(errno.ENOSPC, "No space left on device")
     environment = mock.patch(
-        "robots.registry.management.commands.run_fleet.ros_environment", side_effect=full
+        "robots.supervisor.fleet_supervisor.ros_environment", side_effect=full
     )
     with environment as asked:
         Robot.objects.filter(pk=robot.pk).update(drive_topic="/phone_vel")
@@ -145,7 +145,7 @@ def test_a_silent_database_leaves_the_fleet_unchanged(
 ) -> None:
     supervised.until_started("tiago-1", 1)
     broken = mock.patch.object(*query, side_effect=OperationalError("disk I/O error"))
-    with broken as asked, mock.patch("robots.registry.management.commands.run_fleet.connection"):
+    with broken as asked, mock.patch("robots.supervisor.fleet_supervisor.connection"):
         supervised.until(lambda: asked.call_count >= 2, "two polls")
     assert caplog.text.count("The database does not answer, the fleet stays as it is") == 1
     assert supervised.programs.lines().count("end tiago-1") == 0

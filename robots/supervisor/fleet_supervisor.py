@@ -1,0 +1,227 @@
+"""The fleet supervisor: a bridge and a watchdog for each enabled robot, and one housekeeping process.
+
+It applies a new, edited or disabled robot within a second, without effect on other robots. After SIGTERM, SIGINT or
+SIGHUP all bridges end, and their robots stop.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from uuid import UUID
+
+import msgspec
+from django.conf import settings
+from django.db import DatabaseError, connection
+
+from fleet.audit.errors import AuditUnavailable
+from robots.bridge.watchdog.config import watchdog_config
+from robots.processes.shutdown import exit_within
+from robots.recording.faults import bridge_is
+from robots.registry.models import BridgeStatus, Robot
+from robots.registry.profile_schema import Problems
+from robots.registry.selectors import bridge_config, require_link_settings
+from robots.registry.services import bridge_status_set
+from robots.supervisor.program_keeper import (
+    KILL_S,
+    Keeper,
+    Program,
+    RestartBudget,
+)
+from robots.supervisor.ros_environment import WrapperMissing, ros_environment
+
+State = BridgeStatus.State
+Report = tuple[State, str, int | None]  # state, detail in words, process id
+log = logging.getLogger(__name__)
+
+STEP_S = 0.1
+POLL_S = 0.5
+DATABASE_PATIENCE_S = 0.2
+END_S = KILL_S + 1.0
+LAST_S = END_S + 1.0  # also if the database hangs
+HOUSEKEEPING = "run_housekeeping"
+WATCHDOG = ("-m", "robots.bridge.watchdog")
+
+
+def eager() -> RestartBudget:
+    """Restart a watchdog quickly: without it a stop depends on the bridge only.
+
+    Wait longer if it cannot start: each start takes half a second of a processor that the bridges need.
+    """
+    return RestartBudget(first_s=0.1, longest_s=1.0, rest_s=10.0)
+
+
+def supervise(fleet: Fleet, stopping: Stopping) -> None:
+    """Run rounds until `stopping`, then end all programs."""
+    try:
+        while not stopping:
+            fleet.step(time.monotonic())
+            time.sleep(STEP_S)
+    finally:
+        exit_within(LAST_S)
+        fleet.end()
+
+
+def wait_shortly() -> None:
+    """Wait only briefly for a locked SQLite file: bridges come first, and statuses are written again later."""
+    if connection.vendor == "sqlite":
+        connection.close()
+        connection.settings_dict["OPTIONS"]["timeout"] = DATABASE_PATIENCE_S
+
+
+class Stopping:
+    """True after a signal to end this process."""
+
+    def __init__(self) -> None:
+        self._asked = False
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, self._ask)
+
+    def _ask(self, _number: int, _frame: object) -> None:
+        self._asked = True
+
+    def __bool__(self) -> bool:
+        return self._asked
+
+
+class Fleet:
+    """The robots of this supervisor, each with the keepers of its bridge and of its watchdog."""
+
+    def __init__(
+        self, only: frozenset[str], manage: Path | None = None, watchdog: Sequence[str] = WATCHDOG
+    ) -> None:
+        self._only = only
+        self._manage = manage or settings.BASE_DIR / "manage.py"
+        self._watchdog = watchdog
+        self._keepers: dict[UUID, Keeper] = {}
+        self._watchdogs: dict[UUID, Keeper] = {}
+        self._reported: dict[UUID, Report] = {}
+        self._unsaved: dict[UUID, Report] = {}
+        self._database_well = True
+        self._poll_at_s = 0.0
+        self._housekeeping = Keeper("Housekeeping", lambda *_: None)
+        if not only:  # with names, another supervisor runs the other robots and the housekeeping
+            self._housekeeping.want(self._program([HOUSEKEEPING], dict(os.environ), HOUSEKEEPING))
+
+    def step(self, now_s: float) -> None:
+        """Run one round; the next round repeats writes that the database refused."""
+        if now_s >= self._poll_at_s:
+            self._poll_at_s = now_s + POLL_S
+            self._poll()
+        for keeper in self._all:
+            keeper.step(now_s)
+        self._save()
+
+    def end(self) -> None:
+        """End all programs and wait for them."""
+        for keeper in self._all:
+            keeper.want(None)
+        last_s = time.monotonic() + END_S
+        while time.monotonic() < last_s:
+            for keeper in self._all:
+                keeper.step(time.monotonic())
+            if all(keeper.idle for keeper in self._all):
+                break
+            time.sleep(STEP_S)
+        for robot_id, (state, _, _) in list(self._reported.items()):
+            if state != State.DISABLED:
+                self._report(robot_id, State.STOPPED, "", None)
+        self._save()
+
+    # --- the registry ------------------------------------------------------------------------------
+
+    def _poll(self) -> None:
+        try:
+            mine = [robot for robot in Robot.objects.select_related("profile") if self._is_mine(robot)]
+            for robot in mine:
+                self._update(robot)  # reads the allow-list from the database
+        except DatabaseError as error:
+            self._database_failed(error)
+            return
+        self._database_well = True
+        for robot_id in self._keepers.keys() - {robot.id for robot in mine}:
+            self._end_robot(robot_id)
+
+    def _is_mine(self, robot: Robot) -> bool:
+        """Return whether the robot is named on the command line; without names, whether its bridge runs here."""
+        return robot.slug in self._only if self._only else not robot.bridge_address
+
+    def _update(self, robot: Robot) -> None:
+        keeper = self._keepers.get(robot.id) or self._keeper(robot)
+        if not robot.enabled:
+            self._end_robot(robot.id)
+            self._report(robot.id, State.DISABLED, "", None)
+            return
+        try:
+            require_link_settings(robot)
+            config = bridge_config(robot)
+            if config.digest() == keeper.digest:
+                return
+            environment = ros_environment(config, settings.FLEET_RUN_DIR)
+        except (Problems, WrapperMissing) as error:
+            self._end_robot(robot.id)
+            self._report(robot.id, State.REFUSED, str(error), None)
+            return
+        except OSError as error:  # a full disk; a running bridge continues with its old configuration
+            state, _, pid = self._reported.get(robot.id, (State.BACKING_OFF, "", None))
+            text = f"The robot's new entry cannot be applied ({error.strerror}); the supervisor tries again."
+            self._report(robot.id, state, text, pid)
+            return
+        keeper.want(self._program(["run_bridge", robot.slug], environment, config.digest()))
+        watched = watchdog_config(config)
+        watchdog = self._watchdogs[robot.id]
+        if watched.digest() != watchdog.digest:
+            argument = msgspec.json.encode(watched).decode()
+            path = os.pathsep.join(filter(None, [str(settings.BASE_DIR), environment.get("PYTHONPATH")]))
+            arguments = [sys.executable, *self._watchdog, argument]
+            watchdog.want(Program(arguments, {**environment, "PYTHONPATH": path}, watched.digest()))
+
+    def _end_robot(self, robot_id: UUID) -> None:
+        """Run neither bridge nor watchdog from now on."""
+        self._keepers[robot_id].want(None)
+        self._watchdogs[robot_id].want(None)
+
+    @property
+    def _all(self) -> list[Keeper]:
+        return [*self._keepers.values(), *self._watchdogs.values(), self._housekeeping]
+
+    def _keeper(self, robot: Robot) -> Keeper:
+        robot_id = robot.id
+        keeper = Keeper(
+            f"Bridge of {robot.slug}", lambda state, detail, pid: self._report(robot_id, state, detail, pid)
+        )
+        self._keepers[robot_id] = keeper
+        self._watchdogs[robot_id] = Keeper(f"Watchdog of {robot.slug}", lambda *_: None, eager)
+        return keeper
+
+    def _program(self, command: list[str], environment: dict[str, str], digest: str) -> Program:
+        return Program([sys.executable, str(self._manage), *command], environment, digest)
+
+    def _database_failed(self, error: DatabaseError | AuditUnavailable) -> None:
+        """Log once until the database answers again; the fleet stays as it is."""
+        if self._database_well:
+            log.warning("The database does not answer, the fleet stays as it is: %s", error)
+        self._database_well = False
+        connection.close()
+
+    # --- status for pages --------------------------------------------------------------------------
+
+    def _report(self, robot_id: UUID, state: State, detail: str, pid: int | None) -> None:
+        report = (state, detail, pid)
+        if self._reported.get(robot_id) != report:
+            self._reported[robot_id] = self._unsaved[robot_id] = report
+
+    def _save(self) -> None:
+        for robot_id, (state, detail, pid) in list(self._unsaved.items()):
+            try:
+                bridge_status_set(robot_id=robot_id, state=state, detail=detail, pid=pid)
+                bridge_is(robot_id, state, detail)
+            except (DatabaseError, AuditUnavailable) as error:
+                self._database_failed(error)
+                return
+            del self._unsaved[robot_id]
