@@ -421,6 +421,7 @@ class Held(Struct, frozen=True):
     slot: Slot
     booked_at: datetime
     used: bool = True  # its person has had control in it
+    lapses_at: datetime | None = None  # it is free again then, unless its person takes control
 
     @property
     def holds_from(self) -> datetime:
@@ -441,7 +442,8 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
     policies = policies_of(robots)
     held: dict[UUID, list[Held]] = {robot.id: [] for robot in robots}
     for one in held_between(robots, now, now + AHEAD).exclude(state__in=NOT_YET).order_by("starts_at"):
-        slot = held_slot(one, grace_of(policies[one.robot_id]), now)
+        grace = grace_of(policies[one.robot_id])
+        slot = held_slot(one, grace, now)
         held[one.robot_id].append(
             Held(
                 one.id,
@@ -450,6 +452,7 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
                 slot,
                 one.made_at,
                 one.used_at is not None,
+                None if one.used_at else one.starts_at + grace,
             )
         )
     out = _out_now(robots, now)

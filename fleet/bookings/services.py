@@ -151,7 +151,7 @@ def booking_make(
 
     `lesson_of`: a course that the actor manages, which this is a lesson of; no quota counts it.
     `course`: the one for which the slot counts, if the person may drive the robot by several.
-    `facts` reads the robot for the check before the lock (`turns.in_turn`).
+    `facts` reads the robot for the check before the lock (`shared_facts.in_turn`).
     """
     actor = actor or person
     if lesson_of is not None and not may_manage(actor, lesson_of):

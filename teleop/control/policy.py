@@ -28,7 +28,7 @@ def schedule_for(user: UUID, schedule: Schedule, lease: LeaseState | None, now: 
     """Return the schedule as it binds a person.
 
     For the holder, a slot of another person that was booked since they took control begins `WARNING` after that, at
-    the earliest.
+    the earliest; a slot that would soon be over then, after half of its time: its owner gets control, too.
     """
     if lease is None or lease.user != user:
         return schedule
@@ -44,7 +44,9 @@ def schedule_for(user: UUID, schedule: Schedule, lease: LeaseState | None, now: 
 def _after_warning(held: Held, lease: LeaseState) -> Held:
     if held.person == lease.user or lease.started_at >= held.booked_at:
         return held
-    begins = max(held.slot.starts_at, held.booked_at + WARNING)
+    ends = held.slot.ends_at if held.lapses_at is None else min(held.slot.ends_at, held.lapses_at)
+    warned = min(WARNING, (ends - held.holds_from) / 2)
+    begins = max(held.slot.starts_at, held.booked_at + warned)
     return structs.replace(held, slot=Slot(begins, max(begins, held.slot.ends_at)))
 
 

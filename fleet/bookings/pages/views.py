@@ -42,7 +42,7 @@ from fleet.bookings.selectors import (
     stage_of,
 )
 from fleet.bookings.services import BookingRefused
-from fleet.bookings.turns import in_turn
+from fleet.bookings.shared_facts import in_turn
 from fleet.bookings.waiting import offer_accept, waiting_join, waiting_leave
 from fleet.zones import viewers
 from robots.access.models import Course

@@ -178,6 +178,27 @@ def test_a_slot_booked_for_now_warns_the_driver_5_minutes(robot, operator, secon
     assert take(robot, second_operator, at(6)).term_ends_at == at(begins + 60)
 
 
+@pytest.mark.parametrize(("lasts", "begins"), [(4, 2), (9, 4.5), (10, 5)])
+def test_of_a_short_slot_booked_for_now_its_owner_gets_half(robot, operator, second_operator, lasts, begins):
+    Policy.objects.create(robot=robot, shortest_min=1)
+    take(robot, operator)
+    book(robot, second_operator, 1, lasts, now=at(1))
+    read_as_the_hub_does(robot, operator, at(1))
+    assert lease_of(robot.id).term_ends_at == at(1 + begins)
+    assert take(robot, second_operator, at(1 + begins)).term_ends_at == at(1 + lasts)
+
+
+def test_the_grace_time_of_a_slot_booked_for_now_is_no_shorter_than_the_warning(
+    robot, operator, second_operator
+):
+    Policy.objects.create(robot=robot, grace_min=5)
+    take(robot, operator)
+    book(robot, second_operator, 1, now=at(1.5))  # free again at 6, if it is not used
+    read_as_the_hub_does(robot, operator, at(1.5))
+    assert lease_of(robot.id).term_ends_at == at(3.75)
+    assert take(robot, second_operator, at(3.75)).term_ends_at == at(61)
+
+
 def test_a_slot_that_was_booked_before_control_is_no_surprise(robot, operator, second_operator):
     book(robot, second_operator, 2)
     assert take(robot, operator, at(1)).term_ends_at == at(2)
