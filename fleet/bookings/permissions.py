@@ -13,8 +13,8 @@ from django.db.models import Q, QuerySet
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, State
 from fleet.bookings.selectors import Stage, courses_for, grace_of, policies_of, stage_of
-from robots.access.models import Course
-from robots.access.selectors import courses_managed_by, manages_robot, robots_managed_by
+from robots.access.models import Course, Enrolment
+from robots.access.selectors import courses_managed_by, manages_robot, robots_managed_by, role_on
 from robots.registry.models import Robot
 
 
@@ -44,6 +44,19 @@ def may_book_for(person: User, owner: User, robot: Robot, at: datetime) -> bool:
     if person == owner or manages_robot(person, robot):
         return True
     return any(_manages(person, course) for course in courses_for(robot, owner, at))
+
+
+def knows(person: User, other: User, robot: Robot, at: datetime) -> bool:
+    """Return whether the person may learn that the account of `other` exists.
+
+    Staff know everybody; a supervisor of the robot knows those who have a role on it at that moment, a supervisor of a
+    course its people.
+    """
+    if person.is_staff or person == other:
+        return True
+    if manages_robot(person, robot) and role_on(other, robot, at) is not None:
+        return True
+    return Enrolment.objects.filter(course__in=courses_managed_by(person), person=other).exists()
 
 
 def _manages(person: User, course: Course | None) -> bool:

@@ -22,6 +22,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from fleet.bookings import overlaps
+from fleet.bookings.authority import knows, may_book_for, may_manage_booking
 from fleet.bookings.letters import changed_by_another
 from fleet.bookings.models import Booking, State
 from fleet.bookings.permissions import may_book_for, may_manage_booking
@@ -69,7 +70,11 @@ _NOT_YOURS = Refusal(
     "Only its owner, a supervisor of the robot or of the booking’s course, or staff may change it.",
     "account",
 )
-_NO_ACCOUNT = Refusal("no_account", "There is no open account with this user name.", "booking")
+_NO_ACCOUNT = Refusal(
+    "no_account",
+    "Nobody for whom you may book has this user name. Look at the name, or ask the staff.",
+    "booking",
+)
 _FOR_ANOTHER = Refusal(
     "not_for_others",
     "You may book this robot for people of your own courses only. Ask a supervisor of the robot, or staff.",
@@ -95,10 +100,10 @@ def robot_locked(robot_id: UUID) -> Iterator[Robot]:
         raise BookingRefused([_TAKEN]) from error
 
 
-def account_named(username: str, actor: User, robot: Robot) -> User:
-    """Return the person to book for. Only those who may book for others learn that there is no such account."""
+def account_named(username: str, actor: User, robot: Robot, at: datetime) -> User:
+    """Return the person to book for, if the actor knows them: to others, no account and a stranger are the same."""
     found = User.objects.filter(username=username, is_active=True).first()
-    if found is not None:
+    if found is not None and knows(actor, found, robot, at):
         return found
     for_others = manages_robot(actor, robot) or courses_managed_by(actor).exists()
     raise BookingRefused([_NO_ACCOUNT if for_others else _FOR_ANOTHER])
@@ -107,8 +112,8 @@ def account_named(username: str, actor: User, robot: Robot) -> User:
 def colleague_named(username: str, actor: User, booking: Booking) -> User:
     """Return the person to hand a booking to.
 
-    Without such an account the refusal is that of a person who may not drive the robot. To the supervisors, the rules
-    name the person.
+    Without such an account the refusal is that of a person who may not drive the robot. To supervisors who know the
+    person, the rules name them.
     """
     manages = may_manage_booking(actor, booking)
     if booking.person_id != actor.pk and not manages:
@@ -116,7 +121,8 @@ def colleague_named(username: str, actor: User, booking: Booking) -> User:
     found = User.objects.filter(username=username, is_active=True).first()
     role = role_on(found, booking.robot, booking.starts_at) if found else None
     drives = role is not None and role >= Role.OPERATOR
-    if found is None or not (drives or manages):
+    known = found is not None and manages and knows(actor, found, booking.robot, booking.starts_at)
+    if found is None or not (drives or known):
         text = _("Nobody with the user name %(name)s may drive %(robot)s at this time.")
         text %= {"name": username, "robot": booking.robot.name}
         raise BookingRefused([Refusal("no_colleague", text, "booking")])

@@ -20,7 +20,7 @@ from fleet.audit.services import lock_chain, record
 from robots.access import welcome
 from robots.access.models import Course, Enrolment, Invitation
 from robots.access.people_lists import Listed, PeopleList, Wrong
-from robots.access.selectors import lab_date
+from robots.access.selectors import courses_managed_by, lab_date
 from robots.access.signals import publish_access_changed
 from robots.wire import NotDone, Refusal
 
@@ -37,11 +37,19 @@ class EnrolmentRefused(NotDone):
     """An enrolment is not possible."""
 
 
+class Undisclosed(Struct, frozen=True):
+    """A person of a list who is in no course of the supervisor: they do not learn whether there is an account."""
+
+    listed: Listed
+    account: User | None
+
+
 class Plan(Struct, frozen=True):
     """The effect of a list on a course."""
 
     known: tuple[User, ...] = ()  # have an account and will be enrolled
     new: tuple[Listed, ...] = ()  # will get an account and an invitation by e-mail
+    undisclosed: tuple[Undisclosed, ...] = ()  # of both kinds
     enrolled: tuple[User, ...] = ()  # are in the course already
     wrong: tuple[Wrong, ...] = ()
     notes: tuple[str, ...] = ()
@@ -49,29 +57,50 @@ class Plan(Struct, frozen=True):
     @property
     def to_enrol(self) -> int:
         """Return the number of people who will be enrolled."""
-        return len(self.known) + len(self.new)
+        return len(self.known) + len(self.new) + len(self.undisclosed)
+
+    @property
+    def accounts(self) -> list[User]:
+        """Return the accounts that will be enrolled."""
+        return [*self.known, *(one.account for one in self.undisclosed if one.account is not None)]
+
+    @property
+    def newcomers(self) -> list[Listed]:
+        """Return the people who will get an account."""
+        return [*self.new, *(one.listed for one in self.undisclosed if one.account is None)]
 
 
-def plan_of(people: PeopleList, course: Course | None) -> Plan:
-    """Return the effect of a list; `course` None: of a course that does not exist yet."""
+def plan_of(people: PeopleList, course: Course | None, actor: User) -> Plan:
+    """Return the effect of a list; `course` None: of a course that does not exist yet.
+
+    Staff see who has an account. A supervisor sees it of the people in their courses; a closed account of another
+    person is enrolled like an open one, which gives no role: to leave it out would tell that it exists.
+    """
     found = accounts_by_address(one.email for one in people.people)
+    familiar: set[UUID] | None = None
+    if not actor.is_staff:
+        theirs = Enrolment.objects.filter(course__in=courses_managed_by(actor))
+        familiar = set(theirs.values_list("person_id", flat=True))
     inside: set[UUID] = set()
     if course is not None:
         inside = set(Enrolment.objects.filter(course=course).values_list("person_id", flat=True))
     known: list[User] = []
     enrolled: list[User] = []
     new: list[Listed] = []
+    undisclosed: list[Undisclosed] = []
     wrong = list(people.wrong)
     for one in people.people:
         account = found.get(one.email.lower())
-        if account is None:
+        if familiar is not None and (account is None or account.pk not in familiar):
+            undisclosed.append(Undisclosed(one, account))
+        elif account is None:
             new.append(one)
         elif not account.is_active:
             wrong.append(Wrong(one.line, one.email, _("This account is closed. Ask the staff.")))
         else:
             (enrolled if account.pk in inside else known).append(account)
     wrong.sort(key=lambda one: one.line)
-    return Plan(tuple(known), tuple(new), tuple(enrolled), tuple(wrong), people.notes)
+    return Plan(tuple(known), tuple(new), tuple(undisclosed), tuple(enrolled), tuple(wrong), people.notes)
 
 
 def accounts_by_address(addresses: Iterable[str]) -> dict[str, User]:
@@ -86,15 +115,15 @@ def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) ->
     It is done in parts of `AT_ONCE` people, one transaction each; after a fault, repeat it. New people get an e-mail
     with a link to set their password; `site` is the address of the console, such as `https://fleet.example.org`.
     """
-    plan = plan_of(people, course)
-    for part in _parts(plan.known, AT_ONCE):
+    plan = plan_of(people, course, actor)
+    for part in _parts(plan.accounts, AT_ONCE):
         enrol(course=course, people=part, actor=actor)
-    for listed in _parts(plan.new, AT_ONCE):
+    for listed in _parts(plan.newcomers, AT_ONCE):
         with transaction.atomic():
             _one_at_a_time()
-            now = plan_of(PeopleList(tuple(listed)), course)  # the button may have been pressed twice
-            made = _make_accounts(now.new, actor)
-            enrol(course=course, people=[*now.known, *made], actor=actor)
+            now = plan_of(PeopleList(tuple(listed)), course, actor)  # the button may have been pressed twice
+            made = _make_accounts(now.newcomers, actor)
+            enrol(course=course, people=[*now.accounts, *made], actor=actor)
             welcome.send_later(made, course=course, site=site)
     return plan
 

@@ -130,6 +130,40 @@ def test_a_supervisor_enrols_by_csv_after_a_preview(signed_in: SignIn, course: C
     assert Enrolment.objects.count() == 2
 
 
+def test_a_supervisor_does_not_learn_who_has_an_account(
+    signed_in: SignIn, course: Course, teacher: User, student: User, stranger: User, staff: User
+) -> None:
+    for person in (student, stranger):
+        person.email = f"{person.username}@example.org"
+        person.save()
+    open_account = User.objects.create_user("open", email="open@example.org", full_name="Secret Name")
+    User.objects.filter(pk=stranger.pk).update(is_active=False)
+    theirs = Course.objects.create(
+        name="Theirs", slug="theirs", starts_on=course.starts_on, ends_on=course.ends_on
+    )
+    theirs.supervisors.add(teacher)
+    client = signed_in(teacher)
+
+    def answers(address: str) -> str:
+        """Return the words of preview and message, without the list as typed."""
+        posted = {"people": f"Typed <{address}>"}
+        preview = client.post("/courses/hri-2026/enrol/", posted)
+        done = client.post("/courses/hri-2026/enrol/", {**posted, "seen": seen_in(preview)}, follow=True)
+        [message] = done.context["messages"]
+        Enrolment.objects.filter(course=course).exclude(person=student).delete()
+        return (shown(preview) + str(message)).replace(address, "ADDRESS")
+
+    new, known, closed = (answers(f"{name}@example.org") for name in ("new", "open", "stranger"))
+    assert new == known == closed
+    assert "1 person will be enrolled" in new
+    assert "1 people are enrolled in HRI 2026; who had no account got one, and an e-mail." in new
+    assert User.objects.filter(email="new@example.org").exists()
+    Enrolment.objects.create(course=theirs, person=open_account)  # the same person, now in a course of theirs
+    assert "Secret Name" in answers("open@example.org")
+    preview = signed_in(staff).post("/courses/hri-2026/enrol/", {"people": "T <stranger@example.org>"})
+    assert "This account is closed." in shown(preview)
+
+
 def test_5000_lines_are_enrolled_and_a_longer_file_is_refused(
     signed_in: SignIn, course: Course, teacher: User
 ) -> None:
@@ -147,7 +181,7 @@ def test_5000_lines_are_enrolled_and_a_longer_file_is_refused(
     assert "at most 5000 are read. Divide it." in shown(sent([*lines, "1;a;a@example.org"]))
     assert "larger than 2 MB" in shown(sent([line + "x" * 400 for line in lines]))
     preview = sent(lines)
-    assert "5000 people get an account" in shown(preview)
+    assert "5000 people will be enrolled" in shown(preview)
     typed = re.search(r"<textarea[^>]*>\s?(.*?)</textarea>", preview.content.decode(), re.DOTALL)[1]
     done = client.post(address, {"people": typed, "seen": seen_in(preview)})
     assert done.status_code == 302

@@ -62,9 +62,9 @@ def test_a_list_enrols_known_people_and_makes_accounts(
     assert sum(len(record.parameters["people"]) for record in enrolled) == 2
 
 
-def test_a_closed_account_is_a_wrong_line(course: Course, stranger: User) -> None:
+def test_a_closed_account_is_a_wrong_line(course: Course, stranger: User, staff: User) -> None:
     User.objects.filter(pk=stranger.pk).update(email="stig@example.org", is_active=False)
-    plan = plan_of(read_people("y,stig@example.org"), course)
+    plan = plan_of(read_people("y,stig@example.org"), course, staff)
     assert [(one.line, one.reason) for one in plan.wrong] == [(1, "This account is closed. Ask the staff.")]
     assert not plan.to_enrol
 

@@ -8,6 +8,7 @@ import pytest
 from django.urls import reverse
 from django.utils import timezone
 
+from fleet.accounts.models import User
 from fleet.bookings.letters import write_reminders
 from fleet.bookings.models import Booking, Policy, State
 from fleet.bookings.rules import Slot
@@ -81,6 +82,28 @@ def test_handing_over_tells_nobody_who_has_an_account(signed_in, robot, operator
         answer = browser.post(reverse("booking", args=[booking.pk]), posted, **JSON)
         texts |= {refusal["text"].replace(name, "NAME") for refusal in answer.json()["refusals"]}
     assert texts == {"Nobody with the user name NAME may drive TIAGo 1 at this time."}
+
+
+def test_booking_for_another_tells_no_supervisor_who_has_an_account(
+    signed_in, robot, course, supervisor, stranger
+):
+    teacher = User.objects.create_user("teacher", password="a long walk")
+    course.supervisors.add(teacher)
+    Enrolment.objects.filter(person=stranger).delete()
+    booking = stored(robot, teacher, 180, 240, course=course)
+    for person in (supervisor, teacher):
+        browser = signed_in(person)
+        seen = set()
+        for name in (stranger.username, "nobody"):
+            books = browser.post(reverse("booking-new"), fields(robot, person=name), **JSON)
+            hands = browser.post(
+                reverse("booking", args=[booking.pk]), {"action": "hand", "version": 1, "to": name}, **JSON
+            )
+            both = books.content.decode() + hands.content.decode()
+            assert "no_account" in both
+            assert "no_colleague" in both
+            seen.add(both.replace(name, "NAME"))
+        assert len(seen) == 1, person.username
 
 
 def test_a_reason_counts_only_from_supervisors_of_the_robot(signed_in, robot, other_robot, supervisor):

@@ -10,7 +10,6 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
-from fleet.accounts.models import User
 from fleet.bookings.models import DAY_NAMES, WEEKDAYS, OutOfService, Policy
 from fleet.bookings.policies import POLICY_FIELDS
 from fleet.bookings.rules import Slot, to_utc
@@ -236,16 +235,6 @@ class SlotForm(forms.Form):
             del self.fields["person"]
         if not overrides:
             del self.fields["override"]
-
-    def clean_person(self) -> User | None:
-        """Return the person for whom the slot is booked; None: the one who books."""
-        name = self.cleaned_data["person"].strip()
-        if not name:
-            return None
-        person = User.objects.filter(username=name, is_active=True).first()
-        if person is None:
-            raise ValidationError(_("There is no open account with this user name."))
-        return person
 
     @property
     def slot(self) -> Slot:

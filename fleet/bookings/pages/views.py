@@ -126,10 +126,11 @@ def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], Rob
     form = SlotForm(request.POST, **options)
     if not form.is_valid():
         return _refused(request, form, _form_refusals(form))
+    robot, named = form.cleaned_data["robot"], form.cleaned_data.get("person", "")
     try:
         booking = services.booking_make(
-            robot=form.cleaned_data["robot"],
-            person=form.cleaned_data.get("person") or person,
+            robot=robot,
+            person=services.account_named(named, person, robot, form.slot.starts_at) if named else person,
             actor=person,
             slot=form.slot,
             purpose=form.cleaned_data["purpose"],

@@ -66,7 +66,7 @@ def course_new(request: HttpRequest) -> HttpResponse:
     form = CourseForm(request.POST, request.FILES)
     if not form.is_valid():
         return _course_form(request, form, 400)
-    plan = enrolment.plan_of(form.people_list, None)
+    plan = enrolment.plan_of(form.people_list, None, staff)
     if _must_preview(request, form, plan):
         return _course_form(request, CourseForm(_with_list(request, form)), plan=plan, form_digest=form)
     made = services.course_save(course=form.instance, actor=staff, **_lists(form))
@@ -117,7 +117,7 @@ def course_enrol(request: HttpRequest, slug: str) -> HttpResponse:
     form = EnrolForm(request.POST, request.FILES)
     if not form.is_valid():
         return _enrol_page(request, found, form, 400)
-    plan = enrolment.plan_of(form.people_list, found)
+    plan = enrolment.plan_of(form.people_list, found, person_of(request))
     if _must_preview(request, form, plan):
         return _enrol_page(request, found, EnrolForm(_with_list(request, form)), plan=plan, read=form)
     _enrol(request, found, form)
@@ -283,7 +283,9 @@ def _enrol(request: HttpRequest, found: Course, form: PeopleForm) -> None:
         course=found, people=form.people_list, actor=person_of(request), site=_site(request)
     )
     facts = {"course": found.name, "people": plan.to_enrol, "new": len(plan.new)}
-    if plan.to_enrol:
+    if plan.undisclosed:
+        text = _("%(people)d people are enrolled in %(course)s; who had no account got one, and an e-mail.")
+    elif plan.to_enrol:
         text = _("%(people)d people are enrolled in %(course)s; %(new)d of them have a new account.")
     elif form.people_list.people:
         text = _("All of them are in %(course)s already.")

@@ -305,7 +305,9 @@ class BookingsView(BookingsBase):
     def post(self, _request: Request, body: BookRequest) -> Response:
         """All rules that refuse stand in `refusals`; if the time is taken, `alternatives` has free slots."""
         robot, slot, now = self.robot(body.robot), _slot(body.starts_at, body.ends_at), timezone.now()
-        owner = services.account_named(body.person, self.person, robot) if body.person else self.person
+        owner = self.person
+        if body.person:
+            owner = services.account_named(body.person, self.person, robot, slot.starts_at)
         course = None
         if body.course is not None:
             course = Course.objects.filter(enrolments__person=owner, slug=body.course).first()

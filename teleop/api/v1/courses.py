@@ -115,7 +115,7 @@ class EnrolRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ListedPerson(Struct, frozen=True):
-    """A person of the list who gets an account, and an e-mail with a link to set a password."""
+    """A person of the list. A new account comes with an e-mail with a link to set a password."""
 
     name: str
     email: str
@@ -134,7 +134,10 @@ class EnrolAnswer(Struct, frozen=True):
 
     enrolled: int  # people; 0 of a preview
     known: list[str]  # user names of accounts that are enrolled
-    new: list[ListedPerson]
+    new: list[ListedPerson]  # who get an account
+    undisclosed: list[
+        ListedPerson
+    ]  # enrolled by a supervisor, who does not learn whether they had an account
     already: list[str]  # user names of those who were in the course before
     wrong: list[WrongLine]  # left out
     notes: list[str]
@@ -401,7 +404,7 @@ class MembersView(CoursesBase):
         """Twice is harmless. Lines that cannot be used are left out and named."""
         course, people = self.course(slug), read_people(body.list)
         if body.preview:
-            plan = enrolment.plan_of(people, course)
+            plan = enrolment.plan_of(people, course, self.person)
         else:
             site = request.build_absolute_uri("/").rstrip("/")
             plan = enrolment.enrol_list(course=course, people=people, actor=self.person, site=site)
@@ -409,6 +412,7 @@ class MembersView(CoursesBase):
             enrolled=0 if body.preview else plan.to_enrol,
             known=[person.username for person in plan.known],
             new=[ListedPerson(one.name, one.email) for one in plan.new],
+            undisclosed=[ListedPerson(one.listed.name, one.listed.email) for one in plan.undisclosed],
             already=[person.username for person in plan.enrolled],
             wrong=[WrongLine(one.line, one.text, one.reason) for one in plan.wrong],
             notes=list(plan.notes),
