@@ -72,7 +72,10 @@ def seed_student(student: Student) -> User:
 
 
 def seed_course(people: list[User], robots: list[Robot], now: datetime) -> None:
-    """Create a course until the end of term, with a qualification that all people but the last student hold."""
+    """Create a course until the end of term.
+
+    The last of several robots demands a qualification that all people but the last student hold.
+    """
     course = Course.objects.create(
         name="Human-Robot Interaction",
         slug="hri",
@@ -85,7 +88,7 @@ def seed_course(people: list[User], robots: list[Robot], now: datetime) -> None:
     course.supervisors.set(User.objects.filter(username="supervisor"))
     Enrolment.objects.bulk_create(Enrolment(course=course, person=person) for person in people)
     induction = Qualification.objects.create(name="safety induction", slug="safety-induction")
-    induction.robots.set(robots[-1:])
+    induction.robots.set(robots[1:][-1:])
     QualificationGrant.objects.bulk_create(
         QualificationGrant(qualification=induction, person=person)
         for person in User.objects.exclude(pk=people[-1].pk)
@@ -133,16 +136,18 @@ def seed_past(people: list[User], robots: list[Robot], now: datetime) -> None:
 
 
 def seed_bookings(people: list[User], robots: list[Robot], now: datetime) -> None:
-    """Book slots around now: one robot is in a slot, one is free until the next full hour, one is free."""
+    """Book slots around now, so that no two meet if there is only one robot: one is in a slot, others are free."""
     hour = now.replace(minute=0, second=0, microsecond=0) + HOUR
+    first, second, last = robots[0], robots[1 % len(robots)], robots[-1]
+    anna, ben, cleo, dana = people
     slots = [
-        (robots[1], people[0], now, hour + HOUR),
-        (robots[-1], people[1], hour + HOUR, hour + 3 * HOUR),
-        (robots[0], people[2], hour + 2 * HOUR, hour + 3 * HOUR),
-        (robots[1], people[3], hour + 3 * HOUR, hour + 4 * HOUR),
-        (robots[0], people[1], hour + 24 * HOUR, hour + 26 * HOUR),
-        (robots[1], people[2], hour + 25 * HOUR, hour + 26 * HOUR),
-        (robots[0], people[0], hour + 49 * HOUR, hour + 50 * HOUR),
+        (second, anna, now, hour + HOUR),
+        (last, ben, hour + HOUR, hour + 3 * HOUR),
+        (first, cleo, hour + 3 * HOUR, hour + 4 * HOUR),
+        (first, dana, hour + 4 * HOUR, hour + 5 * HOUR),
+        (first, ben, hour + 24 * HOUR, hour + 26 * HOUR),
+        (second, cleo, hour + 26 * HOUR, hour + 27 * HOUR),
+        (first, anna, hour + 49 * HOUR, hour + 50 * HOUR),
     ]
     for robot, person, starts, ends in slots:
         booking_make(robot=robot, person=person, slot=Slot(starts, ends), now=now, purpose="Exercise")
