@@ -68,6 +68,7 @@ def bookings(request: HttpRequest) -> HttpResponse:
     """Show the calendar of all robots that this person may see, and the day's bookings as a list."""
     robots = list(robots_visible_to(person_of(request)))
     awaiting = awaiting_approval(person_of(request), timezone.now())[:LISTED]
+    options = {**_form_options(person_of(request)), "courses": _courses_to_choose(person_of(request))}
     now, zone = timezone.now(), viewers()
     day = typed_day(request.GET.get("day")) or now.astimezone(zone).date()
     start = datetime.combine(day, datetime.min.time(), tzinfo=zone)
@@ -82,6 +83,7 @@ def bookings(request: HttpRequest) -> HttpResponse:
         "only": request.GET.get("robot", ""),
         "manages": robots_managed_by(person_of(request)).exists(),
         "kinds": _kinds(robots),
+        "form": SlotForm(**options),
         "awaiting": _rows(awaiting, {one.robot for one in awaiting}, now),
     }
     return render(request, "bookings/calendar.html", context)
@@ -470,6 +472,8 @@ def waiting(request: HttpRequest) -> HttpResponse:
         waiting_join(robot=robot, person=person, slot=form.slot, now=timezone.now())
     except BookingRefused as error:
         return _refused(request, form, error.refusals)
+    if wants_json(request):
+        return JsonResponse({"robot": robot.slug})
     messages.success(request, _("You wait for this slot. You get an offer when it becomes free."))
     return redirect("bookings-mine")
 

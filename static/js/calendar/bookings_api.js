@@ -12,7 +12,7 @@ export function readFeed(url, start, end, robot) {
 }
 
 /**
- * Sends a change. @returns {Promise<{ok: boolean, texts: string[], alternatives: object[]}>}
+ * Sends a change. @returns {Promise<{ok: boolean, texts: string[], codes: string[], alternatives: object[]}>}
  */
 export async function send(url, fields) {
   const token = document.querySelector('input[name="csrfmiddlewaretoken"]').value;
@@ -24,12 +24,13 @@ export async function send(url, fields) {
   const body = await answer?.json().catch(() => null);
   if (answer?.ok) {
     new BroadcastChannel(CHANNEL).postMessage("changed");
-    return { ok: true, texts: [], alternatives: [] };
+    return { ok: true, texts: [], codes: [], alternatives: [] };
   }
   const texts = body?.refusals?.map(({ text }) => text) ?? [
     body?.text ?? gettext("The console does not answer. Nothing was changed; try again."),
   ];
-  return { ok: false, texts, alternatives: body?.alternatives ?? [] };
+  const codes = body?.refusals?.map(({ code }) => code) ?? [];
+  return { ok: false, texts, codes, alternatives: body?.alternatives ?? [] };
 }
 
 /** Calls back when another tab changed a booking. */

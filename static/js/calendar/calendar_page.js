@@ -1,11 +1,10 @@
 /** The calendar of bookings: all robots side by side; drag to book, move and lengthen. */
 
+import { make, mark, parts, say, show } from "../lib/dom.js";
 import { Heartbeat } from "../connection/heartbeat.js";
-import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { closable } from "../lib/dialog.js";
-import { make, makeButton, mark, parts, say, show } from "../lib/dom.js";
 import { pageLanguage } from "../lib/languages.js";
 import { correctRoles } from "./accessible.js";
+import { BookingDialog } from "./booking_dialog.js";
 import { bookingsChannel, readFeed, send } from "./bookings_api.js";
 
 const POLL_MS = 30_000; // without a connection, and for what the clock alone changes
@@ -15,8 +14,8 @@ const PHONE_PX = 700;
 /** Starts the calendar in the page. @param {HTMLElement} main @param {object} library EventCalendar */
 export function startCalendar(main, library) {
   const part = parts(main);
-  const { feed, new: newUrl, one: oneUrl, robot, day } = main.dataset;
-  const dialog = new BookingDialog(part, newUrl, () => calendar.refetchEvents());
+  const { feed, new: newUrl, waiting, one: oneUrl, robot, day } = main.dataset;
+  const dialog = new BookingDialog(part, { new: newUrl, waiting }, () => calendar.refetchEvents());
   let range = null;
   let newest = "";
   let robots = "[]"; // the columns
@@ -234,84 +233,6 @@ export function wallClock(at) {
   const two = (number) => String(number).padStart(2, "0");
   const day = `${at.getFullYear()}-${two(at.getMonth() + 1)}-${two(at.getDate())}`;
   return `${day}T${two(at.getHours())}:${two(at.getMinutes())}`;
-}
-
-/** Asks before a dragged slot is booked, and shows every refusal with what is free instead. */
-class BookingDialog {
-  #part;
-  #url;
-  #done;
-  #wish = null;
-
-  constructor(part, url, done) {
-    this.#part = part;
-    this.#url = url;
-    this.#done = done;
-    closable(part.dialog, new AbortController().signal);
-    part["dialog-yes"].addEventListener("click", () => this.#book());
-  }
-
-  ask(start, end, resource) {
-    const robot = resource?.id;
-    if (!robot) {
-      location.assign(`${this.#url}?from=${start.slice(0, 16)}&to=${end.slice(0, 16)}`);
-      return;
-    }
-    this.#wish = { robot, starts_at: start.slice(0, 16), ends_at: end.slice(0, 16) };
-    this.#open(gettext("Book this slot?"), slotWords(resource.title, start, end));
-  }
-
-  tell(texts, alternatives = []) {
-    this.#wish = null;
-    this.#open(gettext("Not changed"), "");
-    this.#list(texts, alternatives);
-  }
-
-  #open(title, words) {
-    say(this.#part["dialog-title"], title);
-    say(this.#part["dialog-words"], words);
-    this.#list([], []);
-    show(this.#part["dialog-yes"], this.#wish !== null);
-    if (!this.#part.dialog.open) this.#part.dialog.show();
-    this.#part["dialog-title"].focus();
-  }
-
-  #list(texts, alternatives) {
-    this.#part.refusals.replaceChildren(...texts.map((text) => make("li", { text })));
-    this.#part.alternatives.replaceChildren(
-      ...alternatives.map((offer) => {
-        const take = () => {
-          this.#wish = {
-            robot: offer.robot,
-            starts_at: offer.start.slice(0, 16),
-            ends_at: offer.end.slice(0, 16),
-          };
-          this.#book();
-        };
-        return make("li", {
-          children: [makeButton({ className: "button", text: offer.words }, take)],
-        });
-      }),
-    );
-  }
-
-  async #book() {
-    const answer = await send(this.#url, this.#wish);
-    if (answer.ok) {
-      this.#part.dialog.close();
-      this.#done();
-      return;
-    }
-    this.#wish = null;
-    say(this.#part["dialog-title"], gettext("Not booked"));
-    show(this.#part["dialog-yes"], false);
-    this.#list(answer.texts, answer.alternatives);
-  }
-}
-
-function slotWords(robot, start, end) {
-  const clock = (text) => text.slice(11, 16);
-  return `${robot}, ${start.slice(0, 10)}, ${clock(start)} – ${clock(end)}`;
 }
 
 const page = document.querySelector('[data-page="bookings"]');

@@ -21,7 +21,7 @@ describe("a change of a booking", () => {
   it("shows why the database did not store it", async () => {
     const text = "Not done: another process keeps the database locked.";
     vi.stubGlobal("fetch", () => Promise.resolve(answer(503, { code: "database_locked", text })));
-    expect(await send("/", {})).toEqual({ ok: false, texts: [text], alternatives: [] });
+    expect(await send("/", {})).toEqual({ ok: false, texts: [text], codes: [], alternatives: [] });
   });
 
   it.each([

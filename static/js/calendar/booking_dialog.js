@@ -1,0 +1,115 @@
+/** Asks before a dragged slot is booked, with the fields of the form; shows every refusal and what is free instead. */
+
+import { closable } from "../lib/dialog.js";
+import { make, makeButton, say, show } from "../lib/dom.js";
+import { send } from "./bookings_api.js";
+
+export class BookingDialog {
+  #part;
+  #urls;
+  #done;
+  #wish = null;
+
+  /**
+   * @param {Record<string, HTMLElement>} part of the page
+   * @param {{new: string, waiting: string}} urls where a slot is booked, and waited for
+   * @param {() => void} done a slot was booked
+   */
+  constructor(part, urls, done) {
+    this.#part = part;
+    this.#urls = urls;
+    this.#done = done;
+    closable(part.dialog, new AbortController().signal);
+    part["dialog-form"].addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#book();
+    });
+    part["dialog-wait"].addEventListener("click", () => this.#wait());
+  }
+
+  /** Asks about a slot that was dragged; without a robot the form asks. */
+  ask(start, end, resource) {
+    const robot = resource?.id;
+    if (!robot) {
+      location.assign(`${this.#urls.new}?from=${start.slice(0, 16)}&to=${end.slice(0, 16)}`);
+      return;
+    }
+    this.#wish = slotOf(robot, start, end);
+    this.#open(gettext("Book this slot?"), slotWords(resource.title, start, end));
+  }
+
+  /** Tells why a booking was not changed. @param {string[]} texts */
+  tell(texts, alternatives = []) {
+    this.#wish = null;
+    this.#open(gettext("Not changed"), "");
+    this.#list(texts, alternatives);
+  }
+
+  #open(title, words) {
+    const { dialog, "dialog-title": heading, "dialog-words": slot } = this.#part;
+    this.#part["dialog-form"].reset();
+    say(heading, title);
+    say(slot, words);
+    this.#list([], []);
+    this.#offer({ book: this.#wish !== null, wait: false });
+    if (!dialog.open) dialog.show();
+    heading.focus();
+  }
+
+  #offer({ book, wait }) {
+    show(this.#part["dialog-fields"], book);
+    show(this.#part["dialog-yes"], book);
+    show(this.#part["dialog-wait"], wait);
+  }
+
+  #list(texts, alternatives) {
+    this.#part.refusals.replaceChildren(...texts.map((text) => make("li", { text })));
+    this.#part.alternatives.replaceChildren(
+      ...alternatives.map(({ robot, start, end, words }) => {
+        const take = () => {
+          this.#wish = slotOf(robot, start, end);
+          say(this.#part["dialog-words"], words);
+          this.#book();
+        };
+        return make("li", {
+          children: [makeButton({ className: "button", text: words }, take)],
+        });
+      }),
+    );
+  }
+
+  #fields() {
+    return { ...this.#wish, ...Object.fromEntries(new FormData(this.#part["dialog-form"])) };
+  }
+
+  async #book() {
+    const answer = await send(this.#urls.new, this.#fields());
+    if (answer.ok) {
+      this.#part.dialog.close();
+      this.#done();
+      return;
+    }
+    say(this.#part["dialog-title"], gettext("Not booked"));
+    // Another course, person or reason may be allowed.
+    this.#offer({ book: true, wait: answer.codes.join() === "taken" });
+    this.#list(answer.texts, answer.alternatives);
+  }
+
+  async #wait() {
+    const answer = await send(this.#urls.waiting, this.#fields());
+    this.#offer({ book: !answer.ok, wait: false });
+    this.#list(answer.texts, answer.alternatives);
+    if (!answer.ok) return;
+    say(this.#part["dialog-title"], gettext("You wait for this slot"));
+    say(this.#part["dialog-words"], gettext("You get an offer when it becomes free."));
+  }
+}
+
+function slotOf(robot, start, end) {
+  return { robot, starts_at: start.slice(0, 16), ends_at: end.slice(0, 16) };
+}
+
+function slotWords(robot, start, end) {
+  const clock = (text) => text.slice(11, 16);
+  return `${robot}, ${start.slice(0, 10)}, ${clock(start)} – ${clock(end)}`;
+}
