@@ -184,6 +184,46 @@ def test_bookings_of_others(owner: str, robot: str, course: str, lab: Lab) -> No
         )
 
 
+@pytest.mark.parametrize(("owner", "robot", "course"), BOOKINGS)
+def test_who_may_approve(owner: str, robot: str, course: str, lab: Lab) -> None:
+    """Nobody approves their own booking, unless they supervise the robot or the course."""
+    starts = timezone.now() + timedelta(days=1)
+    times = {"starts_at": starts, "ends_at": starts + timedelta(hours=1)}
+    for who in ROLES:
+        booking = Booking.objects.create(
+            robot=lab.robots[robot],
+            person=lab.people[owner],
+            course=lab.courses.get(course),
+            **times,
+            held_until=times["ends_at"],
+            made_at=timezone.now(),
+            state="awaiting",
+        )
+        fields = {"action": "approve", "version": "1"}
+        lab.browser(who).post(f"/bookings/{booking.pk}/", fields, headers={"accept": "application/json"})
+        booking.refresh_from_db()
+        allowed = who == "staff" or who in BOOKINGS[owner, robot, course] & {"supervisor", "teacher"}
+        if (owner, course) == ("teacher", ""):  # their own, for no course
+            allowed = who == "staff"
+        assert (booking.state == "booked") is allowed, who
+        booking.delete()
+
+
+# The page, and who sees it: it shows the robots and courses that they supervise.
+STAFF_PAGES = {
+    "/today/": {"staff", "supervisor", "teacher"},
+    "/bookings/report/": {"staff", "supervisor", "teacher", "former"},  # of a course that is over, too
+    "/bookings/series/": {"staff", "supervisor", "teacher"},
+    "/bookings/policies/": {"staff", "supervisor"},
+}
+
+
+@pytest.mark.parametrize("page", STAFF_PAGES)
+def test_pages_of_supervisors(page: str, lab: Lab) -> None:
+    seen = {who for who in ROLES if lab.browser(who).get(page).status_code == 200}
+    assert seen == STAFF_PAGES[page]
+
+
 def test_who_may_book_for_whom(lab: Lab) -> None:
     starts = (timezone.now() + timedelta(days=1)).replace(hour=10, minute=0)
     times = {"starts_at": f"{starts:%Y-%m-%dT%H:%M}", "ends_at": f"{starts:%Y-%m-%dT11:00}"}

@@ -16,6 +16,7 @@ import { shortened } from "../tasks/tasks.js";
 
 const MOVES_MPS = 0.02;
 const TURNS_RADPS = 0.05;
+const GAP_S = 60; // less is no free time between two bookings
 
 /** Text of a robot's card: its state, or the refusal that says why it is not known. Pure. */
 export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending = null }) {
@@ -62,11 +63,15 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
   };
 }
 
-/** The present booking and the next one in words. Pure. */
+/** The present booking, the next one, and whether there is free time between them, in words. Pure. */
 export function bookingWords({ booked = null, next_booked: next = null }) {
   const name = (one) => (one.mine ? gettext("You") : one.name);
-  if (booked)
-    return interpolate(gettext("%s, %s left"), [name(booked), minutesText(booked.seconds)]);
+  if (booked) {
+    const left = minutesText(booked.seconds);
+    return next && next.seconds < booked.seconds + GAP_S
+      ? interpolate(gettext("%s, %s left, then %s"), [name(booked), left, name(next)])
+      : interpolate(gettext("%s, %s left, then free"), [name(booked), left]);
+  }
   if (next) return interpolate(gettext("Free, %s in %s"), [name(next), minutesText(next.seconds)]);
   return gettext("Free");
 }

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { cardOf, doingText } from "../../../static/js/fleet/card_words.js";
+import { bookingWords, cardOf, doingText } from "../../../static/js/fleet/card_words.js";
 import { FleetPage } from "../../../static/js/fleet/fleet_page.js";
 import { FakeSocket, made } from "../fake_socket.js";
 
@@ -103,6 +103,25 @@ describe("a card", () => {
       stopped: true,
       stopWhy: "by Bo. Standstill confirmed after 300 ms.",
     });
+  });
+});
+
+describe("a card's booking", () => {
+  const booked = { name: "Anna", mine: false, seconds: 1200 };
+  const next = (seconds) => ({ name: "Ben", mine: false, seconds });
+
+  it.each([
+    ["nobody booked", {}, "Free"],
+    ["a slot comes", { next_booked: next(1200) }, "Free, Ben in 20 min"],
+    ["nobody follows", { booked }, "Anna, 20 min left, then free"],
+    [
+      "somebody follows at once",
+      { booked, next_booked: next(1200) },
+      "Anna, 20 min left, then Ben",
+    ],
+    ["somebody follows later", { booked, next_booked: next(3600) }, "Anna, 20 min left, then free"],
+  ])("says who has the robot, and when it is free: %s", (_when, robot, words) => {
+    expect(bookingWords(robot)).toBe(words);
   });
 });
 
