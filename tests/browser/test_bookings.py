@@ -14,6 +14,7 @@ from playwright.sync_api import expect
 
 from script.stack.stack import Stack
 from tests.browser.people import Person, robot_side
+from tests.browser.test_pages import found_by_axe
 
 Arrive = Callable[..., Person]
 ROBOT = "tiago-2"
@@ -87,10 +88,14 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
     expect(operator.page.locator(".ec-event")).to_have_count(0)
     drag(operator)
     expect(operator.part("dialog-title")).to_have_text("Book this slot?")
+    operator.page.get_by_label("Purpose").fill("Exercise 7")
+    assert found_by_axe(operator) == []
     operator.part("dialog-yes").click()
     expect(operator.part("refusals")).to_have_text("")  # a failure shows why
     expect(operator.part("dialog")).to_be_hidden()
     expect(operator.page.locator(".ec-event.mine")).to_have_count(1)
+    with sqlite3.connect(stack.directory / "fleet.sqlite3", timeout=20) as database:
+        assert database.execute("SELECT purpose FROM bookings_booking").fetchall() == [("Exercise 7",)]
 
     staff.open("/bookings/new/")
     tomorrow = datetime.now(timezone.utc) + timedelta(days=1)

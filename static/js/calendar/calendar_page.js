@@ -48,6 +48,7 @@ export function startCalendar(main, library) {
     selectable: true,
     unselectAuto: true,
     allDaySlot: false,
+    noEventsContent: gettext("No bookings"),
     longPressDelay: 400,
     resources: [],
     eventSources: [
