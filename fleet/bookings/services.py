@@ -41,7 +41,7 @@ from fleet.bookings.selectors import (
     wish_of,
 )
 from robots.access.models import Course
-from robots.access.selectors import courses_managed_by, manages_robot, may_manage, role_on
+from robots.access.selectors import manages_robot, may_manage, role_on
 from robots.registry.models import Robot, Role
 from robots.wire import NotDone, Refusal
 
@@ -105,8 +105,7 @@ def account_named(username: str, actor: User, robot: Robot, at: datetime) -> Use
     found = User.objects.filter(username=username, is_active=True).first()
     if found is not None and knows(actor, found, robot, at):
         return found
-    for_others = manages_robot(actor, robot) or courses_managed_by(actor).exists()
-    raise BookingRefused([_NO_ACCOUNT if for_others else _FOR_ANOTHER])
+    raise BookingRefused([_NO_ACCOUNT if manages_robot(actor, robot) else _FOR_ANOTHER])
 
 
 def colleague_named(username: str, actor: User, booking: Booking) -> User:
