@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import sqlite3
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from uuid import uuid4
@@ -12,6 +14,8 @@ from uuid import uuid4
 import pytest
 from playwright.sync_api import expect
 
+from robots import wire
+from script.stack.client import Driver, sign_in
 from script.stack.stack import Stack
 from tests.browser.people import Person, robot_side
 from tests.browser.test_pages import found_by_axe
@@ -55,7 +59,13 @@ def book(stack: Stack):
             database.execute("DELETE FROM bookings_booking")
             database.commit()
 
-        store.free = free
+        def end_in(seconds: float) -> None:
+            """Let all slots end so soon, as if they had been booked so."""
+            ends = str(datetime.now(timezone.utc).replace(tzinfo=None) + timedelta(seconds=seconds))
+            database.execute("UPDATE bookings_booking SET ends_at = ?, held_until = ?", [ends, ends])
+            database.commit()
+
+        store.free, store.end_in = free, end_in
         yield store
         free()
 
@@ -65,21 +75,34 @@ def test_the_slot_ends_while_the_stick_is_held(person: Arrive, stack: Stack, boo
     said = tmp_path / "twists"
     with robot_side(stack.robots[ROBOT], "twists", said):
         operator.until(lambda: "listening" in said.read_text(), "the observer to listen")
-        book("operator", -60, 9)
-        book("supervisor", 9, 900)
+        book("operator", -60, 900)
         operator.take(ROBOT)
+        book.end_in(9)
+        book("supervisor", 9, 900)
         start = operator.place
         operator.push("s", until=lambda: operator.control["state"] != "yours", what="the slot to end")
         assert operator.place != start
         operator.until_still()
+        with ThreadPoolExecutor() as another_thread:  # Playwright has this one's event loop
+            refused = another_thread.submit(asyncio.run, insist(stack)).result()
+    assert refused == {"take": "booked", "drive": "no_lease"}
     twists = [float(line) for line in said.read_text().split() if line != "listening"]
     driven = [number for number, vx in enumerate(twists) if vx]
-    assert driven and not any(twists[driven[-1] + 1 :])
+    assert driven and not any(twists[driven[-1] + 1 :])  # nothing of those who insisted
     assert twists[-1] == 0.0
     expect(operator.part("why")).to_contain_text("has booked this robot")
     expect(operator.part("slot")).to_contain_text("has a slot")
     supervisor.take(ROBOT)  # the next slot is theirs
     supervisor.release()
+
+
+async def insist(stack: Stack) -> dict[str, str]:
+    """Ask for control as the operator in the slot of another person, and drive all the same. Returns the refusals."""
+    async with Driver(stack, ROBOT, sign_in(stack, "operator")) as driver:
+        await driver.send(wire.Take())
+        await driver.drive(-1.0, 0.0)
+        await driver.until(lambda: {one.of for one in driver.refused} >= {"take", "drive"}, 30.0)
+        return {one.of: one.refusal.code for one in driver.refused}
 
 
 def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book) -> None:
