@@ -118,9 +118,7 @@ def test_a_full_disk_blocks_one_edit_and_ends_no_bridge(supervised: Supervised, 
     supervised.until_started("tiago-1", 1)
     supervised.until_started("tiago-2", 1)
     full = OSError(errno.ENOSPC, "No space left on device")
-    environment = mock.patch(
-        "robots.supervisor.fleet_supervisor.ros_environment", side_effect=full
-    )
+    environment = mock.patch("robots.supervisor.fleet_supervisor.ros_environment", side_effect=full)
     with environment as asked:
         Robot.objects.filter(pk=robot.pk).update(drive_topic="/phone_vel")
         supervised.until(lambda: asked.call_count >= 2, "two looks")
