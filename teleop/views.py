@@ -9,6 +9,7 @@ from django.views.decorators.http import require_safe
 from fleet.accounts.requests import person_of
 from robots.access.selectors import robot_visible_to, robots_visible_to, roles_of, supervises
 from robots.registry.models import Role
+from robots.registry.selectors import robot_facts
 from robots.wire import PROTOCOL
 
 
@@ -28,5 +29,10 @@ def control(request: HttpRequest, slug: str) -> HttpResponse:
     """Show one robot: to drive it, or to watch."""
     person = person_of(request)
     robot = robot_visible_to(person, slug)
-    context = {"robot": robot, "supervises": supervises(person, robot), "protocol": PROTOCOL}
+    context = {
+        "robot": robot,
+        "has_cameras": bool(robot_facts(robot).cameras),
+        "supervises": supervises(person, robot),
+        "protocol": PROTOCOL,
+    }
     return render(request, "teleop/control.html", context)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from typing import Any
 
@@ -9,13 +10,15 @@ from fleet.accounts.tokens.models import Scope
 from robots import wire
 from robots.wire import CameraState, Refusal, camera_message, kind_of
 from teleop.background.jobs import run_in_background
-from teleop.camera.feed import CameraViewer, feed_of
+from teleop.camera.feed import CameraFeed, CameraViewer, feed_of
 from teleop.control.scopes import scope_missing
 from teleop.control.status import RobotEntry
 from teleop.live import robot_hub
 from teleop.live.consumers.message_socket import CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.recording.camera_audit import TOO_MANY_CAMERAS, CameraAudit
+
+WATCHES_WITHIN_S = 10.0  # a page that opens this connection to see a camera asks for it within this time
 
 
 class CameraConsumer(RobotSocket):
@@ -28,15 +31,17 @@ class CameraConsumer(RobotSocket):
         super().__init__()
         self.camera_audit: CameraAudit | None = None
         self._viewers: dict[str, CameraViewer] = {}
+        self._started: CameraFeed | None = None  # its process runs for this connection, which watches nothing yet
 
     async def on_open(self) -> None:
-        """Join the robot's hub, if this person may see the robot."""
+        """Join the robot's hub, if this person may see the robot. The camera process starts while the page loads."""
         entry = await self.find_robot()
         if entry is not None and not self.opens(Scope.TOPICS):
             await self.close(CloseCode.NOT_PERMITTED, scope_missing((Scope.TOPICS,)).text)
         elif entry is not None:
             self.hub = robot_hub.join(self.robot_id, entry, self)
             self.camera_audit = CameraAudit(self.user, self.robot_id, entry.facts.name)
+            self._start_process()
             await self._send_cameras(entry)
 
     async def on_close(self) -> None:
@@ -94,6 +99,7 @@ class CameraConsumer(RobotSocket):
             return
         viewer = self._viewers[watch.camera] = CameraViewer(watch, self._show, self._state)
         feed_of(self.hub.link).add(viewer)
+        self._end_start()
         if before is not None and before.feed is not None:
             before.feed.remove(before)
 
@@ -107,6 +113,20 @@ class CameraConsumer(RobotSocket):
     def _end_all(self) -> None:
         for camera in list(self._viewers):
             self._end(camera)
+        self._end_start()
+
+    def _start_process(self) -> None:
+        """Let the camera process start before the page asks for a picture, which it does soon or not at all."""
+        if self.hub.entry.facts.cameras:
+            self._started = feed_of(self.hub.link)
+            self._started.begin(self)
+            asyncio.get_running_loop().call_later(WATCHES_WITHIN_S, self._end_start)
+
+    def _end_start(self) -> None:
+        """Leave the camera process to those who watch."""
+        started, self._started = self._started, None
+        if started is not None:
+            started.end(self)
 
     async def _send_cameras(self, entry: RobotEntry) -> None:
         await self.send_encoded(wire.encode(wire.Cameras(entry.facts.cameras)).decode())

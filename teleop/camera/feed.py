@@ -105,12 +105,13 @@ class CameraViewer:
 
 
 class CameraFeed:
-    """All watched cameras of one robot. `feed_of` makes it; it ends with its last viewer."""
+    """All watched cameras of one robot. `feed_of` makes it; it ends with its last viewer and its last waiting page."""
 
     def __init__(self, link: BridgeLink) -> None:
         self.link = link
         self._camera_link = CameraLink(link, self)
         self._viewers: set[CameraViewer] = set()
+        self._waiting: set[object] = set()  # connections that will watch in a moment
         self._newest: dict[tuple[str, Variant], _Newest] = {}
         self._states: dict[str, CameraState] = {}
         self._key_asked_s: dict[str, float] = {}
@@ -119,6 +120,15 @@ class CameraFeed:
         self._task = asyncio.create_task(self._keep_sending())
 
     # --- viewers -----------------------------------------------------------------------------------
+
+    def begin(self, connection: object) -> None:
+        """Let the camera process start: this connection is about to watch. `end` takes that back."""
+        self._waiting.add(connection)
+
+    def end(self, connection: object) -> None:
+        """Note that this connection needs the camera process no more, except for what it watches."""
+        self._waiting.discard(connection)
+        self._end_if_unused()
 
     def add(self, viewer: CameraViewer) -> None:
         """Show a camera to one more connection."""
@@ -132,10 +142,13 @@ class CameraFeed:
         self._news.set()
 
     def remove(self, viewer: CameraViewer) -> None:
-        """Show it no more. The feed ends with its last viewer. Waits for nothing: the hub of all pages calls it."""
+        """Show it no more. Waits for nothing: the hub of all pages calls it."""
         self._viewers.discard(viewer)
-        if self._viewers:
-            self._send_wants()
+        self._send_wants()
+        self._end_if_unused()
+
+    def _end_if_unused(self) -> None:
+        if self._viewers or self._waiting:
             return
         if _feeds.get(self.link.robot_id) is self:
             del _feeds[self.link.robot_id]

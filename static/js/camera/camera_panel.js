@@ -1,5 +1,6 @@
 /** The cameras on the control page: wires connection, pictures, views and head together. */
 
+import { recall } from "../lib/prefs.js";
 import { socketUrl } from "../connection/socket.js";
 import { CameraSocket } from "./camera_socket.js";
 import { CameraView } from "./camera_view.js";
@@ -34,7 +35,8 @@ export class CameraPanel {
   #listening = new AbortController();
 
   /**
-   * @param {HTMLElement} root of the page; data-camera is the address of the WebSocket
+   * @param {HTMLElement} root of the page; data-camera is the address of the WebSocket, data-has-cameras says whether
+   *   to open it at once: pictures of a robot's camera take some time to begin
    * @param {Record<string, HTMLElement>} parts
    * @param {object} page
    * @param {(order: object) => Promise<?object>} page.order sends a task; returns why it was refused
@@ -58,14 +60,14 @@ export class CameraPanel {
     this.#observer = new ResizeObserver(() => this.#follow());
     this.#observer.observe(this.#area);
     this.#timer = setInterval(() => this.#look(), LOOK_MS);
+    if (root.dataset.hasCameras && recall("camera-view") !== "plan") this.#socket.open();
   }
 
   /** @param {object} facts of the robot; they come again when it was edited */
   set facts(facts) {
     this.#facts = facts;
     this.#floor.facts = facts;
-    this.#isKnown = false;
-    this.#socket.open();
+    this.#show(facts.cameras ?? []);
   }
 
   /** @param {?object} view the robot's newest; null: it is too old to go by */
@@ -95,11 +97,8 @@ export class CameraPanel {
     const on = (target, type, act) =>
       target.addEventListener(type, (event) => act(event.detail), { signal });
     on(this.#socket, "open", () => this.#shown((view) => view.again()));
-    on(this.#socket, "down", () => this.#down());
-    on(this.#socket, "cameras", (cameras) => {
-      this.#isKnown = true;
-      this.#views.cameras = cameras;
-    });
+    on(this.#socket, "down", ({ isOver }) => this.#down(isOver));
+    on(this.#socket, "cameras", (cameras) => this.#show(cameras));
     on(this.#socket, "picture", (picture) => this.#of(picture.header.camera)?.take(picture));
     on(this.#socket, "state", ({ camera, refusal }) => {
       const text = refusal?.text ?? "";
@@ -114,7 +113,13 @@ export class CameraPanel {
       on(view, "done", ({ header, damaged }) => this.#socket.acknowledge(header, damaged));
     on(this.#main, "painted", (header) => (this.#floor.header = header));
     on(this.#views, "change", () => this.#follow());
-    on(parts.snapshot, "click", () => this.#main.save(this.#facts.slug));
+    on(parts.snapshot, "click", () => this.#main.save(this.#facts?.slug));
+  }
+
+  /** Both connections tell which cameras there are: the faster one does not wait for the other. */
+  #show(cameras) {
+    this.#isKnown = true;
+    this.#views.cameras = cameras;
   }
 
   #shown(act) {
@@ -125,8 +130,10 @@ export class CameraPanel {
     return [this.#main, this.#second].find((view) => view.camera?.name === camera) ?? null;
   }
 
-  #down() {
-    const text = gettext("No connection for pictures. Connecting again by itself.");
+  #down(isOver) {
+    const text = isOver
+      ? gettext("The console shows no more pictures of this robot here. Load the page again.")
+      : gettext("No connection for pictures. Connecting again by itself.");
     this.#shown((view) => (view.why = text));
   }
 

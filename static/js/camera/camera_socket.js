@@ -8,9 +8,10 @@ import { unpacked } from "./frame.js";
 const RATE_HZ = 30; // at most: the console sends what the network carries
 
 /**
- * Open only while a camera is shown, or to learn which cameras there are. While the page is hidden, no camera is watched.
- * Events: "open", "down", "cameras" (detail: their list), "picture" (detail: {header, bytes, takenMs}; `takenMs` by this
- * page's clock), "state" (detail: {camera, refusal}; `camera` null: all of them), "notice", "refused" (detail: as sent).
+ * Open only while a camera is shown, or about to be. While the page is hidden, no camera is watched.
+ * Events: "open", "down" (detail: {isOver}; `isOver`: it does not connect again), "cameras" (detail: their list),
+ * "picture" (detail: {header, bytes, takenMs}; `takenMs` by this page's clock), "state" (detail: {camera, refusal};
+ * `camera` null: all of them), "notice", "refused" (detail: as sent).
  */
 export class CameraSocket extends EventTarget {
   #url;
@@ -20,6 +21,7 @@ export class CameraSocket extends EventTarget {
   #heartbeat = null;
   #clock = new CameraClock();
   #watched = new Map(); // sizes by camera
+  #isOver = false; // the console closed it for good
   #listening = null; // ignore messages of a closed socket
 
   /**
@@ -42,8 +44,9 @@ export class CameraSocket extends EventTarget {
     return Boolean(this.#socket?.open);
   }
 
+  /** Connects, unless the console has closed the connection for good: then the page must be loaded again. */
   open() {
-    if (this.#socket) return;
+    if (this.#socket || this.#isOver) return;
     this.#socket = new LiveSocket(this.#url);
     this.#heartbeat = new Heartbeat(this.#socket);
     this.#listening = new AbortController();
@@ -64,7 +67,7 @@ export class CameraSocket extends EventTarget {
     this.#heartbeat.close();
     this.#socket.close();
     this.#socket = null;
-    this.#tell("down");
+    this.#tell("down", { isOver: this.#isOver });
   }
 
   /** @param {string} camera @param {"full" | "small"} size */
@@ -110,8 +113,9 @@ export class CameraSocket extends EventTarget {
   }
 
   #lost(code) {
-    if (CLOSED_FOR_GOOD.has(code)) this.close();
-    else this.#tell("down");
+    this.#isOver = CLOSED_FOR_GOOD.has(code);
+    if (this.#isOver) this.close();
+    else this.#tell("down", { isOver: false });
   }
 
   #heard(message) {

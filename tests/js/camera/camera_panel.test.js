@@ -7,7 +7,8 @@ import { headerOf, packed } from "./frames.js";
 import { areaElement } from "./page.js";
 
 const HEAD = { name: "head", label: "Head camera", moves: true };
-const FACTS = { slug: "tiago-1", footprint: [[0.3, 0]] };
+const BARE = { slug: "tiago-1", footprint: [[0.3, 0]], cameras: [] };
+const FACTS = { ...BARE, cameras: [HEAD] };
 const SILENT = { code: "silent", text: "The camera is silent." };
 
 describe("the cameras of the control page", () => {
@@ -38,13 +39,22 @@ describe("the cameras of the control page", () => {
     );
     vi.stubGlobal("requestAnimationFrame", () => 1);
     for (const name of ["camera-view", "camera-main", "camera-second"]) prefs.remember(name, null);
+    begin({ hasCameras: true });
+    made[0].opens();
+  });
+
+  const begin = ({ hasCameras }) => {
     const root = areaElement();
+    if (hasCameras) root.dataset.hasCameras = "true";
     found = parts(root);
     page = { order: vi.fn(async () => null), report: vi.fn(), tell: vi.fn() };
     panel = new CameraPanel(root, found, page);
-    panel.facts = FACTS;
-    made[0].opens();
-  });
+  };
+  const beginAnew = (given) => {
+    panel.close();
+    FakeSocket.begin();
+    begin(given);
+  };
 
   afterEach(() => {
     panel.close();
@@ -75,13 +85,41 @@ describe("the cameras of the control page", () => {
     expect(sent()).toMatchObject([{ t: "camera_watch", camera: "head" }]);
   });
 
-  it("closes the connection of a robot without a camera", () => {
-    says({ t: "cameras", cameras: [] });
-    expect(made[0].readyState).toBe(3);
+  it("opens no connection to a robot without a camera, until it gets one", () => {
+    beginAnew({ hasCameras: false });
+    panel.facts = BARE;
+    expect(made).toHaveLength(0);
     panel.facts = FACTS; // it was edited
-    made[1].opens();
-    says({ t: "cameras", cameras: [HEAD] });
+    made[0].opens();
     expect(sent()).toMatchObject([{ t: "camera_watch", camera: "head" }]);
+    panel.facts = BARE;
+    expect(made[0].readyState).toBe(3);
+    vi.advanceTimersByTime(10_000);
+    expect(made).toHaveLength(1);
+  });
+
+  it("opens no connection at once for a person who chose the plan", () => {
+    prefs.remember("camera-view", "plan");
+    beginAnew({ hasCameras: true });
+    panel.facts = FACTS;
+    expect(made).toHaveLength(0);
+  });
+
+  it.each([4401, 4403, 4404])("does not connect again after a close with %s", (code) => {
+    says({ t: "cameras", cameras: [HEAD] });
+    made[0].close(code);
+    panel.facts = FACTS;
+    press("plan");
+    press("camera");
+    vi.advanceTimersByTime(10_000);
+    expect(made).toHaveLength(1);
+  });
+
+  it("says that no more pictures come after a close for good", () => {
+    says({ t: "cameras", cameras: [HEAD] });
+    made[0].close(4403);
+    const words = found.camera.querySelector(".camera-words").textContent;
+    expect(words).toContain("no more pictures");
   });
 
   it("says why there are no pictures", async () => {

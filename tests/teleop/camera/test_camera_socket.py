@@ -13,6 +13,7 @@ from robots.registry.models import Robot, RobotRole
 from robots.registry.selectors import link_address
 from robots.wire import CameraState, LinkCamera, Refusal, TakenPicture
 from teleop.background.database import in_database
+from teleop.camera import camera_consumer
 from teleop.live.consumers.message_socket import CloseCode
 from tests.teleop.support import Page, eventually
 
@@ -108,6 +109,19 @@ async def test_the_robots_cameras_are_named(open_cameras):
     page = await open_cameras("observer")
     [camera] = (await page.hears("cameras"))["cameras"]
     assert camera == {"name": CAMERA, "label": "Head camera", "moves": True}
+
+
+async def test_the_camera_process_starts_before_the_page_asks_for_a_picture(open_cameras, bridge):
+    await open_cameras("observer")
+    await bridge.hears(LinkCamera, lambda message: message.wanted)
+
+
+async def test_the_camera_process_does_not_wait_for_a_page_that_watches_nothing(
+    open_cameras, bridge, monkeypatch
+):
+    monkeypatch.setattr(camera_consumer, "WATCHES_WITHIN_S", 0.01)
+    await open_cameras("observer")
+    await bridge.hears(LinkCamera, lambda message: not message.wanted)
 
 
 async def test_a_picture_reaches_its_viewer_as_it_is(watching, process):
