@@ -31,7 +31,9 @@ class CameraConsumer(RobotSocket):
         super().__init__()
         self.camera_audit: CameraAudit | None = None
         self._viewers: dict[str, CameraViewer] = {}
-        self._started: CameraFeed | None = None  # its process runs for this connection, which watches nothing yet
+        self._started: CameraFeed | None = (
+            None  # its process runs for this connection, which watches nothing yet
+        )
 
     async def on_open(self) -> None:
         """Join the robot's hub, if this person may see the robot. The camera process starts while the page loads."""

@@ -21,7 +21,9 @@ from robots.wire import CameraAt
 COMMAND = (sys.executable, "-m", "robots.bridge.ros.camera")
 SILENCE_S = 5.0  # without a sign of life a process hangs: it is killed, and another one starts
 START_S = 30.0  # a new process names its address within this time, or is killed
-LINGER_S = 10.0  # a process without viewers ends after this time, so that a reloaded page finds it
+LINGER_S = (
+    30.0  # a process without viewers ends after this time: a page opened before then has a picture sooner
+)
 
 _camera_at = msgspec.json.Decoder(CameraAt)
 

@@ -1,6 +1,7 @@
-"""Encodes pictures: raw images to JPEG, JPEG to smaller JPEG, and H.264 for slow connections.
+"""Encodes pictures: raw images to JPEG, and JPEG to smaller JPEG.
 
-Only the camera process imports this module: Pillow and PyAV stay out of the bridge.
+The camera process imports this module when it first must decode or encode, and PyAV later still: a JPEG that passes
+through needs neither, and its first viewer does not wait for them.
 """
 
 from __future__ import annotations
@@ -8,23 +9,13 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from fractions import Fraction
 
-import av
 import numpy as np
 import PIL.Image
-from av.video.codeccontext import VideoCodecContext
 from numpy.typing import NDArray
 
 from robots.bridge.camera.image_header import LARGEST_SIDE, Damaged, require_size
-
-QUALITY = 80  # of JPEG from raw images
-SMALL_WIDTH = 320  # pixels
-SMALL_QUALITY = 50
-VIDEO_WIDTH = 480
-VIDEO_HZ = 12
-VIDEO_BITS_PER_S = 250_000
-VIDEO_KEY_EVERY = 48  # pictures
+from robots.bridge.camera.sizes import QUALITY, SMALL_QUALITY, SMALL_WIDTH
 
 PIL.Image.MAX_IMAGE_PIXELS = LARGEST_SIDE * LARGEST_SIDE  # beyond twice as many, Pillow refuses to decode
 
@@ -92,6 +83,8 @@ def _colour_of_packed(width: int, height: int, encoding: str, step: int, data: b
     if width % 2 or height % 2:
         raise Damaged(f"has an odd side of {width} x {height} pixels in {encoding}")
     pixels = np.frombuffer(data, np.uint8, step * height).reshape(height, step)
+    import av
+
     packed = pixels[:, : 2 * width].reshape(height, width, 2)[:, :, _PACKED[encoding]]
     colours = av.VideoFrame.from_ndarray(np.ascontiguousarray(packed), format="yuyv422").to_ndarray(
         format="rgb24"
@@ -126,55 +119,3 @@ def narrowed(image: PIL.Image.Image, width: int) -> PIL.Image.Image:
     scale = min(1.0, width / image.width)
     size = (max(2, round(image.width * scale / 2) * 2), max(2, round(image.height * scale / 2) * 2))
     return image if image.size == size else image.resize(size, PIL.Image.Resampling.BILINEAR)
-
-
-class Video:
-    """H.264 of one camera (Annex B, baseline, one access unit for each picture). A new size begins a new stream."""
-
-    def __init__(self) -> None:
-        self._codec: VideoCodecContext | None = None
-        self._count = 0
-        self._wants_key = True
-
-    def require_key(self) -> None:
-        """Make the next picture decodable without earlier ones."""
-        self._wants_key = True
-
-    def encode(self, image: PIL.Image.Image) -> tuple[bytes, bool]:
-        """Return the access unit of this picture, and whether it is a key picture. Raises `Damaged`."""
-        fitted = narrowed(image, VIDEO_WIDTH)
-        if self._codec is None or (self._codec.width, self._codec.height) != fitted.size:
-            self._codec = _new_codec(*fitted.size)
-            self._wants_key = True
-        frame = av.VideoFrame.from_ndarray(np.asarray(fitted), format="rgb24").reformat(format="yuv420p")
-        frame.pts = self._count
-        if self._wants_key or self._count % VIDEO_KEY_EVERY == 0:
-            frame.pict_type = av.video.frame.PictureType.I
-        self._count += 1
-        try:
-            packets = self._codec.encode(frame)
-        except av.FFmpegError as error:
-            self._codec = None
-            raise Damaged(f"cannot be made a video ({str(error)[:100]})") from error
-        is_key = any(packet.is_keyframe for packet in packets)
-        self._wants_key = self._wants_key and not is_key
-        return b"".join(bytes(packet) for packet in packets), is_key
-
-
-def _new_codec(width: int, height: int) -> VideoCodecContext:
-    codec = av.CodecContext.create("libx264", "w")
-    assert isinstance(codec, VideoCodecContext)  # noqa: S101  (for mypy)
-    codec.width, codec.height, codec.pix_fmt = width, height, "yuv420p"
-    codec.time_base, codec.framerate = Fraction(1, VIDEO_HZ), Fraction(VIDEO_HZ)
-    codec.bit_rate = VIDEO_BITS_PER_S
-    kbit_per_s = VIDEO_BITS_PER_S // 1000
-    codec.thread_count = 1
-    codec.options = {
-        "preset": "ultrafast",
-        "tune": "zerolatency",
-        "profile": "baseline",
-        "forced-idr": "1",
-        # A key picture must not be many times as large as others: a slow connection would stall for it.
-        "x264-params": f"keyint=infinite:scenecut=0:repeat-headers=1:vbv-maxrate={kbit_per_s}:vbv-bufsize=60",
-    }
-    return codec

@@ -10,7 +10,6 @@ import genpy
 import rospy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from robots.bridge.camera.encoding import jpeg, raw_image
 from robots.bridge.camera.image_header import Damaged, read_header
 from robots.bridge.camera.picture_age import PictureAge
 from robots.bridge.config import CameraSource
@@ -121,6 +120,8 @@ class CameraTopics:
             encoded = bytes(message.data)
             form, width, height = read_header(encoded)
         else:
+            from robots.bridge.camera.encoding import jpeg, raw_image
+
             message = Image().deserialize(arrival.message._buff)
             width, height, form = message.width, message.height, "jpeg"
             big_endian = bool(message.is_bigendian)

@@ -9,14 +9,18 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
-from robots.bridge.camera.encoding import VIDEO_HZ, VIDEO_WIDTH, Video, decoded, small
 from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.picture_server import Wants
+from robots.bridge.camera.sizes import VIDEO_HZ, VIDEO_WIDTH
 from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.camera.camera_topics import Arrival, CameraPicture, CameraTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.wire import CameraState, PictureFormat, Refusal, TakenPicture, Variant
+
+if TYPE_CHECKING:
+    from robots.bridge.camera.video import Video
 
 STATE_S = 0.5  # between two looks at cameras that are silent
 THUMBNAIL_HZ = 1.0  # below this rate, the camera is unsubscribed between two pictures
@@ -28,7 +32,7 @@ class _Watched:
 
     def __init__(self, topics: CameraTopics) -> None:
         self.topics = topics
-        self.video = Video()
+        self.video: Video | None = None  # while somebody needs it
         self.taken: Arrival | None = None  # the last message that was looked at
         self.made_s: dict[Variant, float] = {}
         self.numbers: dict[Variant, int] = {}
@@ -43,6 +47,11 @@ class _Watched:
             if now_s - self.made_s.get(variant, float("-inf"))
             >= EARLY_SHARE / min(rate_hz, VIDEO_HZ if variant == "video" else rate_hz)
         ]
+
+    def require_key(self) -> None:
+        """Make the next video picture a key picture; the first one is."""
+        if self.video is not None:
+            self.video.require_key()
 
     def number(self, variant: Variant) -> int:
         """Return the next number of a variant."""
@@ -93,7 +102,7 @@ class Producer:
                 wants, keys, self._keys = self._awake_wants(), self._keys, set()
             self._follow(wants)
             for name in keys & self._watched.keys():
-                self._watched[name].video.require_key()
+                self._watched[name].require_key()
             for name, watched in self._watched.items():
                 self._look(name, watched, wants[name])
 
@@ -136,14 +145,25 @@ class Producer:
     def _make(
         self, name: str, watched: _Watched, picture: CameraPicture, due: list[Variant], now_s: float
     ) -> None:
-        """Emit the picture as it is, then what must be encoded."""
+        """Emit the picture as it is, then the encoded variants."""
         if "full" in due:
             self._send(name, watched, picture, "full", picture.format, picture.encoded, now_s)
-        if "small" not in due and "video" not in due:
-            return
+        if "small" in due or "video" in due:
+            self._encode(name, watched, picture, due, now_s)
+
+    def _encode(
+        self, name: str, watched: _Watched, picture: CameraPicture, due: list[Variant], now_s: float
+    ) -> None:
+        """Emit the picture as video and small. The libraries are loaded here, not while a first viewer waits."""
+        from robots.bridge.camera.encoding import decoded, small
+
         try:
             image = decoded(picture.encoded, VIDEO_WIDTH)
             if "video" in due:
+                if watched.video is None:
+                    from robots.bridge.camera.video import Video
+
+                    watched.video = Video()
                 unit, is_key = watched.video.encode(image)
                 self._send(name, watched, picture, "video", "h264", unit, now_s, is_key=is_key)
         except Damaged as error:
