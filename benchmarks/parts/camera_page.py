@@ -14,6 +14,7 @@ from playwright.async_api import Page
 from benchmarks.harness import quantile
 from benchmarks.parts.chromium import clock_offset_s, signed_in
 from robots.simulator.cameras.clock_code import BLOCKS, TICKS_PER_S
+from robots.simulator.sensors.depth import WIDTH
 from script.stack.stack import Stack
 
 CANVAS = "canvas.camera-picture"  # of a robot's page
@@ -50,6 +51,14 @@ _WATCH = """
     requestAnimationFrame(look);
   };
   requestAnimationFrame(look);
+}
+"""
+
+# The page gives its canvas the picture's size when it paints the first one.
+_PAINTED = """
+([selector, width]) => {
+  const isPainted = document.querySelector(selector)?.width === width;
+  return isPainted ? performance.now() : null;
 }
 """
 
@@ -117,6 +126,20 @@ async def console_page(
     async with signed_in(stack, cookie, rules) as page:
         await page.goto(f"{stack.url}/robots/{slug}/")
         yield await _watching(page, CANVAS, None)
+
+
+async def first_picture_s(stack: Stack, slug: str, cookie: str) -> float:
+    """Return the seconds from the navigation to a robot's page until it shows a picture of its camera.
+
+    The browser is new: its cache is empty.
+    """
+    async with signed_in(stack, cookie) as page:
+        await page.goto(f"{stack.url}/healthz")  # the browser's own start does not count
+        await page.goto(f"{stack.url}/robots/{slug}/", wait_until="commit")
+        painted = await page.wait_for_function(
+            _PAINTED, arg=[CANVAS, WIDTH], polling="raf", timeout=1000.0 * FIRST_PICTURE_S
+        )
+        return float(await painted.json_value()) / 1000.0
 
 
 @asynccontextmanager
