@@ -26,6 +26,8 @@ _numbers = count(1)  # of pictures on pages: they grow also where a camera is wa
 
 KEY_PAUSE_S = 0.5  # between two requests for a key picture
 DECIDE_S = 0.5
+STALLED_S = 5.0  # a viewer who acknowledges nothing for this time is not worth a picture of its own
+YIELD_S = 0.0005  # drive input waits no longer for pictures than one picture takes, and this
 
 Send = Callable[[str, dict[str, Any]], Awaitable[bool]]  # camera and ASGI event; False: it was withheld
 
@@ -52,7 +54,6 @@ class CameraViewer:
         self._sent: _Newest | None = None  # the last picture
         self._due_s = 0.0
         self._broken = True  # video: earlier pictures are missing
-        self.delay_s: float | None = None  # from sending to acknowledgement
 
     def acknowledge(self, number: int, damaged: bool = False) -> None:
         """Note that this picture, and so each earlier one, was painted or thrown away.
@@ -63,8 +64,26 @@ class CameraViewer:
         now_s = time.monotonic()
         self.quality.painted(damaged=damaged)
         for earlier in [waiting for waiting in self._unacknowledged if waiting <= number]:
-            self.delay_s = now_s - self._unacknowledged.pop(earlier)
-            self.quality.acknowledged(now_s)
+            sent_s = self._unacknowledged.pop(earlier)
+            self.quality.acknowledged(now_s, sent_s)
+
+    def decide(self, now_s: float) -> bool:
+        """Choose its variant; return whether it changed."""
+        for sent_s in self._unacknowledged.values():
+            self.quality.waits(now_s, sent_s)
+        changed = self.quality.decide(now_s)
+        if changed:
+            self.begin_anew()
+        return changed
+
+    def is_stalled(self, now_s: float) -> bool:
+        """Whether it has room for no picture and has acknowledged none for `STALLED_S`."""
+        waits = list(self._unacknowledged.values())
+        return len(waits) >= self.quality.most_unacknowledged and now_s - waits[-1] > STALLED_S
+
+    def lacks(self, newest: _Newest | None) -> bool:
+        """Whether there is a picture that it was not sent."""
+        return newest is not None and newest is not self._sent
 
     def begin_anew(self) -> None:
         """Note that another variant comes from now on."""
@@ -112,6 +131,7 @@ class CameraFeed:
         self._camera_link = CameraLink(link, self)
         self._viewers: set[CameraViewer] = set()
         self._waiting: set[object] = set()  # connections that will watch in a moment
+        self._stalled: set[CameraViewer] = set()
         self._newest: dict[tuple[str, Variant], _Newest] = {}
         self._states: dict[str, CameraState] = {}
         self._key_asked_s: dict[str, float] = {}
@@ -144,6 +164,7 @@ class CameraFeed:
     def remove(self, viewer: CameraViewer) -> None:
         """Show it no more. Waits for nothing: the hub of all pages calls it."""
         self._viewers.discard(viewer)
+        self._stalled.discard(viewer)
         self._send_wants()
         self._end_if_unused()
 
@@ -155,13 +176,22 @@ class CameraFeed:
         self._task.cancel()
         self._camera_link.close()
 
-    def acknowledged(self) -> None:
-        """Note that a viewer may be ready for its next picture."""
-        self._news.set()
+    def acknowledged(self, viewer: CameraViewer) -> None:
+        """Note that this viewer may be ready for its next picture. Most have the newest one: they wake nobody."""
+        if viewer.quality.has_failed:
+            self._decide(time.monotonic())
+        if viewer in self._stalled:
+            self._stalled.discard(viewer)
+            self._send_wants()
+        if viewer.needs_key or viewer.lacks(self._newest_for(viewer)):
+            self._news.set()
+
+    def _newest_for(self, viewer: CameraViewer) -> _Newest | None:
+        return self._newest.get((viewer.camera, viewer.quality.variant))
 
     def _send_wants(self) -> None:
         wants: dict[str, dict[Variant, float]] = {}
-        for viewer in self._viewers:
+        for viewer in self._viewers - self._stalled:
             variants = wants.setdefault(viewer.camera, {})
             variant = viewer.quality.variant
             variants[variant] = max(viewer.rate_hz, variants.get(variant, 0.0))
@@ -225,12 +255,16 @@ class CameraFeed:
             if now_s - decided_s >= DECIDE_S:
                 decided_s = now_s
                 self._decide(now_s)
+            began_s = now_s
             for viewer in list(self._viewers):
                 await self._show(viewer)
+                if time.monotonic() - began_s > YIELD_S:
+                    await asyncio.sleep(0)  # drive input that came meanwhile goes first
+                    began_s = time.monotonic()
 
     async def _show(self, viewer: CameraViewer) -> None:
         now_s = time.monotonic()
-        newest = self._newest.get((viewer.camera, viewer.quality.variant))
+        newest = self._newest_for(viewer)
         if newest is not None and viewer in self._viewers and viewer.takes(newest, now_s):
             try:
                 await viewer.show(newest, now_s)
@@ -238,16 +272,15 @@ class CameraFeed:
                 return  # the connection is gone; its consumer notices that itself
             except Exception:
                 log.exception("A camera picture was not sent.")
-            await asyncio.sleep(0)  # drive input that came meanwhile goes first
         if viewer.needs_key and now_s - self._key_asked_s.get(viewer.camera, 0.0) > KEY_PAUSE_S:
             self._key_asked_s[viewer.camera] = now_s
             self._camera_link.require_key(viewer.camera)
 
     def _decide(self, now_s: float) -> None:
-        changed = [viewer for viewer in self._viewers if viewer.quality.decide(now_s)]
-        for viewer in changed:
-            viewer.begin_anew()
-        if changed:
+        changed = [viewer for viewer in self._viewers if viewer.decide(now_s)]
+        stalled = {viewer for viewer in self._viewers if viewer.is_stalled(now_s)}
+        if changed or stalled != self._stalled:
+            self._stalled = stalled
             self._send_wants()
 
 

@@ -1,7 +1,8 @@
 """Chooses how good a viewer's pictures are, from how fast it acknowledges them. Pure.
 
 A slow viewer first gets fewer pictures. Where fewer than `LEAST_HZ` full pictures a second come through, it gets small
-ones, or video if its browser decodes it. Full pictures are tried again after a while, rarely if that failed before.
+ones, or video if its browser decodes it. Full pictures are tried again after a while, rarely if that failed before: one
+picture shows whether the connection carries them.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ FEWEST_OFFERED = 10  # pictures in that time, by which a viewer can be judged
 MOST_DAMAGED = 3  # video pictures in a row: then this browser decodes no video
 FULL_AGAIN_S = (8.0, 120.0)  # first and longest time until full pictures are tried again
 MOST_UNACKNOWLEDGED = 2
+SLOWEST_S = MOST_UNACKNOWLEDGED / LEAST_HZ  # from sending to acknowledgement, at the least rate
 MOST_VIDEO_UNACKNOWLEDGED = 6  # a video picture is small, and each is needed
 
 
@@ -30,21 +32,37 @@ class Quality:
         self._since_s = now_s
         self._again_s = FULL_AGAIN_S[0]
         self._damaged = 0
+        self._tries = False  # full pictures again: the first one was not acknowledged yet
+        self._has_failed = False  # that try
         self._offered: deque[float] = deque()  # when pictures of the camera came
         self._shown: deque[float] = deque()  # when pictures were acknowledged
 
     @property
     def most_unacknowledged(self) -> int:
         """Return the number of pictures that may be unacknowledged at once."""
+        if self._tries:
+            return 1
         return MOST_VIDEO_UNACKNOWLEDGED if self.variant == "video" else MOST_UNACKNOWLEDGED
 
     def offered(self, now_s: float) -> None:
         """Note that a picture of the present variant came."""
         self._offered.append(now_s)
 
-    def acknowledged(self, now_s: float) -> None:
-        """Note that the viewer has painted a picture."""
+    @property
+    def has_failed(self) -> bool:
+        """Whether full pictures were tried again and take too long: `decide` at once."""
+        return self._has_failed
+
+    def acknowledged(self, now_s: float, sent_s: float) -> None:
+        """Note that the viewer has painted a picture that was sent at that time."""
         self._shown.append(now_s)
+        if self._tries and sent_s >= self._since_s:
+            self._tries = False
+            self._has_failed = now_s - sent_s > SLOWEST_S
+
+    def waits(self, now_s: float, sent_s: float) -> None:
+        """Note that the viewer has not painted yet a picture that was sent at that time."""
+        self._has_failed |= self._tries and sent_s >= self._since_s and now_s - sent_s > SLOWEST_S
 
     def painted(self, *, damaged: bool) -> None:
         """Note whether the viewer could decode a picture."""
@@ -60,6 +78,9 @@ class Quality:
             self._lower = "small"
             self._change("small", now_s)
             return True
+        if self._has_failed:
+            self._change(self._lower, now_s)
+            return True
         if not self._may_change or lasted_s < WINDOW_S:
             return False
         if self.variant == "full" and self._is_slow:
@@ -70,6 +91,7 @@ class Quality:
         if self.variant != "full" and lasted_s > self._again_s and not self._is_slow:
             self._again_s = min(2.0 * self._again_s, FULL_AGAIN_S[1])
             self._change("full", now_s)
+            self._tries = True
             return True
         return False
 
@@ -83,5 +105,6 @@ class Quality:
 
     def _change(self, variant: Variant, now_s: float) -> None:
         self.variant, self._since_s = variant, now_s
+        self._tries = self._has_failed = False
         self._offered.clear()
         self._shown.clear()

@@ -28,7 +28,7 @@ from teleop.control import queue, rules
 from teleop.control.changes import ControlRefused
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import Phase
-from teleop.control.selectors import SignIn, control_status, robot_entry
+from teleop.control.selectors import SignIn, control_status, robot_entry, who_sees
 from teleop.control.services import lease_expire, lease_fit_slot, lease_keep
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live.picture_feed import PictureFeed
@@ -265,13 +265,20 @@ class RobotHub:
     async def _read_regularly(self, *, full: bool) -> None:
         often = [member.person for member in self.members.values() if member.checked_often]
         if not full:
-            if often:
+            if any(member.held_session or member.waits for member in self.members.values()):
                 await self._read_status(often)
+            elif often:
+                await self._read_who_sees(often)
             return
         await self._read_registry()
         await self.read_status()
         if any(member.held_session or member.waits for member in self.members.values()):
             await in_database(self._store_seen)
+
+    async def _read_who_sees(self, people: Collection[SignIn]) -> None:
+        """Read whether these people, none of whom drives, may still see the robot: all else waits for a full read."""
+        if not (await in_database(who_sees, people, self.robot_id)).issuperset(people):
+            await self._read_status(people)
 
     async def _read_registry(self) -> None:
         entry = await in_database(robot_entry, self.robot_id)

@@ -13,7 +13,7 @@ from robots.registry.models import Robot, RobotRole
 from robots.registry.selectors import link_address
 from robots.wire import CameraState, LinkCamera, Refusal, TakenPicture
 from teleop.background.database import in_database
-from teleop.camera import camera_consumer
+from teleop.camera import camera_consumer, feed
 from teleop.live.consumers.message_socket import CloseCode
 from tests.teleop.support import Page, eventually
 
@@ -164,6 +164,20 @@ async def test_a_stalled_viewer_does_not_hold_up_others(watching, process):
     await stalled.hears("picture")
     await stalled.hears("picture")
     await stalled.hears_nothing("picture")
+
+
+async def test_no_picture_is_made_for_a_viewer_who_stalls_until_it_goes_on(watching, process, monkeypatch):
+    monkeypatch.setattr(feed, "STALLED_S", 0.1)
+    page = await watching("observer")
+    await process.is_asked_for({CAMERA: {"full": 30.0}})
+    for number in (1, 2):
+        process.show(number)
+        last = await page.hears("picture")
+    await process.is_asked_for({})
+    await painted(page, last["number"])
+    await process.is_asked_for({CAMERA: {"full": 30.0}})
+    process.show(1, b"anew")
+    assert (await page.hears("picture"))["encoded"] == b"anew"
 
 
 async def test_viewers_learn_why_no_picture_comes(watching, process):

@@ -14,6 +14,7 @@ class Viewing:
         self.now_s = 0.0
         self.quality = Quality(size, video, rate_hz, self.now_s)
         self.changes = []
+        self.delay_s = 0.05  # from sending a picture to its acknowledgement
 
     def watch(self, seconds, shown_hz):
         """Watch while `shown_hz` pictures a second are acknowledged."""
@@ -24,7 +25,7 @@ class Viewing:
             owed += shown_hz / 15.0
             if owed >= 1.0:
                 owed -= 1.0
-                self.quality.acknowledged(self.now_s)
+                self.quality.acknowledged(self.now_s, self.now_s - self.delay_s)
             if self.quality.decide(self.now_s):
                 self.changes.append((round(self.now_s), self.quality.variant))
         return self
@@ -68,6 +69,42 @@ def test_full_pictures_are_tried_ever_more_rarely():
     assert all(later >= earlier - 1 for earlier, later in pairwise(gaps))
     assert gaps[0] < 5 * FULL_AGAIN_S[0]
     assert len(tries) < 12
+
+
+def slow_then_tried():
+    """A viewer with video over a slow connection, when full pictures are tried again."""
+    viewing = Viewing().watch(4.0, 2.0)
+    while viewing.quality.variant != "full":
+        viewing.watch(0.1, 12.0)
+    return viewing
+
+
+def test_one_slow_full_picture_ends_a_try():
+    viewing = slow_then_tried()
+    assert viewing.quality.most_unacknowledged == 1
+    sent_s, viewing.now_s = viewing.now_s, viewing.now_s + 0.6
+    viewing.quality.acknowledged(viewing.now_s, sent_s)
+    assert viewing.quality.has_failed
+    assert viewing.quality.decide(viewing.now_s)
+    assert viewing.quality.variant == "video"
+
+
+def test_a_try_ends_while_its_picture_is_still_on_its_way():
+    viewing = slow_then_tried()
+    viewing.quality.waits(viewing.now_s + 0.2, viewing.now_s)
+    assert not viewing.quality.decide(viewing.now_s + 0.2)
+    viewing.quality.waits(viewing.now_s + 0.4, viewing.now_s)
+    assert viewing.quality.decide(viewing.now_s + 0.4)
+    assert viewing.quality.variant == "video"
+
+
+def test_an_older_picture_does_not_judge_a_try():
+    viewing = slow_then_tried()
+    viewing.quality.acknowledged(viewing.now_s + 0.1, viewing.now_s - 0.5)
+    assert not viewing.quality.has_failed
+    viewing.quality.acknowledged(viewing.now_s + 0.2, viewing.now_s + 0.1)
+    assert not viewing.quality.has_failed
+    assert viewing.quality.most_unacknowledged > 1
 
 
 def test_a_thumbnail_stays_small():
