@@ -260,6 +260,8 @@ class _Base:
 
     def aim_head(self, aim: Aim) -> None: ...
 
+    def head_at(self) -> None: ...
+
 
 class _NoTopics:
     """Publishes velocities only."""

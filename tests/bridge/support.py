@@ -134,6 +134,7 @@ class MemoryBase:
     now: Callable[[], float]
     sent: list[Velocity] = field(default_factory=list)
     aims: list[Aim] = field(default_factory=list)
+    head: tuple[float, float] | None = None
     sweeps: dict[str, tuple[Disc, ...]] = field(default_factory=dict)
     asked: list[Callable[[], None]] | None = None  # a list delays the robot's answers about motions
     lies: tuple[Disc, ...] | None = None  # place of the arm by its joints
@@ -159,6 +160,9 @@ class MemoryBase:
 
     def aim_head(self, aim: Aim) -> None:
         self.aims.append(aim)
+
+    def head_at(self) -> tuple[float, float] | None:
+        return self.head
 
     def sweep(self, motion: str, action: str, then: Swept) -> None:
         if self.asked is None:

@@ -148,6 +148,15 @@ class RosBase:
             joints = [head.pan_joint, head.tilt_joint]
             publish(self._head, JointTrajectory(joint_names=joints, points=[point]))
 
+    def head_at(self) -> tuple[float, float] | None:
+        """Return the head's pan and tilt; None without joint states, which are read for robots with an arm."""
+        head = self._config.topics.head
+        if head is None or self._arm is None:
+            return None
+        now_s = time.monotonic()
+        pan, tilt = (self._arm.joint(name, now_s) for name in (head.pan_joint, head.tilt_joint))
+        return None if pan is None or tilt is None else (pan, tilt)
+
     def play(self, goal_id: str, motion: str, action: str) -> None:
         """Send a motion's goal."""
         if self._motions is not None:

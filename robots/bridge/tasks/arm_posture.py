@@ -77,6 +77,11 @@ class ArmPosture:
         by_age = sorted(self._joints.items(), key=lambda item: (item[0] in own, item[1][1]))
         self._joints = dict(by_age[-MAX_JOINTS // 2 :])
 
+    def joint(self, name: str, now_s: float) -> float | None:
+        """Return the position (rad or m) of any joint; None if it was not reported lately."""
+        position, arrival_s = self._joints.get(name, (0.0, -math.inf))
+        return position if now_s - arrival_s <= KNOWN_S else None
+
     def posture(self, now_s: float) -> Posture:
         """Return the posture for the gate."""
         positions = self._positions(now_s)

@@ -22,6 +22,7 @@ SAID_AGAIN_S = 2.0  # send again: a motion or another node may have turned the h
 DRIVING_MPS = 0.05
 TURN_RADPS = 1.2  # by hand; TIAGo's head can do 3
 TURN_LEAST_S = 0.2
+ARRIVED_S = 2.0  # after the last turn by hand, the head is where joint states say, not where it was sent
 
 
 class Aim(NamedTuple):
@@ -33,22 +34,31 @@ class Aim(NamedTuple):
 
 
 class Head:
-    """One robot's head. `pan` is the last commanded position."""
+    """One robot's head: the last commanded position, and who commanded it."""
 
     def __init__(self, source: HeadSource) -> None:
         self._source = source
         self._pan = self._tilt = 0.0
         self._by_hand = False
         self._sent_s = -math.inf
+        self._turned_s = -math.inf  # by hand
 
     def ahead(self, now_s: float) -> Aim:
         """Return the aim straight ahead, and down to where the floor in front of the robot is in view."""
         self._pan, self._tilt, self._sent_s = 0.0, self._source.look_tilt, now_s + AHEAD_TAKES_S
         self._by_hand = False
+        self._turned_s = -math.inf
         return Aim(0.0, self._source.look_tilt, AHEAD_TAKES_S)
 
-    def turn(self, pan: float, tilt: float) -> Aim:
-        """Return the aim after turning by these angles (radians; positive: left, up), within the head's limits."""
+    def turn(self, pan: float, tilt: float, at: tuple[float, float] | None, now_s: float) -> Aim:
+        """Return the aim after turning by these angles (radians; positive: left, up), within the head's limits.
+
+        The first turn starts from where the head is (`at`: pan and tilt; None: unknown), since a motion or another node
+        may have moved it. The next ones of a drag start from where it was sent: it may still be on its way.
+        """
+        if at is not None and now_s - self._turned_s > ARRIVED_S:
+            self._pan, self._tilt = at
+        self._turned_s = now_s
         before = self._pan, self._tilt
         self._pan = _within(self._pan + pan, self._source.pan_rad)
         self._tilt = _within(self._tilt + tilt, self._source.tilt_rad)

@@ -66,6 +66,9 @@ class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Protocol)
     def aim_head(self, aim: Aim) -> None:
         """Send the head there."""
 
+    def head_at(self) -> tuple[float, float] | None:
+        """Return pan and tilt of the head (radians) by its joint states; None if they are unknown."""
+
     def sweep(self, motion: str, action: str, then: Swept) -> None:
         """Ask the robot for a motion's present points; call `then` with the space that the arm would sweep.
 
@@ -316,7 +319,7 @@ class Tasks:
         requester.answer(refusal)
         if refusal is None:
             self._turning = fence, now_s + TURNS_S
-            self._performer.aim_head(self._head.turn(order.pan, order.tilt))
+            self._performer.aim_head(self._head.turn(order.pan, order.tilt, self._performer.head_at(), now_s))
 
     def _turned(self, now_s: float) -> Aim | None:
         """Return the aim of turns that were recorded just now."""
@@ -325,7 +328,8 @@ class Tasks:
             self._turning = turn.fence, now_s + TURNS_S
         if self._head is None or not turns:
             return None
-        return self._head.turn(sum(turn.pan for turn in turns), sum(turn.tilt for turn in turns))
+        pan, tilt = sum(turn.pan for turn in turns), sum(turn.tilt for turn in turns)
+        return self._head.turn(pan, tilt, self._performer.head_at(), now_s)
 
     def _move_head(self, sent: Velocity, now_s: float) -> None:
         """Move the head: straight ahead after a recorded request; else, if configured, into the turn."""

@@ -8,7 +8,7 @@ import pytest
 from robots import wire
 from robots.bridge.config import HeadSource
 from robots.bridge.gate.values import Velocity
-from robots.bridge.tasks.head import AHEAD_TAKES_S, FOLLOW_RAD, FOLLOW_RADPS, Head
+from robots.bridge.tasks.head import AHEAD_TAKES_S, ARRIVED_S, FOLLOW_RAD, FOLLOW_RADPS, Head
 from tests.bridge.support import CONFIG, Bench, Outcome, codes, settled
 
 SOURCE = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)
@@ -199,15 +199,30 @@ def test_turns_without_a_record_are_not_done(bench):
 
 def test_the_head_turns_within_its_limits():
     head = Head(SOURCE)
-    aim = head.turn(1.0, 0.5)
+    aim = head.turn(1.0, 0.5, None, 10.0)
     assert (aim.pan, aim.tilt) == (1.0, 0.5)
-    aim = head.turn(1.0, 0.5)
+    aim = head.turn(1.0, 0.5, None, 10.2)
     assert (aim.pan, aim.tilt) == (SOURCE.pan_rad[1], SOURCE.tilt_rad[1])
+
+
+def test_a_drag_starts_where_the_head_is_and_goes_on_where_it_was_sent(bench):
+    bench.base.head = (0.4, -0.3)  # a motion or another node moved it
+    drag(bench, 0.2, 0.1)
+    settled(bench)
+    drag(bench, 0.1, 0.0)  # the head is still on its way
+    assert [(aim.pan, aim.tilt) for aim in bench.base.aims] == [
+        pytest.approx((0.6, -0.2)),
+        pytest.approx((0.7, -0.2)),
+    ]
+    bench.pass_time(ARRIVED_S + 0.1)
+    bench.base.head = (-0.5, 0.0)
+    drag(bench, 0.1, 0.0)
+    assert (bench.base.aims[-1].pan, bench.base.aims[-1].tilt) == pytest.approx((-0.4, 0.0))
 
 
 def test_a_turned_head_does_not_follow_the_drive_until_asked():
     head = Head(FOLLOWS)
-    head.turn(0.5, 0.0)
+    head.turn(0.5, 0.0, None, 9.0)
     assert head.follow(Velocity(0.5, 0.0, 0.8), 10.0) is None
     head.ahead(11.0)
     assert head.follow(Velocity(0.5, 0.0, 0.8), 20.0) is not None

@@ -19,6 +19,7 @@ from robots.bridge.config import DepthSource, HeadSource
 from robots.bridge.gate.values import DepthView
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+from tests.ros.tiago_arm import ARM, JOINT_STATES
 
 IMAGES = DepthSource(
     "/xtion/depth_registered/image_raw",
@@ -113,12 +114,13 @@ def test_the_camera_is_read_only_during_control(rosmaster, stage, tmp_path):
         assert not listeners(rosmaster, IMAGES.topic)
 
 
-def test_a_head_turned_away_is_reported_until_it_is_back(ros, rosmaster, stage, tmp_path):
-    def turned(radians: float) -> JointTrajectory:
-        point = JointTrajectoryPoint(positions=[radians, 0.0])
-        point.time_from_start.nsecs = 300_000_000
-        return JointTrajectory(joint_names=["head_1_joint", "head_2_joint"], points=[point])
+def turned(radians: float) -> JointTrajectory:
+    point = JointTrajectoryPoint(positions=[radians, 0.0])
+    point.time_from_start.nsecs = 300_000_000
+    return JointTrajectory(joint_names=["head_1_joint", "head_2_joint"], points=[point])
 
+
+def test_a_head_turned_away_is_reported_until_it_is_back(ros, rosmaster, stage, tmp_path):
     with (
         bridge(rosmaster, tmp_path, IMAGES) as hand,
         ros.speak("/head_controller/command", JointTrajectory) as head,
@@ -162,3 +164,22 @@ def test_the_head_looks_ahead_on_request_and_this_is_recorded(ros, rosmaster, st
         hand.until(
             lambda r: isinstance(r, wire.Refused) and r.of == "look_ahead", "only the holder is obeyed"
         )
+
+
+def test_a_drag_turns_the_head_from_where_another_node_left_it(ros, rosmaster, stage, tmp_path):
+    with (
+        bridge(rosmaster, tmp_path, IMAGES, head=HEAD, arm=ARM, joint_states=JOINT_STATES) as hand,
+        ros.speak("/head_controller/command", JointTrajectory) as head,
+        ros.listen("/joint_states", JointState) as joints,
+    ):
+
+        def pans_to(radians: float) -> None:
+            joints.until(
+                lambda state: abs(state.position[list(state.name).index(HEAD.pan_joint)] - radians) < 0.01
+            )
+
+        hand.take_control(1)
+        head.publish(turned(0.6))
+        pans_to(0.6)
+        hand.send(wire.TurnHead(1, 0.2, 0.0))
+        pans_to(0.8)
