@@ -63,10 +63,14 @@ class Cameras(Struct, frozen=True, tag_field="t", tag="cameras"):
 
 
 class CameraState(Struct, frozen=True, tag_field="t", tag="camera_state"):
-    """Why a camera has no pictures now; `refusal` None: they come."""
+    """Why a camera has no pictures now; `refusal` None: they come.
+
+    `warning`: why nothing can be drawn into its pictures, although they come.
+    """
 
     camera: str
     refusal: Refusal | None = None
+    warning: Refusal | None = None
 
 
 class CameraPong(Struct, frozen=True, tag_field="t", tag="camera_pong"):

@@ -100,7 +100,8 @@ export class CameraPanel {
     on(this.#socket, "down", ({ isOver }) => this.#down(isOver));
     on(this.#socket, "cameras", (cameras) => this.#show(cameras));
     on(this.#socket, "picture", (picture) => this.#of(picture.header.camera)?.take(picture));
-    on(this.#socket, "state", ({ camera, refusal }) => {
+    on(this.#socket, "state", ({ camera, refusal, warning }) => {
+      if (warning) tell({ level: "warning", code: `camera ${warning.code}`, text: warning.text });
       const text = refusal?.text ?? "";
       if (camera === null) this.#shown((view) => (view.why = text));
       else if (this.#of(camera)) this.#of(camera).why = text;

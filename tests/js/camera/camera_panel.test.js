@@ -133,6 +133,14 @@ describe("the cameras of the control page", () => {
     expect(words()).toContain("No connection for pictures.");
   });
 
+  it("tells why nothing is drawn into the pictures", () => {
+    says({ t: "cameras", cameras: [HEAD] });
+    const warning = { code: "bad_camera_info", text: "The camera info does not fit." };
+    says({ t: "camera_state", camera: "head", warning });
+    const notice = { level: "warning", code: "camera bad_camera_info", text: warning.text };
+    expect(page.tell).toHaveBeenCalledWith(notice);
+  });
+
   it("reports the age of the picture to the console while driving", async () => {
     says({ t: "cameras", cameras: [HEAD] });
     await picture(1);

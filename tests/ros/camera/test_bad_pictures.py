@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import resource
 import shutil
 import subprocess
 import threading
@@ -10,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import msgspec
 import numpy as np
@@ -42,18 +43,24 @@ CAMERAS = [
     CameraSource("raw", RAW, "sensor_msgs/Image"),
     CameraSource("odd", ODD, "sensor_msgs/CompressedImage"),
 ]
+LITTLE_BYTES = 16 * 1024 * 1024  # less than a picture of 2300 x 2300 pixels and its copies
 PIXELS = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)  # as JPEG 300 kB
 
 
 class CameraProcess:
     """One camera process, and a web process's connection to it."""
 
-    def __init__(self, master: Master, folder: Path) -> None:
+    def __init__(self, master: Master, folder: Path, stderr: IO[str] | None = None) -> None:
         config = tiago_config(master, folder, topics={"cameras": CAMERAS})
         self._sockets = Path(config.link.unix_path).parent
         self._sockets.mkdir()
         self.process = subprocess.Popen(
-            COMMAND, cwd=REPOSITORY, env=master.environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            COMMAND,
+            cwd=REPOSITORY,
+            env=master.environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
         )
         assert self.process.stdin and self.process.stdout
         self.process.stdin.write(msgspec.json.encode(config) + b"\n")
@@ -64,6 +71,7 @@ class CameraProcess:
         self._socket = self._closing.enter_context(connection)
         self.pictures: deque[tuple[wire.TakenPicture, bytes]] = deque(maxlen=50)
         self.states: dict[str, wire.Refusal | None] = {}
+        self.warnings: dict[str, wire.Refusal | None] = {}
         threading.Thread(target=self._read, daemon=True).start()
 
     def want(self, **cameras: str) -> None:
@@ -71,11 +79,11 @@ class CameraProcess:
         wants = wire.CameraWants({name: {variant: 30.0} for name, variant in cameras.items()})
         self._socket.send(wire.encode(wants).decode())
 
-    def stop(self) -> None:
+    def stop(self, status: int = 0) -> None:
         self._closing.close()
         assert self.process.stdin and self.process.stdout
         self.process.stdin.close()  # as when the bridge dies
-        assert self.process.wait(PATIENCE_S) == 0
+        assert self.process.wait(PATIENCE_S) == status
         self.process.stdout.close()
         shutil.rmtree(self._sockets, ignore_errors=True)
 
@@ -88,7 +96,7 @@ class CameraProcess:
                     self.pictures.append((header, bytes(picture)))
                 else:
                     state = msgspec.json.decode(received, type=wire.CameraState)
-                    self.states[state.camera] = state.refusal
+                    self.states[state.camera], self.warnings[state.camera] = state.refusal, state.warning
 
 
 @pytest.fixture(scope="module")
@@ -290,3 +298,40 @@ def test_pictures_come_without_a_pose_if_tf_is_missing_or_loops(camera, publish,
         until(lambda: said(transform("base_footprint", "eye")), "a pose")
         until(lambda: said(transform("neck", "eye"), transform("eye", "neck")) is None, "no pose")
         until(lambda: said(transform("base_footprint", "eye")), "the pose again")
+
+
+def test_the_reason_why_nothing_is_drawn_into_pictures_is_said_in_words(camera, publish, ros):
+    def warned(words: str) -> None:
+        def says() -> bool:
+            return words in getattr(camera.warnings.get("head"), "text", "")
+
+        publish(COMPRESSED, compressed(), says, words)
+
+    def said(*transforms: TransformStamped) -> tuple[float, ...] | None:
+        tf.publish(TFMessage(list(transforms)))
+        return comes(camera, publish, "head", compressed()).pose
+
+    camera.want(head="full")
+    with ros.speak("/tf", TFMessage) as tf:
+        publish(INFO, info(width=100, height=100), lambda: newest(camera, "head"), "a picture")
+        warned("(100 x 100) does not fit its pictures (640 x 480)")
+        publish(INFO, info(), lambda: comes(camera, publish, "head", compressed()).lens, "a lens")
+        until(lambda: said(transform("neck", "eye"), transform("eye", "neck")) is None, "no pose")
+        warned("tf does not tell where")
+        until(lambda: said(transform("base_footprint", "eye")), "a pose")
+        assert camera.warnings["head"] is None
+
+
+def test_a_process_without_memory_ends_in_words(rosmaster, ros, publish, tmp_path):
+    with (tmp_path / "words").open("w+") as words:
+        hungry = CameraProcess(rosmaster, tmp_path, words)
+        hungry.want(raw="full")
+        comes(hungry, publish, "raw", raw())
+        used = psutil.Process(hungry.process.pid).memory_info().data
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        resource.prlimit(hungry.process.pid, resource.RLIMIT_DATA, (used + LITTLE_BYTES, hard))
+        large = Image(width=2300, height=2300, encoding="rgb8", step=6900, data=bytes(6900 * 2300))
+        publish(RAW, large, lambda: hungry.process.poll() is not None, "its end")
+        hungry.stop(status=1)
+        words.seek(0)
+        assert "the process ends" in words.read()

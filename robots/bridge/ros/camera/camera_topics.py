@@ -21,6 +21,8 @@ from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
 from robots.wire import PictureFormat, Refusal
 
 SILENT_S = 2.0
+MOST_WORDS = 200  # characters: frames may have long names
+WITHOUT_PLACE_S = 3.0  # so long nothing could be drawn into the pictures: then people are told why
 POSE_LAG_S = 0.05  # tf of a picture's stamp comes a little later: the pose just before it serves as well
 
 
@@ -56,6 +58,10 @@ class CameraTopics:
         self._newest: Arrival | None = None
         self._info: CameraInfo | None = None
         self._damage: str | None = None
+        self._misfit: tuple[str, str] | None = (
+            None  # why nothing can be drawn into the pictures: code and words
+        )
+        self._placed_s = time.monotonic()  # when the camera's place was known last
         self._began_s = time.monotonic()
         expect(source.topic, source.type)
         self._subscriber = rospy.Subscriber(
@@ -133,12 +139,22 @@ class CameraTopics:
         age_s = self._age.on_arrival(stamp_s, arrival.wall_s, arrival.arrived_s)
         lens = self._lens(width, height)
         pose = self._pose(frame, stamp_s) if lens else None
+        if pose is not None:
+            self._placed_s = arrival.arrived_s
         return CameraPicture(encoded, form, width, height, age_s, arrival.arrived_s, lens, pose)
 
     def _lens(self, width: int, height: int) -> tuple[float, float, float, float] | None:
         """Return the lens for pictures of this size; None without a plausible camera info of the same shape."""
         info = self._info
-        if info is None or info.width < 1 or info.height < 1:
+        if info is None:
+            self._misfit = ("no_camera_info", f"no camera info comes on {self.source.info}")
+            return None
+        self._misfit = (
+            "bad_camera_info",
+            f"the camera info on {self.source.info} ({info.width} x {info.height}) does not fit its pictures"
+            f" ({width} x {height})",
+        )
+        if info.width < 1 or info.height < 1:
             return None
         across, along = width / info.width, height / info.height
         fx, fy, cx, cy = info.K[0] * across, info.K[4] * along, info.K[2] * across, info.K[5] * along
@@ -149,17 +165,36 @@ class CameraTopics:
             and 0.0 <= cx <= width
             and 0.0 <= cy <= height
         )
-        return (fx, fy, cx, cy) if plausible else None
+        if not plausible:
+            return None
+        self._misfit = None
+        return fx, fy, cx, cy
 
     def _pose(self, frame: str, stamp_s: float) -> tuple[float, ...] | None:
         """Return the base frame in the optical frame, 3 x 4 row by row; None: tf does not tell."""
         try:
             place = self._frames.place(frame, stamp_s - POSE_LAG_S, patience_s=0.0)
-        except PoseUnknown:
+        except PoseUnknown as unknown:
+            self._misfit = ("no_camera_place", str(unknown)[:MOST_WORDS])
             return None
         turned = place[:3, :3].T
         origin = -turned @ place[:3, 3]
         return tuple(round(float(number), 5) for row in range(3) for number in (*turned[row], origin[row]))
+
+    def warning(self, now_s: float) -> Refusal | None:
+        """Return why nothing can be drawn into the pictures for some time now; None: it can, or is not asked for."""
+        newest = self._newest
+        comes = newest is not None and now_s - newest.arrived_s < SILENT_S and self._damage is None
+        if (
+            not self.source.info
+            or self._misfit is None
+            or not comes
+            or now_s - self._placed_s < WITHOUT_PLACE_S
+        ):
+            return None
+        code, why = self._misfit
+        text = f"The robot’s way is not drawn into the camera’s picture: {why}."
+        return Refusal(code, text, "robot", {"topic": self.source.topic})
 
     def refusal(self, now_s: float) -> Refusal | None:
         """Return why no pictures come; None: they come, or have not had time yet."""

@@ -17,7 +17,7 @@ from robots.bridge.camera.sizes import VIDEO_HZ, VIDEO_WIDTH
 from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.camera.camera_topics import Arrival, CameraPicture, CameraTopics
 from robots.bridge.ros.sensors.tf import TfTopics
-from robots.wire import CameraState, PictureFormat, Refusal, TakenPicture, Variant
+from robots.wire import CameraState, PictureFormat, TakenPicture, Variant
 
 if TYPE_CHECKING:
     from robots.bridge.camera.video import Video
@@ -36,8 +36,7 @@ class _Watched:
         self.taken: Arrival | None = None  # the last message that was looked at
         self.made_s: dict[Variant, float] = {}
         self.numbers: dict[Variant, int] = {}
-        self.refusal: Refusal | None = None
-        self.stated = False
+        self.state: CameraState | None = None  # that was told last
 
     def due(self, wants: Mapping[Variant, float], now_s: float) -> list[Variant]:
         """Return the variants whose rate allows a picture now."""
@@ -137,10 +136,10 @@ class Producer:
             if picture is not None:
                 self._make(name, watched, picture, due, now_s)
                 self._rest_until_s[name] = now_s + 1.0 / max(wants.values())
-        refusal = watched.topics.refusal(now_s)
-        if refusal != watched.refusal or not watched.stated:
-            watched.refusal, watched.stated = refusal, True
-            self._state(CameraState(name, refusal))
+        state = CameraState(name, watched.topics.refusal(now_s), watched.topics.warning(now_s))
+        if state != watched.state:
+            watched.state = state
+            self._state(state)
 
     def _make(
         self, name: str, watched: _Watched, picture: CameraPicture, due: list[Variant], now_s: float
