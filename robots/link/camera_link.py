@@ -104,7 +104,7 @@ class CameraLink:
     @property
     def _refusal(self) -> Refusal:
         """Return why there are no pictures. A link that was never tried may come up in a moment."""
-        return (self._link.refusal if self._link.tried.is_set() else None) or STARTING
+        return (self._link.refusal if self._link.tried.is_set() else None) or self._at.refusal or STARTING
 
     def _address(self) -> LinkAddress | None:
         if self._at.unix_path is not None:

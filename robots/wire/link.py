@@ -8,7 +8,7 @@ from uuid import UUID
 import msgspec
 from msgspec import Meta, Struct
 
-from robots.wire.base import Fence, SampleRate, Seq, Share, ShortText, TopicName
+from robots.wire.base import Fence, Refusal, SampleRate, Seq, Share, ShortText, TopicName
 from robots.wire.page import Drive, Refresh
 from robots.wire.state import State, StopState
 from robots.wire.tasks import TaskRequest
@@ -210,7 +210,11 @@ class LinkSample(Struct, frozen=True, tag_field="t", tag="seen"):
 
 
 class CameraAt(Struct, frozen=True, tag_field="t", tag="camera_at"):
-    """Address of the robot's camera process: a Unix socket, or a TCP port of the bridge's host. Both None: none."""
+    """Address of the robot's camera process: a Unix socket, or a TCP port of the bridge's host.
+
+    Both None: there is none, because it starts, or because of `refusal`.
+    """
 
     unix_path: str | None = None
     port: int | None = None
+    refusal: Refusal | None = None

@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from robots.bridge.config import BridgeConfig
 from robots.bridge.topics.line_process import LineProcess
-from robots.wire import CameraAt
+from robots.wire import CameraAt, Refusal
 
 COMMAND = (sys.executable, "-m", "robots.bridge.ros.camera")
 SILENCE_S = 5.0  # without a sign of life a process hangs: it is killed, and another one starts
@@ -24,6 +24,9 @@ START_S = 30.0  # a new process names its address within this time, or is killed
 LINGER_S = (
     30.0  # a process without viewers ends after this time: a page opened before then has a picture sooner
 )
+
+ENDED = Refusal("camera_ended", "The camera’s process ended by itself. It is started again.", "robot")
+HUNG = Refusal("camera_hung", "The camera’s process hung. It is started again.", "robot")
 
 _camera_at = msgspec.json.Decoder(CameraAt)
 
@@ -53,6 +56,7 @@ class CameraClient:
         self._at = CameraAt()
         self._idle: asyncio.TimerHandle | None = None
         self._silence: asyncio.TimerHandle | None = None  # ends a process that hangs
+        self._hung = False
 
     async def close(self) -> None:
         """End the process: the bridge ends."""
@@ -73,6 +77,8 @@ class CameraClient:
     def forget(self, watcher: CameraWatcher) -> None:
         """Forget a watcher; the process ends a while after its last one."""
         self._watchers.discard(watcher)
+        if not self._watchers and self._at.refusal is not None:
+            self._at = CameraAt()  # the next one needs no old news
         if not self._watchers and self._idle is None and self._child.lives:
             self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end)
 
@@ -93,6 +99,7 @@ class CameraClient:
 
     def began(self) -> None:
         """Wait for its address; its last viewer may have left while it started."""
+        self._hung = False
         self._await_life(START_S)
         if not self._watchers and self._idle is None:
             self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end)
@@ -105,16 +112,20 @@ class CameraClient:
             self._move(at)
 
     def ended(self) -> None:
-        """Note that nobody listens there any more."""
+        """Note that nobody listens there any more, and tell those who watch why."""
         if self._silence is not None:
             self._silence.cancel()
-        self._move(CameraAt())
+        self._move(CameraAt(refusal=HUNG if self._hung else ENDED) if self._watchers else CameraAt())
 
     def _await_life(self, within_s: float) -> None:
         if self._silence is not None:
             self._silence.cancel()
         loop = asyncio.get_running_loop()
-        self._silence = loop.call_later(within_s, self._child.kill, "it shows no sign of life")
+        self._silence = loop.call_later(within_s, self._hang)
+
+    def _hang(self) -> None:
+        self._hung = True
+        self._child.kill("it shows no sign of life")
 
     def _move(self, at: CameraAt) -> None:
         self._at = at

@@ -24,12 +24,12 @@ class Watcher:
     def report(self, message: CameraAt) -> None:
         self._reports.put_nowait(message)
 
-    async def hears(self, *, address: bool) -> None:
-        """Wait until it hears an address, or that there is none."""
+    async def hears(self, *, address: bool) -> str | None:
+        """Wait until it hears an address, or that there is none; return the code of the reason."""
         while True:
             at = await asyncio.wait_for(self._reports.get(), PATIENCE_S)
             if (at.unix_path is not None) == address:
-                return
+                return at.refusal.code if at.refusal else None
 
 
 def camera_process() -> psutil.Process:
@@ -41,8 +41,12 @@ def camera_process() -> psutil.Process:
     return found
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=("dies", "hangs"))
-async def test_another_process_follows_one_that(number, rosmaster, tmp_path):
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(signal.SIGKILL, "camera_ended"), (signal.SIGSTOP, "camera_hung")],
+    ids=("dies", "hangs"),
+)
+async def test_another_process_follows_one_that(number, code, rosmaster, tmp_path):
     config = tiago_config(rosmaster, tmp_path)
     Path(config.link.unix_path).parent.mkdir()
     client, watcher = CameraClient(config), Watcher()
@@ -50,7 +54,7 @@ async def test_another_process_follows_one_that(number, rosmaster, tmp_path):
     await watcher.hears(address=True)
     first = camera_process()
     first.send_signal(number)
-    await watcher.hears(address=False)
+    assert await watcher.hears(address=False) == code
     await watcher.hears(address=True)
     assert camera_process() != first
     await client.close()

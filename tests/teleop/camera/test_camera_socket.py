@@ -207,6 +207,18 @@ async def test_a_lost_camera_process_is_reported_and_found_again(watching, proce
     assert (await page.hears("picture"))["encoded"] == b"anew"
 
 
+async def test_the_end_of_a_camera_process_is_said_in_words(watching, process, bridge):
+    page = await watching("observer")
+    await process.is_asked_for({CAMERA: {"full": 30.0}})
+    await process.close()
+    refusal = Refusal("camera_hung", "The camera’s process hung. It is started again.", "robot")
+    bridge.say(wire.CameraAt(refusal=refusal))
+    while (await page.hears("camera_state"))["refusal"] is None:
+        pass
+    while (await page.hears("camera_state"))["refusal"]["text"] != refusal.text:
+        pass
+
+
 async def test_pictures_end_with_the_right_to_see_the_robot(watching, process, bridge, observer):
     page = await watching("observer")
     await process.is_asked_for({CAMERA: {"full": 30.0}})
