@@ -71,7 +71,11 @@ class CameraSource(Struct, frozen=True):
 
 
 class HeadSource(Struct, frozen=True):
-    """A head with two joints behind a joint trajectory controller (trajectory_msgs/JointTrajectory)."""
+    """A head with two joints behind a joint trajectory controller (trajectory_msgs/JointTrajectory).
+
+    `point_head`: name of its action (control_msgs/PointHeadAction), which is used in place of the controller while a
+    server listens to it. A stop cancels its goals.
+    """
 
     topic: str
     pan_joint: str  # positive: left
@@ -81,6 +85,8 @@ class HeadSource(Struct, frozen=True):
     pan_rad: tuple[float, float] = (-1.3, 1.3)  # rightmost and leftmost position
     tilt_rad: tuple[float, float] = (-1.0, 0.7)  # lowest and highest position
     follows_turn: bool = False  # while driving, the head turns to where the robot will be
+    point_head: str | None = None
+    base_frame: str = "base_footprint"  # frame of the directions that `point_head` gets
 
 
 class ArmSource(Struct, frozen=True):
@@ -114,6 +120,12 @@ class Topics(Struct, frozen=True):
     cameras: list[CameraSource] = []
     map: Topic | None = None  # nav_msgs/OccupancyGrid in the frame "map", latched
     cancel_on_stop: list[str] = []  # names of actions; an emergency stop cancels all their goals
+
+    @property
+    def cancelled(self) -> list[str]:
+        """Names of all actions whose goals an emergency stop cancels: also the head's."""
+        point_head = self.head.point_head if self.head else None
+        return [*self.cancel_on_stop, *([point_head] if point_head else [])]
 
 
 What = Literal["choose", "publish", "call", "set"]

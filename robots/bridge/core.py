@@ -61,7 +61,7 @@ class Base(TaskPerformer, Protocol):
         """Send a twist on the drive topic."""
 
     def cancel_all(self) -> None:
-        """Cancel every goal of every action in `Topics.cancel_on_stop`, from any sender."""
+        """Cancel every goal of every action in `Topics.cancelled`, from any sender."""
 
     def acknowledged_s(self, now_s: float) -> float | None:
         """Return the seconds in which the robot's computer acknowledged a twist; None without a new measurement."""

@@ -245,6 +245,8 @@ def _camera_problems(cameras: list[CameraSource]) -> Iterator[str]:
 
 def _head_problems(head: HeadSource) -> Iterator[str]:
     yield from _name_problem(head.topic, "head.topic")
+    if head.point_head is not None:
+        yield from _name_problem(head.point_head, "head.point_head")
     for name in ("pan_joint", "tilt_joint"):
         if not getattr(head, name):
             yield f"head.{name}: must name a joint"

@@ -20,7 +20,6 @@ import rospy
 from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped
 from msgspec import structs
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
@@ -46,6 +45,7 @@ from robots.bridge.ros.sensors.arm_posture import PostureTopics
 from robots.bridge.ros.sensors.depth import DepthTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
+from robots.bridge.ros.tasks.head import HeadTopics
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.tasks.speech import SpeechTopics
@@ -86,7 +86,7 @@ class RosBase:
         self._cancels: list[rospy.Publisher] = []
         self._tf: TfTopics | None = None
         self._on_demand: OnDemandTopics | None = None
-        self._head: rospy.Publisher | None = None
+        self._head: HeadTopics | None = None
         self._arm: ArmPosture | None = None
         self._motions: MotionTopics | None = None
         self._speech: SpeechTopics | None = None
@@ -140,13 +140,8 @@ class RosBase:
 
     def aim_head(self, aim: Aim) -> None:
         """Send the head's target if its topic is connected."""
-        head = self._config.topics.head
-        if self._head is not None and head is not None:
-            point = JointTrajectoryPoint(
-                positions=[aim.pan, aim.tilt], time_from_start=rospy.Duration.from_sec(aim.seconds)
-            )
-            joints = [head.pan_joint, head.tilt_joint]
-            publish(self._head, JointTrajectory(joint_names=joints, points=[point]))
+        if self._head is not None:
+            self._head.aim(aim)
 
     def head_at(self) -> tuple[float, float] | None:
         """Return the head's pan and tilt; None without joint states, which are read for robots with an arm."""
@@ -296,11 +291,11 @@ class RosBase:
             socket.gethostbyname(urlsplit(self._config.master_uri).hostname or "")
         )
         self._cancels = [
-            rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancel_on_stop
+            rospy.Publisher(f"{action}/cancel", GoalID, queue_size=1) for action in topics.cancelled
         ]
         self._drives = {topics.drive.name: self._drive_publisher(topics.drive.name)}
         if topics.head:
-            self._head = rospy.Publisher(topics.head.topic, JointTrajectory, queue_size=1)
+            self._head = HeadTopics(topics.head)
         if topics.motions:
             actions = self._core.tasks.routing.connected("motions")  # all that people may choose
             self._motions = MotionTopics(

@@ -141,7 +141,7 @@ def _reasons(what: str, name: str, type: str, topics: Topics) -> Iterator[str]:
 
 def _own(topics: Topics) -> set[str | None]:
     """Return all topics and actions that the robot's profile names."""
-    names: set[str | None] = set(topics.cancel_on_stop)
+    names: set[str | None] = set(topics.cancelled)
     for field in topics.__struct_fields__:
         sources = getattr(topics, field)
         for source in sources if isinstance(sources, list) else [sources]:

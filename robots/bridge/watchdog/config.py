@@ -40,7 +40,7 @@ def lane_path(config: BridgeConfig) -> str:
 def watchdog_config(config: BridgeConfig) -> WatchdogConfig:
     """Return the watchdog's part of a bridge's configuration."""
     topics = config.topics
-    actions = {*topics.cancel_on_stop}
+    actions = {*topics.cancelled}
     actions |= {
         topic.name for topic in (topics.motions, topics.speech) if topic and topic.type.endswith("Action")
     }

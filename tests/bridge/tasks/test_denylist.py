@@ -2,7 +2,7 @@
 
 import pytest
 
-from robots.bridge.config import DepthSource, ScanSource, Topic, Topics
+from robots.bridge.config import DepthSource, HeadSource, ScanSource, Topic, Topics
 from robots.bridge.tasks.denylist import COUNTERFEITED, names_set, why_denied, why_fields_denied
 from robots.wire import Field
 
@@ -138,8 +138,20 @@ def test_topics_of_the_profile_take_no_other_input():
         depth=DepthSource("/brow", "sensor_msgs/Image", info="/brow_info"),
         speech=Topic("/say", TTS),
         cancel_on_stop=["/fetch"],
+        head=HeadSource("/neck", "pan", "tilt", point_head="/gaze"),
     )
-    for name in ("/drive", "/place", "/left_eye", "/right_eye", "/brow", "/brow_info", "/say", "/fetch"):
+    for name in (
+        "/drive",
+        "/place",
+        "/left_eye",
+        "/right_eye",
+        "/brow",
+        "/brow_info",
+        "/say",
+        "/fetch",
+        "/neck",
+        "/gaze",
+    ):
         assert why_denied("publish", name, TEXT, topics)
         assert (why_denied("choose", name, TWIST, topics, "drive") is None) == (name == "/drive")
 

@@ -143,6 +143,7 @@ def test_a_bridge_elsewhere_is_reached_by_tls_only(robot: Robot) -> None:
         (("sonars", 1, "frame_id"), "base_sonar_01_link", "'base_sonar_01_link' is there twice"),
         (("laser",), "/scan", "laser: there is no such field"),
         (("drive",), {"name": "/cmd_vel"}, 'drive: belongs into the field "drive topic"'),
+        (("head", "point_head"), "look", "head.point_head: 'look' is not a full ROS name"),
         (("cancel_on_stop", 0), "tts", "cancel_on_stop[0]: 'tts' is not a full ROS name"),
     ],
 )

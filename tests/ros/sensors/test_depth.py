@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import msgspec
 import pytest
 import rosgraph
+from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Pose2D
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
@@ -17,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from robots import wire
 from robots.bridge.config import DepthSource, HeadSource
 from robots.bridge.gate.values import DepthView
+from robots.bridge.ros.message_types.classes import message_class
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 from tests.ros.tiago_arm import ARM, JOINT_STATES
@@ -183,3 +185,34 @@ def test_a_drag_turns_the_head_from_where_another_node_left_it(ros, rosmaster, s
         pans_to(0.6)
         hand.send(wire.TurnHead(1, 0.2, 0.0))
         pans_to(0.8)
+
+
+@pytest.mark.parametrize("is_offered", [True, False], ids=("action", "controller"))
+def test_the_head_is_turned_by_its_action_where_offered(is_offered, ros, rosmaster, stage, tmp_path):
+    action = "/head_controller/point_head_action" if is_offered else "/no_such_action"
+    head = msgspec.structs.replace(HEAD, point_head=action)
+    with (
+        bridge(rosmaster, tmp_path, IMAGES, head=head) as hand,
+        ros.listen(f"{action}/goal", message_class("control_msgs/PointHeadActionGoal")) as goals,
+        ros.listen(f"{action}/cancel", GoalID) as cancels,
+        ros.listen(HEAD.topic, JointTrajectory) as trajectories,
+        ros.listen("/joint_states", JointState) as joints,
+    ):
+
+        def looks(pan: float, tilt: float) -> None:
+            def is_there(state: JointState) -> bool:
+                at = dict(zip(state.name, state.position, strict=True))
+                return abs(at[HEAD.pan_joint] - pan) < 0.01 and abs(at[HEAD.tilt_joint] - tilt) < 0.01
+
+            joints.until(is_there)
+
+        hand.take_control(1)
+        hand.send(wire.LookAhead(1))
+        looks(0.0, HEAD.look_tilt)
+        hand.send(wire.TurnHead(1, 0.5, 0.3))
+        looks(0.5, HEAD.look_tilt + 0.3)
+        used, unused = (goals, trajectories) if is_offered else (trajectories, goals)
+        assert used.drain()
+        assert not unused.drain()
+        hand.send(wire.LinkStop("Bob"))
+        assert cancels.next().id == "", "all goals of the action"

@@ -1,0 +1,65 @@
+"""Sends the head's aim: to the robot's head action while a server listens to it, else to the head's controller."""
+
+from __future__ import annotations
+
+import math
+from uuid import uuid4
+
+import rospy
+from actionlib_msgs.msg import GoalID
+from geometry_msgs.msg import Point, PointStamped
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from robots.bridge.config import HeadSource
+from robots.bridge.ros.bounds.sizes import expect
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.tasks.publishing import heard_by, publish
+from robots.bridge.tasks.goals import OURS
+from robots.bridge.tasks.head import Aim
+
+FAR_M = 1000.0  # a point so far away lies in the same direction from the head and from the base
+
+
+class HeadTopics:
+    """The topics of one head. Its controller takes joint positions, its action a point to look at."""
+
+    def __init__(self, source: HeadSource) -> None:
+        self._source = source
+        self._controller = rospy.Publisher(source.topic, JointTrajectory, queue_size=1)
+        self._action: rospy.Publisher | None = None
+        if source.point_head is not None:
+            self._goal_class = message_class("control_msgs/PointHeadActionGoal")
+            self._action = rospy.Publisher(f"{source.point_head}/goal", self._goal_class, queue_size=1)
+            # Only a server tells its status; a recorder listens to goals, too, and moves no head.
+            status = f"{source.point_head}/status"
+            expect(status, "actionlib_msgs/GoalStatusArray")
+            self._server = rospy.Subscriber(status, rospy.AnyMsg, lambda _status: None, queue_size=1)
+
+    def aim(self, aim: Aim) -> None:
+        """Send the head there."""
+        if self._action is not None and heard_by(self._action) and self._server.get_num_connections():
+            publish(self._action, self._goal(aim))
+        else:
+            publish(self._controller, self._trajectory(aim))
+
+    def _trajectory(self, aim: Aim) -> JointTrajectory:
+        point = JointTrajectoryPoint(
+            positions=[aim.pan, aim.tilt], time_from_start=rospy.Duration.from_sec(aim.seconds)
+        )
+        joints = [self._source.pan_joint, self._source.tilt_joint]
+        return JointTrajectory(joint_names=joints, points=[point])
+
+    def _goal(self, aim: Aim) -> object:
+        """Return the goal that points the head's own axis (the action's default) in this direction."""
+        now = rospy.Time.now()
+        across = FAR_M * math.cos(aim.tilt)
+        goal = self._goal_class(goal_id=GoalID(stamp=now, id=f"{OURS}head-{uuid4()}"))
+        goal.header = Header(stamp=now)
+        goal.goal.target = PointStamped(
+            # Stamp 0: the newest transform. The base's own clock may be ahead.
+            header=Header(frame_id=self._source.base_frame),
+            point=Point(across * math.cos(aim.pan), across * math.sin(aim.pan), FAR_M * math.sin(aim.tilt)),
+        )
+        goal.goal.min_duration = rospy.Duration.from_sec(aim.seconds)
+        return goal
