@@ -1,4 +1,4 @@
-"""Live camera: first picture, glass to glass in Chromium beside plain MJPEG, cost, slow network, stalled viewer, commands.
+"""Live camera: first picture, glass to glass in Chromium beside MJPEG, cost, slow network, stalled viewer, commands.
 
 The simulated head camera draws the time into its pictures; Chromium's page reads it from its canvas. A picture's age
 counts from the robot's stamp, so drawing and encoding in the simulator are part of it. `FLEET_BENCH_PARTS`,
