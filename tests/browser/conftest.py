@@ -74,7 +74,7 @@ def cookies(stack: Stack, browser: Browser) -> Callable[[str], Any]:
 
 
 @pytest.fixture(scope="package")
-def desks() -> dict[tuple[str, bool], list[Person]]:
+def free_browsers() -> dict[tuple[str, bool], list[Person]]:
     """Browsers of finished tests, by role and touch. Reuse makes pages open in a third of the time."""
     return defaultdict(list)
 
@@ -84,7 +84,7 @@ def person(
     stack: Stack,
     browser: Browser,
     cookies: Callable[[str], Any],
-    desks: dict[tuple[str, bool], list[Person]],
+    free_browsers: dict[tuple[str, bool], list[Person]],
     request: pytest.FixtureRequest,
 ) -> Iterator[Callable[..., Person]]:
     """`person("operator", width=360, height=640, touch=True)`: a signed-in person in a browser without a page.
@@ -95,18 +95,18 @@ def person(
     failed_before = request.session.testsfailed
     with ExitStack() as leaving:
 
-        def get_up(somebody: Person, free: list[Person]) -> None:
+        def give_back(somebody: Person, free: list[Person]) -> None:
             if request.session.testsfailed > failed_before:  # a key may still be down
                 somebody.leave()
             else:
-                somebody.get_up()
+                somebody.clear_browser()
                 free.append(somebody)
 
         def arrive(role: str, *, touch: bool = False, apart: bool = False, **looks: Any) -> Person:
-            free = desks[role, touch]
+            free = free_browsers[role, touch]
             if free and not apart:
                 somebody = free.pop()
-                somebody.sit_down(**looks)
+                somebody.prepare(**looks)
             else:
                 somebody = Person(stack, browser, role, touch=touch, **looks)
                 somebody.context.add_cookies(cookies(role))
@@ -115,7 +115,7 @@ def person(
             else:
                 for lasting in ("add_init_script", "on", "route", "route_web_socket"):
                     setattr(somebody.page, lasting, _only_apart)
-                leaving.callback(get_up, somebody, free)
+                leaving.callback(give_back, somebody, free)
             return somebody
 
         yield arrive

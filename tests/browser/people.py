@@ -70,16 +70,16 @@ class Person:
             "console", lambda line: self.complaints.append(line.text) if line.type == "error" else None
         )
         self.page.on("websocket", self._listen)
-        self.sit_down(width=width, height=height, theme=theme)
+        self.prepare(width=width, height=height, theme=theme)
 
-    def sit_down(self, *, width: int = 1440, height: int = 900, theme: str = "light") -> None:
+    def prepare(self, *, width: int = 1440, height: int = 900, theme: str = "light") -> None:
         """Set the window's size (pixels) and theme, and forget all messages."""
         self.page.set_viewport_size({"width": width, "height": height})
         self.page.emulate_media(color_scheme=theme, forced_colors="null")  # type: ignore[arg-type]
         for said in (self.complaints, self.heard, self.drives, self.sent):
             said.clear()
 
-    def get_up(self) -> None:
+    def clear_browser(self) -> None:
         """Leave the page and clear its storage, for the next test with this role."""
         self.open("/healthz")
         self.page.evaluate("localStorage.clear(); sessionStorage.clear()")

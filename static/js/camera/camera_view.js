@@ -81,7 +81,7 @@ export class CameraView extends EventTarget {
     this.#picture.take(picture);
   }
 
-  /** Nothing is known of the camera yet. */
+  /** Show this camera from the beginning: without a picture, until the first one comes. */
   begin() {
     this.#picture.clear();
     this.#why = "";

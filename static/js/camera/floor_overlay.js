@@ -1,6 +1,6 @@
 /** Draws the robot's way on the floor over a camera's picture, and at its edges what is near and not in it. */
 
-import { coloursOf, onNewColours } from "../lib/colours.js";
+import { Canvas } from "../lib/canvas.js";
 import { edgeHints, floorPath, inPicture } from "./floor_path.js";
 import { placeIn } from "./frame.js";
 
@@ -12,29 +12,21 @@ const WEDGE = 18; // pixels of the page, from edge to tip
 
 export class FloorOverlay {
   #canvas;
-  #pen;
   #facts = null;
   #path = null; // of the newest view
   #near = []; // obstacles to hint at, if the picture does not show them
   #header = null;
-  #frame = null;
-  #colour = {};
-  #observer;
-  #listening = new AbortController();
 
   /** @param {HTMLCanvasElement} canvas as large as the picture's; its colours are custom properties named --floor-... */
   constructor(canvas) {
-    this.#canvas = canvas;
-    this.#pen = canvas.getContext("2d");
-    this.#observer = new ResizeObserver(() => this.#fit());
-    this.#observer.observe(canvas);
-    onNewColours(() => this.#readColours(), this.#listening.signal);
-    this.#readColours();
+    this.#canvas = new Canvas(canvas, "--floor-", [...TIERS, "edge"], (pen, width, height) =>
+      this.#draw(pen, width, height),
+    );
   }
 
   set facts(facts) {
     this.#facts = facts;
-    this.#redraw();
+    this.#canvas.redraw();
   }
 
   /** @param {?object} view the robot's newest; null: what is known of the robot is too old to draw */
@@ -46,54 +38,24 @@ export class FloorOverlay {
       const known = [...this.#near, ...depth_cm];
       this.#path = floorPath(this.#facts.footprint, view.state.verdict, known);
     }
-    this.#redraw();
+    this.#canvas.redraw();
   }
 
   /** @param {?object} header of the picture that is shown; nothing is drawn without its lens and pose */
   set header(header) {
     this.#header = header?.lens && header.pose ? header : null;
-    this.#redraw();
+    this.#canvas.redraw();
   }
 
   close() {
-    this.#listening.abort();
-    this.#observer.disconnect();
-    cancelAnimationFrame(this.#frame);
+    this.#canvas.close();
   }
 
-  #readColours() {
-    const names = [...TIERS, "edge"];
-    const colours = coloursOf(
-      this.#canvas.parentElement,
-      names.map((name) => `--floor-${name}`),
-    );
-    this.#colour = Object.fromEntries(names.map((name, i) => [name, colours[i]]));
-    this.#redraw();
-  }
-
-  #fit() {
-    const density = Math.min(devicePixelRatio || 1, 2);
-    this.#canvas.width = Math.round(this.#canvas.clientWidth * density);
-    this.#canvas.height = Math.round(this.#canvas.clientHeight * density);
-    this.#redraw();
-  }
-
-  #redraw() {
-    this.#frame ??= requestAnimationFrame(() => {
-      this.#frame = null;
-      this.#draw();
-    });
-  }
-
-  #draw() {
-    const { width, height } = this.#canvas;
-    const pen = this.#pen;
-    pen.setTransform(1, 0, 0, 1, 0, 0);
-    pen.clearRect(0, 0, width, height);
+  #draw(pen, width, height) {
     const header = this.#header;
-    if (!width || !height || !header || !this.#path) return;
+    if (!header || !this.#path) return;
     const { scale, x, y } = placeIn(header, width, height);
-    const pixel = Math.min(devicePixelRatio || 1, 2) / scale; // one of the page, in the picture's
+    const pixel = this.#canvas.density / scale; // one of the page, in the picture's
     pen.setTransform(scale, 0, 0, scale, x, y);
     pen.save();
     pen.beginPath();
@@ -105,39 +67,39 @@ export class FloorOverlay {
   }
 
   #drawPath(header, pixel) {
-    const pen = this.#pen;
+    const pen = this.#canvas.pen;
     const { bands, stop, later } = this.#path;
     pen.lineJoin = "round";
     for (const { tier, outline } of bands) {
       if (!this.#trace(inPicture(outline, header))) continue;
-      pen.fillStyle = this.#colour[tier];
+      pen.fillStyle = this.#canvas.colour[tier];
       pen.globalAlpha = 0.35;
       pen.fill();
       pen.globalAlpha = 0.9;
       pen.lineWidth = 2 * pixel;
-      pen.strokeStyle = this.#colour[tier];
+      pen.strokeStyle = this.#canvas.colour[tier];
       pen.stroke();
     }
     pen.globalAlpha = 1;
     if (later && this.#trace(inPicture(later, header))) {
       pen.setLineDash([6 * pixel, 5 * pixel]);
-      pen.strokeStyle = this.#colour.edge;
+      pen.strokeStyle = this.#canvas.colour.edge;
       pen.stroke();
       pen.setLineDash([]);
     }
     if (stop && this.#trace(inPicture(stop, header))) {
       pen.lineWidth = 6 * pixel;
-      pen.strokeStyle = this.#colour.red;
+      pen.strokeStyle = this.#canvas.colour.red;
       pen.stroke();
     }
   }
 
   #drawHints(header, pixel) {
-    const pen = this.#pen;
+    const pen = this.#canvas.pen;
     const { width, height } = header;
     const size = WEDGE * pixel;
-    pen.fillStyle = this.#colour.red;
-    pen.strokeStyle = this.#colour.edge;
+    pen.fillStyle = this.#canvas.colour.red;
+    pen.strokeStyle = this.#canvas.colour.edge;
     pen.lineWidth = pixel;
     for (const { edge, at, distanceM } of edgeHints(this.#near, header)) {
       const strength = Math.min(1, Math.max(0, (FAR_M - distanceM) / (FAR_M - NEAR_M)));
@@ -156,15 +118,15 @@ export class FloorOverlay {
       [x + tipX, y + tipY],
       [x + sideX, y + sideY],
     ]);
-    this.#pen.fill();
-    this.#pen.stroke();
+    this.#canvas.pen.fill();
+    this.#canvas.pen.stroke();
   }
 
   /** @returns {boolean} whether there is anything to paint */
   #trace(points) {
-    this.#pen.beginPath();
-    for (const [x, y] of points) this.#pen.lineTo(x, y); // the first only moves: the path is empty
-    this.#pen.closePath();
+    this.#canvas.pen.beginPath();
+    for (const [x, y] of points) this.#canvas.pen.lineTo(x, y); // the first only moves: the path is empty
+    this.#canvas.pen.closePath();
     return points.length > 1;
   }
 }

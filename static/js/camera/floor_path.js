@@ -4,12 +4,11 @@
  * the optical frame (z into the picture, x right, y down).
  */
 
-import { carried, poseAfter, reach } from "../drive/path.js";
-import { moves } from "../drive/picture.js";
+import { carried, isWithin, moves, poseAfter, swept } from "../drive/path.js";
 
 const FAR_M = 4; // of the way are drawn, at whatever speed, as a parking aid does
 const MOST_TURN = Math.PI / 2; // radians
-const NEARLY_STRAIGHT = 1e-3; // rad/s for each m/s
+const LEFT_M = 0.08; // the gate leaves so much of the way before an obstacle (its front margin)
 const STEP_M = 0.05;
 const RED_M = 0.25; // so close before contact
 const YELLOW_M = 0.7;
@@ -17,78 +16,21 @@ const SHOWN_S = 2; // the outline stands where the robot is then, as in the pict
 const NEAREST_M = 0.05; // before the lens; what is closer or behind it has no place in the picture
 const HINTED_M = 1.5;
 
-/** What is shown of the verdict's twist: the allowed one, or if the gate allows none, the one that was asked. */
+/** The twist of a verdict that is drawn: the allowed one; if the gate allows none, the one that was asked. */
 function shownTwist({ asked, allowed }) {
   const [vx, vy, w] = moves(allowed) ? allowed : asked;
   return { vx, vy, w };
 }
 
-/** The lowest and highest distance of a closed outline from a point, 0 if the point is inside. */
-function distances(outline, [cx, cy]) {
-  let lowest = Infinity;
-  let isInside = false;
-  for (let i = 0; i < outline.length; i += 1) {
-    const [ax, ay] = outline[i];
-    const [bx, by] = outline[(i + 1) % outline.length];
-    const along =
-      ((cx - ax) * (bx - ax) + (cy - ay) * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2);
-    const at = Math.min(1, Math.max(0, along));
-    lowest = Math.min(lowest, Math.hypot(ax + at * (bx - ax) - cx, ay + at * (by - ay) - cy));
-    if (ay > cy !== by > cy && cx < ax + ((cy - ay) / (by - ay)) * (bx - ax)) isInside = !isInside;
-  }
-  const highest = Math.max(...outline.map(([x, y]) => Math.hypot(x - cx, y - cy)));
-  return [isInside ? 0 : lowest, highest];
-}
-
-/** @returns {(atM: number) => number[][]} both borders of what the hull sweeps, where the base is after that way */
-function borders(footprint, twist) {
-  const { vx, vy, w } = twist;
-  const speed = Math.hypot(vx, vy);
-  const [dx, dy] = [vx / speed, vy / speed];
-  const turnsAbout = [-vy / w, vx / w];
-  if (Math.abs(w) < NEARLY_STRAIGHT * speed) {
-    const sides = footprint.map(([x, y]) => -dy * x + dx * y);
-    const [right, left] = [Math.min(...sides), Math.max(...sides)];
-    const beside = (atM, side) => [dx * atM - dy * side, dy * atM + dx * side];
-    return (atM) => [beside(atM, left), beside(atM, right)];
-  }
-  const [inner, outer] = distances(footprint, turnsAbout);
-  return (atM) => {
-    const { x, y } = poseAfter(twist, atM / speed);
-    const [ex, ey] = [x - turnsAbout[0], y - turnsAbout[1]];
-    const radius = Math.hypot(ex, ey);
-    const at = (r) => [turnsAbout[0] + (ex / radius) * r, turnsAbout[1] + (ey / radius) * r];
-    return w > 0 ? [at(inner), at(outer)] : [at(outer), at(inner)];
-  };
-}
-
-/**
- * How far the hull's circle may go until it touches the place; Infinity: it passes. What is in the circle already counts
- * only as the gate's own obstacle.
- */
-function wayTo([x, y], hull, { vx, vy, w }) {
-  const speed = Math.hypot(vx, vy);
-  if (Math.abs(w) < NEARLY_STRAIGHT * speed) {
-    const along = (vx * x + vy * y) / speed;
-    const across = Math.abs(vx * y - vy * x) / speed;
-    return along > 0 && across < hull ? along - Math.sqrt(hull ** 2 - across ** 2) : Infinity;
-  }
-  const [cx, cy] = [-vy / w, vx / w];
-  const radius = Math.hypot(cx, cy);
-  const away = Math.hypot(x - cx, y - cy);
-  const share = (away ** 2 + radius ** 2 - hull ** 2) / (2 * away * radius);
-  if (share >= 1) return Infinity;
-  const turned = (Math.atan2(y - cy, x - cx) - Math.atan2(-cy, -cx)) * Math.sign(w);
-  const full = 2 * Math.PI;
-  return ((((turned % full) + full) % full) - Math.acos(Math.max(-1, share))) * radius;
-}
-
-/** The shortest such way to any of the places [x0, y0, x1, y1, ...] (centimetres), and to the gate's own obstacle. */
-function contactOf(point, flatCm, hull, twist) {
-  let shortest = point ? Math.max(0, wayTo(point, hull, twist)) : Infinity;
+/** The shortest way to any of the places [x0, y0, x1, y1, ...] (centimetres), and to the gate's own obstacle. */
+function contactOf(point, flatCm, footprint, wayTo) {
+  let shortest = Infinity;
+  if (point) shortest = isWithin(footprint, point) ? 0 : wayTo(point);
   for (let i = 0; i < flatCm.length; i += 2) {
     const place = [flatCm[i] / 100, flatCm[i + 1] / 100];
-    if (Math.hypot(...place) > hull) shortest = Math.min(shortest, wayTo(place, hull, twist));
+    const wayM = wayTo(place);
+    // A place within the hull counts only as the gate's own obstacle.
+    if (wayM < shortest && !isWithin(footprint, place)) shortest = wayM;
   }
   return shortest;
 }
@@ -99,7 +41,7 @@ function tierAt(leftM) {
 }
 
 /**
- * The way in front of the hull, until it would touch what is known there, or it is too far to matter.
+ * The way in front of the hull, until the gate would stop before what is known there, or it is too far to matter.
  * @param {number[][]} footprint
  * @param {object} verdict the gate's
  * @param {number[]} flatCm known obstacles [x0, y0, x1, y1, ...], centimetres
@@ -114,31 +56,31 @@ export function floorPath(footprint, verdict, flatCm = []) {
   const nose = Math.max(...footprint.map(([x, y]) => (twist.vx * x + twist.vy * y) / speed));
   const farM = Math.min(FAR_M, (MOST_TURN * speed) / Math.abs(twist.w));
   const isHeld = !moves(verdict.allowed);
-  const contactM = contactOf(verdict.point, flatCm, reach(footprint), twist);
-  const goesM = isHeld ? 0 : Math.min(contactM, farM);
-  const isStopped = isHeld || contactM <= farM;
-  const borderAt = borders(footprint, twist);
+  const { bordersAt, wayTo } = swept(footprint, twist);
+  const freeM = Math.max(0, contactOf(verdict.point, flatCm, footprint, wayTo) - LEFT_M);
+  const goesM = isHeld ? 0 : Math.min(freeM, farM);
+  const isStopped = isHeld || freeM <= farM;
   const tierOf = (atM) => (isStopped ? tierAt(nose + goesM - atM) : "green");
   const later = poseAfter(twist, Math.min(speed * SHOWN_S, goesM) / speed);
   return {
-    bands: bandsTo(nose + goesM, borderAt, isHeld ? () => "red" : tierOf),
-    stop: isStopped ? borderAt(nose + goesM) : null,
+    bands: bandsTo(nose + goesM, bordersAt, isHeld ? () => "red" : tierOf),
+    stop: isStopped ? bordersAt(nose + goesM) : null,
     later: isHeld ? null : carried(footprint, later),
   };
 }
 
 /** One outline for each stretch of a tier: side by side they would show seams. */
-function bandsTo(endM, borderAt, tierOf) {
+function bandsTo(endM, bordersAt, tierOf) {
   const steps = Math.max(1, Math.ceil(endM / STEP_M));
   const bands = [];
   for (let i = 0; i < steps; i += 1) {
     const [from, to] = [(endM * i) / steps, (endM * (i + 1)) / steps];
     const tier = tierOf(to);
     if (bands.at(-1)?.tier !== tier) {
-      const [left, right] = borderAt(from);
+      const [left, right] = bordersAt(from);
       bands.push({ tier, left: [left], right: [right] });
     }
-    const [left, right] = borderAt(to);
+    const [left, right] = bordersAt(to);
     bands.at(-1).left.push(left);
     bands.at(-1).right.unshift(right);
   }

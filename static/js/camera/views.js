@@ -1,4 +1,4 @@
-/** What a person chose to see: plan, camera or both; which camera, and which one small beside it. Kept per person. */
+/** The choice of a person: plan, camera or both; which camera, and which one small beside it. Kept per browser. */
 
 import { make, mark, show } from "../lib/dom.js";
 import { recall, remember } from "../lib/prefs.js";

@@ -16,7 +16,7 @@ function distanceSensors() {
   ];
 }
 
-/** What a student calls a range sensor, by the way it looks. @param {number} yaw radians, counter-clockwise from ahead */
+/** A range sensor's plain name, by the way it looks. @param {number} yaw radians, counter-clockwise from ahead */
 export function distanceSensorName(yaw) {
   const eighth = Math.round(yaw / EIGHTH) % 8;
   return distanceSensors()[(eighth + 8) % 8];
@@ -45,7 +45,7 @@ export function plain(text, names = new Map()) {
   return plainer.replace(/\bsonar(s?)\b/g, "distance sensor$1");
 }
 
-/** What becomes of a stick position on its way to the robot. @param {string} steps in the bridge's words */
+/** The way of a stick position to the robot, in plain words. @param {string} steps in the bridge's words */
 export function stickWords(steps) {
   return steps === "no filter"
     ? gettext("goes to the robot as it is")

@@ -26,7 +26,7 @@ export class Reasons {
     this.#seenMs = nowMs;
   }
 
-  /** What held the robot back just now; empty when that is some seconds ago. */
+  /** The reason that held the robot back in the last seconds; empty: there was none. */
   recent(nowMs) {
     return nowMs - this.#seenMs < LINGERS_MS ? this.#list[0].text : "";
   }

@@ -1,6 +1,13 @@
 /** Plane geometry of the base frame: x forward, y left, metres and radians. */
 
 const STRAIGHT_RADPS = 1e-4;
+const NEARLY_STRAIGHT = 1e-3; // rad/s for each m/s
+const SLOWEST_SHOWN = 0.01; // m/s or rad/s
+
+/** Whether a twist is worth a path. @param {number[]} twist vx, vy, w */
+export function moves(twist) {
+  return twist.some((value) => Math.abs(value) > SLOWEST_SHOWN);
+}
 
 /**
  * Pose of the base after driving a constant twist for some time: on an arc, or a line.
@@ -31,6 +38,99 @@ export function carried(outline, { x, y, yaw }) {
 /** The radius of the circle about the base's centre that holds an outline. */
 export function reach(outline) {
   return Math.max(0, ...outline.map(([x, y]) => Math.hypot(x, y)));
+}
+
+/** The edges of a closed outline. @returns {[number[], number[]][]} both ends of each */
+function edgesOf(outline) {
+  return outline.map((start, i) => [start, outline[(i + 1) % outline.length]]);
+}
+
+/** Whether a place is inside a closed outline. */
+export function isWithin(outline, [x, y]) {
+  let isInside = false;
+  for (const [[ax, ay], [bx, by]] of edgesOf(outline))
+    if (ay > y !== by > y && x < ax + ((y - ay) / (by - ay)) * (bx - ax)) isInside = !isInside;
+  return isInside;
+}
+
+/**
+ * The floor that a hull sweeps while it drives a constant twist with some linear speed.
+ * @param {number[][]} outline closed, about the base
+ * @param {{vx: number, vy: number, w: number}} twist
+ * @returns {{bordersAt: (atM: number) => number[][], wayTo: (place: number[]) => number}} left and right border where
+ *   the base is after that way; metres until the hull touches a place outside of it, Infinity: it passes
+ */
+export function swept(outline, twist) {
+  const speed = Math.hypot(twist.vx, twist.vy);
+  return Math.abs(twist.w) < NEARLY_STRAIGHT * speed
+    ? sweptAhead(outline, twist.vx / speed, twist.vy / speed)
+    : sweptRound(outline, twist, speed);
+}
+
+function sweptAhead(outline, dx, dy) {
+  const onWay = ([x, y]) => [dx * x + dy * y, dx * y - dy * x]; // along, and to the left
+  const edges = edgesOf(outline.map(onWay));
+  const sides = edges.map(([[, side]]) => side);
+  const [right, left] = [Math.min(...sides), Math.max(...sides)];
+  const beside = (along, side) => [dx * along - dy * side, dy * along + dx * side];
+  const wayTo = (place) => {
+    const [along, side] = onWay(place);
+    let shortest = Infinity;
+    if (side <= right || side >= left) return shortest;
+    for (const [[a, sideA], [b, sideB]] of edges) {
+      if (sideA > side === sideB > side) continue;
+      const wayM = along - (a + ((side - sideA) / (sideB - sideA)) * (b - a));
+      if (wayM >= 0) shortest = Math.min(shortest, wayM);
+    }
+    return shortest;
+  };
+  return { bordersAt: (atM) => [beside(atM, left), beside(atM, right)], wayTo };
+}
+
+function sweptRound(outline, twist, speed) {
+  const { vx, vy, w } = twist;
+  const [cx, cy] = [-vy / w, vx / w]; // the hull turns about it
+  const edges = edgesOf(outline.map(([x, y]) => [x - cx, y - cy]));
+  const radiusM = speed / Math.abs(w);
+  const outer = Math.max(...edges.map(([start]) => Math.hypot(...start)));
+  const inner = isWithin(outline, [cx, cy]) ? 0 : Math.min(...edges.map(nearestOf));
+  const bordersAt = (atM) => {
+    const { x, y } = poseAfter(twist, atM / speed);
+    const [ex, ey] = [(x - cx) / radiusM, (y - cy) / radiusM];
+    const at = (r) => [cx + ex * r, cy + ey * r];
+    return w > 0 ? [at(inner), at(outer)] : [at(outer), at(inner)];
+  };
+  const wayTo = ([px, py]) => {
+    const [x, y] = [px - cx, py - cy];
+    const away = Math.hypot(x, y);
+    let shortest = Infinity;
+    if (away <= inner || away >= outer) return shortest;
+    const bearing = Math.atan2(y, x);
+    for (const [hitX, hitY] of edges.flatMap((edge) => atDistance(edge, away))) {
+      const turn = (bearing - Math.atan2(hitY, hitX)) * Math.sign(w);
+      shortest = Math.min(shortest, (turn < 0 ? turn + 2 * Math.PI : turn) % (2 * Math.PI));
+    }
+    return shortest * radiusM;
+  };
+  return { bordersAt, wayTo };
+}
+
+/** The least distance of an edge from the origin. */
+function nearestOf([[ax, ay], [bx, by]]) {
+  const [ex, ey] = [bx - ax, by - ay];
+  const at = Math.min(1, Math.max(0, -(ax * ex + ay * ey) / (ex ** 2 + ey ** 2)));
+  return Math.hypot(ax + at * ex, ay + at * ey);
+}
+
+/** The places of an edge, at most two, at this distance from the origin. */
+function atDistance([[ax, ay], [bx, by]], distance) {
+  const [ex, ey] = [bx - ax, by - ay];
+  const square = ex ** 2 + ey ** 2;
+  const half = (ax * ex + ay * ey) / square;
+  const root = Math.sqrt(half ** 2 - (ax ** 2 + ay ** 2 - distance ** 2) / square); // NaN: none
+  return [-half - root, -half + root]
+    .filter((at) => at >= 0 && at <= 1)
+    .map((at) => [ax + at * ex, ay + at * ey]);
 }
 
 /** Half the distances shown, in metres: the smallest step that still shows most of what is near. */

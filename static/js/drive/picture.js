@@ -3,15 +3,14 @@
  * Forward is up. Drawn when there is something new, once per frame.
  */
 
-import { coloursOf, onNewColours } from "../lib/colours.js";
-import { arc, carried, reach, spanFor } from "./path.js";
+import { Canvas } from "../lib/canvas.js";
+import { arc, carried, moves, reach, spanFor } from "./path.js";
 
 const PATH_S = 2;
 const PATH_STEPS = 24;
 const ROBOT_AT = 0.6; // of the height: more is seen ahead than behind
 const COARSEST = 36; // pixels of the page per metre: in a small picture rather less room than a tiny robot
 const UNSEEN_M = 1.5; // how far out unseen sectors are shaded: where the robot is soon
-const SLOWEST_SHOWN = 0.01; // m/s or rad/s
 
 const COLOURS = [
   "surface",
@@ -30,96 +29,52 @@ const COLOURS = [
   "hold",
 ];
 
-/** Return whether a twist is worth a path. */
-export function moves([vx, vy, w]) {
-  return (
-    Math.abs(vx) > SLOWEST_SHOWN || Math.abs(vy) > SLOWEST_SHOWN || Math.abs(w) > SLOWEST_SHOWN
-  );
-}
-
 function away([x, y]) {
   return Math.hypot(x, y);
 }
 
 export class Picture {
   #canvas;
-  #pen;
   #facts = null;
   #view = null;
   #stale = false;
   #span = 3;
-  #frame = null;
-  #colour = {};
-  #observer;
-  #listening = new AbortController();
 
   /** @param {HTMLCanvasElement} canvas its colours are custom properties named --view-... */
   constructor(canvas) {
-    this.#canvas = canvas;
-    this.#pen = canvas.getContext("2d");
-    this.#observer = new ResizeObserver(() => this.#fit());
-    this.#observer.observe(canvas);
-    onNewColours(() => this.#readColours(), this.#listening.signal);
-    this.#readColours();
+    this.#canvas = new Canvas(canvas, "--view-", COLOURS, (pen, width, height) =>
+      this.#draw(pen, width, height),
+    );
   }
 
   set facts(facts) {
     this.#facts = facts;
-    this.#redraw();
+    this.#canvas.redraw();
   }
 
   set view(view) {
     this.#view = view;
     if (view?.scan) this.#span = spanFor(view.scan.laser_cm, this.#span);
-    this.#redraw();
+    this.#canvas.redraw();
   }
 
   /** Greyed: what is shown is no longer true. */
   set stale(stale) {
     if (stale === this.#stale) return;
     this.#stale = stale;
-    this.#redraw();
+    this.#canvas.redraw();
   }
 
   close() {
-    this.#listening.abort();
-    this.#observer.disconnect();
-    cancelAnimationFrame(this.#frame);
+    this.#canvas.close();
   }
 
-  #readColours() {
-    const names = COLOURS.map((name) => `--view-${name}`);
-    const colours = coloursOf(this.#canvas.parentElement, names);
-    this.#colour = Object.fromEntries(COLOURS.map((name, i) => [name, colours[i]]));
-    this.#redraw();
-  }
-
-  #fit() {
-    const scale = Math.min(devicePixelRatio || 1, 2);
-    this.#canvas.width = Math.round(this.#canvas.clientWidth * scale);
-    this.#canvas.height = Math.round(this.#canvas.clientHeight * scale);
-    this.#redraw();
-  }
-
-  #redraw() {
-    this.#frame ??= requestAnimationFrame(() => {
-      this.#frame = null;
-      this.#draw();
-    });
-  }
-
-  #draw() {
-    const { width, height } = this.#canvas;
-    if (!width || !height) return;
-    const pen = this.#pen;
-    const density = Math.min(devicePixelRatio || 1, 2);
+  #draw(pen, width, height) {
+    const { density } = this.#canvas;
     const pixels = Math.max(
       Math.min(width / 2, height * ROBOT_AT) / this.#span,
       COARSEST * density,
     ); // per metre
-    pen.setTransform(1, 0, 0, 1, 0, 0);
-    pen.globalAlpha = 1;
-    pen.clearRect(0, 0, width, height);
     // From here on: metres, x forward is up, y left is left.
     pen.setTransform(0, -pixels, -pixels, 0, width / 2, height * ROBOT_AT);
     const pixel = density / pixels;
@@ -139,8 +94,8 @@ export class Picture {
   }
 
   #drawGrid(pixel) {
-    const pen = this.#pen;
-    pen.strokeStyle = this.#colour.grid;
+    const pen = this.#canvas.pen;
+    pen.strokeStyle = this.#canvas.colour.grid;
     pen.lineWidth = pixel;
     for (let metres = 1; metres <= 10; metres += 1) {
       pen.beginPath();
@@ -152,7 +107,7 @@ export class Picture {
 
   /** Text stands upright, whatever way the metres lie. */
   #write(text, x, y, pixel) {
-    const pen = this.#pen;
+    const pen = this.#canvas.pen;
     pen.save();
     pen.translate(x, y);
     pen.transform(0, -pixel, -pixel, 0, 0, 0);
@@ -160,16 +115,16 @@ export class Picture {
     pen.textAlign = "center";
     pen.textBaseline = "middle";
     const half = pen.measureText(text).width / 2 + 3;
-    pen.fillStyle = this.#colour.surface;
+    pen.fillStyle = this.#canvas.colour.surface;
     pen.fillRect(-half, -7, 2 * half, 14);
-    pen.fillStyle = this.#colour["grid-text"];
+    pen.fillStyle = this.#canvas.colour["grid-text"];
     pen.fillText(text, 0, 0);
     pen.restore();
   }
 
   #drawUnseen(sectors) {
-    const pen = this.#pen;
-    pen.fillStyle = this.#colour.unseen;
+    const pen = this.#canvas.pen;
+    pen.fillStyle = this.#canvas.colour.unseen;
     for (const [from, to] of sectors) {
       pen.beginPath();
       pen.moveTo(0, 0);
@@ -180,7 +135,7 @@ export class Picture {
   }
 
   #drawSonars(rangesCm, pixel) {
-    const pen = this.#pen;
+    const pen = this.#canvas.pen;
     this.#facts.sonars.forEach(({ x, y, yaw, fov }, i) => {
       const range = rangesCm[i];
       if (range === null || range === undefined) return;
@@ -188,19 +143,19 @@ export class Picture {
       pen.moveTo(x, y);
       pen.arc(x, y, range / 100, yaw - fov / 2, yaw + fov / 2);
       pen.closePath();
-      pen.fillStyle = this.#colour.sonar;
+      pen.fillStyle = this.#canvas.colour.sonar;
       pen.fill();
       pen.beginPath();
       pen.arc(x, y, range / 100, yaw - fov / 2, yaw + fov / 2);
-      pen.strokeStyle = this.#colour.laser;
+      pen.strokeStyle = this.#canvas.colour.laser;
       pen.lineWidth = 2 * pixel;
       pen.stroke();
     });
   }
 
   #drawPoints(flatCm, colour, size) {
-    const pen = this.#pen;
-    pen.fillStyle = this.#colour[colour];
+    const pen = this.#canvas.pen;
+    pen.fillStyle = this.#canvas.colour[colour];
     for (let i = 0; i < flatCm.length; i += 2) {
       pen.fillRect(flatCm[i] / 100 - size / 2, flatCm[i + 1] / 100 - size / 2, size, size);
     }
@@ -208,7 +163,7 @@ export class Picture {
 
   #drawPath(allowed, pixel) {
     if (!moves(allowed)) return;
-    const pen = this.#pen;
+    const pen = this.#canvas.pen;
     const [vx, vy, w] = allowed;
     const poses = arc({ vx, vy, w }, PATH_S, PATH_STEPS);
     pen.lineCap = "round";
@@ -219,11 +174,11 @@ export class Picture {
       for (const { x, y } of poses) pen.lineTo(x, y);
     };
     trace();
-    pen.strokeStyle = this.#colour["path-body"];
+    pen.strokeStyle = this.#canvas.colour["path-body"];
     pen.lineWidth = 2 * reach(this.#facts.footprint);
     pen.stroke();
     trace();
-    pen.strokeStyle = this.#colour.path;
+    pen.strokeStyle = this.#canvas.colour.path;
     pen.lineWidth = 3 * pixel;
     pen.stroke();
     pen.setLineDash([5 * pixel, 5 * pixel]);
@@ -234,12 +189,12 @@ export class Picture {
   }
 
   #drawRobot(pixel) {
-    const pen = this.#pen;
+    const pen = this.#canvas.pen;
     this.#drawArm(this.#view.state.arm ?? [], pixel);
     this.#outline(this.#facts.footprint);
-    pen.fillStyle = this.#colour.robot;
+    pen.fillStyle = this.#canvas.colour.robot;
     pen.fill();
-    pen.strokeStyle = this.#colour["robot-edge"];
+    pen.strokeStyle = this.#canvas.colour["robot-edge"];
     pen.lineWidth = 2 * pixel;
     pen.stroke();
     const nose = Math.max(...this.#facts.footprint.map(([x]) => x));
@@ -248,14 +203,14 @@ export class Picture {
     pen.lineTo(nose * 0.2, nose * 0.32);
     pen.lineTo(nose * 0.2, -nose * 0.32);
     pen.closePath();
-    pen.fillStyle = this.#colour["robot-edge"];
+    pen.fillStyle = this.#canvas.colour["robot-edge"];
     pen.fill();
   }
 
   /** The arm from the body to its end, as wide as it counts, and named at the end. */
   #drawArm(discs, pixel) {
     if (discs.length === 0) return;
-    const pen = this.#pen;
+    const pen = this.#canvas.pen;
     const radius = discs[0][2];
     pen.lineCap = "round";
     pen.lineJoin = "round";
@@ -266,7 +221,7 @@ export class Picture {
       pen.beginPath();
       pen.moveTo(0, 0);
       for (const [x, y] of discs) pen.lineTo(x, y);
-      pen.strokeStyle = this.#colour[colour];
+      pen.strokeStyle = this.#canvas.colour[colour];
       pen.lineWidth = Math.max(width, pixel);
       pen.stroke();
     }
@@ -277,11 +232,11 @@ export class Picture {
 
   #drawHold(point, pixel) {
     if (!point) return;
-    const pen = this.#pen;
+    const pen = this.#canvas.pen;
     const [x, y] = point;
     const away = Math.hypot(x, y) || 1;
     const hull = reach(this.#facts.footprint);
-    pen.strokeStyle = this.#colour.hold;
+    pen.strokeStyle = this.#canvas.colour.hold;
     pen.lineWidth = 2 * pixel;
     pen.beginPath();
     pen.moveTo((x / away) * hull, (y / away) * hull);
@@ -293,12 +248,12 @@ export class Picture {
     pen.stroke();
     pen.beginPath();
     pen.arc(x, y, 3 * pixel, 0, 2 * Math.PI);
-    pen.fillStyle = this.#colour.hold;
+    pen.fillStyle = this.#canvas.colour.hold;
     pen.fill();
   }
 
   #outline(points) {
-    const pen = this.#pen;
+    const pen = this.#canvas.pen;
     pen.beginPath();
     for (const [x, y] of points) pen.lineTo(x, y); // the first only moves: the path is empty
     pen.closePath();

@@ -86,7 +86,7 @@ function stopWord(state, unknown) {
   return state === "stopping" ? gettext("Stopping") : gettext("Stopped");
 }
 
-/** The robot's present activity in a few words. Pure. @param {object} state of the robot */
+/** The words for the present action of a robot. Pure. @param {object} state of the robot */
 export function doingText(state) {
   const { stop, motion, speech, drive_by: driveBy, holder, charging } = state;
   if (stop.state === "stopping") return gettext("Is being stopped");

@@ -13,6 +13,7 @@ const AHEAD = [0, -1, 0, 0, 0, 0, -1, 1, 1, 0, 0, 0];
 const DOWN = [0, -1, 0, 0, -1, 0, 0, 0, 0, 0, -1, 1];
 const LENS = [500, 500, 320, 240];
 const header = (pose) => ({ lens: LENS, pose, width: 640, height: 480 });
+const LEFT_M = 0.08; // the gate leaves it before an obstacle
 const verdict = (allowed, { asked = allowed, point = null } = {}) => ({ allowed, asked, point });
 const round = (points) =>
   points.map((point) => point.map((value) => Math.round(value * 100) / 100));
@@ -73,8 +74,7 @@ describe("the way on the floor", () => {
   it("ends yellow and red where the hull would touch", () => {
     const { bands, stop } = floorPath(SQUARE, verdict([0.5, 0, 0], { point: [2, 0] }));
     expect(bands.map(({ tier }) => tier)).toEqual(["green", "yellow", "red"]);
-    const contact = 2 - Math.hypot(0.3, 0.2); // travelled, by the hull's circle
-    expect(stop[0][0]).toBeCloseTo(0.3 + contact);
+    expect(stop[0][0]).toBeCloseTo(2 - LEFT_M);
     expect(stop.map(([, y]) => y)).toEqual([0.2, -0.2]);
     const yellow = bands[1].outline.map(([x]) => x);
     expect(Math.max(...yellow) - Math.min(...yellow)).toBeCloseTo(0.45, 1);
@@ -83,17 +83,31 @@ describe("the way on the floor", () => {
   it("ends before the nearest place that any sensor knows", () => {
     const known = [300, 0, 250, 10, 200, 90, -100, 0, 20, 0];
     const { stop } = floorPath(SQUARE, verdict([0.5, 0, 0]), known);
-    const hull = Math.hypot(0.3, 0.2);
-    expect(stop[0][0]).toBeCloseTo(0.3 + 2.5 - Math.sqrt(hull ** 2 - 0.1 ** 2));
+    expect(stop[0][0]).toBeCloseTo(2.5 - LEFT_M);
   });
 
-  it("touches in a bend what lies on the hull's ring", () => {
-    // About (0, 1): a place a quarter turn on, on the base's own circle of 1 m.
+  it("passes what is inside the circle round the hull but beside its outline", () => {
+    expect(floorPath(SQUARE, verdict([0.5, 0, 0]), [200, 25]).stop).toBe(null);
+    expect(floorPath(SQUARE, verdict([0.5, 0, 0]), [200, 19]).stop).not.toBe(null);
+  });
+
+  it("touches a slanted edge later than the nose", () => {
+    const wedge = [
+      [0.3, 0],
+      [-0.3, 0.2],
+      [-0.3, -0.2],
+    ];
+    const { stop } = floorPath(wedge, verdict([0.5, 0, 0]), [200, 10]);
+    expect(stop[0][0]).toBeCloseTo(0.3 + 2 - LEFT_M); // at 0.1 m aside the edge is 0.3 m behind the nose
+  });
+
+  it("touches in a bend with the edge that comes first", () => {
+    // About (0, 1): a place a quarter turn on, on the base's own circle of 1 m. The front edge meets that circle where
+    // x = 0.3, asin(0.3) ahead of the base.
     const { stop } = floorPath(SQUARE, verdict([0.5, 0, 0.5]), [100, 100]);
-    const hull = Math.hypot(0.3, 0.2);
-    const contact = Math.PI / 2 - Math.acos(1 - hull ** 2 / 2); // radians, and metres
+    const goes = Math.PI / 2 - Math.asin(0.3) - LEFT_M; // radians, and metres
     const [x, y] = stop[1];
-    expect(Math.atan2(x, 1 - y)).toBeCloseTo(contact + 0.3); // and the nose before it
+    expect(Math.atan2(x, 1 - y)).toBeCloseTo(goes + 0.3); // and the nose before it
     const mirrored = floorPath(SQUARE, verdict([0.5, 0, -0.5]), [100, -100]).stop[0];
     expect(mirrored[0]).toBeCloseTo(x);
     expect(mirrored[1]).toBeCloseTo(-y);
