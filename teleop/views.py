@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 from django.views.decorators.http import require_safe
@@ -34,5 +36,6 @@ def control(request: HttpRequest, slug: str) -> HttpResponse:
         "has_cameras": bool(robot_facts(robot).cameras),
         "supervises": supervises(person, robot),
         "protocol": PROTOCOL,
+        "choices": json.dumps(person.page_choices),
     }
     return render(request, "teleop/control.html", context)

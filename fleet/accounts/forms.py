@@ -11,6 +11,38 @@ from django.utils.translation import gettext_lazy
 
 from fleet import zones
 
+PANELS = ("chart", "motions", "phrases")  # of the control page on a desk
+PLACES = ("left", "top", "bottom")
+
+
+class PageChoicesForm(forms.Form):
+    """The choices that the control page keeps for a person; a request may have some of them.
+
+    `kept` are the valid ones: `panels`, the place of each panel, and `hints_seen`.
+    """
+
+    chart = forms.ChoiceField(choices=[(place, place) for place in PLACES], required=False)
+    motions = forms.ChoiceField(choices=[(place, place) for place in PLACES], required=False)
+    phrases = forms.ChoiceField(choices=[(place, place) for place in PLACES], required=False)
+    hints_seen = forms.NullBooleanField()
+
+    kept: dict[str, Any]
+
+    def clean(self) -> dict[str, Any]:
+        """Refuse panels without a place of their own, and a request without a choice."""
+        fields = super().clean() or {}
+        places = {panel: place for panel in PANELS if (place := fields.get(panel))}
+        self.kept = {}
+        if places:
+            if sorted(places.values()) != sorted(PLACES):
+                raise forms.ValidationError(_("Each panel needs a place of its own."))
+            self.kept["panels"] = places
+        if fields.get("hints_seen") is not None:
+            self.kept["hints_seen"] = fields["hints_seen"]
+        if not self.kept:
+            raise forms.ValidationError(_("There is no choice in this request."))
+        return fields
+
 
 class SettingsForm(forms.Form):
     """The choices of a person for themselves."""

@@ -25,7 +25,8 @@ class User(RecordedUser):
     time_zone = models.CharField(
         _("time zone"), max_length=64, blank=True, help_text=_("In which pages show times. Blank: the lab's.")
     )
-
+    # The arrangement of the control page and the hints that were read: `PageChoicesForm`. Pages alone read it.
+    page_choices = models.JSONField(default=dict, blank=True, editable=False)
     project = models.CharField(
         _("project"),
         max_length=80,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from typing import Any
 from uuid import UUID
 
 from allauth.account.models import EmailAddress
@@ -107,6 +108,13 @@ def time_zone_choose(*, user: User, name: str) -> None:
     user.save(update_fields=["time_zone"])
 
 
+@transaction.atomic
+def page_choices_keep(*, user: User, kept: dict[str, Any]) -> None:
+    """Keep these choices of a person beside the others. Nobody else is concerned: they are not recorded."""
+    account = User.objects.select_for_update(no_key=True).get(pk=user.pk)
+    User.objects.filter(pk=user.pk).update(page_choices={**account.page_choices, **kept})
+
+
 def service_account_make(*, name: str, project: str, actor: User) -> User:
     """Make an account that belongs to a project: without address and password, for programs with tokens only."""
     account = User(username=_free_username(name), full_name=name, project=project)
@@ -134,7 +142,9 @@ def account_close(*, user: User) -> None:
         table.objects.filter(user=user).delete()
     user.set_unusable_password()
     account = User.objects.filter(pk=user.pk)
-    account.update(password=user.password, is_active=False, is_staff=False, is_superuser=False)
+    account.update(
+        password=user.password, is_active=False, is_staff=False, is_superuser=False, page_choices={}
+    )
 
 
 def account_erase(*, user: User, actor: User | SystemAccount) -> Record:

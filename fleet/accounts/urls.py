@@ -23,6 +23,7 @@ urlpatterns = [
     path("sign-out/", _sign_out, name="sign-out"),
     path("sign-out/", _sign_out, name="account_logout"),
     path("settings/", views.own_settings, name="your-settings"),
+    path("settings/page/", views.page_choices, name="page-choices"),
     path("password/", PasswordView.as_view(), name="password"),
     path("sessions/", views.sessions, name="sessions"),
     path("sessions/<uuid:sign_in_id>/end/", views.session_end, name="session-end"),

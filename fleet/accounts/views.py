@@ -7,7 +7,7 @@ from uuid import UUID
 from allauth.account.models import EmailAddress
 from allauth.socialaccount.models import SocialAccount
 from django.contrib import messages
-from django.http import HttpRequest, HttpResponse
+from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect, render
 from django.utils import timezone
 from django.utils.translation import gettext as _
@@ -16,7 +16,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from fleet.accounts import services
-from fleet.accounts.forms import SettingsForm
+from fleet.accounts.forms import PageChoicesForm, SettingsForm
 from fleet.accounts.requests import person_of
 from fleet.accounts.selectors import sign_ins_of
 from fleet.accounts.sign_in import second_factor
@@ -56,6 +56,17 @@ def own_settings(request: HttpRequest) -> HttpResponse:
         messages.success(request, _("Your settings are saved."))
         return redirect("your-settings")
     return render(request, "accounts/settings.html", {"form": form, "now": timezone.now()})
+
+
+@require_POST
+def page_choices(request: HttpRequest) -> HttpResponse:
+    """Keep choices that a page sends for its person: 204, or 400 with the reason and nothing changed."""
+    form = PageChoicesForm(request.POST)
+    if not form.is_valid():
+        texts = [str(text) for errors in form.errors.values() for text in errors]
+        return JsonResponse({"code": "bad_choice", "text": " ".join(texts), "rule": "account"}, status=400)
+    services.page_choices_keep(user=person_of(request), kept=form.kept)
+    return HttpResponse(status=204)
 
 
 @never_cache

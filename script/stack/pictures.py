@@ -47,7 +47,7 @@ PLOTTED_S = 7.0  # until there is a curve to show
 # These people have read the hints for newcomers.
 BEEN_HERE = """{
   const kept = JSON.parse(localStorage.getItem("fleet-console") ?? "{}");
-  const read = { "hints-seen operator": true, "hints-seen staff": true };
+  const read = { "hints_seen operator": true, "hints-seen staff": true };
   localStorage.setItem("fleet-console", JSON.stringify({ ...kept, ...read }));
 }"""
 

@@ -59,7 +59,7 @@ class Person:
             ignore_https_errors=stack.certificate is not None,  # as a person who ignores the warning
         )
         if not newcomer:
-            self.context.add_init_script(HINTS_SEEN % json.dumps(f"hints-seen {self.account.username}"))
+            self.context.add_init_script(HINTS_SEEN % json.dumps(f"hints_seen {self.account.username}"))
         self.page: Page = self.context.new_page()
         self.complaints: list[str] = []
         self.heard: dict[str, Any] = {}

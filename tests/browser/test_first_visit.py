@@ -19,9 +19,26 @@ KEPT = """async () => {
 }"""
 
 
+def keep_choices(person: Person, fields: str) -> None:
+    """Let the person's account keep these choices about the control page."""
+    person.open("/accounts/")
+    status = person.page.evaluate(
+        """async (body) => {
+          const token = document.querySelector("[name=csrfmiddlewaretoken]").value;
+          const headers = {
+            "X-CSRFToken": token, "Content-Type": "application/x-www-form-urlencoded", Accept: "application/json",
+          };
+          return (await fetch("/accounts/settings/page/", { method: "POST", headers, body })).status;
+        }""",
+        fields,
+    )
+    assert status == 204
+
+
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: int) -> None:
     operator = person("operator", width=width, height=height, newcomer=True, apart=True)
+    keep_choices(operator, "hints_seen=false")
     operator.watch("tiago-2")
     hint = operator.part("first-steps")
     expect(hint).to_contain_text("1 of 3")
@@ -39,6 +56,7 @@ def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: in
     assert not overlap(box_of(hint), box_of(operator.page.locator("form.stop .stop-button")))
     operator.page.get_by_role("button", name="Got it").click()
     expect(hint).to_be_hidden()
+    operator.page.evaluate("localStorage.clear()")  # as in another browser: the account knows
     operator.watch("tiago-2")
     expect(hint).to_be_hidden()
     operator.page.locator(".menu summary").click()
@@ -82,12 +100,14 @@ def test_panels_move_by_drag_and_keys_and_stay(person: Arrive) -> None:
     moved = {name: box_of(one) for name, one in panel.items()}
     assert moved["phrases"] == before["motions"]
     assert found_by_axe(operator) == []
+    page.evaluate("localStorage.clear()")  # as in another browser: the account knows
     operator.watch("tiago-2")
     operator.until_in_control()
     assert {name: box_of(one)["x"] for name, one in panel.items()} == {
         name: box["x"] for name, box in moved.items()
     }
     operator.release()
+    keep_choices(operator, "chart=left&motions=top&phrases=bottom")  # as other tests expect them
 
 
 def test_the_labs_monitor_has_nothing_to_press(person: Arrive) -> None:

@@ -21,6 +21,7 @@ import { tabClock, tabToken } from "../lib/tab.js";
 import { Tabs } from "../lib/tabs.js";
 import { Notices } from "../page/notices.js";
 import { TaskPanel } from "../tasks/task_panel.js";
+import { Choices } from "./choices.js";
 import { isHeld, isSilent, isStale, seenAt } from "./control_banner.js";
 import { ControlPanel } from "./control_panel.js";
 import { ControlRequests, isControlRequest } from "./control_requests.js";
@@ -132,8 +133,9 @@ class ControlPage {
     }
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
     this.#drawers = new Drawers(root);
-    this.#hints = new Hints(root, this.#parts, root.dataset.person);
-    this.#panels = new Panels(root, root.dataset.person, (text) =>
+    const choices = new Choices(root.dataset);
+    this.#hints = new Hints(root, this.#parts, choices);
+    this.#panels = new Panels(root, choices, (text) =>
       this.#notices.add({ level: "success", code: "moved", text, quiet: true }),
     );
     this.#requests = new ControlRequests(

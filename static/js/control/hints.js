@@ -1,9 +1,12 @@
-/** Three hints for a first visit: take control, push the stick, stop. Each goes when it was done; all are shown once. */
+/**
+ * Three hints for a first visit: take control, push the stick, stop. Each goes when it was done, or after 20 s; all are
+ * shown once for each account.
+ */
 
 import { mark, say, show } from "../lib/dom.js";
-import { recall, remember } from "../lib/prefs.js";
 
 const STEPS = ["take", "stick", "stop"];
+const SHOWN_MS = 20_000;
 
 function hintText(step) {
   return {
@@ -16,19 +19,20 @@ function hintText(step) {
 export class Hints {
   #root;
   #parts;
-  #key;
+  #choices;
   #step = null;
+  #timer = null;
   #listening = new AbortController();
 
   /**
    * @param {HTMLElement} root carries data-hint for the style sheet
    * @param {{"first-steps", "hint-count", "hint-text", "hint-next", "hint-close", "hints-open"}} parts
-   * @param {string} person who has seen them, or not
+   * @param {import("./choices.js").Choices} choices of the person, who has seen them or not
    */
-  constructor(root, parts, person) {
+  constructor(root, parts, choices) {
     this.#root = root;
     this.#parts = parts;
-    this.#key = `hints-seen ${person}`;
+    this.#choices = choices;
     const { signal } = this.#listening;
     parts["hint-next"].addEventListener("click", () => this.#next(), { signal });
     parts["hint-close"].addEventListener("click", () => this.#end(), { signal });
@@ -37,7 +41,7 @@ export class Hints {
 
   /** Begin, for somebody who may drive and has not seen them. */
   begin() {
-    if (this.#step === null && !recall(this.#key, false)) this.#show(0);
+    if (this.#step === null && !this.#choices.recall("hints_seen", false)) this.#show(0);
   }
 
   /** @param {"take" | "stick" | "stop"} step that the person has just done */
@@ -47,6 +51,7 @@ export class Hints {
 
   close() {
     this.#listening.abort();
+    clearTimeout(this.#timer);
   }
 
   #next() {
@@ -67,11 +72,19 @@ export class Hints {
     say(text, hintText(STEPS[step]));
     say(next, step === STEPS.length - 1 ? gettext("Got it") : gettext("Next"));
     show(card, true);
+    this.#wait();
+  }
+
+  /** Nobody reads a hint on a hidden page: its time begins again. */
+  #wait() {
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => (document.hidden ? this.#wait() : this.#next()), SHOWN_MS);
   }
 
   #end() {
     this.#step = null;
-    remember(this.#key, true);
+    clearTimeout(this.#timer);
+    this.#choices.remember("hints_seen", true);
     mark(this.#root, "hint", null);
     show(this.#parts["first-steps"], false);
   }

@@ -1,7 +1,6 @@
-/** The places of the panels on a desk: dragged by their handles, or moved by the arrow keys. Kept per person. */
+/** The places of the panels on a desk: dragged by their handles, or moved by the arrow keys. Kept for each account. */
 
 import { mark } from "../lib/dom.js";
-import { recall, remember } from "../lib/prefs.js";
 
 const PLACES = ["left", "top", "bottom"]; // beside the stick; at the other side, above and below
 const STANDARD = { chart: "left", motions: "top", phrases: "bottom" };
@@ -30,23 +29,23 @@ function isArrangement(places) {
 export class Panels {
   #panels;
   #places;
-  #key;
+  #choices;
   #tell;
   #dragged = null;
   #listening = new AbortController();
 
   /**
    * @param {HTMLElement} root its elements with data-panel are the panels, those with data-moves their handles
-   * @param {string} person whose places these are
+   * @param {import("./choices.js").Choices} choices of the person
    * @param {(text: string) => void} tell what was moved, for those who listen
    */
-  constructor(root, person, tell) {
-    this.#key = `panels ${person}`;
+  constructor(root, choices, tell) {
+    this.#choices = choices;
     this.#tell = tell;
     this.#panels = new Map(
       [...root.querySelectorAll("[data-panel]")].map((panel) => [panel.dataset.panel, panel]),
     );
-    const kept = recall(this.#key, STANDARD);
+    const kept = choices.recall("panels", STANDARD);
     this.#place(isArrangement(kept) ? kept : STANDARD);
     const { signal } = this.#listening;
     for (const handle of root.querySelectorAll("[data-moves]")) {
@@ -70,7 +69,7 @@ export class Panels {
   #move(name, place) {
     if (place === undefined || this.#places[name] === place) return;
     this.#place(moved(this.#places, name, place));
-    remember(this.#key, this.#places);
+    this.#choices.remember("panels", this.#places);
     this.#tell(placeWords(place));
   }
 

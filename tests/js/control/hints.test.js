@@ -1,4 +1,5 @@
-import { beforeEach, describe, expect, it } from "vitest";
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Choices } from "../../../static/js/control/choices.js";
 import { Hints } from "../../../static/js/control/hints.js";
 
 const NAMES = ["first-steps", "hint-count", "hint-text", "hint-next", "hint-close", "hints-open"];
@@ -10,14 +11,17 @@ describe("the hints of a first visit", () => {
     root = document.createElement("main");
     parts = Object.fromEntries(NAMES.map((name) => [name, document.createElement("button")]));
     parts["first-steps"].hidden = true;
-    const hints = new Hints(root, parts, person);
+    const hints = new Hints(root, parts, new Choices({ person }));
     hints.begin();
     return hints;
   };
   let person = 0;
   beforeEach(() => {
     person += 1;
+    vi.useFakeTimers();
+    vi.stubGlobal("fetch", () => Promise.reject(new Error("offline"))); // the browser's copy does
   });
+  afterEach(() => vi.useRealTimers());
 
   it("go on with each thing that is done, and end for good", () => {
     const hints = open(person);
@@ -39,6 +43,22 @@ describe("the hints of a first visit", () => {
     expect(root.dataset.hint).toBe("take");
     parts["hint-next"].click();
     expect(root.dataset.hint).toBe("stick");
+  });
+
+  it("go on after 20 s each, but not on a hidden page", () => {
+    open(person);
+    vi.advanceTimersByTime(19_900);
+    expect(root.dataset.hint).toBe("take");
+    vi.advanceTimersByTime(200);
+    expect(root.dataset.hint).toBe("stick");
+    vi.spyOn(document, "hidden", "get").mockReturnValue(true);
+    vi.advanceTimersByTime(60_000);
+    expect(root.dataset.hint).toBe("stick");
+    vi.restoreAllMocks();
+    vi.advanceTimersByTime(40_000);
+    expect(parts["first-steps"].hidden).toBe(true);
+    open(person);
+    expect(parts["first-steps"].hidden).toBe(true);
   });
 
   it("are new to each person", () => {

@@ -1,4 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Choices } from "../../../static/js/control/choices.js";
 import { moved, Panels } from "../../../static/js/control/panels.js";
 
 const NAMES = ["chart", "motions", "phrases"];
@@ -19,10 +20,11 @@ describe("the panels of a desk", () => {
     handle(name).dispatchEvent(Object.assign(new Event(type), { clientX, clientY: 5 }));
   const open = (person) => {
     messages = [];
-    panels = new Panels(root, person, (text) => messages.push(text));
+    panels = new Panels(root, new Choices({ person }), (text) => messages.push(text));
   };
 
   beforeEach(() => {
+    vi.stubGlobal("fetch", () => Promise.reject(new Error("offline"))); // the browser's copy does
     document.body.innerHTML = `<main>${NAMES.map(
       (name) => `<section data-panel="${name}"><button data-moves="${name}"></button></section>`,
     ).join("")}</main>`;

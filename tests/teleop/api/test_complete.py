@@ -125,6 +125,7 @@ FOR_PEOPLE: dict[str, str] = {
     "session-end": BROWSER,
     "sessions-end-others": BROWSER,
     "your-settings": BROWSER,
+    "page-choices": "the arrangement of a person's pages",
     "bookings-news-seen": BROWSER,
     "password": ACCOUNT,
     "account_email": ACCOUNT,
