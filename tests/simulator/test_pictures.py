@@ -51,6 +51,15 @@ def test_a_colour_picture_shows_a_coloured_thing_where_it_is(picture):
     assert np.flatnonzero(is_red)[[0, -1]] == pytest.approx(edges, abs=2.0)
 
 
+def test_no_camera_sees_through_a_wall_before_the_robot(picture):
+    """In a world of many metres, 0.1 m from the hull, and at an angle: a corner of the picture is nearer still."""
+    beyond = Box(name="beyond", at=(3.0, 0.0), size=(0.1, 9.0, 2.4), colour="#d01010")
+    wall = Box(name="wall", at=(0.43, 0.0), size=(0.1, 9.0, 2.4), colour="#10d010")
+    far = Box(name="far", at=(12.0, 0.0), size=(0.1, 9.0, 2.4))
+    pixels = picture(room(boxes=[wall, beyond, far]), Pose(0.0, 0.0, 0.6)).astype(int)
+    assert (pixels[200:280, :, 1] > pixels[200:280, :, 0]).all()
+
+
 def test_only_the_colour_camera_sees_decoration(robot_in, picture):
     sign = Box(name="sign", at=(0.5, 0.0), size=(0.1, 3.0, 2.0), colour="#d01010")
     pose = Pose(0.0, 0.0, 0.0)

@@ -39,7 +39,8 @@ def scene_xml(world: World, body: Body) -> str:
     visual = SubElement(root, "visual")
     SubElement(visual, "quality", shadowsize="0", offsamples="0")
     SubElement(visual, "headlight", ambient="0.7 0.7 0.7", diffuse="0.3 0.3 0.3", specular="0 0 0")
-    SubElement(visual, "map", znear="0.02", zfar="40")
+    # Both count in extents of the world: a camera must not look through a wall that the hull touches.
+    SubElement(visual, "map", znear="0.002", zfar="40")
     SubElement(visual, "global", offwidth="640", offheight="480")
     _materials(root)
     static = SubElement(root, "worldbody")
