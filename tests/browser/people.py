@@ -34,7 +34,8 @@ class Person:
     """A person with an account of `role`, in a separate browser context.
 
     A `newcomer` is shown the hints of a first visit, and their browser may keep the page for offline.
-    `heard` holds the newest message of each kind from the server, `drives` every drive message that the page sent.
+    `heard` holds the newest message of each kind from the server (`picture`: the header of a camera's picture),
+    `drives` every drive message that the page sent.
     """
 
     def __init__(
@@ -94,8 +95,9 @@ class Person:
         socket.on("framesent", self._sent)
 
     def _received(self, frame: str | bytes) -> None:
-        if isinstance(frame, bytes):
-            return  # a camera's picture
+        if isinstance(frame, bytes):  # a camera's picture, behind its header and the header's length
+            self.heard["picture"] = json.loads(frame[4 : 4 + int.from_bytes(frame[:4], "big")])
+            return
         message = json.loads(frame)
         self.heard[message["t"]] = message
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
@@ -12,10 +13,18 @@ from playwright.sync_api import Browser, expect
 
 from script.stack.stack import Stack
 from tests.browser.conftest import ROBOTS
+from tests.browser.course import Follower, pushed
 from tests.browser.people import Fingers, Person, running_stack
 from tests.browser.test_pages import found_by_axe
 
 Arrive = Callable[..., Person]
+# Before, in and behind the east door; metres from the start.
+THROUGH_THE_DOOR = ((-0.05, 0.8), (-0.05, 1.5), (-0.05, 2.4))
+PAINTED = """() => {
+  const canvas = document.querySelector("[data-part=camera-floor]");
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  return data.some((value) => value > 0);
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -118,3 +127,83 @@ def test_the_whole_screen_keeps_joystick_and_stop(person: Arrive) -> None:
     operator.clear()
     operator.release()
     assert operator.complaints == []
+
+
+def test_a_newcomer_with_a_phone_drives_by_the_camera_to_the_next_room(person: Arrive) -> None:
+    """The whole way with the hints of a first visit: picture, door, a look around, a stop by a second finger."""
+    operator = person("operator", width=390, height=844, touch=True, newcomer=True)
+    operator.page.get_by_role("link", name="Open").click()
+    shows_a_picture(operator)
+    expect(operator.part("picture-area")).to_have_attribute("data-view", "camera")
+    hint = operator.part("first-steps")
+    expect(hint).to_contain_text("1 of 3")
+    operator.press("Take control")
+    operator.until_in_control()
+    fingers = Fingers(operator)
+
+    follow(operator, fingers, THROUGH_THE_DOOR)
+    operator.until_still()
+    assert operator.place[1] > 2.0, "not in the next room"  # the door is 1.5 m from the start
+
+    ahead = heading(operator)
+    x, y = operator.middle_of("camera-floor")
+    fingers.put(1, (x, y))
+    for step in range(1, 7):
+        fingers.move(1, (x + 15 * step, y))
+        operator.page.wait_for_timeout(50)
+    fingers.lift(1)
+    operator.until(lambda: heading(operator) > ahead + 0.1, "a picture of what is farther left")
+
+    expect(hint).to_contain_text("3 of 3")
+    put_on_the_stick(operator, fingers, forward=0.0, left=1.0)
+    operator.until(lambda: operator.state["odometry"]["w"] > 0.1, "a turn")
+    fingers.put(2, operator.middle_of("stop"))
+    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "confirmed standstill")
+    operator.until_still()
+    fingers.lift(2)
+    fingers.lift(1)
+    expect(hint).to_be_hidden()
+    operator.clear()
+    operator.release()
+    assert operator.complaints == []
+
+
+def heading(person: Person) -> float:
+    """The way that the camera of the newest picture looks, radians to the left of the robot's."""
+    pose = person.heard["picture"]["pose"]
+    return math.atan2(pose[9], pose[8])
+
+
+def put_on_the_stick(person: Person, fingers: Fingers, *, forward: float, left: float) -> None:
+    """Put the first finger on the joystick's middle and move it there; 1 is beyond full stick."""
+    fingers.put(1, person.middle_of("zone"))
+    move_on_the_stick(person, fingers, forward=forward, left=left)
+
+
+def move_on_the_stick(person: Person, fingers: Fingers, *, forward: float, left: float) -> None:
+    """Move the finger that is on the joystick."""
+    x, y = person.middle_of("zone")
+    fingers.move(1, (x - person.stick_reach * left, y - person.stick_reach * forward))
+    person.page.wait_for_timeout(30)
+
+
+def follow(person: Person, fingers: Fingers, course: Sequence[tuple[float, float]]) -> None:
+    """Drive by the joystick with one finger; the way is drawn into the picture meanwhile."""
+    follower, sees_way = Follower(course), False
+    put_on_the_stick(person, fingers, forward=0.0, left=0.0)
+
+    def arrived() -> bool:
+        nonlocal sees_way
+        if person.state["neutral_needed"]:  # a busy machine heard a scan or a command too late
+            fingers.lift(1)
+            person.until(lambda: person.state["neutral_needed"] is None, "a free stick")
+            put_on_the_stick(person, fingers, forward=0.0, left=0.0)
+        odometry = person.state["odometry"]
+        forward, turn = follower.stick(odometry["x"], odometry["y"], odometry["yaw"])
+        move_on_the_stick(person, fingers, forward=forward, left=pushed(turn))
+        sees_way = sees_way or (odometry["vx"] > 0.1 and person.page.evaluate(PAINTED))
+        return follower.arrived
+
+    person.until(arrived, "the next room", timeout_s=90.0)
+    fingers.lift(1)
+    assert sees_way, "no way on the floor of the picture"
