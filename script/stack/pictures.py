@@ -42,6 +42,8 @@ LOOKED_AT = 10  # seconds into it
 
 ENROLLED = ("Ada", "Bea", "Chen", "Dora", "Emil", "Fatma", "Goran", "Hana", "Ivo", "Jin", "Kofi", "Lea")
 
+EVERY_THUMBNAIL = """[...document.querySelectorAll("[data-thumbnail]")].every((one) => one.width !== 300)"""
+
 LOOKING_AROUND = "Inspect surroundings"
 HEAD = ("head_1_joint", "head_2_joint")
 PLOTTED_S = 7.0  # until there is a curve to show
@@ -84,7 +86,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             page.goto(f"{stack.url}/")
             page.get_by_role("button", name="Understood").click()
             page.get_by_text("Online").nth(len(stack.robots) - 1).wait_for()
-            page.locator("[data-thumbnail]:visible").nth(len(stack.robots) - 1).wait_for()
+            page.wait_for_function(EVERY_THUMBNAIL)
             page.screenshot(path=PICTURES / "fleet.png")
             look_back(page, stack)
             page.screenshot(path=PICTURES / "session.png")

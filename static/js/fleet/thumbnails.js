@@ -1,10 +1,17 @@
-/** The newest picture of each robot's first camera on its card, a few times a minute. */
+/**
+ * The newest picture of each robot's first camera on its card, a few times a minute. A robot with a camera keeps the
+ * picture's place while there is none: cards that grow and shrink would move their buttons away under a finger.
+ */
 
 import { CameraSocket } from "../camera/camera_socket.js";
 import { fits } from "../camera/frame.js";
 import { socketUrl } from "../connection/socket.js";
 
 const RATE_HZ = 0.2; // so the robot sends single pictures, no film
+
+function empty(canvas) {
+  canvas.getContext("2d").clearRect(0, 0, canvas.width, canvas.height);
+}
 
 export class Thumbnails {
   #sockets = [];
@@ -26,16 +33,15 @@ export class Thumbnails {
     socket.addEventListener("cameras", ({ detail: [first] }) => {
       if (watched && watched !== first?.name) socket.end(watched);
       watched = first?.name;
+      canvas.hidden = !first;
       if (first) socket.watch(first.name, "small");
       else socket.close();
     });
     socket.addEventListener("picture", ({ detail }) => this.#paint(canvas, socket, detail));
     socket.addEventListener("state", ({ detail }) => {
-      if (detail.refusal) canvas.hidden = true;
+      if (detail.refusal) empty(canvas);
     });
-    socket.addEventListener("down", () => {
-      canvas.hidden = true;
-    });
+    socket.addEventListener("down", () => empty(canvas));
     socket.open();
   }
 
@@ -47,7 +53,6 @@ export class Thumbnails {
       canvas.height = picture.height;
       canvas.getContext("2d").drawImage(picture, 0, 0);
       picture.close();
-      canvas.hidden = false;
       socket.acknowledge(header, false);
     } catch {
       socket.acknowledge(header, true); // the next one may be whole

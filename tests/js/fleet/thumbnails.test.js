@@ -18,7 +18,10 @@ describe("thumbnails of cameras", () => {
     canvas.dataset.thumbnail = "tiago-1";
     canvas.hidden = true;
     painted = [];
-    canvas.getContext = () => ({ drawImage: (source) => painted.push(source) });
+    canvas.getContext = () => ({
+      drawImage: (source) => painted.push(source),
+      clearRect: () => painted.splice(0),
+    });
     document.body.replaceChildren(canvas);
     thumbnails = new Thumbnails(document);
     made[0].opens();
@@ -42,15 +45,16 @@ describe("thumbnails of cameras", () => {
   it("show a picture, and none while the camera has none", async () => {
     hears(CAMERAS);
     made[0].says(packed(headerOf(1)));
-    await vi.waitFor(() => expect(canvas.hidden).toBe(false));
-    expect(painted).toHaveLength(1);
+    expect(canvas.hidden).toBe(false); // its place is kept from now on
+    await vi.waitFor(() => expect(painted).toHaveLength(1));
     expect(sent("camera_ack")).toEqual([{ t: "camera_ack", camera: "head", number: 1 }]);
     hears({
       t: "camera_state",
       camera: "head",
       refusal: { code: "no_publisher", text: "off" },
     });
-    expect(canvas.hidden).toBe(true);
+    expect(painted).toEqual([]);
+    expect(canvas.hidden).toBe(false);
   });
 
   it("leave a robot without a camera alone", () => {
