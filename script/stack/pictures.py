@@ -21,12 +21,12 @@ from script.stack.places import REPOSITORY
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
 PICTURES = REPOSITORY / "docs/img"
-ROBOT = "tiago-1"
+ROBOT = "tiago-3"  # the second one is in a student's slot
 DRIVEN_S = 20.0
 SETTLED_S = 1.0  # until earlier notices have gone
-APPROACH_S = 1.5  # towards the obstacle, once the gate has begun to hold back
+APPROACH_S = 0.3  # towards the obstacle, once the gate has begun to hold back
 
-TOUR_ROBOT = "tiago-2"
+TOUR_ROBOT = "tiago-1"
 TOUR = (  # through the hall into a room: metres from where it starts, ahead and left; share of full speed
     (1.8, -0.7, 0.8),
     (3.4, -0.6, 0.8),
@@ -42,7 +42,9 @@ LOOKED_AT = 10  # seconds into it
 
 ENROLLED = ("Ada", "Bea", "Chen", "Dora", "Emil", "Fatma", "Goran", "Hana", "Ivo", "Jin", "Kofi", "Lea")
 
-EVERY_THUMBNAIL = """[...document.querySelectorAll("[data-thumbnail]")].every((one) => one.width !== 300)"""
+EVERY_THUMBNAIL = (
+    """() => [...document.querySelectorAll("[data-thumbnail]")].every((one) => one.width !== 300)"""
+)
 
 LOOKING_AROUND = "Inspect surroundings"
 HEAD = ("head_1_joint", "head_2_joint")
@@ -59,8 +61,12 @@ BEEN_HERE = """{
 def main() -> None:
     """Fleet page, the tabs of the control page on a desk, the centre on a phone, and a control session afterwards."""
     PICTURES.mkdir(exist_ok=True)
-    # The first stands before a parcel, not far from the partition and a doorway.
-    robots = (replace(PRACTICE_ROBOTS[0], pose=(5.4, 2.6, 8.0)), *PRACTICE_ROBOTS[1:])
+    first, second, third = PRACTICE_ROBOTS
+    robots = (
+        replace(first, pose=(3.8, 2.4, 0.0)),
+        second,
+        replace(third, pose=(5.4, 2.6, 8.0)),  # before a parcel, not far from the partition and a doorway
+    )
     with temporary_stack(robots, students=STUDENTS) as stack:
         cookie = sign_in(stack, "operator")
         asyncio.run(tour(stack, cookie))
@@ -261,7 +267,7 @@ def look_back(page: Page, stack: Stack) -> None:
     """Return a record in the middle of the tour."""
     page.set_viewport_size({"width": 1440, "height": 1000})
     page.goto(f"{stack.url}/your-data/")
-    page.get_by_role("link", name="TIAGo Two").first.click()
+    page.get_by_role("link", name="TIAGo One").first.click()
     page.locator("[data-part=marker][visibility=visible]").wait_for()
     page.locator("[data-part=moment]").focus()
     for _ in range(LOOKED_AT):
