@@ -24,7 +24,8 @@ PICTURES = REPOSITORY / "docs/img"
 ROBOT = "tiago-3"  # the second one is in a student's slot
 DRIVEN_S = 20.0
 SETTLED_S = 1.0  # until earlier notices have gone
-APPROACH_S = 0.3  # towards the obstacle, once the gate has begun to hold back
+LOOKED_S = 0.1
+APPROACH_S = 0.6  # once the way is drawn
 
 TOUR_ROBOT = "tiago-1"
 TOUR = (  # through the hall into a room: metres from where it starts, ahead and left; share of full speed
@@ -42,6 +43,11 @@ LOOKED_AT = 10  # seconds into it
 
 ENROLLED = ("Ada", "Bea", "Chen", "Dora", "Emil", "Fatma", "Goran", "Hana", "Ivo", "Jin", "Kofi", "Lea")
 
+WAY_IS_DRAWN = """() => {
+  const canvas = document.querySelector("[data-part=camera-floor]");
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  return data.some((value) => value > 0);
+}"""
 EVERY_THUMBNAIL = (
     """() => [...document.querySelectorAll("[data-thumbnail]")].every((one) => one.width !== 300)"""
 )
@@ -65,7 +71,7 @@ def main() -> None:
     robots = (
         replace(first, pose=(3.8, 2.4, 0.0)),
         second,
-        replace(third, pose=(5.4, 2.6, 8.0)),  # before a parcel, not far from the partition and a doorway
+        replace(third, pose=(4.7, 2.5, 10.0)),  # before a parcel, not far from the partition and a doorway
     )
     with temporary_stack(robots, students=STUDENTS) as stack:
         cookie = sign_in(stack, "operator")
@@ -80,7 +86,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"]
         )
         with page_of(stack, browser, cookie, 1440, 900, "light") as page:
-            drive_to_the_wall(page, stack)
+            drive_towards_the_parcel(page, stack)
             page.screenshot(path=PICTURES / "control.png")
             page.keyboard.up("w")
             for tab, in_use in TABS.items():
@@ -88,6 +94,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
                 page.locator(f".control[data-tab={tab}] .hit:visible").first.wait_for()
                 in_use(page)
                 page.wait_for_timeout(1000.0 * SETTLED_S)
+                wait_for_the_camera(page)
                 page.screenshot(path=PICTURES / f"{tab}.png")
             page.goto(f"{stack.url}/")
             page.get_by_role("button", name="Understood").click()
@@ -133,8 +140,9 @@ def page_of(
 
 
 def wait_for_the_camera(page: Page) -> None:
-    """Wait until the page shows the camera's picture."""
+    """Wait until the page shows a new picture of the camera."""
     page.locator("[data-part=camera] .camera-words").wait_for(state="hidden")
+    page.locator("[data-part=camera]:not([data-old])").wait_for()
 
 
 def shrink(file: Path) -> None:
@@ -153,21 +161,20 @@ def show_bookings(page: Page, stack: Stack) -> None:
     page.screenshot(path=PICTURES / "bookings.png")
 
 
-def drive_to_the_wall(page: Page, stack: Stack) -> None:
-    """Hold W until the gate reports an obstacle, and a little longer."""
+def drive_towards_the_parcel(page: Page, stack: Stack) -> None:
+    """Hold W until the picture shows the way on the floor, and a little longer."""
     page.goto(f"{stack.url}/robots/{ROBOT}/")
     page.get_by_role("button", name="Take control").click()
     page.get_by_role("button", name="Release").wait_for()
     wait_for_the_camera(page)
-    near = page.locator("[data-part=words]").filter(has_text="laser")
     let_go = page.locator("[data-part=banner]:visible")
     page.keyboard.down("w")
-    while not near.is_visible():
-        near.or_(let_go).first.wait_for(timeout=1000 * DRIVEN_S)
+    while not page.evaluate(WAY_IS_DRAWN):
         if let_go.is_visible():  # a busy machine heard a scan too late: the stick has to return to the middle
             page.keyboard.up("w")
             let_go.wait_for(state="hidden")
             page.keyboard.down("w")
+        page.wait_for_timeout(1000 * LOOKED_S)
     page.wait_for_timeout(1000 * APPROACH_S)
 
 
