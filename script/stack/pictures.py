@@ -24,8 +24,8 @@ PICTURES = REPOSITORY / "docs/img"
 ROBOT = "tiago-3"  # the second one is in a student's slot
 DRIVEN_S = 20.0
 SETTLED_S = 1.0  # until earlier notices have gone
-LOOKED_S = 0.1
-APPROACH_S = 1.5  # once the way is drawn: until the head looks there
+APPROACH_S = 1.8  # until the head looks to the floor ahead
+TRIES = 4
 
 TOUR_ROBOT = "tiago-1"
 TOUR = (  # through the hall into a room: metres from where it starts, ahead and left; share of full speed
@@ -165,20 +165,20 @@ def show_bookings(page: Page, stack: Stack) -> None:
 
 
 def drive_towards_the_parcel(page: Page, stack: Stack) -> None:
-    """Hold W until the picture shows the way on the floor, and a little longer."""
+    """Hold W until the picture shows the way on the floor."""
     page.goto(f"{stack.url}/robots/{ROBOT}/")
     page.get_by_role("button", name="Take control").click()
     page.get_by_role("button", name="Release").wait_for()
     wait_for_the_camera(page)
     let_go = page.locator("[data-part=banner]:visible")
-    page.keyboard.down("w")
-    while not page.evaluate(WAY_IS_DRAWN):
-        if let_go.is_visible():  # a busy machine heard a scan too late: the stick has to return to the middle
-            page.keyboard.up("w")
-            let_go.wait_for(state="hidden")
-            page.keyboard.down("w")
-        page.wait_for_timeout(1000 * LOOKED_S)
-    page.wait_for_timeout(1000 * APPROACH_S)
+    for _ in range(TRIES):
+        page.keyboard.down("w")
+        page.wait_for_timeout(1000 * APPROACH_S)
+        if page.evaluate(WAY_IS_DRAWN) and not let_go.is_visible():
+            return
+        page.keyboard.up("w")  # a busy machine heard a scan too late: the stick has to return to the middle
+        let_go.wait_for(state="hidden")
+    raise TimeoutError("The way was not drawn into the picture.")
 
 
 def make_a_course(page: Page, url: str) -> None:
