@@ -76,7 +76,7 @@ def test_help_in_the_menu_leads_to_the_operators_page(person: Arrive) -> None:
     page.get_by_role("link", name="the student's page").click()
     page.get_by_role("heading", name="Drive a robot").wait_for()
     page.wait_for_function(
-        "[...document.querySelectorAll('article img')].every((one) => one.naturalWidth > 0)"
+        "() => [...document.querySelectorAll('article img')].every((one) => one.naturalWidth > 0)"
     )
     assert page.evaluate("document.scrollingElement.scrollWidth") == 360
     assert found_by_axe(observer) == []
