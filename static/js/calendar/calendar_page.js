@@ -1,7 +1,7 @@
 /** The calendar of bookings: all robots side by side; drag to book, move and lengthen. */
 
-import { make, mark, parts, say, show } from "../lib/dom.js";
 import { Heartbeat } from "../connection/heartbeat.js";
+import { make, mark, parts, say, show } from "../lib/dom.js";
 import { pageLanguage } from "../lib/languages.js";
 import { correctRoles } from "./accessible.js";
 import { BookingDialog } from "./booking_dialog.js";

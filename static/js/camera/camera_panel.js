@@ -1,7 +1,7 @@
 /** The cameras on the control page: wires connection, pictures, views and head together. */
 
-import { recall } from "../lib/prefs.js";
 import { socketUrl } from "../connection/socket.js";
+import { recall } from "../lib/prefs.js";
 import { CameraSocket } from "./camera_socket.js";
 import { CameraView } from "./camera_view.js";
 import { FloorOverlay } from "./floor_overlay.js";
