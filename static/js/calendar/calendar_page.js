@@ -1,6 +1,7 @@
 /** The calendar of bookings: all robots side by side; drag to book, move and lengthen. */
 
 import { Heartbeat } from "../connection/heartbeat.js";
+import { LiveSocket, socketUrl } from "../connection/socket.js";
 import { make, mark, parts, say, show } from "../lib/dom.js";
 import { pageLanguage } from "../lib/languages.js";
 import { correctRoles } from "./accessible.js";
