@@ -37,8 +37,8 @@ from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Limits, Pos
 from robots.bridge.gate_recording import replay
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.tasks.head import Aim
+from robots.bridge.tasks.holder_tasks import Swept
 from robots.bridge.tasks.speech import Utterance
-from robots.bridge.tasks.tasks import Swept
 from robots.wire import Drive, Grant, Refusal
 
 SEED = 1  # of the recorded minute

@@ -17,8 +17,8 @@ from fleet.bookings.models import Booking, OutOfService, Policy, State
 from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish, refusals
 from fleet.zones import viewers, zone_of
 from robots.access.models import Course, RobotGroup
+from robots.access.role_rows import OWN, demanded
 from robots.access.selectors import given_on, lab_date, missing_qualifications, qualified_until, role_on
-from robots.access.sources import OWN, demanded
 from robots.registry.models import Robot, Role
 
 ALTERNATIVES = 3

@@ -18,7 +18,7 @@ from django.utils.translation import gettext
 from msgspec import Struct
 
 from robots.access.models import Course, Qualification, QualificationGrant, RobotGroup
-from robots.access.sources import Given, demanded, given
+from robots.access.role_rows import Given, demanded, given
 from robots.registry.models import Robot, RobotRole, Role
 
 if TYPE_CHECKING:

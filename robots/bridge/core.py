@@ -32,8 +32,8 @@ from robots.bridge.lease.state_store import SavedState
 from robots.bridge.lease.stop_latch import StopLatch
 from robots.bridge.overload import LoopLateness
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
+from robots.bridge.tasks.holder_tasks import TaskPerformer, Tasks, holder_of
 from robots.bridge.tasks.publishing import Publisher
-from robots.bridge.tasks.tasks import TaskPerformer, Tasks, holder_of
 from robots.processes.durations import Durations
 from robots.wire import Drive, Ended, Grant, Refusal, StopState
 

@@ -13,7 +13,7 @@ from robots import wire
 from robots.bridge.config import CLOCK_SKEW_S, SonarSource
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import Kind, Obstacles, Pose, SpeedLimit, Velocity, Verdict
-from robots.bridge.tasks.tasks import Tasks
+from robots.bridge.tasks.holder_tasks import Tasks
 from robots.wire import Grant, StopState
 
 VIEW_RADIUS_M = 8.0

@@ -1,1 +1,1 @@
-"""The emergency stop: press, deliver, keep pending, record."""
+"""Delivery of the emergency stop to bridges and watchdogs: press, deliver, keep pending, record. Doors: `teleop.stop`."""

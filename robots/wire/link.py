@@ -112,7 +112,7 @@ class LinkSubscribe(Struct, frozen=True, tag_field="t", tag="look_at"):
 
 
 class LinkCamera(Struct, frozen=True, tag_field="t", tag="link_camera"):
-    """Return whether people watch cameras through this web process. While somebody does, `CameraAt` follows."""
+    """People watch cameras through this web process, or do no more. While somebody does, `CameraAt` follows."""
 
     wanted: bool
 
@@ -199,7 +199,7 @@ class LinkAnswer(Struct, frozen=True, tag_field="t", tag="inspected"):
     """The answer to `LinkQuery`."""
 
     seq: int
-    answer: msgspec.Raw  # an `TopicAnswer`, handed on untouched
+    answer: msgspec.Raw  # a `TopicAnswer`, handed on untouched
 
 
 class LinkSample(Struct, frozen=True, tag_field="t", tag="seen"):

@@ -1,1 +1,1 @@
-"""Emergency stop and clear, from pages and from programs."""
+"""Doors of the emergency stop and the clear: pages, forms, programs. `robots.stop` delivers them to the robots."""

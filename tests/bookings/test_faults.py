@@ -12,13 +12,14 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from fleet.bookings import services, waiting
+from fleet.bookings import services
+from fleet.bookings import waiting_list as waiting
 from fleet.bookings.lost_rights import bookings_free_lost
 from fleet.bookings.models import Booking, Letter, State, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import schedule_of
 from fleet.bookings.services import booking_make
-from fleet.bookings.waiting import keep_waiting_lists, waiting_join
+from fleet.bookings.waiting_list import keep_waiting_lists, waiting_join
 from robots.access.models import Course, Enrolment, RobotGroup
 from robots.access.selectors import lab_date
 from robots.registry.models import Robot

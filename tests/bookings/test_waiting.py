@@ -10,7 +10,7 @@ from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import schedule_of
 from fleet.bookings.services import BookingRefused, booking_cancel, booking_make
-from fleet.bookings.waiting import (
+from fleet.bookings.waiting_list import (
     KEPT,
     MOST,
     forget_past,

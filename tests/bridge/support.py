@@ -43,8 +43,8 @@ from robots.bridge.gate.values import (
 )
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.tasks.head import Aim
+from robots.bridge.tasks.holder_tasks import Swept
 from robots.bridge.tasks.speech import Utterance
-from robots.bridge.tasks.tasks import Swept
 from robots.wire import Drive, Ended, Grant, Refusal
 
 LIMITS = Limits(1.0, 0.2, 0.0, 2.0, 1.0, 2.0)

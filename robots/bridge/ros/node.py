@@ -51,9 +51,9 @@ from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, pu
 from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.bridge.tasks.head import Aim
+from robots.bridge.tasks.holder_tasks import Swept
 from robots.bridge.tasks.input_routing import goal_topic
 from robots.bridge.tasks.speech import Utterance
-from robots.bridge.tasks.tasks import Swept
 from robots.wire import MotionOffer, Use
 
 log = logging.getLogger(__name__)

@@ -183,9 +183,9 @@ class Motions(Goals[MotionGoal]):
     def take_space(
         self, goal: Goal[MotionGoal], space: Sequence[Disc] | None, now_s: float, why: Refusal | None = None
     ) -> None:
-        """Take the space that the arm sweeps by the motion's present points;
+        """Take the space that the arm sweeps by the motion's present points.
 
-        None: no such motion, perhaps because of `why`.
+        None: there is no such motion, perhaps because of `why`.
         """
         if goal is not self._current:
             return

@@ -189,7 +189,7 @@ class Physics:
         return cast_rays(self.model, self.data, self.robot_id, origin, directions)
 
     def snapshot(self) -> Snapshot:
-        """Return all present poses, for an `WorldReader` on another thread."""
+        """Return all present poses, for a `WorldReader` on another thread."""
         data = self.data
         return Snapshot(data.qpos.copy(), data.mocap_pos.copy(), data.mocap_quat.copy())
 

@@ -10,7 +10,7 @@ import { listenToGamepad } from "../drive/gamepad.js";
 import { Joystick } from "../drive/joystick.js";
 import { listenToKeys } from "../drive/keyboard.js";
 import { keysMap } from "../drive/keys_map.js";
-import { Picture } from "../drive/picture.js";
+import { PlanView } from "../drive/plan_view.js";
 import { SpeedChart } from "../drive/speed_chart.js";
 import { isNeutral, Stick } from "../drive/stick.js";
 import { TurnAndLook } from "../drive/turn.js";
@@ -114,7 +114,7 @@ class ControlPage {
     this.#sender = new DriveSender(this.#countedSocket(), this.#stick, this.#clock);
     this.#panel = new ControlPanel(this.#parts);
     this.#options = new DrivingOptions(root, this.#parts);
-    this.#picture = new Picture(this.#parts.picture);
+    this.#picture = new PlanView(this.#parts.picture);
     this.#chart = new SpeedChart(this.#parts.chart);
     this.#statusBar = new StatusBar(root, this.#parts);
     this.#notices = new Notices(this.#parts);

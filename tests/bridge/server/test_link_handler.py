@@ -16,7 +16,7 @@ from robots.bridge.gate.values import STILL
 from robots.bridge.lease.fencing import FenceStore
 from robots.bridge.lease.state_store import StateStore
 from robots.bridge.link_handler import DRIVES_AT_ONCE, OTHER_ROBOT, REFUSAL_GAP_S, LinkHandler
-from robots.bridge.tasks.tasks import Tasks
+from robots.bridge.tasks.holder_tasks import Tasks
 from robots.bridge.topics.inspector_client import InspectorClient
 from tests.bridge.lease.test_fencing import GRANT
 from tests.bridge.support import Bench, Wire

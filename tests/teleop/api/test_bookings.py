@@ -9,7 +9,7 @@ from django.utils import timezone as clock
 from fleet.bookings.models import Booking, Policy, State, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
-from fleet.bookings.waiting import keep_waiting_lists
+from fleet.bookings.waiting_list import keep_waiting_lists
 from robots.access.models import Course, Enrolment
 from robots.registry.models import RobotRole
 

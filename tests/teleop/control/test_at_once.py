@@ -19,7 +19,7 @@ from fleet.bookings.lost_rights import bookings_free_lost
 from fleet.bookings.models import Booking
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_cancel, booking_hand, booking_make
-from fleet.bookings.waiting import keep_waiting_lists, waiting_join
+from fleet.bookings.waiting_list import keep_waiting_lists, waiting_join
 from robots.access.enrolment import enrol, unenrol
 from robots.access.models import Course
 from robots.registry.models import Robot, RobotProfile, Role

@@ -1,8 +1,8 @@
 """Publish messages of any type to the robot: once, or repeated at a rate until a stop.
 
-The bridge decides whether a message may be published (`robots.bridge.tasks.tasks`). This module packs and sends it,
-under the `PublishPermit` that was valid when the bridge agreed. A halt makes a new permit: queued messages of the old
-one are not sent.
+The bridge (`robots.bridge.tasks.holder_tasks`) decides whether a message may be published. This module packs and
+sends it, under the `PublishPermit` that was valid when the bridge agreed. A halt makes a new permit: queued messages
+of the old one are not sent.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ function away([x, y]) {
   return Math.hypot(x, y);
 }
 
-export class Picture {
+export class PlanView {
   #canvas;
   #facts = null;
   #view = null;

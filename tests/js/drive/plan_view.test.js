@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Picture } from "../../../static/js/drive/picture.js";
+import { PlanView } from "../../../static/js/drive/plan_view.js";
 
 const FACTS = {
   sonars: [],
@@ -48,7 +48,7 @@ describe("the picture from above", () => {
     const recorded = recorder();
     calls = recorded.calls;
     canvas.getContext = () => recorded.pen;
-    picture = new Picture(canvas);
+    picture = new PlanView(canvas);
   });
 
   afterEach(() => {
