@@ -403,6 +403,10 @@ def _rounded_up(moment: datetime) -> datetime:
     return moment if not over else moment - over + STEP
 
 
+AHEAD = timedelta(days=1)
+GAP = timedelta(minutes=1)  # less is no free time between two bookings
+
+
 class Schedule(Struct, frozen=True):
     """The bookings of one robot at a moment, as control needs them."""
 
@@ -410,6 +414,14 @@ class Schedule(Struct, frozen=True):
     next: tuple[Held, ...] = ()  # those that begin later, earliest first
     free_time: bool = True
     out: Taken | None = None  # the robot is out of service now
+
+    def free_from(self, now: datetime) -> datetime | None:
+        """Return the begin of the robot's next free time of a minute or more; None: not within `AHEAD`."""
+        moment = self.out.slot.ends_at if self.out else now
+        for held in (self.current, *self.next):
+            if held is not None and held.slot.starts_at < moment + GAP:
+                moment = max(moment, held.slot.ends_at)
+        return moment if moment < now + AHEAD else None
 
 
 class Held(Struct, frozen=True):
@@ -427,9 +439,6 @@ class Held(Struct, frozen=True):
     def holds_from(self) -> datetime:
         """Return its start, or later the moment in which it was booked."""
         return max(self.slot.starts_at, self.booked_at)
-
-
-AHEAD = timedelta(days=1)
 
 
 def schedule_of(robot: Robot, now: datetime) -> Schedule:

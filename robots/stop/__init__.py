@@ -1,1 +1,1 @@
-"""Delivery of the emergency stop to bridges and watchdogs: press, deliver, keep pending, record. Doors: `teleop.stop`."""
+"""Delivery of the emergency stop to bridges and watchdogs: press, deliver, repeat, record. Doors: `teleop.stop`."""

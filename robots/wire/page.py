@@ -225,6 +225,7 @@ class FleetCard(Struct, frozen=True):
     pending: PendingStop | None = None  # as `stop` in `BridgeGone`, also while the state is known
     booked: Booked | None = None  # the present booking
     next_booked: Booked | None = None  # the next one within a day
+    free_in_s: float | None = None  # until its next free time; None: not within a day
 
 
 class BookingsChanged(Struct, frozen=True, tag_field="t", tag="bookings_changed"):

@@ -2,6 +2,7 @@
 
 import threading
 from datetime import datetime, timedelta, timezone
+from uuid import uuid4
 
 import pytest
 from django.db import IntegrityError, connection, transaction
@@ -11,7 +12,7 @@ from fleet.audit.models import Record
 from fleet.bookings import overlaps
 from fleet.bookings.models import Booking, Letter, Policy, State
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import free_slots, schedule_of
+from fleet.bookings.selectors import Held, Schedule, free_slots, schedule_of
 from fleet.bookings.services import (
     BookingRefused,
     booking_approve,
@@ -203,3 +204,28 @@ def test_a_booking_is_handed_to_a_colleague_who_may_drive(robot, operator, secon
     [letter] = Letter.objects.all()  # the owner handed it, and knows
     assert (letter.person, letter.subject) == (second_operator, "Your booking of TIAGo 1: handed to you")
     assert Booking.objects.get(pk=booking.pk).person == second_operator
+
+
+@pytest.mark.parametrize(
+    ("minutes", "free_after"),
+    [
+        ([], 0),
+        ([(30, 60)], 0),
+        ([(-10, 20), (50, 60)], 20),
+        ([(-10, 20), (20, 40), (40, 90)], 90),
+        ([(-10, 20), (20.5, 40)], 40),  # half a minute is no free time
+        ([(-10, 1500)], None),
+    ],
+)
+def test_the_next_free_time_is_behind_a_chain_of_bookings(minutes, free_after):
+    now = NOW
+
+    def held(begins: float, ends: float) -> Held:
+        slot = Slot(now + timedelta(minutes=begins), now + timedelta(minutes=ends))
+        return Held(uuid4(), uuid4(), "Ada", slot, now)
+
+    slots = [held(*one) for one in minutes]
+    current = next((one for one in slots if one.slot.starts_at <= now), None)
+    schedule = Schedule(current, tuple(one for one in slots if one.slot.starts_at > now))
+    expected = None if free_after is None else now + timedelta(minutes=free_after)
+    assert schedule.free_from(now) == expected

@@ -63,14 +63,19 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
   };
 }
 
-/** The present booking, the next one, and whether there is free time between them, in words. Pure. */
-export function bookingWords({ booked = null, next_booked: next = null }) {
+/** The present booking, the next one, and the next free time, in words. Pure. */
+export function bookingWords({ booked = null, next_booked: next = null, free_in_s: freeInS = 0 }) {
   const name = (one) => (one.mine ? gettext("You") : one.name);
   if (booked) {
     const left = minutesText(booked.seconds);
-    return next && next.seconds < booked.seconds + GAP_S
-      ? interpolate(gettext("%s, %s left, then %s"), [name(booked), left, name(next)])
-      : interpolate(gettext("%s, %s left, then free"), [name(booked), left]);
+    if (!next || next.seconds >= booked.seconds + GAP_S)
+      return interpolate(gettext("%s, %s left, then free"), [name(booked), left]);
+    const words = interpolate(gettext("%s, %s left, then %s"), [name(booked), left, name(next)]);
+    const free =
+      freeInS === null
+        ? gettext("booked for a day")
+        : interpolate(gettext("free in %s"), [minutesText(freeInS)]);
+    return `${words}; ${free}`;
   }
   if (next) return interpolate(gettext("Free, %s in %s"), [name(next), minutesText(next.seconds)]);
   return gettext("Free");

@@ -179,8 +179,13 @@ class FleetConsumer(MessageSocket):
         known = link.up and not link.silent
         refusal = None if known else robot.refusal or link.refusal or _SILENT
         state = link.state if known else None
-        booked, next_booked = booked_slots(robot.schedule, robot.user, timezone.now())
-        return FleetCard(state, refusal, link.seen_at, robot.may_clear, link.pending, booked, next_booked)
+        now = timezone.now()
+        booked, next_booked = booked_slots(robot.schedule, robot.user, now)
+        free_from = robot.schedule.free_from(now)
+        free_in_s = None if free_from is None else round((free_from - now).total_seconds(), 1)
+        return FleetCard(
+            state, refusal, link.seen_at, robot.may_clear, link.pending, booked, next_booked, free_in_s
+        )
 
     def _wake(self) -> None:
         if self._acknowledged and self._change_key() != self._shown_key:

@@ -116,8 +116,13 @@ describe("a card's booking", () => {
     ["nobody follows", { booked }, "Anna, 20 min left, then free"],
     [
       "somebody follows at once",
-      { booked, next_booked: next(1200) },
-      "Anna, 20 min left, then Ben",
+      { booked, next_booked: next(1200), free_in_s: 4800 },
+      "Anna, 20 min left, then Ben; free in 1 h 20 min",
+    ],
+    [
+      "others follow all day",
+      { booked, next_booked: next(1200), free_in_s: null },
+      "Anna, 20 min left, then Ben; booked for a day",
     ],
     ["somebody follows later", { booked, next_booked: next(3600) }, "Anna, 20 min left, then free"],
   ])("says who has the robot, and when it is free: %s", (_when, robot, words) => {
