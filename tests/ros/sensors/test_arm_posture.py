@@ -53,7 +53,7 @@ class Listener:
     def joints(self, **positions):
         raw = io.BytesIO()
         JointState(name=list(positions), position=list(positions.values())).serialize(raw)
-        self.topics._hear(SimpleNamespace(_buff=raw.getvalue()))
+        self.topics._on_joints(SimpleNamespace(_buff=raw.getvalue()))
 
     def begun(self, goal_id, motion):
         goal = SimpleNamespace(motion_name=motion)

@@ -177,7 +177,8 @@ def test_a_drag_turns_the_head_from_where_another_node_left_it(ros, rosmaster, s
 
         def pans_to(radians: float) -> None:
             joints.until(
-                lambda state: abs(state.position[list(state.name).index(HEAD.pan_joint)] - radians) < 0.01
+                # The bridge reads joints ten times a second: the drag may start from a position shortly before.
+                lambda state: abs(state.position[list(state.name).index(HEAD.pan_joint)] - radians) < 0.1
             )
 
         hand.take_control(1)

@@ -56,7 +56,7 @@ class Robot:
         self.looker.boxes = [FLOOR, *((place - HALF_M, place + HALF_M) for place in places)]
         raw = io.BytesIO()
         JointState(name=list(joints), position=list(joints.values())).serialize(raw)
-        self.topics._hear(SimpleNamespace(_buff=raw.getvalue()))
+        self.topics._on_joints(SimpleNamespace(_buff=raw.getvalue()))
         self.looker.stand(0.1)
 
     def why_not_home(self):
