@@ -54,7 +54,8 @@ def contact_times(hull, points, twist, growth=0.0):
 
 def clearances_of(hull, points, twist):
     way = arc.way(twist)
-    return clearances(arc.courses(arc.seen_along(points, way), way, [twist]).track(0), twist, hull)
+    tracks = arc.courses(arc.seen_along(points, way), way, [twist]).track(0, np.arange(len(points)))
+    return clearances(tracks, twist, hull)
 
 
 def path_in_base_frame(point, twist):
@@ -101,6 +102,74 @@ def test_polygon_contact_is_when_brute_force_says(twist, point, outline, growth)
     gaps = hull.gaps(path) - growth
     contact = float(contact_times(hull, point[None], twist, growth)[0])
     check_against(gaps, time, contact, tolerance_m=0.012)
+
+
+def plain_disc_contact(point, twist, radius):
+    """The formula of docs/gate.md for one point: t = (phi - Delta) / |w|."""
+    if arc.is_straight(twist):
+        ahead, aside = arc.seen_along(point[None], arc.way(twist))[0]
+        if abs(aside) >= radius or ahead <= 0.0:
+            return math.inf
+        return max(ahead - math.sqrt(radius**2 - aside**2), 0.0) / arc.speed(twist)
+    cx, cy = arc.centre(twist)
+    rho, d = math.hypot(cx, cy), math.hypot(point[0] - cx, point[1] - cy)
+    if rho == 0.0 or abs(d - rho) >= radius:
+        return math.inf
+    sense = math.copysign(1.0, twist.w)
+    bearing = math.atan2(point[1] - cy, point[0] - cx) - math.atan2(-cy, -cx)
+    delta = math.acos(min((d**2 + rho**2 - radius**2) / (2.0 * d * rho), 1.0))
+    return max((sense * bearing) % math.tau - delta, 0.0) / abs(twist.w)
+
+
+def plain_polygon_contact(point, twist, edges, growth):
+    """The first cut of one point's circle with a grown edge, at which the point comes in."""
+    way, first = arc.way(twist), math.inf
+    px, py = arc.seen_along(point[None], way)[0]
+    normals = arc.seen_along(edges.normals, way)
+    straight, v = arc.is_straight(twist), arc.speed(twist)
+    for number, (nx, ny) in enumerate(normals):
+        height = edges.offsets[number] + growth
+        low, high = (edges.ends + growth * edges.stretch)[:, number]
+        if straight:
+            if nx <= 0.0:
+                continue
+            travel = px - (height - ny * py) / nx
+            x, y = px - travel, py
+            moment = travel / v if travel >= 0.0 else math.inf
+        else:
+            cy, sense = v / twist.w, math.copysign(1.0, twist.w)
+            d, off = math.hypot(px, py - cy), height - ny * cy
+            if abs(off) > d:
+                continue
+            # In the base frame a point turns against the twist; it comes in where it moves against the normal.
+            at = math.atan2(ny, nx) - sense * math.acos(off / d)
+            x, y = d * math.cos(at), cy + d * math.sin(at)
+            moment = (sense * (math.atan2(py - cy, px) - at)) % math.tau / abs(twist.w)
+        if low <= x * -ny + y * nx <= high:
+            first = min(first, moment)
+    return first
+
+
+@given(twists, st.lists(points, min_size=1, max_size=20), outlines, st.sampled_from([0.0, 0.05]))
+@settings(max_examples=200, deadline=None)
+def test_all_points_at_once_are_met_when_the_plain_formula_says(twist, several, outline, growth):
+    """Of several twists that set out one way, as the gate asks."""
+    together, way = np.array(several), arc.way(twist)
+    others = [twist._replace(w=w) for w in (0.7, -1.6) if any(twist[:2])]
+    for hull in (Disc(RADIUS), Polygon(outline)):
+        outside = together[hull.gaps(together) > growth + 1e-6]
+        if not len(outside):
+            continue
+        arcs = [twist, *others]
+        found = hull.contacts(arc.courses(arc.seen_along(outside, way), way, arcs), growth, 0.0)
+        for one, contact in zip(arcs, found, strict=True):
+            plain = [
+                plain_disc_contact(point, one, RADIUS + growth)
+                if isinstance(hull, Disc)
+                else plain_polygon_contact(point, one, hull.edges, growth)
+                for point in outside
+            ]
+            assert contact.until_s == pytest.approx(min(plain), abs=1e-6)
 
 
 @given(twists, st.lists(points, min_size=1, max_size=20), outlines, st.sampled_from([0.0, 0.08]))

@@ -62,6 +62,25 @@ def test_an_allowed_twist_is_a_share_of_the_asked_one(kind, twist, points):
         assert part * whole >= 0.0 and abs(part) <= abs(whole) + 1e-12
 
 
+@pytest.mark.parametrize("kind", sorted(PROFILES))
+def test_what_was_expected_changes_no_answer(kind):
+    """The quick look at near points alone, compared with the plain look at all of them.
+
+    It can only err where a near point slows a little and a farther one slows more: one world in some hundreds.
+    """
+    profile, random = PROFILES[kind], np.random.default_rng(13)
+    hull, reduced = footprint_of(profile), 0
+    for _ in range(4000):
+        twist = Velocity(random.uniform(-1.0, 1.0), 0.0, random.uniform(-1.0, 1.0))
+        points = random.uniform((-0.6, -0.5), (1.6, 0.5), (random.integers(2, 7), 2))
+        points[:, 0] *= math.copysign(1.0, twist.vx)
+        arguments = twist, (random.uniform(-1.0, 1.0),), np.asfortranarray(points), np.arange(len(points))
+        plain = restrain(*arguments, hull, profile)
+        reduced += plain.cause is not None
+        assert restrain(*arguments, hull, profile, random.uniform(0.0, 1.0)) == plain
+    assert reduced > 2000
+
+
 @given(st.floats(-math.pi, math.pi), st.floats(-0.03, 0.2))
 @settings(deadline=None)
 def test_a_disc_may_always_turn_and_always_retreat(bearing, gap):

@@ -39,6 +39,7 @@ from msgspec import structs
 
 from robots.bridge.gate import words
 from robots.bridge.gate.geometry import arm_discs
+from robots.bridge.gate.geometry.arc import speed
 from robots.bridge.gate.geometry.footprint import Discs, Footprint, footprint_of
 from robots.bridge.gate.geometry.planar import Points, placed, put
 from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
@@ -81,6 +82,8 @@ STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
 BEYOND_REASON = 1e6  # metres, radians, or these per second; larger numbers would overflow
 PERIOD_S = 0.05  # longest time between two decisions
+# From one decision to the next the safe speed hardly rises by more than this share and step. A wrong guess costs time.
+RISES, RISES_MPS = 1.25, 0.05
 
 
 class Gate:
@@ -101,6 +104,7 @@ class Gate:
         self._commands = Commands()
         self.latency = Latency(limits, profile.parameters.latency_s)
         self._profile_now = profile
+        self._restrained_mps = math.inf  # to which speed obstacles restrained the last decision
         self._decided_s = -math.inf  # time of the last decision, and so of the last sent twist
         self._lasers = {
             name: Laser(name, _word("laser", name, len(profile.scan_poses)), Pose(*pose), self.footprint)
@@ -329,9 +333,11 @@ class Gate:
             for hull, near in hulls:
                 if is_still(allowed):
                     break
-                found = restrain(allowed, turn_rates, near.points, near.source, hull, profile)
+                expected = self._expected_share(allowed)
+                found = restrain(allowed, turn_rates, near.points, near.source, hull, profile, expected)
                 if found.velocity != allowed:
                     allowed, cause = found.velocity, found.cause
+        self._restrained_mps = math.inf if cause is None else speed(allowed)
         step_s = min(now_s - self._decided_s, LONGEST_STEP_S)
         risen = stepped_up(sent, allowed, profile, step_s)
         queue = self._commands.lately(now_s, profile.parameters.latency_s)
@@ -343,6 +349,11 @@ class Gate:
         if cause is None:
             return Verdict(risen, asked, held.code, held.text, way=held.way)
         return self._restrained(asked, wanted, allowed, cause)._replace(velocity=risen)
+
+    def _expected_share(self, wanted: Velocity) -> float:
+        """Return the share of a twist of which obstacles will hardly leave more, by the last decision."""
+        wanted_mps, most_mps = speed(wanted), RISES * self._restrained_mps + RISES_MPS
+        return min(most_mps / wanted_mps, 1.0) if wanted_mps > 0.0 else 1.0
 
     def _plays_clear(
         self, candidate: Velocity, queue: list[Sent], corridors: Corridors, profile: GateProfile

@@ -75,38 +75,36 @@ class Line(NamedTuple):
     track: Metres
 
 
-class Circles(NamedTuple):
-    """Points that run on circles about the C of several twists: arrays over twists are (twists, N).
+class Circle(NamedTuple):
+    """Points that run on circles about the C of one twist.
 
-    Each C is a distance `rho` to the left of the way (`sense` 1) or right (-1). Seen from there, `x` is ahead and
-    `radial` in the base's direction; `track` is D, the distance. `turning` is |w|.
+    C is a distance `rho` to the left of the way (`sense` 1) or right (-1). Seen from there, `x` is ahead and `radial`
+    in the base's direction; `squares` are D^2, of the distance. `turning` is |w|.
     """
 
-    rho: list[float]
-    sense: list[float]
-    turning: list[float]
+    rho: float
+    sense: float
+    turning: float
     x: Metres
     radial: Metres
-    track: Metres
+    squares: Metres
 
 
 class Courses(NamedTuple):
     """How points run past the base for several twists, equally fast, that set out one way.
 
-    `numbers`: of each twist its row in `circles`; -1 for straight ones, which all run along the one `line`. Twists are
-    computed together, since calling numpy costs more than the arithmetic does.
+    `circles`: of each twist; None for straight ones, which all run along the one `line`.
     """
 
     way: Way
     v: float
-    numbers: list[int]
-    line: Line | None
-    circles: Circles | None
-    tracks: list[Metres]  # of each row in `circles`, then of the line
+    line: Line
+    circles: list[Circle | None]
 
-    def track(self, twist: int) -> Metres:
-        """The tracks of all points for one of the twists."""
-        return self.tracks[self.numbers[twist]]
+    def track(self, twist: int, rows: Rows) -> Metres:
+        """The tracks of some of the points for one of the twists."""
+        circle = self.circles[twist]
+        return self.line.track.take(rows) if circle is None else np.sqrt(circle.squares.take(rows))
 
 
 class Contact(NamedTuple):
@@ -123,20 +121,21 @@ def courses(points: Points, way: Way, twists: Sequence[Velocity]) -> Courses:
     """How points, seen along the way of the twists, run past the base."""
     x, y = points.T
     v = speed(twists[0])
-    turns = [twist.w for twist in twists if abs(twist.w) > STRAIGHT_PER_M * v]
-    line = Line(v, x, y) if len(turns) < len(twists) else None
-    bent = iter(range(len(turns)))
-    numbers = [next(bent) if abs(twist.w) > STRAIGHT_PER_M * v else -1 for twist in twists]
-    circles = _circles(x, y, v, turns) if turns else None
-    return Courses(way, v, numbers, line, circles, [*(circles.track if circles else ()), y])
-
-
-def _circles(x: Metres, y: Metres, v: float, turns: list[float]) -> Circles:
-    turning = [abs(w) for w in turns]
-    rho, sense = [v / rate for rate in turning], [math.copysign(1.0, w) for w in turns]
-    column = np.array((rho, sense))[..., None]
-    radial = column[0] - column[1] * y
-    return Circles(rho, sense, turning, x, radial, np.sqrt(x * x + radial * radial))
+    circles: list[Circle | None] = []
+    ahead: Metres | None = None
+    for _, _, w in twists:
+        turning = abs(w)
+        if turning <= STRAIGHT_PER_M * v:
+            circles.append(None)
+            continue
+        if ahead is None:
+            ahead = x * x
+        rho, sense = v / turning, math.copysign(1.0, w)
+        radial = rho - y if sense > 0.0 else rho + y
+        squares = radial * radial
+        squares += ahead
+        circles.append(Circle(rho, sense, turning, x, radial, squares))
+    return Courses(way, v, Line(v, x, y), circles)
 
 
 def _of(growth: Growth, rows: Rows) -> Growth:
@@ -152,16 +151,13 @@ def _first(rows: Rows, ways: Metres, rate: float) -> Contact:
     return Contact(float(ways[first]) / rate, int(rows[first]))
 
 
-def _each(courses: Courses, straight: Contact, turning: list[Contact]) -> list[Contact]:
-    """The contact of each twist."""
-    return [turning[number] if number >= 0 else straight for number in courses.numbers]
-
-
 def disc_contacts(courses: Courses, x: float, y: float, radius: Growth, reserve_m: float) -> list[Contact]:
     """Contact of each twist with a disc about (x, y), seen along the way. The reserve is left on the point's path."""
-    line, circles = courses.line, courses.circles
-    straight = _disc_straight(line, x, y, radius, reserve_m) if line else NEVER
-    return _each(courses, straight, _disc_turning(circles, x, y, radius, reserve_m) if circles else [])
+    straight = _disc_straight(courses.line, x, y, radius, reserve_m) if None in courses.circles else NEVER
+    return [
+        straight if circle is None else _disc_turning(circle, x, y, radius, reserve_m)
+        for circle in courses.circles
+    ]
 
 
 def _disc_straight(line: Line, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
@@ -174,35 +170,29 @@ def _disc_straight(line: Line, x: float, y: float, radius: Growth, reserve_m: fl
     return _first(rows, np.maximum(ahead.take(rows) - half_chord, 0.0) - reserve_m, line.v)
 
 
-def _disc_turning(circles: Circles, x: float, y: float, radius: Growth, reserve_m: float) -> list[Contact]:
+def _disc_turning(circle: Circle, x: float, y: float, radius: Growth, reserve_m: float) -> Contact:
     """t = (phi - Delta) / |w|, Delta = arccos((D^2 + rho^2 - r^2) / (2 D rho)).
 
     rho and phi are those of the disc's middle.
     """
-    middles = [rho - sense * y for rho, sense in zip(circles.rho, circles.sense, strict=True)]
-    rhos = np.array([math.hypot(x, radial) for radial in middles])
-    begins = np.array([math.atan2(x, radial) for radial in middles])
-    hits = (np.abs(circles.track - rhos[:, None]) < radius).ravel().nonzero()[0]
-    if not len(hits):
-        return [NEVER] * len(middles)
-    arcs = hits // len(circles.x)
-    rows = hits - len(circles.x) * arcs
-    d, r, rho = circles.track.take(hits), _of(radius, rows), rhos.take(arcs)
-    phi = np.arctan2(circles.x.take(rows), circles.radial.take(hits)) - begins.take(arcs)
+    middle = circle.rho - circle.sense * y
+    rho = math.hypot(x, middle)
+    near = rho - radius
+    inner = max(near, 0.0) if isinstance(near, float) else np.maximum(near, 0.0)
+    rows = ((circle.squares < (rho + radius) ** 2) & (circle.squares > inner * inner)).nonzero()[0]
+    if not len(rows):
+        return NEVER
+    r, squares = _of(radius, rows), circle.squares.take(rows)
+    d = np.sqrt(squares)
+    phi = np.arctan2(circle.x.take(rows), circle.radial.take(rows))
+    if x:
+        phi -= math.atan2(x, middle)
     phi += math.tau * (phi < 0.0)
-    delta = np.arccos(np.minimum((d * d + (rho * rho - r * r)) / (2.0 * rho * d), 1.0))
-    return _firsts(arcs, rows, np.maximum(phi - delta, 0.0) - reserve_m / d, circles.turning)
-
-
-def _firsts(arcs: Rows, rows: Rows, ways: Metres, rates: list[float]) -> list[Contact]:
-    """The first contact on each arc; `arcs` grow."""
-    if len(rates) == 1:
-        return [_first(rows, ways, rates[0])]
-    ends = arcs.searchsorted(range(len(rates) + 1)).tolist()
-    return [
-        _first(rows[begin:end], ways[begin:end], rate)
-        for begin, end, rate in zip(ends, ends[1:], rates, strict=False)
-    ]
+    cosines = squares + (rho * rho - r * r)
+    cosines /= 2.0 * rho * d
+    phi -= np.arccos(np.minimum(cosines, 1.0))
+    ways = np.maximum(phi, 0.0)
+    return _first(rows, ways - reserve_m / d if reserve_m else ways, circle.turning)
 
 
 class Edges:
@@ -235,7 +225,7 @@ class Edges:
             raise ValueError("The outline must be convex and run counter-clockwise.")
         self.vertices = vertices
         self.along = along
-        self.normals = np.stack((along[:, 1], -along[:, 0]), axis=1)
+        self.normals = np.array((along[:, 1], -along[:, 0])).T.copy()
         self.offsets = (self.normals * vertices).sum(axis=1)
         self.lengths = lengths
         low, low_stretch = (along * vertices).sum(axis=1), np.tan(bends / 2.0)
@@ -248,18 +238,10 @@ class Edges:
 
         So the points with gap m are the outline grown by m.
         """
-        gaps: NDArray[np.float64] = self.beyond(points).max(axis=0)
+        beyond = self.normals @ points.T
+        beyond -= self.offsets[:, None]
+        gaps: NDArray[np.float64] = np.maximum.reduce(beyond)
         return gaps
-
-    def beyond(self, points: Points) -> NDArray[np.float64]:
-        """Return how far each point lies beyond each edge's line, (edges, N).
-
-        Written out, since BLAS might start threads, which cost more than this.
-        """
-        x, y = points.T
-        (nx, ny), offsets = self.normals.T[..., None], self.offsets[:, None]
-        distances: NDArray[np.float64] = nx * x + ny * y - offsets
-        return distances
 
 
 class _Side(NamedTuple):
@@ -296,9 +278,11 @@ def polygon_contacts(courses: Courses, edges: Edges, growth: Growth, reserve_m: 
         )
         for side in _sides(edges, courses.way)
     ]
-    line, circles = courses.line, courses.circles
-    straight = min(_enter_straight(line, side, reserve_m) for side in sides) if line else NEVER
-    return _each(courses, straight, _enter_turning(circles, sides, reserve_m) if circles else [])
+    some = None in courses.circles
+    straight = min(_enter_straight(courses.line, side, reserve_m) for side in sides) if some else NEVER
+    return [
+        straight if circle is None else _enter_turning(circle, sides, reserve_m) for circle in courses.circles
+    ]
 
 
 class _Grown(NamedTuple):
@@ -324,42 +308,43 @@ def _enter_straight(line: Line, side: _Grown, reserve_m: float) -> Contact:
     return _first(rows, np.where(way >= 0.0, way, np.inf) - reserve_m, line.v)
 
 
-def _enter_turning(circles: Circles, sides: Sequence[_Grown], reserve_m: float) -> list[Contact]:
+def _enter_turning(circle: Circle, sides: Sequence[_Grown], reserve_m: float) -> Contact:
     """When a point, on its circle about C, first comes in through any edge.
 
     An edge's line is `height` away from C along its normal; the circle of radius D crosses it at angles of
     -+arccos(height / D) from the normal, and comes in at the minus sign, counted in the turning sense.
     """
-    ways_in: list[tuple[int, float, Growth, Growth, Growth]] = []
-    for arc, (rho, sense) in enumerate(zip(circles.rho, circles.sense, strict=True)):
-        left = sense * rho  # of C
-        for nx, ny, height, low, high in sides:
-            height, low, high = height - ny * left, low - nx * left, high - nx * left
-            begin, end = (-high, -low) if sense > 0.0 else (low, high)  # where points come in
-            if not (isinstance(end, float) and end <= 0.0):
-                facing = math.atan2(nx, -sense * ny)
-                ways_in.append((arc, facing, height, _hypot(height, begin), _hypot(height, end)))
+    left = circle.sense * circle.rho  # of C
+    ways_in: list[tuple[float, Growth, Growth, Growth]] = []
+    for nx, ny, height, low, high in sides:
+        height, low, high = height - ny * left, low - nx * left, high - nx * left
+        begin, end = (-high, -low) if circle.sense > 0.0 else (low, high)  # where points come in
+        if not (isinstance(end, float) and end <= 0.0):
+            facing = math.atan2(nx, -circle.sense * ny)
+            ways_in.append((facing, height, _square(height, begin), _square(height, end)))
     if not ways_in:
-        return [NEVER] * len(circles.rho)
-    arcs, facings, heights, begins, ends = map(np.array, zip(*ways_in, strict=True))
-    if heights.ndim == 1:
-        heights, begins, ends = heights[:, None], begins[:, None], ends[:, None]
-    tracks = circles.track.take(arcs, axis=0)
-    hits = ((tracks > begins) & (tracks <= ends)).ravel().nonzero()[0]
+        return NEVER
+    if isinstance(ways_in[0][1], float):
+        facings, heights, begins, ends = np.array(ways_in).T[..., None]
+    else:
+        facings, heights, begins, ends = map(np.array, zip(*ways_in, strict=True))
+    hits = ((circle.squares > begins) & (circle.squares <= ends)).ravel().nonzero()[0]
     if not len(hits):
-        return [NEVER] * len(circles.rho)
-    points = len(circles.x)
+        return NEVER
+    points = len(circle.x)
     through = hits // points
-    rows, arcs, d = hits - points * through, arcs.take(through), tracks.take(hits)
-    height = heights.take(through) if heights.shape[1] == 1 else heights.take(hits)
-    bearing = np.arctan2(circles.x.take(rows), circles.radial.take(points * arcs + rows))
-    entry = facings.take(through) - np.arccos(height / d)
-    return _firsts(arcs, rows, np.mod(bearing - entry, math.tau) - reserve_m / d, circles.turning)
+    rows = hits - points * through
+    d = np.sqrt(circle.squares.take(rows))
+    height = heights.take(through if len(heights) == heights.size else hits)
+    onward = np.arctan2(circle.x.take(rows), circle.radial.take(rows))
+    onward -= facings.take(through)
+    onward += np.arccos(height / d)
+    return _first(rows, np.mod(onward, math.tau) - reserve_m / d, circle.turning)
 
 
-def _hypot(height: Growth, along: Growth) -> Growth:
-    """From C to where an edge's line is so far `along`, but no less than its height."""
-    if isinstance(height, float) and isinstance(along, float):  # for two numbers numpy would be slow
-        return math.hypot(height, max(along, 0.0))
-    distances: Metres = np.hypot(height, np.maximum(along, 0.0))
-    return distances
+def _square(height: Growth, along: Growth) -> Growth:
+    """The square of the way from C to where an edge's line is so far `along`, but no less than its height."""
+    if isinstance(along, float):  # for two numbers numpy would be slow
+        return height * height + max(along, 0.0) ** 2
+    squares: Metres = height * height + np.maximum(along, 0.0) ** 2
+    return squares

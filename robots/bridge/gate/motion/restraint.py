@@ -82,30 +82,34 @@ def restrain(
     source: NDArray[np.intp],
     footprint: Footprint,
     profile: GateProfile,
+    expected: float = 1.0,
 ) -> Restraint:
     """The safe part of `wanted`.
 
     `turn_rates` are those the base has or is about to have (rad/s): until it turns as wanted it follows
-    their arcs at the wanted speed, so these must be clear too.
+    their arcs at the wanted speed, so these must be clear too. `expected` costs or saves time only: if the safe share
+    is smaller, only the points that are near enough for that were looked at.
     """
     followed = (wanted._replace(w=w) for w in _differing(turn_rates, wanted.w))
     arcs = (wanted, *(twist for twist in followed if any(twist)))
-    near = _within_reach(points, arcs, footprint, profile)
-    if not len(near):
-        return Restraint(wanted)
-    if len(near) < len(points):
-        points = chosen(points, near)
-    gaps = footprint.gaps(points)
-    growth = way_out(gaps, profile.parameters.lateral_margin_m, footprint.demanded_share)
+    x, y = points.T
+    squares = x * x + y * y
     way = arc.way(wanted)
-    surroundings = Surroundings(arc.seen_along(points, way), way, gaps, growth, footprint, profile)
-    limit = _limit(arcs, surroundings)
-    if limit is FREE:
-        return Restraint(wanted)
-    row = limit.row
-    point = float(points[row, 0]), float(points[row, 1])
-    cause = Cause(limit.rule, point, float(gaps[row]), int(source[near[row]]))
-    return Restraint(_give_rotation_back(wanted, limit.share, surroundings), cause)
+    for share in (expected, 1.0) if expected < 1.0 else (1.0,):
+        near: Rows = (squares < _reach(share, arcs, footprint, profile) ** 2).nonzero()[0]
+        if not len(near):
+            continue
+        some = chosen(points, near) if len(near) < len(points) else points
+        gaps = footprint.gaps(some)
+        growth = way_out(gaps, profile.parameters.lateral_margin_m, footprint.demanded_share)
+        surroundings = Surroundings(arc.seen_along(some, way), way, gaps, growth, footprint, profile)
+        limit = _limit(arcs, surroundings)
+        if limit.share < share:
+            row = limit.row
+            point = float(some[row, 0]), float(some[row, 1])
+            cause = Cause(limit.rule, point, float(gaps[row]), int(source[near[row]]))
+            return Restraint(_give_rotation_back(wanted, limit.share, surroundings), cause)
+    return Restraint(wanted)
 
 
 def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Growth:
@@ -129,30 +133,22 @@ def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
     passed = _passed(arcs[0], surroundings, limit.share)
     if len(passed):
         passes = [
-            _passing_share(twist, courses.track(number), passed, surroundings, limit.share)
+            _passing_share(twist, courses.track(number, passed), passed, surroundings, limit.share)
             for number, twist in enumerate(arcs)
         ]
         limit = min((limit, *passes), key=_by_share)
     return limit
 
 
-def _first_whole(candidates: Sequence[Velocity], surroundings: Surroundings) -> Velocity | None:
-    """The first of these twists that is safe as it is."""
-    if not candidates:
-        return None
-    courses = arc.courses(surroundings.points, surroundings.way, candidates)
-    limits = _braking_shares(candidates, courses, surroundings)
-    passed: Rows | None = None  # of the first that brakes in time: all are equally fast
-    for number, twist in enumerate(candidates):
-        if limits[number].share <= _WHOLE:
-            continue
-        if passed is None:
-            passed = _passed(twist, surroundings, 1.0)
-        if not len(passed):
-            return twist
-        if _passing_share(twist, courses.track(number), passed, surroundings, 1.0).share > _WHOLE:
-            return twist
-    return None
+def _is_whole(twist: Velocity, surroundings: Surroundings) -> bool:
+    """Return whether this twist is safe as it is."""
+    courses = arc.courses(surroundings.points, surroundings.way, (twist,))
+    if _braking_shares((twist,), courses, surroundings)[0].share <= _WHOLE:
+        return False
+    passed = _passed(twist, surroundings, 1.0)
+    if not len(passed):
+        return True
+    return _passing_share(twist, courses.track(0, passed), passed, surroundings, 1.0).share > _WHOLE
 
 
 def _by_share(limit: Share) -> float:
@@ -199,13 +195,13 @@ def _passing_share(
 ) -> Share:
     """Passing close by is slow (method 3): v <= v_creep + (clearance - m_lat) / c_lat where the hull is nearest.
 
-    Before that place the robot may be as fast as still lets it brake to this speed; the gap shrinks at most as
-    fast as the robot moves, so gap - clearance is a distance that is surely left. Only a share `below` a known one
-    need be found.
+    `track` is that of the `passed` points. Before that place the robot may be as fast as still lets it brake to this
+    speed; the gap shrinks at most as fast as the robot moves, so gap - clearance is a distance that is surely left.
+    Only a share `below` a known one need be found.
     """
     v = arc.speed(twist)
     parameters = surroundings.profile.parameters
-    clear = clearances(track.take(passed), twist, surroundings.footprint)
+    clear = clearances(track, twist, surroundings.footprint)
     growth = surroundings.growth_of(passed)
     near = ((clear < harmless_m(below * v, parameters)) & (clear >= growth)).nonzero()[0]
     if not len(near):
@@ -231,8 +227,8 @@ def _give_rotation_back(wanted: Velocity, share: float, surroundings: Surroundin
         scaled = Velocity(0.0, 0.0, scaled.w)
     if wanted.w == 0.0:
         return scaled
-    candidates = [Velocity(scaled.vx, scaled.vy, turn * wanted.w) for turn in TURN_SHARES if turn > share]
-    return _first_whole(candidates, surroundings) or scaled
+    candidates = (Velocity(scaled.vx, scaled.vy, turn * wanted.w) for turn in TURN_SHARES if turn > share)
+    return next((twist for twist in candidates if _is_whole(twist, surroundings)), scaled)
 
 
 def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
@@ -244,17 +240,31 @@ def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
     return differing
 
 
-def _within_reach(
-    points: Points, arcs: Sequence[Velocity], footprint: Footprint, profile: GateProfile
-) -> NDArray[np.intp]:
-    """Indices of the points that the hull could touch before it has braked."""
+def _reach(share: float, arcs: Sequence[Velocity], footprint: Footprint, profile: GateProfile) -> float:
+    """The distance from the base origin beyond which no point makes a smaller `share` of these twists unsafe.
+
+    Braking: until a contact, less its reserve, the base goes at least the point's distance less the grown hull and
+    m_front; a share that is braked within `share` times the way of the whole twist is at least that. Passing: see
+    `_passed`. Nor does such a point change the growth (`way_out`), or what is given back of the turn.
+    """
     parameters = profile.parameters
-    widest = max(arcs, key=lambda twist: abs(twist.w))  # it takes the longest to brake
-    way = arc.speed(widest) * braking.horizon(widest, profile)
-    reach = footprint.reach(parameters.lateral_margin_m) + parameters.front_margin_m + way
-    x, y = points.T
-    within: Rows = (x * x + y * y < reach**2).nonzero()[0]  # flatnonzero costs 3 us more
-    return within
+    widest = max(arcs, key=_turning)  # it takes the longest to brake
+    v = arc.speed(widest)
+    lateral_m = parameters.lateral_margin_m
+    braking_m = footprint.reach(lateral_m) + parameters.front_margin_m
+    whole_m = braking_m + v * braking.horizon(widest, profile)
+    if share == 1.0:
+        return whole_m
+    braking_m += share * v * braking.horizon(widest, profile)
+    linear, _ = braking.deceleration(profile)
+    slower = share * v
+    passing_m = slower * (parameters.latency_s + slower / (2.0 * linear) + parameters.near_miss_s) + lateral_m
+    growing_m = (lateral_m + WAY_OUT_M) / footprint.demanded_share
+    return min(whole_m, max(braking_m, footprint.reach(max(passing_m, growing_m))))
+
+
+def _turning(twist: Velocity) -> float:
+    return abs(twist.w)
 
 
 def is_still(twist: Velocity) -> bool:

@@ -286,7 +286,7 @@ class DepthCamera:
             counts = ~self._spans.is_overruled(remembered)
             if self.is_fresh(now_s) and len(remembered):
                 counts &= ~self._spans.share_cells(remembered, self._seen)
-            doubts_m = np.where(self._spans.hangs(remembered), self._memory.doubts_m(), 0.0)
+            doubts_m = self._spans.hangs(remembered) * self._memory.doubts_m()
             kept = np.flatnonzero(counts)
             hidden = NO_POINTS if self.is_fresh(now_s) else self._hidden
             known = joined([chosen(remembered, kept), hidden])

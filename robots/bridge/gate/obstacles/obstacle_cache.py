@@ -57,12 +57,18 @@ class ObstacleCache:
 
     def _at(self, base: Pose) -> Obstacles:
         points, rows = placed(self._places, seen_from(ORIGIN, base)), self._rows
-        begin, parts, changed = 0, [], False
+        begin, parts, fits = 0, [], True
         for source, places in zip(self._sources, self._parts, strict=True):
-            part = points[begin : begin + len(places)]
-            begin += len(places)
-            parts.append(source.as_near_as_may_be(part) if len(part) else part)
-            changed = changed or parts[-1] is not part
-        if changed:
+            count = len(places)
+            part = points[begin : begin + count]
+            if count:
+                nearer = source.as_near_as_may_be(part)
+                if nearer is not part and len(nearer) == count:
+                    part[...] = nearer
+                elif nearer is not part:
+                    part, fits = nearer, False
+            parts.append(part)
+            begin += count
+        if not fits:
             points, rows = joined(parts), self._numbers.repeat([len(part) for part in parts])
         return Obstacles(points, rows, self._names, self._kinds)
