@@ -85,6 +85,22 @@ def test_a_sonar_is_named():
     assert verdict.sensor == "base_sonar_02_link"
 
 
+def test_stopped_by_memory_says_what_to_do():
+    feeder = Feeder(tiago_profile())
+    for distance_m, remedy in ((0.9, False), (0.12, True)):
+        feeder.ahead_at(distance_m)
+        for _ in range(3):
+            feeder.now_s += 0.1
+            feeder.all()
+        assert words.NOT_SEEN_NOW not in feeder.decide(0.5).text, "the laser sees it now"
+        feeder.ranges = np.where(feeder.ranges < 2.0, math.nan, feeder.ranges)
+        feeder.now_s += 0.1
+        feeder.all()
+        text = feeder.decide(0.9).text
+        assert "laser, remembered" in text
+        assert text.endswith(words.NOT_SEEN_NOW) == remedy
+
+
 def test_passing_closely_differs_from_blocking():
     feeder = Feeder(tiago_profile())
     post = math.atan2(0.33, 0.3)

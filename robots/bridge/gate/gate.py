@@ -68,6 +68,7 @@ from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import (
     STILL,
     GateProfile,
+    Kind,
     LaserScan,
     Obstacles,
     Pose,
@@ -80,6 +81,7 @@ from robots.bridge.gate.values import (
 
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
+REMEMBERED: tuple[Kind, ...] = ("memory", "depth memory")
 BEYOND_REASON = 1e6  # metres, radians, or these per second; larger numbers would overflow
 PERIOD_S = 0.05  # longest time between two decisions
 # From one decision to the next the safe speed hardly rises by more than this share and step. A wrong guess costs time.
@@ -440,6 +442,8 @@ class Gate:
         reason = words.obstacle(source.word, cause.gap_m, bearing, cause.rule)
         if isinstance(source, Sonar) and source.own_echo:
             reason = f"{reason}; {source.own_echo}"
+        if source.kind in REMEMBERED and speed(allowed) == 0.0 and speed(wanted) > 0.0:
+            reason = f"{reason}; {words.NOT_SEEN_NOW}"
         return Verdict(
             allowed,
             asked,

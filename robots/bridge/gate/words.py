@@ -24,6 +24,11 @@ WAYS: tuple[tuple[Way, str], ...] = (
     ("right", "to the right"),
 )
 
+NOT_SEEN_NOW = (
+    "no sensor sees this place now: drive away from it or turn to it; "
+    "if nothing is there, press Forget what was seen"
+)
+
 
 def side(bearing: float) -> Side:
     """The eighth of the compass round the robot that a bearing (base frame, radians) falls into."""

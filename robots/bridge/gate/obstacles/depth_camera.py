@@ -115,6 +115,7 @@ class DepthCamera:
         # revision, points in the odometry frame, possible error of each
         self._unseen: tuple[int, Points, NDArray[np.float64]] = (-1, NO_POINTS, np.empty(0))
         self._shown = NO_POINTS, NO_POINTS, NO_POINTS  # seen, hidden, and both
+        self._cells = NO_POINTS, self._memory.entries(NO_POINTS)  # seen, and their cells: for each scan the same
         self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
         self._revision = 0
 
@@ -285,7 +286,9 @@ class DepthCamera:
             remembered = self._memory.points(self._clock.now_s)
             counts = ~self._spans.is_overruled(remembered)
             if self.is_fresh(now_s) and len(remembered):
-                counts &= ~self._spans.share_cells(remembered, self._seen)
+                if self._cells[0] is not self._seen:
+                    self._cells = self._seen, self._memory.entries(self._seen)
+                counts &= ~self._spans.share_cells(remembered, self._cells[1])
             doubts_m = self._spans.hangs(remembered) * self._memory.doubts_m()
             kept = np.flatnonzero(counts)
             hidden = NO_POINTS if self.is_fresh(now_s) else self._hidden
@@ -525,11 +528,10 @@ class _Spans:
         entries = self._memory.entries(points)
         return Columns(from_base, self._low[entries], self._high[entries], self._levels[entries])
 
-    def share_cells(self, points: Points, others: Points) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Return which of `points` lie in a cell with one of `others`."""
-        theirs = self._memory.entries(others)
+    def share_cells(self, points: Points, theirs: NDArray[np.intp]) -> Flags:
+        """Return which of `points` lie in one of these cells."""
         self._marked[theirs] = True
-        shared = self._marked[self._memory.entries(points)]
+        shared: Flags = self._marked[self._memory.entries(points)]
         self._marked[theirs] = False
         return shared
 
