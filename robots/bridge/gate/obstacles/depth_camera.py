@@ -115,7 +115,10 @@ class DepthCamera:
         # revision, points in the odometry frame, possible error of each
         self._unseen: tuple[int, Points, NDArray[np.float64]] = (-1, NO_POINTS, np.empty(0))
         self._shown = NO_POINTS, NO_POINTS, NO_POINTS  # seen, hidden, and both
-        self._cells = NO_POINTS, self._memory.entries(NO_POINTS)  # seen, and their cells: for each scan the same
+        self._cells = (
+            NO_POINTS,
+            self._memory.entries(NO_POINTS),
+        )  # seen, and their cells: for each scan the same
         self._known: tuple[int, int, int, bool] = (0, 0, 0, False)
         self._revision = 0
 
@@ -289,11 +292,12 @@ class DepthCamera:
                 if self._cells[0] is not self._seen:
                     self._cells = self._seen, self._memory.entries(self._seen)
                 counts &= ~self._spans.share_cells(remembered, self._cells[1])
-            doubts_m = self._spans.hangs(remembered) * self._memory.doubts_m()
             kept = np.flatnonzero(counts)
             hidden = NO_POINTS if self.is_fresh(now_s) else self._hidden
-            known = joined([chosen(remembered, kept), hidden])
-            self._unseen = revision, known, np.concatenate((doubts_m[kept], np.zeros(len(hidden))))
+            known, doubts_m = joined([chosen(remembered, kept), hidden]), np.zeros(len(kept) + len(hidden))
+            hanging = np.flatnonzero(self._spans.hangs(remembered)[kept])
+            doubts_m[hanging] = self._memory.doubts_m(kept[hanging])
+            self._unseen = revision, known, doubts_m
         return self._unseen[1:]
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:

@@ -43,7 +43,7 @@ class LaserMemory:
         sighting = sight(sweep, placed(remembered, seen_from(origin, self._laser.pose)))
         kept = np.flatnonzero(~sighting.vouched)
         unseen = placed(chosen(remembered, kept), origin)
-        points = grown(unseen, self._memory.doubts_m()[kept], self._laser.footprint)
+        points = grown(unseen, self._memory.doubts_m(kept), self._laser.footprint)
         self._carried = Carried(points, stamp_s)
         self._memory.pass_through(sighting.through)
 

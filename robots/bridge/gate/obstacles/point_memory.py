@@ -115,9 +115,9 @@ class Memory:
             self._points = from_columns(self._x[self._cells], self._y[self._cells])
         return self._points
 
-    def doubts_m(self) -> NDArray[np.float64]:
-        """Return the possible error of each of `points` since it was last seen, metres."""
-        way_m = self._travelled_m + self._layer.travel_m - self._expires_m[self._cells]
+    def doubts_m(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the possible error of some of `points` since they were last seen, metres."""
+        way_m = self._travelled_m + self._layer.travel_m - self._expires_m[self._cells[rows]]
         doubts_m: NDArray[np.float64] = DOUBT_SHARE * (way_m - SURE_M)  # np.clip costs more
         return np.minimum(np.maximum(doubts_m, 0.0), MOST_DOUBT_M)
 
