@@ -31,7 +31,7 @@ from robots.bridge.core import Core, RosStatus
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Disc
-from robots.bridge.gate.motion.restraint import is_still
+from robots.bridge.gate.motion.safe_twist import is_still
 from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
 from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Limits, Pose, Velocity, Verdict
 from robots.bridge.gate_recording import replay

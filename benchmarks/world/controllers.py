@@ -23,7 +23,7 @@ OPERATOR_DELAY_S = 0.05
 
 
 class Fan(NamedTuple):
-    """How a laser's beams lie: its pose in the base frame, first angle, increment and reach."""
+    """Geometry of a laser's beams: its pose in the base frame, first angle, increment and reach."""
 
     source: str
     pose: Pose

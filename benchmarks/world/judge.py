@@ -26,7 +26,7 @@ REVERSE_MPS = Parameters().between_sonars_mps  # no stick gets more where sonars
 
 
 class Keeping(NamedTuple):
-    """How much of the stick was left to the operator: sums over the moments that count."""
+    """Share of the stick that was left to the operator: sums over the moments that count."""
 
     wide: int = 0  # moments with `FREE_M` free
     wide_share: float = 0.0  # sum of published / reachable in them

@@ -70,7 +70,7 @@ class Seen(NamedTuple):
 
 
 def seen(loop: Loop, touch: Touch) -> Seen | None:
-    """How what `touch` touched was seen before; None if no sensor can have."""
+    """Earlier sight of the thing that `touch` touched; None if no sensor can have seen it."""
     reader = WorldReader(loop.robot.physics)
     reader.follow(loop.robot.physics.snapshot())
     root, local = _touched(reader, touch)
@@ -208,7 +208,7 @@ def count(contacts: Iterable[Contact | None]) -> Count:
 
 
 def first_contact(loop: Loop) -> Contact | None:
-    """How a run that was played ended; None: without a contact."""
+    """End of a run that was played; None: without a contact."""
     if not loop.trace.touches:
         return None
     touch = loop.trace.touches[0]

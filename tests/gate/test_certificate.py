@@ -14,8 +14,8 @@ from robots.bridge.gate.geometry.arm_discs import AT_HOME, Posture
 from robots.bridge.gate.geometry.footprint import footprint_of
 from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
 from robots.bridge.gate.motion.corridors import Box, Corridors
-from robots.bridge.gate.motion.restraint import restrain
 from robots.bridge.gate.motion.rollout import Sent, safe_share
+from robots.bridge.gate.motion.safe_twist import restrain
 from robots.bridge.gate.values import STILL, LaserScan, Limits, Parameters, Pose, Velocity
 from tests.gate.conftest import LASER, SONARS, box_profile, tiago_profile
 

@@ -75,7 +75,7 @@ def measure(repeats: int) -> list[Figure]:
 
 
 def _drawn_figures(width: float, done: dict[Passage, Outcome]) -> list[Figure]:
-    """How it goes with what a seed draws, where a driver gets through alone."""
+    """Figures of what a seed draws, where a driver gets through alone."""
     alone = [job for job, end in done.items() if job.drawn and job[:2] == ("none", width) and _good(end)]
     ends = [done[job._replace(controller="gate")] for job in alone]
     where = f"door of {width:.2f} m, gate, drawn"

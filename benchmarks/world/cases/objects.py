@@ -44,7 +44,7 @@ OVERLAP_M = {"chair": 0.03, "desk without legs": 0.11, "table top": 0.11}
 
 
 class Spot(NamedTuple):
-    """Where the robot's middle will be when it meets the object, and where it goes there (radians)."""
+    """Place of the robot's middle when it meets the object, and its direction there (radians)."""
 
     x: float
     y: float
@@ -252,7 +252,7 @@ def _drawn(full: Full, random: Random) -> Case:
 
 
 def _stick(full: Full, random: Random) -> tuple[float, float]:
-    """Where the stick is held."""
+    """Position of the stick."""
     if full.angle == 90:
         return 0.0, 1.0
     angle = math.radians(full.angle)

@@ -44,7 +44,8 @@ from robots.bridge.gate.geometry.footprint import Discs, Footprint, footprint_of
 from robots.bridge.gate.geometry.planar import Points, placed, put
 from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
 from robots.bridge.gate.motion.corridors import Corridors
-from robots.bridge.gate.motion.restraint import (
+from robots.bridge.gate.motion.rollout import LONGEST_STEP_S, Commands, Sent, safe_share, stepped_up
+from robots.bridge.gate.motion.safe_twist import (
     OBSTACLE,
     Cause,
     Restraint,
@@ -53,7 +54,6 @@ from robots.bridge.gate.motion.restraint import (
     is_still,
     restrain,
 )
-from robots.bridge.gate.motion.rollout import LONGEST_STEP_S, Commands, Sent, safe_share, stepped_up
 from robots.bridge.gate.obstacles.depth_camera import DepthCamera, Frame
 from robots.bridge.gate.obstacles.heading import Heading
 from robots.bridge.gate.obstacles.laser_memory import LaserMemory
@@ -61,7 +61,7 @@ from robots.bridge.gate.obstacles.movers import MOVER, Movers
 from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
 from robots.bridge.gate.obstacles.sonar_memory import SonarMemory
 from robots.bridge.gate.obstacles.sources import Laser, Sonar, Source
-from robots.bridge.gate.speed_limits import Fault, SpeedLimits
+from robots.bridge.gate.sensor_limits import Fault, SpeedLimits
 from robots.bridge.gate.timing.freshness import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
 from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.timing.trail import Trail

@@ -43,7 +43,7 @@ def test_a_recording_replays_the_same_verdicts_and_changes(tmp_path):
 def test_a_gate_that_answers_otherwise_fails_and_shows_both(tmp_path, monkeypatch, capsys):
     file = recorded(tmp_path / "wall.gate")
     monkeypatch.setattr(
-        "robots.bridge.gate.motion.restraint.arc.speed", lambda twist: 2.0 * math.hypot(*twist[:2])
+        "robots.bridge.gate.motion.safe_twist.arc.speed", lambda twist: 2.0 * math.hypot(*twist[:2])
     )
     with pytest.raises(SystemExit, match="1"):
         call_command("replay_gate", str(file))

@@ -183,7 +183,9 @@ def test_a_drag_turns_the_head_from_where_another_node_left_it(ros, rosmaster, s
         hand.take_control(1)
         head.publish(turned(0.6))
         pans_to(0.6)
-        for _ in range(20):  # at 50 Hz: the bridge, which reads joints ten times a second, has read the last one
+        for _ in range(
+            20
+        ):  # at 50 Hz: the bridge, which reads joints ten times a second, has read the last one
             joints.next()
         hand.send(wire.TurnHead(1, 0.2, 0.0))
         pans_to(0.8)

@@ -1,4 +1,4 @@
-"""When the hull first touches a point, if the twist stays as it is (docs/gate.md, 1).
+"""Time until the hull first touches a point, if the twist stays as it is (docs/gate.md, 1).
 
 A robot with a constant twist turns about the centre of rotation C = (-vy/w, vx/w); in its own base frame each point
 of the world then runs on a circle about C, the other way round. `Line` and `Circles` hold these courses, seen along
@@ -54,7 +54,7 @@ def track(x: float, y: float, twist: Velocity) -> float:
 
 
 def way(twist: Velocity) -> Way:
-    """Where the twist sets out to; straight on, if it turns on the spot."""
+    """Direction in which the twist sets out; straight on, if it turns on the spot."""
     v = speed(twist)
     return (twist.vx / v, twist.vy / v) if v > 0.0 else STRAIGHT_ON
 
@@ -91,7 +91,7 @@ class Circle(NamedTuple):
 
 
 class Courses(NamedTuple):
-    """How points run past the base for several twists, equally fast, that set out one way.
+    """Courses of points past the base for several twists, equally fast, that set out one way.
 
     `circles`: of each twist; None for straight ones, which all run along the one `line`.
     """
@@ -118,7 +118,7 @@ NEVER = Contact(math.inf, -1)
 
 
 def courses(points: Points, way: Way, twists: Sequence[Velocity]) -> Courses:
-    """How points, seen along the way of the twists, run past the base."""
+    """Courses of points, seen along the way of the twists, past the base."""
     x, y = points.T
     v = speed(twists[0])
     circles: list[Circle | None] = []
@@ -296,7 +296,7 @@ class _Grown(NamedTuple):
 
 
 def _enter_straight(line: Line, side: _Grown, reserve_m: float) -> Contact:
-    """When a point, moving along -v, first comes in through an edge."""
+    """Time at which a point, moving along -v, first comes in through an edge."""
     if side.nx <= 0.0:
         return NEVER
     rightmost = side.ny * side.height + side.nx * side.low
@@ -309,7 +309,7 @@ def _enter_straight(line: Line, side: _Grown, reserve_m: float) -> Contact:
 
 
 def _enter_turning(circle: Circle, sides: Sequence[_Grown], reserve_m: float) -> Contact:
-    """When a point, on its circle about C, first comes in through any edge.
+    """Time at which a point, on its circle about C, first comes in through any edge.
 
     An edge's line is `height` away from C along its normal; the circle of radius D crosses it at angles of
     -+arccos(height / D) from the normal, and comes in at the minus sign, counted in the turning sense.

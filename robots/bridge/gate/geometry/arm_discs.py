@@ -19,7 +19,7 @@ Disc = tuple[float, float, float]
 
 
 class Posture(NamedTuple):
-    """Where the arm is: at home, away with known discs (x, y, radius; base frame, metres), or away and unknown.
+    """Posture of the arm: at home, away with known discs (x, y, radius; base frame, metres), or away and unknown.
 
     `ends`: about the arm's ends, what a camera sees there may be the robot itself. `reach`: the arm moves, or nobody
     knows where it is, and may be seen anywhere in there.

@@ -42,7 +42,7 @@ class Footprint(Protocol):
         """Return the same once the base is `there`."""
 
     def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
-        """When the hull, grown, first touches one of the points, which lie outside; for each twist.
+        """Time until the hull, grown, first touches one of the points, which lie outside; for each twist.
 
         The reserve is left on the path.
         """

@@ -45,8 +45,8 @@ from collections.abc import Sequence
 from robots.bridge.gate.geometry.footprint import Footprint
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.corridors import Box, Corridors
-from robots.bridge.gate.motion.restraint import harmless_m
 from robots.bridge.gate.motion.rollout import Sent
+from robots.bridge.gate.motion.safe_twist import harmless_m
 from robots.bridge.gate.values import GateProfile, Velocity
 
 SLACK_M = 0.005
@@ -124,7 +124,7 @@ def _passed(v: float, w: float, footprint: Footprint, profile: GateProfile) -> B
 def _played(
     twists: Sequence[Velocity], footprint: Footprint, profile: GateProfile, period_s: float
 ) -> Box | None:
-    """Where the hull could be until everything is obeyed and it has braked."""
+    """Box in which the hull can be until everything is obeyed and it has braked."""
     linear, angular = braking.deceleration(profile)
     played_s = profile.parameters.latency_s + period_s
     vx, vy, w = zip(*twists, strict=True)

@@ -1,4 +1,4 @@
-"""Whether a box about the base holds a point: the question of every certificate."""
+"""Boxes about the base, and whether one holds a point: the question of every certificate."""
 
 from __future__ import annotations
 

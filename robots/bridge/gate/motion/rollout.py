@@ -1,4 +1,4 @@
-"""Whether a twist still lets the robot stop clear of everything, played out pose by pose (docs/gate.md, 6).
+"""Roll-out: does a twist still let the robot stop clear of everything? Played pose by pose (docs/gate.md, 6).
 
 The arcs of methods 1 to 5 are followed exactly only by a base without limits. A real one still obeys what was sent
 a moment ago, and changes its speeds no faster than it can, which bends the arc. So the motion is played: the
@@ -22,7 +22,7 @@ from robots.bridge.gate.geometry.arc import Growth, Metres, Rows
 from robots.bridge.gate.geometry.footprint import Footprint
 from robots.bridge.gate.geometry.planar import Path, Points, chosen
 from robots.bridge.gate.motion import braking
-from robots.bridge.gate.motion.restraint import STANDING_MPS, way_out
+from robots.bridge.gate.motion.safe_twist import STANDING_MPS, way_out
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
 MOVER_MARGIN_M = 0.10  # to moving points, in place of m_hard: their future place is a guess
@@ -42,7 +42,7 @@ class Sent(NamedTuple):
 
 
 class Rolled(NamedTuple):
-    """How much of a candidate may be sent, and the row of the point that stands in the way (-1: none does)."""
+    """Share of a candidate that may be sent, and the row of the point that stands in the way (-1: none does)."""
 
     share: float
     row: int = -1
@@ -59,7 +59,7 @@ class _State(NamedTuple):
 
 
 class _Rates(NamedTuple):
-    """How fast speeds may change: m/s^2 and rad/s^2, away from zero and towards it."""
+    """Rates at which speeds may change: m/s^2 and rad/s^2, away from zero and towards it."""
 
     linear_up: float
     linear_down: float
@@ -278,7 +278,7 @@ def _stopped(
 
 
 def _braked(passed_s: Metres, speeds: list[float], rate: float) -> Metres:
-    """How far each speed has carried, a row each, while it was braked for so long."""
+    """Distance that each speed has carried, a row each, while it was braked for so long."""
     column = np.array([(speed, abs(speed) / rate, math.copysign(rate / 2.0, speed)) for speed in speeds])
     begun, ends_s, half = column.T[..., None]
     braked_s = np.minimum(passed_s, ends_s)

@@ -23,7 +23,7 @@ class Sight(NamedTuple):
 
 
 class Past(NamedTuple):
-    """How far behind each place the nearest three beams end at least, metres: -inf if one of them is unknown.
+    """Least distance behind each place at which the nearest three beams end, metres: -inf if one of them is unknown.
 
     In `surely`, a beam that hit something single counts as any other.
     """

@@ -159,7 +159,7 @@ class Sweep:
         return self._at(total / count)
 
     def _at(self, ranges: NDArray[np.float64]) -> Points:
-        """Where the beams that hit something end, if they are as long as this."""
+        """Ends of the beams that hit something, if they are as long as this."""
         kept, cos, sin = self._rays
         ends = ranges.take(kept)
         return from_columns(ends * cos, ends * sin)

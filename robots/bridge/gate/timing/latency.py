@@ -180,7 +180,7 @@ class Latency:
 
 
 class Backlog:
-    """How much later than at best the messages of one source come, by their stamps; or how much longer they take."""
+    """Delay of one source's messages beyond the best, by their stamps; or the longer time that they take."""
 
     def __init__(self) -> None:
         self._lately: deque[Sample] = deque()  # arrivals, and how much later than its stamp each came

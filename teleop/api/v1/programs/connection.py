@@ -127,7 +127,7 @@ class ProgramConnection:
 
     @property
     def open_now(self) -> bool:
-        """Whether it can be used."""
+        """Return whether it can be used."""
         return not self._closed
 
     @property

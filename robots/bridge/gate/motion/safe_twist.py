@@ -31,7 +31,7 @@ NEAR_MISS = "near_miss"
 
 
 class Share(NamedTuple):
-    """How much of a twist is safe, by which rule, and for which point (its row; -1 if nothing limits)."""
+    """Safe share of a twist, the rule that limits it, and the row of the limiting point (-1 if nothing limits)."""
 
     share: float
     rule: str = ""

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry.footprint import footprint_of
 from robots.bridge.gate.motion import braking
-from robots.bridge.gate.motion.restraint import restrain, way_out
+from robots.bridge.gate.motion.safe_twist import restrain, way_out
 from robots.bridge.gate.values import Velocity
 from tests.gate import strategies
 from tests.gate.conftest import box_profile, tiago_profile
