@@ -315,7 +315,7 @@ def test_expiry_continues_when_a_person_confirms_the_clock(spoken):
 
 
 def test_expiry_continues_after_days_without_use(spoken, ago):
-    """Nobody uses the running console. Its daily records of the doubt do not count as use."""
+    """The console runs without users. Its daily records of the doubt do not count as use."""
     spoken(150)
     for before in range(retention.SILENCE.days, 0, -1):
         with ago(before):

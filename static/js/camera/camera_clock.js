@@ -1,4 +1,4 @@
-/** How old a picture is: its time is by the console's clock, which each ping reads. */
+/** Age of a picture: its time is by the console's clock, which each ping reads. */
 
 const KEPT = 10;
 
@@ -17,7 +17,7 @@ export class CameraClock {
     if (this.#trips.length > KEPT) this.#trips.shift();
   }
 
-  /** When that was by this page's clock, by the shortest of the last round trips; null before the first. */
+  /** That time by this page's clock, by the shortest of the last round trips; null before the first. */
   here(consoleMs) {
     if (this.#trips.length === 0) return null;
     const { offsetMs } = this.#trips.reduce((a, b) => (b.tripMs < a.tripMs ? b : a));

@@ -75,7 +75,7 @@ export class Hints {
     this.#wait();
   }
 
-  /** Nobody reads a hint on a hidden page: its time begins again. */
+  /** A hint on a hidden page is not read: its time begins again. */
   #wait() {
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => (document.hidden ? this.#wait() : this.#next()), SHOWN_MS);

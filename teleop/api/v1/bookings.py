@@ -174,7 +174,7 @@ class MoveRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class HandBookingRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """To whom the booking goes."""
+    """The person who gets the booking."""
 
     to: Username
 
@@ -261,7 +261,7 @@ class BookingsView(BookingsBase):
 
     @_read("bookings_list", "List bookings", query=BookingsAsked, answer=BookingList)
     def get(self, _request: Request, query: BookingsAsked) -> BookingList:
-        """Of all robots that you may see, as in the calendar. `from` and `to`: those that overlap this time, also
+        """Bookings of all robots that you may see, as in the calendar. `from` and `to`: those that overlap this time, also
         cancelled ones."""
         found = self.seen()
         if query.robot is not None:

@@ -89,7 +89,7 @@ class SetRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ChooseRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where input of this use goes from now on; null: to the default."""
+    """Target of this use of input from now on; null: the default."""
 
     topic: Annotated[str, Meta(max_length=255)] | None = None
 

@@ -122,7 +122,7 @@ class Memory:
         return np.minimum(np.maximum(doubts_m, 0.0), MOST_DOUBT_M)
 
     def entries(self, points: Points) -> NDArray[np.intp]:
-        """Rows of the arrays that hold the cells of these places; within the memory's reach no two cells share an entry."""
+        """Rows of the arrays with the cells of these places; within the memory's reach no two cells share one."""
         if points is self._points:  # asked again and again for all that is remembered
             return self._cells
         x, y = points.T

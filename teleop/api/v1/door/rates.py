@@ -1,4 +1,4 @@
-"""How often one program or browser may ask this process."""
+"""Rates at which one program or browser may ask this process."""
 
 from __future__ import annotations
 

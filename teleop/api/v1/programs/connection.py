@@ -50,7 +50,7 @@ _CARRIED_OUT: dict[type, Callable[[Control], bool]] = {
 
 
 class Caller(Struct, frozen=True):
-    """How a program is signed in, passed on as it came: the headers of its request."""
+    """Sign-in of a program, passed on as it came: the headers of its request."""
 
     key: str  # of the token, or of the session
     person: UUID

@@ -64,7 +64,7 @@ class InvitationsView(CoursesBase):
         tag="courses",
     )
     def post(self, request: Request, slug: str, body: InvitationRequest) -> InvitationEntry:
-        """Who opens the link joins the course, with an account or a new one."""
+        """Make an invitation: a person who opens its link joins the course, with an account or a new one."""
         form = InvitationForm({"last_day": body.last_day, "most_uses": body.most_uses})
         if not form.is_valid():
             raise Problem(Refusal("invalid", str(next(iter(form.errors.values()))[0]), "wire"))
@@ -82,7 +82,7 @@ class InvitationView(CoursesBase):
 
     @manages("invitations_revoke", "Revoke an invitation", tag="courses")
     def delete(self, _request: Request, slug: str, invitation_id: UUID) -> None:
-        """Nobody joins by it any more. Twice is harmless."""
+        """End an invitation: its link admits nobody any more. Twice is harmless."""
         found = Invitation.objects.select_related("course").filter(pk=invitation_id, course=self.course(slug))
         if (one := found.first()) is None:
             raise Problem(NOT_FOUND)

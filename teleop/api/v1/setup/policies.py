@@ -143,7 +143,7 @@ class PoliciesView(PoliciesBase):
 
     @operation("policies_list", "List booking policies", scope=Scope.READ, answer=PolicyList, tag="policies")
     def get(self, _request: Request) -> PolicyList:
-        """Of the robots that you may see: who books reads what the rules are."""
+        """Policies of the robots that you may see: the rules of booking are open to all who may book."""
         robots = self.robots()
         entries = [self.entry()]
         entries += [
@@ -243,7 +243,7 @@ class PeriodsView(PoliciesBase):
         tag="policies",
     )
     def get(self, _request: Request) -> PeriodList:
-        """Of the robots that you may see."""
+        """Out-of-service periods of the robots that you may see."""
         open_now = Q(ends_at=None) | Q(ends_at__gt=timezone.now())
         found = OutOfService.objects.filter(open_now, robot__in=self.robots()).select_related("robot")
         return PeriodList([PeriodEntry(**_period(one)) for one in found])

@@ -101,7 +101,7 @@ class DeliveryList(Struct, frozen=True):
 
 
 class TriedAgain(Struct, frozen=True):
-    """How many deliveries are tried again."""
+    """Number of deliveries that are tried again."""
 
     deliveries: int
 
