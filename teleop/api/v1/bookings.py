@@ -261,8 +261,9 @@ class BookingsView(BookingsBase):
 
     @_read("bookings_list", "List bookings", query=BookingsAsked, answer=BookingList)
     def get(self, _request: Request, query: BookingsAsked) -> BookingList:
-        """Bookings of all robots that you may see, as in the calendar. `from` and `to`: those that overlap this time, also
-        cancelled ones."""
+        """Bookings of all robots that you may see, as in the calendar. `from` and `to`: those that overlap this
+        time, also cancelled ones.
+        """
         found = self.seen()
         if query.robot is not None:
             found = found.filter(robot=self.robot(query.robot))
