@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import io
 import json
 import logging
+import time
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
 from datetime import datetime
 from itertools import chain
@@ -32,6 +34,7 @@ log = logging.getLogger(__name__)
 Facts = dict[str, Any]
 
 CHUNK = 500  # rows in memory
+PAUSE = 1.0  # after each piece, times as long as the piece took: other requests of the process have half of the time
 # Excel takes a file without it for one in an old code page, and Arabic becomes rubbish; others skip it.
 BOM = "\ufeff"
 # Characters that spreadsheets take for a formula at the beginning of a cell, also full-width (OWASP, CSV injection).
@@ -112,8 +115,11 @@ class ExportResponse(StreamingHttpResponse):
 async def _pieces(head: str, export: Export) -> AsyncIterator[bytes]:
     """Each piece is read in a thread, for it asks the database; none before the last is on its way."""
     yield head.encode()
+    began_s = time.perf_counter()
     while (piece := await sync_to_async(export.piece)()) is not None:
         yield piece.encode()
+        await asyncio.sleep(PAUSE * (time.perf_counter() - began_s))
+        began_s = time.perf_counter()
     await sync_to_async(export.ended)()
 
 
