@@ -54,7 +54,8 @@ def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: in
     expect(hint).to_contain_text("3 of 3")
     expect(hint).to_be_visible()  # after the banner, if the busy machine shows one
     assert not overlap(box_of(hint), box_of(operator.page.locator("form.stop .stop-button")))
-    operator.page.get_by_role("button", name="Got it").click()
+    with operator.page.expect_response("**/accounts/settings/page/"):  # the account keeps it
+        operator.page.get_by_role("button", name="Got it").click()
     expect(hint).to_be_hidden()
     operator.page.evaluate("localStorage.clear()")  # as in another browser: the account knows
     operator.watch("tiago-2")
