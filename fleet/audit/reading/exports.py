@@ -117,8 +117,9 @@ async def _pieces(head: str, export: Export) -> AsyncIterator[bytes]:
     yield head.encode()
     began_s = time.perf_counter()
     while (piece := await sync_to_async(export.piece)()) is not None:
+        took_s = time.perf_counter() - began_s  # without the time in which a slow browser takes it
         yield piece.encode()
-        await asyncio.sleep(PAUSE * (time.perf_counter() - began_s))
+        await asyncio.sleep(PAUSE * took_s)
         began_s = time.perf_counter()
     await sync_to_async(export.ended)()
 
