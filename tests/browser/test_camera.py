@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, expect
 
+from script.stack.pictures import WAY_IS_DRAWN
 from script.stack.stack import Stack
 from tests.browser.conftest import ROBOTS
 from tests.browser.course import Follower, pushed
@@ -20,14 +21,6 @@ from tests.browser.test_pages import found_by_axe
 Arrive = Callable[..., Person]
 # Before, in and behind the east door; metres from the start.
 THROUGH_THE_DOOR = ((-0.05, 0.8), (-0.05, 1.5), (-0.05, 2.4))
-# Green pixels over the picture: the hints at its edges are red.
-WAY_IS_DRAWN = """() => {
-  const canvas = document.querySelector("[data-part=camera-floor]");
-  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-  for (let i = 0; i < data.length; i += 4)
-    if (data[i + 3] > 0 && data[i + 1] > 1.5 * data[i]) return true;
-  return false;
-}"""
 
 
 @pytest.fixture(scope="module")
