@@ -1,6 +1,7 @@
 """The demo's course, bookings and past week."""
 
 import json
+from datetime import UTC, datetime
 
 import pytest
 from django.core.management import call_command
@@ -24,8 +25,14 @@ def plan(tmp_path):
     return path
 
 
+@pytest.mark.parametrize(
+    "now",
+    [datetime(2026, 11, 25, 9, 10, tzinfo=UTC), datetime(2026, 11, 29, 22, 40, tzinfo=UTC)],
+    ids=["wednesday", "sunday night: the week's quota is used most"],
+)
 @pytest.mark.parametrize("number", [1, 2, 3, 5])
-def test_the_demo_has_a_course_and_a_week_of_use(tiago, plan, number):
+def test_the_demo_has_a_course_and_a_week_of_use(tiago, plan, number, now, monkeypatch):
+    monkeypatch.setattr(timezone, "now", lambda: now)
     robots = [
         Robot.objects.create(
             slug=f"tiago-{one}", name=f"TIAGo {one}", profile=tiago, master_uri=f"http://127.0.0.1:{9 + one}"

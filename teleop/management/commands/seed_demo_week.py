@@ -27,6 +27,7 @@ from teleop.models import ControlSession, EndReason
 HOUR = timedelta(hours=1)
 DAYS = 7  # of past use
 BEGIN_H, STEP_H = 9, 2  # of a past day: every second hour from nine
+WEEK_MIN = 600  # a person's quota per robot: enough on a Sunday night, when the whole past week counts
 
 
 class Student(Struct, frozen=True):
@@ -82,7 +83,7 @@ def seed_course(people: list[User], robots: list[Robot], now: datetime) -> None:
         role=Role.OPERATOR,
         starts_on=(now - timedelta(days=30)).date(),
         ends_on=(now + timedelta(days=90)).date(),
-        week_min=480,
+        week_min=WEEK_MIN * len(robots),
     )
     course.robots.set(robots)
     course.supervisors.set(User.objects.filter(username="supervisor"))
