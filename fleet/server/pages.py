@@ -19,7 +19,7 @@ from typing import Any
 from twisted.internet import defer, endpoints, protocol, reactor, task
 from twisted.internet.error import ConnectError
 from twisted.web import http
-from twisted.web.client import Agent, FileBodyProducer, ResponseDone
+from twisted.web.client import Agent, FileBodyProducer, HTTPConnectionPool, ResponseDone
 from twisted.web.http_headers import Headers
 from twisted.web.iweb import IAgentEndpointFactory
 from zope.interface import implementer
@@ -35,6 +35,8 @@ END_S = 5.0
 AGAIN_S = 0.5  # until it is started again
 READY_S = 30.0  # so long a request waits for a process that is just starting
 RETRY_S = 0.05
+MOST_KEPT = 16  # idle connections to the pages process
+KEPT_S = 5.0  # less than it keeps them: a request must not meet its end
 
 # For one hop only, or set again here.
 NOT_FORWARDED = {
@@ -134,7 +136,10 @@ class Forward:
     """Forwards requests to the pages process."""
 
     def __init__(self, path: Path) -> None:
-        self._agent = Agent.usingEndpointFactory(reactor, _There(path))
+        connections = HTTPConnectionPool(reactor)
+        connections.maxPersistentPerHost = MOST_KEPT
+        connections.cachedConnectionTimeout = KEPT_S
+        self._agent = Agent.usingEndpointFactory(reactor, _There(path), connections)
 
     def __call__(self, request: Any) -> None:
         """Pass the request to the pages process, and its answer back."""

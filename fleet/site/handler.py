@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, ParamSpec, TypeVar
 
 from asgiref.sync import sync_to_async
-from django.core.handlers.asgi import ASGIHandler
+from django.core.exceptions import RequestAborted
+from django.core.handlers.asgi import ASGIHandler, get_script_prefix
+from django.core.signals import request_started
 from django.db import close_old_connections
-from django.http import HttpRequest
-from django.http.response import HttpResponseBase
+from django.http import FileResponse
+from django.urls import set_script_prefix
 
 from fleet.accounts.sign_in.hashing import MOST_WAITING
 from robots.processes.scheduling import prefer_stop_thread
@@ -21,9 +24,9 @@ R = TypeVar("R")
 
 
 class OneThreadHandler(ASGIHandler):
-    """Run middleware and view, which are all synchronous here, in one call on one thread.
+    """Run signals, middleware and view, which are all synchronous here, in one call on one thread.
 
-    Django's own handler calls them by way of the event loop: the request waits there three times for drive input and
+    Django's own handler calls them by way of the event loop: the request waits there five times for drive input and
     other requests. A stop by HTTP took twice as long.
     """
 
@@ -31,13 +34,49 @@ class OneThreadHandler(ASGIHandler):
         """Load the chain of middleware for a thread."""
         super().load_middleware(is_async=False)
 
-    async def get_response_async(self, request: HttpRequest) -> HttpResponseBase:
-        """Answer the request on its thread."""
-        return await sync_to_async(self._answer)(request)
+    async def handle(self, scope: Any, receive: Any, send: Any) -> None:
+        """Answer, unless the client leaves before."""
+        try:
+            body = await self.read_body(receive)
+        except RequestAborted:
+            return
+        with body:
+            answering = asyncio.ensure_future(self._respond(scope, body, send))
+            leaving = asyncio.ensure_future(self.listen_for_disconnect(receive))
+            await asyncio.wait({answering, leaving}, return_when=asyncio.FIRST_COMPLETED)
+            answering.cancel()
+            leaving.cancel()
+            await asyncio.gather(answering, leaving, return_exceptions=True)
+        if not answering.cancelled():
+            answering.result()
 
-    def _answer(self, request: HttpRequest) -> HttpResponseBase:
+    async def _respond(self, scope: Any, body: Any, send: Any) -> None:
+        response = await self._on_a_thread(self._answer)(scope, body)
+        if isinstance(response, Later):
+            await response.wait()
+            await self._on_a_thread(_renew)(response)
+        try:
+            await self.send_response(response, send)
+        finally:
+            if response.streaming:
+                await sync_to_async(response.close)()
+
+    def _on_a_thread(self, call: Callable[P, R]) -> Callable[P, Coroutine[Any, Any, R]]:
+        return sync_to_async(call)
+
+    def _answer(self, scope: Any, body: Any) -> Any:
+        """Return the response. It is closed, if its content is complete."""
         prefer_stop_thread()  # the process that drives answers stops alone; the pages process may prefer nobody
-        return self.get_response(request)
+        set_script_prefix(get_script_prefix(scope))
+        request_started.send(sender=type(self), scope=scope)
+        request, malformed = self.create_request(scope, body)
+        response: Any = malformed if request is None else self.get_response(request)
+        response._handler_class = type(self)
+        if isinstance(response, FileResponse):
+            response.block_size = self.chunk_size
+        if not response.streaming:
+            response.close()
+        return response
 
 
 class PagesHandler(OneThreadHandler):
@@ -52,26 +91,11 @@ class PagesHandler(OneThreadHandler):
         super().__init__()
         self._threads = ThreadPoolExecutor(self.THREADS, thread_name_prefix="page")
 
-    async def get_response_async(self, request: HttpRequest) -> HttpResponseBase:
-        """Answer the request on one of the threads. An answer that waits for news holds none meanwhile."""
-        response = await self._on_a_thread(self._answer)(request)
-        if isinstance(response, Later):
-            await response.wait()
-            await self._on_a_thread(_renewed)(response)
-        return response
-
     def _on_a_thread(self, call: Callable[P, R]) -> Callable[P, Coroutine[Any, Any, R]]:
         return sync_to_async(call, thread_sensitive=False, executor=self._threads)
 
-    def _answer(self, request: HttpRequest) -> HttpResponseBase:
-        close_old_connections()
-        try:
-            return self.get_response(request)
-        finally:
-            close_old_connections()
 
-
-def _renewed(response: Later) -> None:
+def _renew(response: Later) -> None:
     close_old_connections()
     try:
         response.renew()

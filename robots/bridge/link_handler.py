@@ -106,6 +106,8 @@ class LinkHandler:
                 link.watchers, link.watchers_more = message.watchers, message.more
             case wire.LinkHello():
                 self._greet(link, message, now_s)
+            case wire.LinkState():
+                link.report(wire.Status(self._core.state(now_s, [])))
             case wire.Refresh():
                 self._answer(link, message, None)
                 self._core.tasks.refresh()

@@ -1,7 +1,7 @@
 """The web process's end of the bridge link: one WebSocket per (web process, robot).
 
 A `BridgeLink` reconnects by itself and passes the bridge's messages on; it never waits for a slow
-bridge and never queues commands. `state_once` is for code that has no event loop.
+bridge and never queues commands. Code without an event loop uses `robots.link.state_reader`.
 A bridge first sends the id of its robot. Until the id is confirmed, the link sends only its hello and stops, because a
 stop names its robot itself.
 """
@@ -26,7 +26,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.bridge.overload import LATE_S
-from robots.link.connections import DOWN, open_link, open_sync, why_down
+from robots.link.connections import DOWN, open_link, why_down
 from robots.link.connections import LinkRefused as LinkRefused
 from robots.link.lane import Lane
 from robots.link.pending_replies import PendingReplies
@@ -56,7 +56,6 @@ _QUERY_TIMEOUT_S = 12.0  # the bridge gives up after 2 s, or 10 s while its insp
 _MOST_TASK_REQUESTS, _MOST_QUERIES = 64, 32  # at once, for all pages together
 SILENT_S = 2.0  # a bridge reports its state twice a second
 _LINK_STOP_S = 0.3  # without an answer to a stop by then, the link may be dead
-_STATE_ONCE_S = 3.0  # one query over a new connection, from the first packet to the answer
 _NAMES, _NAME_LENGTH = (
     20,
     40,
@@ -67,7 +66,7 @@ _WAITING_PACE_S = 0.5  # between two searches for pending stops
 _DISK_S = 0.5  # a disk that takes longer to read pending stops must not delay the link
 _LINGER_S = 10.0  # a link without listeners closes after this time, so that a reloaded page finds it up
 
-_OTHER_PROTOCOL = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
+OTHER_PROTOCOL = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
 _FAULTY = Refusal("link_fault", "The console failed to follow the robot’s bridge; it tries again.", "wire")
 _BUSY = Refusal("busy", "The robot’s bridge has too much to answer: wait a moment.", "wire")
 
@@ -469,7 +468,7 @@ class BridgeLink:
                 else:
                     await self._handle_hello(socket, raw)
         except msgspec.DecodeError as error:
-            raise LinkRefused(_OTHER_PROTOCOL) from error
+            raise LinkRefused(OTHER_PROTOCOL) from error
         finally:
             self._open = self._socket = None
             if self._lane is not None:
@@ -478,7 +477,7 @@ class BridgeLink:
 
     async def _handle_hello(self, socket: ClientConnection, hello: str) -> None:
         """Confirm the bridge's robot, then send viewers and subscriptions."""
-        _require_robot(hello, self.robot_id, self.address)
+        require_robot(hello, self.robot_id, self.address)
         self._socket = socket
         self._handle_report(wire.link_report(hello))
         if self._names:
@@ -505,7 +504,7 @@ class BridgeLink:
         match report:
             case wire.BridgeHello():
                 if report.protocol != wire.PROTOCOL:
-                    raise LinkRefused(_OTHER_PROTOCOL)
+                    raise LinkRefused(OTHER_PROTOCOL)
                 self.highest_fence = report.fence
             case wire.LaneToken():
                 self._open_lane(report.token)
@@ -628,37 +627,7 @@ def stop_once(robot_id: UUID | None, address: LinkAddress, by: str, reason: str 
     return answer
 
 
-def state_once(robot_id: UUID, address: LinkAddress) -> State:
-    """Get the robot's current state from its bridge over a new connection. Raises LinkRefused."""
-    return figures_once(robot_id, address)[1]
-
-
-def figures_once(robot_id: UUID, address: LinkAddress) -> tuple[wire.BridgeFigures | None, State]:
-    """Get the bridge's counts, too (None: an old bridge). Raises LinkRefused."""
-    end_s = time.monotonic() + _STATE_ONCE_S
-    try:
-        with open_sync(address) as socket:
-            socket.send(wire.encode(wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")), text=True)
-            hello = socket.recv(timeout=_STATE_ONCE_S)
-            _require_robot(hello, robot_id, address)
-            greeting = wire.link_report(hello)
-            figures = greeting.figures if isinstance(greeting, wire.BridgeHello) else None
-            while True:
-                raw = socket.recv(timeout=max(end_s - time.monotonic(), 0.0))
-                report = wire.link_report(raw)
-                if isinstance(report, wire.Status):
-                    return figures, report.state
-                if isinstance(report, Refused):
-                    raise LinkRefused(report.refusal)
-    except msgspec.DecodeError as error:
-        raise LinkRefused(_OTHER_PROTOCOL) from error
-    except TimeoutError as error:
-        raise LinkRefused(SILENT) from error
-    except (OSError, InvalidHandshake, ConnectionClosed) as error:
-        raise LinkRefused(why_down(error)) from error
-
-
-def _require_robot(hello: str | bytes, robot_id: UUID, address: LinkAddress) -> None:
+def require_robot(hello: str | bytes, robot_id: UUID, address: LinkAddress) -> None:
     """Raise LinkRefused unless this hello comes from the bridge of `robot_id`."""
     said = _hello.decode(hello)
     if said.robot != robot_id:

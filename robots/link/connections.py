@@ -44,7 +44,7 @@ def open_link(address: LinkAddress, close_timeout: float | None = 10.0) -> conne
 
 
 def open_sync(address: LinkAddress) -> AbstractContextManager[sync_client.ClientConnection]:
-    """Open a connection for one query, for code without an event loop."""
+    """Open a connection for code without an event loop."""
     if address.unix_path:
         connection: sync_client.ClientConnection = sync_client.unix_connect(
             address.unix_path, close_timeout=_CLOSE_S, ping_interval=None, **_COMMON_OPTIONS

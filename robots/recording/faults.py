@@ -18,7 +18,8 @@ from django.utils import timezone
 from fleet.audit.models import Record
 from fleet.audit.services import lock_chain, record
 from robots.bridge.config import LinkAddress
-from robots.link.client import LinkRefused, state_once
+from robots.link.connections import LinkRefused
+from robots.link.state_reader import state_once
 from robots.registry.models import BridgeStatus, Robot
 from robots.registry.selectors import link_address
 

@@ -105,6 +105,7 @@ from robots.wire.link import LinkLate as LinkLate
 from robots.wire.link import LinkQuery as LinkQuery
 from robots.wire.link import LinkRequest as LinkRequest
 from robots.wire.link import LinkSample as LinkSample
+from robots.wire.link import LinkState as LinkState
 from robots.wire.link import LinkStop as LinkStop
 from robots.wire.link import LinkSubscribe as LinkSubscribe
 from robots.wire.link import Pause as Pause

@@ -117,6 +117,10 @@ class LinkCamera(Struct, frozen=True, tag_field="t", tag="link_camera"):
     wanted: bool
 
 
+class LinkState(Struct, frozen=True, tag_field="t", tag="link_state"):
+    """Asks for one `Status` now. A link without a hello may ask."""
+
+
 class Viewers(Struct, frozen=True, tag_field="t", tag="watch"):
     """People who view the robot through this web process, and how many `more`. Without viewers: `Status`, no views."""
 
@@ -126,6 +130,7 @@ class Viewers(Struct, frozen=True, tag_field="t", tag="watch"):
 
 LinkRequest = (
     LinkHello
+    | LinkState
     | Grant
     | Revoke
     | Pause

@@ -20,7 +20,8 @@ from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
 from fleet.bookings.models import Waiting
 from robots.bridge.config import LinkAddress
-from robots.link.client import LinkRefused, figures_once
+from robots.link.connections import LinkRefused
+from robots.link.state_reader import figures_once
 from robots.processes.durations import buckets
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address

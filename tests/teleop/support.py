@@ -151,6 +151,8 @@ class FakeBridge:
                 link.report(wire.Status(IDLE))
                 if self.offers:
                     link.report(self.offers)
+            case wire.LinkState():
+                link.report(wire.Status(IDLE))
             case wire.Grant(fence=fence):
                 self.fence = max(self.fence, fence)
                 link.report(

@@ -1,7 +1,7 @@
 """The demo's course, bookings and past week."""
 
+import datetime as dt
 import json
-from datetime import UTC, datetime
 
 import pytest
 from django.core.management import call_command
@@ -27,7 +27,10 @@ def plan(tmp_path):
 
 @pytest.mark.parametrize(
     "now",
-    [datetime(2026, 11, 25, 9, 10, tzinfo=UTC), datetime(2026, 11, 29, 22, 40, tzinfo=UTC)],
+    [
+        dt.datetime(2026, 11, 25, 9, 10, tzinfo=dt.timezone.utc),
+        dt.datetime(2026, 11, 29, 22, 40, tzinfo=dt.timezone.utc),
+    ],
     ids=["wednesday", "sunday night: the week's quota is used most"],
 )
 @pytest.mark.parametrize("number", [1, 2, 3, 5])

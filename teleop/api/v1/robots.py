@@ -13,7 +13,8 @@ from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
 from robots.access.selectors import role_on, roles_of
-from robots.link.client import LinkRefused, state_once
+from robots.link.connections import LinkRefused
+from robots.link.state_reader import state_once
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import link_address, phrases_of, robot_facts
 from robots.stop import courier

@@ -17,7 +17,8 @@ from fleet.accounts.tokens.models import Scope
 from fleet.audit.models import Record
 from robots import wire
 from robots.access.selectors import supervises
-from robots.link.client import LinkRefused, state_once
+from robots.link.connections import LinkRefused
+from robots.link.state_reader import state_once
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.wire import MotionOffer, NotDone, Refusal, StopState

@@ -22,8 +22,9 @@ from robots import wire
 from robots.bridge.config import LinkAddress
 from robots.bridge.link_handler import OTHER_ROBOT
 from robots.bridge.server.link_server import LinkServer
-from robots.link.client import BridgeLink, LinkRefused, Links, state_once, stop_once
+from robots.link.client import BridgeLink, LinkRefused, Links, stop_once
 from robots.link.connections import _headers
+from robots.link.state_reader import state_once
 from tests.bridge.support import CONFIG, Bench
 from tests.processes import free_port
 
@@ -62,6 +63,8 @@ class Bridge:
                 self.drives.append(message)
             case wire.LinkHello() if self.greets:
                 link.greeted = True
+                link.report(wire.Status(self.bench.core.state(self.bench.now_s, [])))
+            case wire.LinkState():
                 link.report(wire.Status(self.bench.core.state(self.bench.now_s, [])))
             case wire.LinkStop(robot=robot) if robot not in (None, ROBOT):
                 link.report(wire.Refused("link_stop", OTHER_ROBOT, message.seq))
@@ -476,6 +479,24 @@ class TestWhoseBridge:
         with pytest.raises(LinkRefused) as refused:
             await asyncio.to_thread(state_once, uuid.uuid4(), address)
         assert refused.value.refusal.code == "other_robot"
+
+    async def test_questions_for_the_state_share_a_connection(self, bridge, address):
+        links = set()
+        for _ in range(3):
+            await asyncio.to_thread(state_once, ROBOT, address)
+            links |= bridge.server.links
+        assert len(links) == 1
+
+    async def test_the_state_is_read_again_after_the_bridge_was_restarted(self, bridge, address):
+        await asyncio.to_thread(state_once, ROBOT, address)
+        await bridge.server.close()
+        with pytest.raises(LinkRefused) as refused:
+            await asyncio.to_thread(state_once, ROBOT, address)
+        assert refused.value.refusal.code == "bridge_down"
+        again = Bridge(address)
+        await again.server.start()
+        assert (await asyncio.to_thread(state_once, ROBOT, address)).phase == "online"
+        await again.server.close()
 
     async def test_stop_without_a_robot_id_stops_any_robot_there(self, bridge, address):
         await asyncio.to_thread(stop_once, None, address, "the command line")
