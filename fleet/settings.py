@@ -212,7 +212,7 @@ REST_FRAMEWORK = {
     "DEFAULT_PARSER_CLASSES": ["rest_framework.parsers.JSONParser"],
     "DEFAULT_SCHEMA_CLASS": "drf_spectacular.openapi.AutoSchema",
     "URL_FORMAT_OVERRIDE": None,  # `format` is a parameter of ours
-    "EXCEPTION_HANDLER": "teleop.api.v1.door.problems.response_of",
+    "EXCEPTION_HANDLER": "teleop.api.v1.framework.problems.response_of",
 }
 SPECTACULAR_SETTINGS = {
     "TITLE": "Fleet console",
@@ -223,7 +223,7 @@ SPECTACULAR_SETTINGS = {
     "SERVE_INCLUDE_SCHEMA": False,
     "SERVE_PERMISSIONS": ["rest_framework.permissions.AllowAny"],
     "SERVE_AUTHENTICATION": [],
-    "POSTPROCESSING_HOOKS": ["teleop.api.v1.door.schema.with_stops"],
+    "POSTPROCESSING_HOOKS": ["teleop.api.v1.framework.schema.with_stops"],
 }
 
 # --- headers for browsers ---------------------------------------------------------------------

@@ -8,5 +8,5 @@ class TeleopConfig(AppConfig):
 
     def ready(self) -> None:
         """Import the modules that connect the signal receiver and extend the schema."""
-        from teleop.api.v1.door import schema  # noqa: F401
+        from teleop.api.v1.framework import schema  # noqa: F401
         from teleop.control import signals  # noqa: F401

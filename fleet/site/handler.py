@@ -17,7 +17,7 @@ from django.urls import set_script_prefix
 
 from fleet.accounts.sign_in.hashing import MOST_WAITING
 from robots.processes.scheduling import prefer_stop_thread
-from teleop.api.v1.door.later import Later
+from teleop.api.v1.framework.long_poll import LongPoll
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -52,7 +52,7 @@ class OneThreadHandler(ASGIHandler):
 
     async def _respond(self, scope: Any, body: Any, send: Any) -> None:
         response = await self._on_a_thread(self._answer)(scope, body)
-        if isinstance(response, Later):
+        if isinstance(response, LongPoll):
             await response.wait()
             await self._on_a_thread(_renew)(response)
         try:
@@ -95,7 +95,7 @@ class PagesHandler(OneThreadHandler):
         return sync_to_async(call, thread_sensitive=False, executor=self._threads)
 
 
-def _renew(response: Later) -> None:
+def _renew(response: LongPoll) -> None:
     close_old_connections()
     try:
         response.renew()

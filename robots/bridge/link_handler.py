@@ -14,7 +14,7 @@ from uuid import UUID
 from robots import wire
 from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.core import Core
-from robots.bridge.lease.fencing import FenceStore
+from robots.bridge.lease.fence_store import FenceStore
 from robots.bridge.server.flood_limits import TokenBucket
 from robots.bridge.server.link_server import Link
 from robots.bridge.topics.inspector_client import InspectorClient

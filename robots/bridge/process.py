@@ -26,7 +26,7 @@ from robots.bridge.config import BridgeConfig
 from robots.bridge.core import Core
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
-from robots.bridge.lease.fencing import FenceStore
+from robots.bridge.lease.fence_store import FenceStore
 from robots.bridge.lease.state_store import AlreadyRunning, SavedState, StateStore
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.maps.map_fetch import MapFetcher

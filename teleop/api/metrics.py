@@ -26,8 +26,8 @@ from robots.processes.durations import buckets
 from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.wire import BridgeFigures, Refusal, State
-from teleop.api.v1.door.operation import ApiView, operation
-from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.problems import Problem
 from teleop.api.web_processes import OWN, of_others
 from teleop.control.selectors import held_leases
 

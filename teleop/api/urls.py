@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.urls import include, path
 
-from teleop.api.v1 import other
+from teleop.api.v1 import unknown_address
 from teleop.stop import views as stop_views
 
 urlpatterns = [
@@ -14,6 +14,6 @@ urlpatterns = [
     path("robots/<slug:slug>/stop", stop_views.rest_stop),
     path("stop/", stop_views.rest_stop_all),
     path("stop", stop_views.rest_stop_all),
-    path("<path:address>", other.OtherAddress.as_view(schema=None)),
-    path("", other.OtherAddress.as_view(schema=None), {"address": ""}),
+    path("<path:address>", unknown_address.UnknownAddress.as_view(schema=None)),
+    path("", unknown_address.UnknownAddress.as_view(schema=None), {"address": ""}),
 ]

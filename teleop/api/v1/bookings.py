@@ -29,11 +29,11 @@ from fleet.bookings.waiting_list import offer_accept, waiting_join, waiting_leav
 from robots.access.models import Course
 from robots.access.selectors import courses_managed_by
 from robots.registry.models import Robot
-from teleop.api.v1.door.cursors import page_by_time
-from teleop.api.v1.door.operation import ApiView, operation
-from teleop.api.v1.door.parameters import Cursor, Limit, Moment, Time, utc
-from teleop.api.v1.door.problems import NOT_FOUND, Problem, ProblemDetails
-from teleop.api.v1.door.versions import etag_of, version_seen
+from teleop.api.v1.framework.cursors import page_by_time
+from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem, ProblemDetails
+from teleop.api.v1.framework.versions import etag_of, version_seen
 
 ME = "me"  # as a person: whose token or session it is
 

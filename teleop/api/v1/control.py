@@ -19,8 +19,8 @@ from robots import wire
 from robots.registry.models import Robot
 from robots.registry.selectors import robot_facts
 from robots.wire import Booked, Control, ControlState, Limits, Refusal
-from teleop.api.v1.door.operation import ApiView, operation
-from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.programs.connection import Caller, ProgramConnection, Velocity
 from teleop.api.v1.programs.registry import UNUSED_S, programs
 from teleop.control import rules

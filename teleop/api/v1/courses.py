@@ -22,8 +22,8 @@ from robots.access.people_lists import read_people
 from robots.access.selectors import courses_managed_by, demanded_in, grants_in, lab_date, robots_of
 from robots.registry.models import Robot
 from robots.wire import Refusal
-from teleop.api.v1.door.parameters import Time
-from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.parameters import Time
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import (
     SetupView,
     edits,

@@ -20,8 +20,8 @@ from fleet.accounts.tokens.services import key_of
 from fleet.audit.models import Record
 from robots.access.selectors import robots_visible_to
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import ApiView, operation
-from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.problems import Problem
 from teleop.background.database import in_database
 from teleop.webhooks.events import NEWS, data_of, is_news, rfc3339
 from teleop.webhooks.news import lines_after, newest_record

@@ -22,10 +22,10 @@ from fleet.audit.reading.listing import CONSOLE, Row, Selection, Wanted, row_of,
 from fleet.audit.reading.search import words_of
 from robots.registry.models import Robot
 from robots.wire import Refusal
-from teleop.api.v1.door.cursors import decoded, encoded, page_by_time
-from teleop.api.v1.door.operation import ApiView, operation
-from teleop.api.v1.door.parameters import Cursor, Limit, Moment, Time, utc
-from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.cursors import decoded, encoded, page_by_time
+from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.parameters import Cursor, Limit, Moment, Time, utc
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.control.selectors import end_notes
 from teleop.models import ControlSession
 from teleop.reports.own_data import records_visible_to

@@ -20,8 +20,8 @@ from robots.registry.selectors import link_address, phrases_of, robot_facts
 from robots.stop import courier
 from robots.stop.pending_stops import name_of
 from robots.wire import PendingStop, Refusal, RobotFacts, State
-from teleop.api.v1.door.operation import ApiView, operation
-from teleop.api.v1.door.parameters import Time, whole_number
+from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.parameters import Time, whole_number
 from teleop.control import rules
 from teleop.control.policy import out_of_service
 from teleop.control.selectors import lease_of

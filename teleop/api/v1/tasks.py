@@ -24,10 +24,10 @@ from robots.registry.selectors import link_address
 from robots.wire import MotionOffer, NotDone, Refusal, StopState
 from robots.wire.base import FARTHEST_HEAD_RAD
 from teleop.api.v1.control import ProgramView
-from teleop.api.v1.door.later import Later
-from teleop.api.v1.door.operation import operation
-from teleop.api.v1.door.parameters import Time, whole_number
-from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.long_poll import LongPoll
+from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.parameters import Time, whole_number
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.programs.outcomes import outcomes
 from teleop.api.v1.programs.registry import programs
 from teleop.webhooks.news import newest_record
@@ -269,7 +269,7 @@ class TaskView(ProgramView):
             )
         ],
     )
-    def get(self, request: Request, slug: str, number: int) -> TaskEntry | Later:
+    def get(self, request: Request, slug: str, number: int) -> TaskEntry | LongPoll:
         """From the log. Only supervisors of the robot and staff read tasks of other people."""
         robot = self.robot(slug)
         requests = Record.objects.filter(pk=min(number, 2**62), robot_id=robot.id, of=None)
@@ -282,7 +282,7 @@ class TaskView(ProgramView):
         if entry.outcome is not None or not wait_s:
             return entry
         caller = self.caller()
-        return Later(
+        return LongPoll(
             entry,
             lambda: outcomes.wait(number, wait_s, lambda: programs.found(slug, caller)),
             lambda: _entry(found, robot),

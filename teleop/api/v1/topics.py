@@ -29,8 +29,8 @@ from robots.wire import (
     Use,
 )
 from teleop.api.v1.control import ProgramView
-from teleop.api.v1.door.operation import operation
-from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.programs import topic_queries
 from teleop.api.v1.programs.registry import programs
 

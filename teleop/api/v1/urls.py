@@ -9,11 +9,11 @@ from teleop.api.v1 import (
     control,
     courses,
     events,
-    other,
     records,
     robots,
     tasks,
     topics,
+    unknown_address,
     views,
 )
 from teleop.api.v1.setup import (
@@ -115,5 +115,5 @@ urlpatterns = [
     # A stop is not led elsewhere because of a slash.
     path("robots/<slug:slug>/stop/", stop_views.rest_stop),
     path("stop/", stop_views.rest_stop_all),
-    re_path(r"^(?P<address>.*)$", other.OtherAddress.as_view(schema=None)),
+    re_path(r"^(?P<address>.*)$", unknown_address.UnknownAddress.as_view(schema=None)),
 ]

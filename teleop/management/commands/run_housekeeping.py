@@ -26,7 +26,7 @@ from fleet.bookings import letters, lost_rights
 from fleet.bookings import waiting_list as waiting
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
-from teleop.api.v1.door.idempotency import remove_old_answers
+from teleop.api.v1.framework.idempotency import remove_old_answers
 from teleop.control import queue, rules, services
 from teleop.control.changes import ControlRefused
 from teleop.control.selectors import held_leases

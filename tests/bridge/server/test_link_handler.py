@@ -13,7 +13,7 @@ import pytest
 from robots import wire
 from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.gate.values import STILL
-from robots.bridge.lease.fencing import FenceStore
+from robots.bridge.lease.fence_store import FenceStore
 from robots.bridge.lease.state_store import StateStore
 from robots.bridge.link_handler import DRIVES_AT_ONCE, OTHER_ROBOT, REFUSAL_GAP_S, LinkHandler
 from robots.bridge.tasks.holder_tasks import Tasks

@@ -23,7 +23,7 @@ from fleet.accounts.tokens.services import token_make
 from robots import wire
 from robots.registry.models import Robot
 from teleop.api.v1 import topics
-from teleop.api.v1.door import idempotency, rates
+from teleop.api.v1.framework import idempotency, rates
 from teleop.api.v1.programs import connection, registry, topic_queries
 from teleop.background.database import in_database
 from teleop.models import KeyedRequest

@@ -10,7 +10,7 @@ from django.utils import timezone as clock
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from robots.registry.models import RobotRole
-from teleop.api.v1.door.cursors import encoded
+from teleop.api.v1.framework.cursors import encoded
 from teleop.models import ControlSession
 
 pytestmark = pytest.mark.django_db

@@ -21,9 +21,9 @@ from fleet.accounts.tokens.models import Scope
 from robots.access.models import RobotGroup
 from robots.registry.models import Robot
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import ApiView, operation
-from teleop.api.v1.door.problems import NOT_FOUND, Problem
-from teleop.api.v1.door.versions import etag_of, version_seen
+from teleop.api.v1.framework.operation import ApiView, operation
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.versions import etag_of, version_seen
 
 IF_MATCH = OpenApiParameter(
     "If-Match", str, OpenApiParameter.HEADER, required=True, description="The ETag as you read it."

@@ -16,8 +16,8 @@ from robots.access.models import Invitation
 from robots.access.pages.forms import InvitationForm, end_of
 from robots.wire import Refusal
 from teleop.api.v1.courses import Changed, CoursesBase, PeopleRequest
-from teleop.api.v1.door.parameters import Time
-from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.parameters import Time
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import makes, manages
 
 

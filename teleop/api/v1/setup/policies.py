@@ -21,9 +21,9 @@ from robots.access.models import RobotGroup
 from robots.access.selectors import robots_managed_by
 from robots.registry.models import Robot
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import operation
-from teleop.api.v1.door.parameters import Moment, Time, utc
-from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.parameters import Moment, Time, utc
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, edits, faults_named, makes, manages, reads, require_unchanged
 
 Weekday = Literal["mon", "tue", "wed", "thu", "fri", "sat", "sun"]

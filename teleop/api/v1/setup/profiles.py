@@ -21,9 +21,9 @@ from robots.registry.phrases import (
 )
 from robots.registry.services import phrases_import, profile_save
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import operation
-from teleop.api.v1.door.parameters import Time
-from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.parameters import Time
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, edits, faults_named, locked, reads, require_unchanged
 
 Topic = Annotated[str, Meta(max_length=200)]

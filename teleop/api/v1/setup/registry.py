@@ -15,9 +15,9 @@ from robots.registry.models import Robot, RobotProfile
 from robots.registry.selectors import slug_for
 from robots.registry.services import robot_save
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import operation
-from teleop.api.v1.door.parameters import Time
-from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.parameters import Time
+from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.setup.base import IF_MATCH, SetupView, faults_named, require_unchanged
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]

@@ -19,9 +19,9 @@ from robots.access.models import Course
 from robots.access.selectors import courses_managed_by, manages_robot, robots_of, robots_supervised_by
 from robots.registry.models import Robot
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import operation
-from teleop.api.v1.door.parameters import Moment, Time, utc
-from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.parameters import Moment, Time, utc
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView
 
 _NOT_SUPERVISED = Refusal("permission_denied", "Weekly series are for supervisors and staff.", "account")

@@ -21,9 +21,9 @@ from fleet.accounts.tokens.services import MOST, TokenInvalid, TooManyTokens, to
 from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import operation
-from teleop.api.v1.door.parameters import Moment, Time, utc
-from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.parameters import Moment, Time, utc
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, makes, manages
 from teleop.control.scopes import scope_missing
 

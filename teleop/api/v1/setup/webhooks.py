@@ -14,8 +14,8 @@ from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
 from robots.registry.models import Robot
-from teleop.api.v1.door.parameters import Time
-from teleop.api.v1.door.problems import NOT_FOUND, Problem
+from teleop.api.v1.framework.parameters import Time
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.setup.base import SetupView, makes, manages
 from teleop.control.scopes import scope_missing
 from teleop.models import Webhook, WebhookDelivery

@@ -22,11 +22,11 @@ from fleet.accounts.tokens.models import Scope, Token
 from fleet.accounts.tokens.services import key_of
 from robots.access.selectors import robots_visible_to
 from robots.registry.models import Robot
-from teleop.api.v1.door.authentication import TokenAuthentication
-from teleop.api.v1.door.idempotency import KEY_PARAMETER, Caller, once
-from teleop.api.v1.door.parameters import parameters_of, query_of
-from teleop.api.v1.door.parsing import Unparsed, decoded
-from teleop.api.v1.door.problems import (
+from teleop.api.v1.framework.authentication import TokenAuthentication
+from teleop.api.v1.framework.idempotency import KEY_PARAMETER, Caller, once
+from teleop.api.v1.framework.parameters import parameters_of, query_of
+from teleop.api.v1.framework.parsing import Unparsed, decoded
+from teleop.api.v1.framework.problems import (
     CONTENT_TYPE,
     NOT_FOUND,
     Problem,
@@ -34,7 +34,7 @@ from teleop.api.v1.door.problems import (
     problem_of,
     response_of,
 )
-from teleop.api.v1.door.rates import TOO_OFTEN, asks_too_often
+from teleop.api.v1.framework.rates import TOO_OFTEN, asks_too_often
 from teleop.control.scopes import scope_missing
 from teleop.recording import refusals
 from teleop.recording.refusals import RefusedRequest

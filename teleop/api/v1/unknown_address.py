@@ -8,8 +8,8 @@ from django.http import HttpResponseRedirect
 from rest_framework.request import Request
 
 from robots.wire import Refusal
-from teleop.api.v1.door.operation import ApiView
-from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.framework.operation import ApiView
+from teleop.api.v1.framework.problems import Problem
 
 _NO_ADDRESS = Refusal("not_found", "There is no such address.", "wire")
 
@@ -20,7 +20,7 @@ class SameMethod(HttpResponseRedirect):
     status_code = 308
 
 
-class OtherAddress(ApiView):
+class UnknownAddress(ApiView):
     """404, or a redirect to the address without its last slash."""
 
     def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:

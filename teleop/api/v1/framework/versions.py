@@ -7,7 +7,7 @@ import re
 from rest_framework.request import Request
 
 from robots.wire import Refusal
-from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.framework.problems import Problem
 
 _MISSING = Refusal(
     "if_match_missing",

@@ -11,7 +11,7 @@ import pytest
 from robots import wire
 from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.config import LinkAddress
-from robots.bridge.lease.fencing import FenceStore
+from robots.bridge.lease.fence_store import FenceStore
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.server.link_server import LinkServer

@@ -9,7 +9,7 @@ import msgspec
 from django.http import HttpResponse
 
 
-class Later(HttpResponse):
+class LongPoll(HttpResponse):
     """The answer as it is now. `fleet.site.handler` awaits `wait` on the loop, then calls `renew` in a thread.
 
     Another server answers at once: a client that waits asks again.

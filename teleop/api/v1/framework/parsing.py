@@ -11,7 +11,7 @@ from rest_framework.parsers import BaseParser
 from rest_framework.request import Request
 
 from robots.wire import Refusal
-from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.framework.problems import Problem
 
 MOST_BYTES = 64 * 1024
 DEEPEST = 32  # levels of a body

@@ -12,7 +12,7 @@ from msgspec import Meta, Struct
 from rest_framework.request import Request
 
 from robots.wire import Refusal
-from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.framework.problems import Problem
 
 YEARS = range(2000, 2200)  # that people may mean, as on the pages
 

@@ -18,7 +18,7 @@ from fleet.accounts.tokens.models import Scope, Token
 from fleet.accounts.tokens.services import token_end, token_make
 from fleet.audit.models import Record
 from robots.registry.models import Robot
-from teleop.api.v1.door import rates
+from teleop.api.v1.framework import rates
 from tests.conftest import PASSWORD
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -9,7 +9,7 @@ from drf_spectacular.extensions import OpenApiAuthenticationExtension, OpenApiSe
 from drf_spectacular.plumbing import ResolvedComponent
 from msgspec import Struct
 
-from teleop.api.v1.door.problems import ProblemDetails
+from teleop.api.v1.framework.problems import ProblemDetails
 
 _SLUG = {"type": "string", "pattern": "^[-a-zA-Z0-9_]+$"}  # as the library says it of `<slug:...>`
 REFERENCE = "#/components/schemas/{name}"
@@ -56,7 +56,7 @@ def _structs_in(info: Any, found: dict[str, type] | None = None) -> dict[str, ty
 class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call]
     """The header with the token."""
 
-    target_class = "teleop.api.v1.door.authentication.TokenAuthentication"
+    target_class = "teleop.api.v1.framework.authentication.TokenAuthentication"
     name = "token"
 
     def get_security_definition(self, auto_schema: Any) -> dict[str, str]:

@@ -11,7 +11,7 @@ from django.core.exceptions import ValidationError
 from django.db.models import Model, Q, QuerySet
 
 from robots.wire import Refusal
-from teleop.api.v1.door.problems import Problem
+from teleop.api.v1.framework.problems import Problem
 
 M = TypeVar("M", bound=Model)
 
