@@ -19,7 +19,7 @@ from fleet.bookings.models import Booking
 from fleet.bookings.selectors import Schedule, schedule_of
 from robots.access.selectors import role_on
 from robots.registry.models import Robot, RobotProfile, RobotRole, Role
-from teleop.control.policy import Subject, permit_for
+from teleop.control.rules import Subject, permit_for
 
 ROBOTS = 10
 REPEATS = 300

@@ -1,1 +1,1 @@
-"""Right to control a robot: rules, policy, lease services and queries. Uses no sockets."""
+"""Right to control a robot: rules, lease checks, services and queries. Uses no sockets."""

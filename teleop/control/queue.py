@@ -14,10 +14,10 @@ from fleet.audit import services as audit
 from fleet.audit.models import Record
 from fleet.bookings.models import Waiting
 from robots.wire import Refusal
-from teleop.control import rules
+from teleop.control import lease_checks
 from teleop.control.changes import ControlRefused, recorded_change, robot_locked
-from teleop.control.policy import Permit, may_wait, permit_for
-from teleop.control.rules import Tab
+from teleop.control.lease_checks import Tab
+from teleop.control.rules import Permit, may_wait, permit_for
 from teleop.control.selectors import lease_of, line_of, subject_of
 
 GRANTED, LEFT, GONE, LAPSED, NOT_ALLOWED = "granted", "cancelled", "gone", "lapsed", "not_allowed"
@@ -32,11 +32,11 @@ def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
         subject = subject_of(user, robot, now, line_of(robot_id, now))
         if (refusal := may_wait(subject)) is not None:
             raise ControlRefused(refusal)
-        if rules.is_free(held, now):
+        if lease_checks.is_free(held, now):
             answer = permit_for(subject)
             refusal = _FREE if isinstance(answer, Permit) and answer.over is None else None
         else:
-            refusal = rules.check_other_holds(held, user=user_id, now=now)
+            refusal = lease_checks.check_other_holds(held, user=user_id, now=now)
         if refusal is not None:
             raise ControlRefused(refusal)
         seat = {"tab": tab.token, "sign_in": tab.sign_in, "connection": tab.connection, "seen_at": now}
@@ -62,7 +62,7 @@ def line_leave(*, robot_id: UUID, connection: str) -> None:
 
 
 def line_away(*, robot_id: UUID, connection: str) -> None:
-    """Note that the page of this place is gone. It is kept for `rules.WAITS_S`: a reload loses no place."""
+    """Note that the page of this place is gone. It is kept for `lease_checks.WAITS_S`: a reload loses no place."""
     Waiting.objects.filter(robot_id=robot_id, starts_at=None, connection=connection).update(connection="")
 
 
@@ -83,9 +83,9 @@ def line_tidy(*, now: datetime, robot_id: UUID | None = None) -> None:
     """Close the places of pages that are gone, and of offers that nobody took."""
     which: dict[str, Any] = {"robot_id": robot_id} if robot_id else {}
     with recorded_change():
-        places_close(GONE, seen_at__lte=now - timedelta(seconds=rules.WAITS_S), **which)
+        places_close(GONE, seen_at__lte=now - timedelta(seconds=lease_checks.WAITS_S), **which)
         places_close(LAPSED, offer_until__lte=now, **which)
-        set_back = now + timedelta(seconds=rules.OFFER_S)  # the clock was, since the offer was made
+        set_back = now + timedelta(seconds=lease_checks.OFFER_S)  # the clock was, since the offer was made
         places_close(LAPSED, offer_until__gt=set_back, **which)
 
 
@@ -95,7 +95,7 @@ def offer_next(*, robot_id: UUID, now: datetime) -> bool:
         robot = robot_locked(robot_id)
         line_tidy(robot_id=robot_id, now=now)
         line = line_of(robot_id, now)
-        if not rules.is_free(lease_of(robot_id), now) or rules.offered(line, now) is not None:
+        if not lease_checks.is_free(lease_of(robot_id), now) or lease_checks.offered(line, now) is not None:
             return False
         people = User.objects.in_bulk([one.user for one in line])
         for place in line:
@@ -107,12 +107,14 @@ def offer_next(*, robot_id: UUID, now: datetime) -> bool:
                 continue
             answer = permit_for(subject)
             if isinstance(answer, Permit) and answer.over is None:
-                Waiting.objects.filter(pk=place.id).update(offer_until=now + timedelta(seconds=rules.OFFER_S))
+                Waiting.objects.filter(pk=place.id).update(
+                    offer_until=now + timedelta(seconds=lease_checks.OFFER_S)
+                )
                 audit.record(
                     "control.offer",
                     robot_id=robot.id,
                     robot_name=robot.name,
-                    parameters={"to": str(place.user), "request": place.id, "seconds": rules.OFFER_S},
+                    parameters={"to": str(place.user), "request": place.id, "seconds": lease_checks.OFFER_S},
                     private={"to_name": place.name},
                 )
                 return True

@@ -1,247 +1,237 @@
-"""The rules of control, as pure functions: no clock, no database, no socket.
-
-A check returns None if the step is allowed, else a refusal. `now` is an argument. Times are aware datetimes, because
-several web processes judge the same lease; the bridge gets seconds only.
-"""
+"""The rules of control: whether a person may control a robot now, and until when."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from datetime import datetime, timedelta
-from enum import Enum
-from hashlib import sha256
+from typing import Protocol
 from uuid import UUID
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
-from robots.registry.models import Role
+from fleet.accounts.models import User
+from fleet.bookings.rules import FAR, Slot, shown
+from fleet.bookings.selectors import Held, Schedule
+from fleet.zones import zone_of
+from robots.access.models import Qualification
+from robots.registry.models import Robot, Role
 from robots.wire import Refusal
+from teleop.control.lease_checks import OFFER_S, LeaseState, Waiter, offered
 
-GRACE_S = 10.0  # so long after its page was lost a lease may be resumed
-LOST_AFTER_S = 5.0  # a page that sent nothing for so long counts as lost
-OFFER_S = 30.0  # so long the next person in line may take control, and nobody else
-WAITS_S = 15.0  # without a sign of life of their page a person has left the line
-
-
-def fingerprint(session_key: str) -> str:
-    """Return the digest of a sign-in session that a lease stores. It cannot be used to sign in."""
-    return sha256(session_key.encode()).hexdigest()
+ROLE_LOWERED = Refusal("role_lowered", "Your role on this robot is lower now. Take control again.", "account")
+ROBOT_DISABLED = Refusal("robot_disabled", "This robot is out of service: staff switched it off.", "robot")
 
 
-class Tab(Struct, frozen=True):
-    """The browser tab to which a lease belongs."""
-
-    token: str  # random, made and kept by the tab itself
-    sign_in: str  # fingerprint of the sign-in session
-    connection: str  # its present WebSocket; "" when that is lost
-    program: str = ""  # the name of its token, if it is no tab but a program
-
-    def is_same_tab(self, other: Tab) -> bool:
-        """Return whether both are the same tab of the same sign-in. Their connections may differ."""
-        return self.token == other.token and self.sign_in == other.sign_in
+WARNING = timedelta(minutes=5)  # for a person in control, before a slot that was booked since ends it
 
 
-class LeaseState(Struct, frozen=True):
-    """A lease and its holder."""
+def schedule_for(user: UUID, schedule: Schedule, lease: LeaseState | None, now: datetime) -> Schedule:
+    """Return the schedule as it binds a person.
 
-    session: UUID  # control session
-    user: UUID
-    name: str
-    tab: Tab
-    role: Role  # of the holder when the lease began
-    fence: int
-    term_ends_at: datetime
-    seen_at: datetime  # last sign of life of the holder's page
-    started_at: datetime  # begin of the control session
-
-
-class Waiter(Struct, frozen=True):
-    """A person in line for control."""
-
-    id: int
-    user: UUID
-    name: str
-    tab: Tab
-    offer_until: datetime | None = None
-
-
-class Phase(Enum):
-    """The phase of a lease."""
-
-    FREE = "free"
-    HELD = "held"
-    AWAY = "away"  # the holder's page is gone and may still come back
-    LAPSED = "lapsed"  # over by the clock, but its end is not stored yet
-
-
-def phase(lease: LeaseState | None, now: datetime) -> Phase:
-    """Return the phase of the lease at `now`."""
-    if lease is None:
-        return Phase.FREE
-    if lapse_reason(lease, now) is not None:
-        return Phase.LAPSED
-    if not lease.tab.connection or now - lease.seen_at > timedelta(seconds=LOST_AFTER_S):
-        return Phase.AWAY
-    return Phase.HELD
-
-
-def is_free(lease: LeaseState | None, now: datetime) -> bool:
-    """Return whether nobody has control; a page that is gone for a moment still has it."""
-    return lease is None or lapse_reason(lease, now) is not None
-
-
-def lapse_reason(lease: LeaseState, now: datetime) -> str | None:
-    """Return why the lease is over by the clock: "term" or "away"; None while it is not."""
-    if now >= lease.term_ends_at:
-        return "term"
-    if now - lease.seen_at > timedelta(seconds=GRACE_S):
-        return "away"
-    return None
-
-
-def resumable_s(lease: LeaseState, now: datetime) -> float:
-    """Return the seconds left in which the holder's page may come back."""
-    return max(0.0, GRACE_S - (now - lease.seen_at).total_seconds())
-
-
-def term_end(now: datetime, term_s: float, until: datetime | None) -> datetime:
-    """Return the end of a term that starts now: after `term_s`, or earlier at `until`."""
-    end = now + timedelta(seconds=term_s)
-    return end if until is None else min(end, until)
-
-
-def offered(line: Sequence[Waiter], now: datetime) -> Waiter | None:
-    """Return the person to whom control is offered at this moment. A clock that was set back lengthens no offer."""
-    longest = now + timedelta(seconds=OFFER_S)
-    return next(
-        (one for one in line if one.offer_until is not None and now < one.offer_until <= longest), None
+    For the holder, a slot of another person that was booked since they took control begins `WARNING` after that, at
+    the earliest; a slot that would soon be over then, after half of its time: its owner gets control, too.
+    """
+    if lease is None or lease.user != user:
+        return schedule
+    slots = [_after_warning(held, lease) for held in (schedule.current, *schedule.next) if held is not None]
+    slots = [held for held in slots if held.slot.ends_at > held.slot.starts_at]
+    return structs.replace(
+        schedule,
+        current=next((held for held in slots if held.slot.starts_at <= now), None),
+        next=tuple(held for held in slots if held.slot.starts_at > now),
     )
 
 
-NO_LEASE = Refusal("no_lease", "You do not have control: take it first.", "lease")
-_ALREADY_YOURS = Refusal("already_yours", "You already have control.", "lease")
-
-# --- checks -----------------------------------------------------------------------------------
-
-
-def check_take(lease: LeaseState | None, *, user: UUID, tab: Tab, now: datetime) -> Refusal | None:
-    """Check taking control: no other person may have it. From the same person's other tab it moves here."""
-    if lease is None or lapse_reason(lease, now) is not None:
-        return None
-    if lease.user != user:
-        return _held_by_other(lease, now)
-    return _ALREADY_YOURS if lease.tab.connection == tab.connection else None
+def _after_warning(held: Held, lease: LeaseState) -> Held:
+    if held.person == lease.user or lease.started_at >= held.booked_at:
+        return held
+    ends = held.slot.ends_at if held.lapses_at is None else min(held.slot.ends_at, held.lapses_at)
+    warned = min(WARNING, (ends - held.holds_from) / 2)
+    begins = max(held.slot.starts_at, held.booked_at + warned)
+    return structs.replace(held, slot=Slot(begins, max(begins, held.slot.ends_at)))
 
 
-def check_resume(lease: LeaseState | None, *, user: UUID, tab: Tab, now: datetime) -> Refusal | None:
-    """Check resuming a lease after a reload or a network failure: same person, tab and sign-in, within `GRACE_S`."""
-    if lease is None or lease.user != user or not lease.tab.is_same_tab(tab):
-        return Refusal("not_holder", "This tab did not have control.", "lease")
-    return _over(lease, now)
+def out_of_service(robot: Robot) -> Refusal | None:
+    """Return why the robot cannot be driven by any person; None if it can."""
+    if not robot.enabled:
+        return ROBOT_DISABLED
+    if robot.problems:
+        text = f"This robot cannot be driven: its entry in the registry is wrong: {robot.problems}. Tell the staff."
+        return Refusal("robot_misdescribed", text, "robot")
+    return None
 
 
-def check_renew(
-    lease: LeaseState | None, *, tab: Tab, line: Sequence[Waiter], now: datetime
-) -> Refusal | None:
-    """Check starting a new term: only the holder may, and only while no other person waits for control."""
-    if (refusal := check_holder(lease, tab=tab, now=now)) is not None:
+class Permit(Struct, frozen=True):
+    """Permission to control. `until` None: this rule sets no end."""
+
+    until: datetime | None = None
+    max_share: float = 1.0  # share of the robot's speed limits
+    whole_slot: bool = False  # a term lasts until then, without renewals
+    over: Refusal | None = None  # only by taking over, with a reason: the robot is booked by another person
+
+    def narrowed_by(self, other: Permit) -> Permit:
+        """Return the narrower of both permits: the earlier end, the lower share."""
+        ends = [until for until in (self.until, other.until) if until is not None]
+        return Permit(
+            until=min(ends, default=None),
+            max_share=min(self.max_share, other.max_share),
+            whole_slot=self.whole_slot or other.whole_slot,
+            over=self.over or other.over,
+        )
+
+
+class Subject(Struct, frozen=True):
+    """The facts by which the rules judge a person who wants a robot."""
+
+    user: User
+    robot: Robot
+    role: Role | None
+    schedule: Schedule
+    now: datetime
+    missing: tuple[Qualification, ...] = ()  # those that the robot demands and the person does not hold
+    line: tuple[Waiter, ...] = ()  # who waits for control, while nobody has it
+
+    @property
+    def supervises(self) -> bool:
+        """Return whether the person is a supervisor of the robot or staff."""
+        return self.role is not None and self.role >= Role.SUPERVISOR
+
+
+class Rule(Protocol):
+    """One condition of control: returns a permit or a refusal."""
+
+    def __call__(self, subject: Subject) -> Permit | Refusal: ...
+
+
+def require_active_account(subject: Subject) -> Permit | Refusal:
+    """Refuse closed accounts."""
+    if subject.user.is_active:
+        return Permit()
+    return Refusal("account_inactive", "This account is closed; ask the staff.", "account")
+
+
+def require_robot_in_service(subject: Subject) -> Permit | Refusal:
+    """Refuse robots that are out of service, and limit the speed to the robot's own share.
+
+    Supervisors drive a robot in an out-of-service period, to repair it.
+    """
+    if (refusal := out_of_service(subject.robot)) is not None:
         return refusal
-    if line:
-        return Refusal(
-            "somebody_asks",
-            f"{line[0].name} waits for control, so your term is not extended. Hand over, or drive until it ends.",
-            "lease",
-            {"waiting": len(line)},
-        )
-    return None
+    out = subject.schedule.out
+    if out is None or subject.supervises:
+        return Permit(max_share=subject.robot.max_share)
+    until = _until(out.slot.ends_at, subject.user, subject.now)
+    text = f"This robot is out of service {until} ({out.label}). Choose another robot."
+    return Refusal("out_of_service", text, "robot")
 
 
-def check_other_holds(lease: LeaseState | None, *, user: UUID, now: datetime) -> Refusal | None:
-    """Check that another person has control."""
-    if lease is None or lapse_reason(lease, now) is not None:
-        return Refusal("free", "The robot is free: take control.", "lease")
-    if lease.user == user:
-        return _ALREADY_YOURS
-    return None
-
-
-def check_waits(waiter: Waiter | None) -> Refusal | None:
-    """Check handing over: the person must still wait."""
-    if waiter is None:
-        return Refusal("no_such_request", "The person no longer waits for control.", "lease")
-    return None
-
-
-def check_take_over(
-    lease: LeaseState | None, *, user: UUID, supervises: bool, now: datetime
-) -> Refusal | None:
-    """Check taking control from its holder: only supervisors of the robot and staff may."""
-    if not supervises:
-        return Refusal(
-            "role_too_low",
-            "Only a supervisor of this robot or staff may take over. Ask for control instead.",
-            "account",
-        )
-    return check_other_holds(lease, user=user, now=now)
-
-
-def check_clear(
-    lease: LeaseState | None, *, tab: Tab | None, supervises: bool, now: datetime
-) -> Refusal | None:
-    """Check clearing a stop: the holder, supervisors of the robot and staff may."""
-    if supervises or (tab is not None and check_holder(lease, tab=tab, now=now) is None):
-        return None
+def require_role(subject: Subject) -> Permit | Refusal:
+    """Require the role operator or higher on this robot."""
+    if subject.role is not None and subject.role >= Role.OPERATOR:
+        return Permit()
     return Refusal(
-        "may_not_clear",
-        "Only the person in control, a supervisor of this robot or staff may clear the stop.",
-        "stop",
+        "role_too_low",
+        f"You may watch {subject.robot.name} but not drive it. Ask the staff for the role operator.",
+        "account",
     )
 
 
-def check_holder(lease: LeaseState | None, *, tab: Tab, now: datetime) -> Refusal | None:
-    """Check that this connection holds the lease."""
-    if lease is None:
-        return NO_LEASE
-    if not lease.tab.is_same_tab(tab) or lease.tab.connection != tab.connection:
-        return Refusal(
-            "not_holder",
-            f"{lease.name} has control, from another page.",
-            "lease",
-            {"holder": lease.name},
-        )
-    return _over(lease, now)
+def require_qualification(subject: Subject) -> Permit | Refusal:
+    """Require each qualification that the robot demands."""
+    if not subject.missing:
+        return Permit()
+    names = ", ".join(one.name for one in subject.missing)
+    where = " ".join(one.description for one in subject.missing if one.description)
+    text = f"You may not drive {subject.robot.name}: it demands {names}, which you do not hold or which has expired."
+    help_text = where or "Ask the staff or your course’s supervisor."
+    return Refusal("unqualified", f"{text} {help_text}", "account", {"missing": names})
 
 
-def check_fence(fence: int, held: int | None) -> Refusal | None:
-    """Refuse a command with the number `fence` unless `held`, the number of the connection's control, equals it."""
-    if held is None:
-        return NO_LEASE
-    if fence != held:
-        figures = {"fence": fence, "yours": held}
-        return Refusal("old_fence", "This command belongs to an earlier control session.", "lease", figures)
-    return None
+def require_booking(subject: Subject) -> Permit | Refusal:
+    """In a slot, permit its owner; in unbooked time everybody, until the next slot of another person begins.
+
+    A supervisor may take over in another person's slot, with a reason.
+    """
+    schedule, me = subject.schedule, subject.user.id
+    begins = next((held.slot.starts_at for held in schedule.next if held.person != me), None)
+    current = schedule.current
+    if current is not None and current.person == me:
+        return Permit(until=_own_end(current, schedule), whole_slot=True)
+    if current is not None:
+        until = current.slot.ends_at
+        booked = f"{current.name} has booked this robot {_until(until, subject.user, subject.now)}."
+        text = f"{booked} Book another time, or ask for control."
+        refusal = Refusal("booked", text, "booking", {"holder": current.name, "until": until.isoformat()})
+        return Permit(until=begins, over=refusal) if subject.supervises else refusal
+    if schedule.free_time or subject.supervises:
+        return Permit(until=begins)
+    return Refusal("book_first", "This robot is for booked time only: book a slot first.", "booking")
 
 
-def _over(lease: LeaseState, now: datetime) -> Refusal | None:
-    if (why := lapse_reason(lease, now)) is None:
-        return None
-    text = "Your term is over" if why == "term" else f"Your page was gone for more than {GRACE_S:.0f} s"
-    return Refusal("lease_over", f"{text}: take control again.", "lease", {"fence": lease.fence})
+def require_turn(subject: Subject) -> Permit | Refusal:
+    """While nobody has control, permit the next person in line, and the owner of the present slot.
+
+    A supervisor may take over, with a reason.
+    """
+    current, me, now = subject.schedule.current, subject.user.id, subject.now
+    if not subject.line or (current is not None and current.person == me):
+        return Permit()
+    turn = offered(subject.line, now)
+    first = turn or subject.line[0]
+    if first.user == me:
+        return Permit()
+    left_s = (turn.offer_until - now).total_seconds() if turn and turn.offer_until else OFFER_S
+    text = f"{first.name} is next in line and has {left_s:.0f} s to take control."
+    if all(one.user != me for one in subject.line):
+        text += " Ask for control to wait in line."
+    refusal = Refusal("next_in_line", text, "lease", {"next": first.name, "seconds": round(left_s, 1)})
+    return Permit(over=refusal) if subject.supervises else refusal
 
 
-def _held_by_other(lease: LeaseState, now: datetime) -> Refusal:
-    if phase(lease, now) is Phase.AWAY:
-        left_s = round(resumable_s(lease, now), 1)
-        return Refusal(
-            "held_away",
-            f"{lease.name} has control, but the page is gone; the robot is free in {left_s:.0f} s.",
-            "lease",
-            {"holder": lease.name, "resumable_s": left_s},
-        )
-    left_s = round((lease.term_ends_at - now).total_seconds())
-    return Refusal(
-        "held",
-        f"{lease.name} has control: ask for it.",
-        "lease",
-        {"holder": lease.name, "remaining_s": left_s},
+def _own_end(current: Held, schedule: Schedule) -> datetime:
+    """Return the end of the person's slot, with their slots that follow without a gap."""
+    end = current.slot.ends_at
+    for held in schedule.next:
+        if held.person != current.person or held.slot.starts_at > end:
+            break
+        end = held.slot.ends_at
+    return end
+
+
+def _until(moment: datetime, user: User, now: datetime) -> str:
+    """Return "until 15:00" in the person's zone, with the date if that is not today."""
+    if moment == FAR:
+        return "until further notice"
+    zone = zone_of(user.time_zone)
+    local = moment.astimezone(zone)
+    return (
+        f"until {local:%H:%M}"
+        if local.date() == now.astimezone(zone).date()
+        else f"until {shown(moment, zone)}"
     )
+
+
+RULES: tuple[Rule, ...] = (
+    require_active_account,
+    require_robot_in_service,
+    require_role,
+    require_qualification,
+    require_booking,
+    require_turn,
+)
+
+
+def may_wait(subject: Subject) -> Refusal | None:
+    """Return why a person may not wait for control; a booking of another person or their turn is no reason."""
+    answer = permit_for(structs.replace(subject, schedule=Schedule(out=subject.schedule.out), line=()))
+    return answer if isinstance(answer, Refusal) else None
+
+
+def permit_for(subject: Subject) -> Permit | Refusal:
+    """Return the permit that all rules agree on, or the first refusal."""
+    permit = Permit()
+    for rule in RULES:
+        answer = rule(subject)
+        if isinstance(answer, Refusal):
+            return answer
+        permit = permit.narrowed_by(answer)
+    return permit

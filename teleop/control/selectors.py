@@ -18,8 +18,8 @@ from robots.access.selectors import lacking, missing_qualifications, role_on, ro
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import allowed_on, link_address, robot_facts
 from robots.wire import Refusal
-from teleop.control.policy import Subject, out_of_service, permit_for, schedule_for
-from teleop.control.rules import WAITS_S, LeaseState, Tab, Waiter, is_free
+from teleop.control.lease_checks import WAITS_S, LeaseState, Tab, Waiter, is_free
+from teleop.control.rules import Subject, out_of_service, permit_for, schedule_for
 from teleop.control.status import ControlStatus, Rights, RobotEntry, SessionEnd
 from teleop.models import ControlSession, Lease
 
@@ -29,7 +29,7 @@ SIGNED_OUT = Refusal("signed_out", "You are signed out: sign in again.", "accoun
 
 
 def lease_of(robot_id: UUID) -> LeaseState | None:
-    """Return the robot's lease as stored; it may have lapsed by the clock (`rules.phase`)."""
+    """Return the robot's lease as stored; it may have lapsed by the clock (`lease_checks.phase`)."""
     leases = Lease.objects.filter(robot_id=robot_id, session__isnull=False)
     lease = leases.select_related("session__user").first()
     return None if lease is None else _lease_state(lease)

@@ -26,10 +26,10 @@ from robots.access.selectors import supervises
 from robots.registry.models import Robot, Role
 from robots.registry.services import fence_next
 from robots.wire import Refusal
-from teleop.control import queue, rules
+from teleop.control import lease_checks, queue
 from teleop.control.changes import ControlRefused, recorded_change, robot_locked
-from teleop.control.policy import Permit, permit_for
-from teleop.control.rules import LeaseState, Tab, Waiter
+from teleop.control.lease_checks import LeaseState, Tab, Waiter
+from teleop.control.rules import Permit, permit_for
 from teleop.control.selectors import lease_of, line_of, subject_of
 from teleop.models import ControlSession, EndReason, Lease, named
 
@@ -49,9 +49,9 @@ def lease_take(*, robot_id: UUID, user_id: UUID, tab: Tab, highest_fence: int, n
         line = _line_if_free(before, robot_id, now)
         role, permit = _permit(user=user, robot=robot, now=now, line=line)
         _require(permit.over)
-        _require(rules.check_take(before, user=user_id, tab=tab, now=now))
+        _require(lease_checks.check_take(before, user=user_id, tab=tab, now=now))
         if before is not None:
-            lapsed = rules.lapse_reason(before, now)
+            lapsed = lease_checks.lapse_reason(before, now)
             reason = EndReason(lapsed) if lapsed else EndReason.MOVED
             _end_session(before, reason, robot, None if lapsed else user, now)
         taken = _assign(robot, user, tab, role, permit, before, highest_fence, now)
@@ -70,9 +70,13 @@ def lease_take_over(
         line = _line_if_free(before, robot_id, now)
         role, permit = _permit(user=user, robot=robot, now=now, line=line)
         if permit.over is None or (before is not None and before.user == user_id):
-            _require(rules.check_take_over(before, user=user_id, supervises=supervises(user, robot), now=now))
+            _require(
+                lease_checks.check_take_over(
+                    before, user=user_id, supervises=supervises(user, robot), now=now
+                )
+            )
         if before is not None:
-            lapsed = rules.lapse_reason(before, now)
+            lapsed = lease_checks.lapse_reason(before, now)
             note = "" if lapsed else f"{user.display_name} took over: {reason}"
             ended = EndReason(lapsed) if lapsed else EndReason.TAKEN_OVER
             _end_session(before, ended, robot, None if lapsed else user, now, note=note)
@@ -105,7 +109,7 @@ def lease_hand_over(
     with recorded_change():
         robot, user = robot_locked(robot_id), _user(user_id)
         held = lease_of(robot_id)
-        before = _allowed(held, rules.check_holder(held, tab=tab, now=now))
+        before = _allowed(held, lease_checks.check_holder(held, tab=tab, now=now))
         waiter = _waiter(robot_id, request_id, now)
         receiver = _user(waiter.user)
         booking_hand_running(robot=robot, owner=before.user, to=receiver, actor=user, now=now)
@@ -133,7 +137,7 @@ def lease_renew(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> No
         robot, user = robot_locked(robot_id), _user(user_id)
         held = lease_of(robot_id)
         _, permit = _permit(user=user, robot=robot, now=now, lease=held)
-        before = _allowed(held, rules.check_renew(held, tab=tab, line=line_of(robot_id, now), now=now))
+        before = _allowed(held, lease_checks.check_renew(held, tab=tab, line=line_of(robot_id, now), now=now))
         if permit.whole_slot and permit.until is not None and before.term_ends_at >= permit.until:
             booking_lengthen_running(robot=robot, person=user, now=now)
             _, permit = _permit(user=user, robot=robot, now=now)
@@ -148,7 +152,7 @@ def lease_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> N
         robot, user = _robot(robot_id), _user(user_id)
         held = lease_of(robot_id)
         _permit(user=user, robot=robot, now=now, lease=held)
-        before = _allowed(held, rules.check_resume(held, user=user_id, tab=tab, now=now))
+        before = _allowed(held, lease_checks.check_resume(held, user=user_id, tab=tab, now=now))
         _change_lease(robot_id, before, {"connection": tab.connection, "seen_at": now})
         _record("control.resume", before, robot, user)
 
@@ -167,7 +171,7 @@ def lease_keep(*, robot_id: UUID, session: UUID, connection: str, seen_at: datet
 
 
 def lease_lost(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> None:
-    """Store that the holder's page is gone. It may come back within `rules.GRACE_S`."""
+    """Store that the holder's page is gone. It may come back within `lease_checks.GRACE_S`."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
     mine.update(connection="", seen_at=now)
 
@@ -179,7 +183,7 @@ def lease_expire(*, robot_id: UUID, now: datetime) -> None:
     """End a lease whose term or grace is over. Refused if it has just changed or its page was seen again."""
     with recorded_change():
         held = lease_of(robot_id)
-        if held is not None and (why := rules.lapse_reason(held, now)) is not None:
+        if held is not None and (why := lease_checks.lapse_reason(held, now)) is not None:
             robot = _robot(robot_id)
             _free(robot_id, held, now, seen_at=held.seen_at)
             note = _slot_note(held, robot, now) if why == "term" else ""
@@ -210,7 +214,7 @@ def lease_end(
 
 
 def leases_end_of_sign_in(sign_in: str, *, user_id: UUID, refusal: Refusal, now: datetime) -> None:
-    """End all leases of a sign-in that is over (given by its `rules.fingerprint`): no page could resume them."""
+    """End all leases of a sign-in that is over (given by its `lease_checks.fingerprint`): no page could resume them."""
     taken = Lease.objects.filter(sign_in=sign_in).exclude(session=None)
     for robot_id, session in list(taken.values_list("robot_id", "session_id")):
         lease_end(
@@ -231,7 +235,7 @@ def clear_authorize(*, robot_id: UUID, user_id: UUID, tab: Tab | None, now: date
     with recorded_change():
         robot, user = _robot(robot_id), _user(user_id)
         held = lease_of(robot_id)
-        _require(rules.check_clear(held, tab=tab, supervises=supervises(user, robot), now=now))
+        _require(lease_checks.check_clear(held, tab=tab, supervises=supervises(user, robot), now=now))
         return _record("stop.clear", held, robot, user)
 
 
@@ -262,7 +266,7 @@ def _user(user_id: UUID) -> User:
 def _waiter(robot_id: UUID, request_id: int, now: datetime) -> Waiter:
     here = (one for one in line_of(robot_id, now) if one.tab.connection)
     waiter = next((one for one in here if one.id == request_id), None)
-    return _allowed(waiter, rules.check_waits(waiter))
+    return _allowed(waiter, lease_checks.check_waits(waiter))
 
 
 def _permit(
@@ -285,13 +289,13 @@ def _permit(
 
 
 def _line_if_free(before: LeaseState | None, robot_id: UUID, now: datetime) -> list[Waiter]:
-    return line_of(robot_id, now) if rules.is_free(before, now) else []
+    return line_of(robot_id, now) if lease_checks.is_free(before, now) else []
 
 
 def _term_end(permit: Permit, now: datetime) -> datetime:
     if permit.whole_slot and permit.until is not None:
         return permit.until
-    return rules.term_end(now, settings.FLEET_CONTROL_TERM_S, permit.until)
+    return lease_checks.term_end(now, settings.FLEET_CONTROL_TERM_S, permit.until)
 
 
 def _slot_note(held: LeaseState, robot: Robot, now: datetime) -> str:

@@ -13,7 +13,7 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from teleop.control import services
 from teleop.control.changes import ControlRefused
-from teleop.control.rules import fingerprint
+from teleop.control.lease_checks import fingerprint
 from teleop.control.selectors import SIGNED_OUT
 
 log = logging.getLogger(__name__)

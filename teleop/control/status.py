@@ -12,9 +12,9 @@ from fleet.bookings.selectors import Held, Schedule
 from robots import wire
 from robots.bridge.config import Allowed, LinkAddress
 from robots.registry.models import Role
-from teleop.control import rules
-from teleop.control.policy import Permit, schedule_for
-from teleop.control.rules import LeaseState, Phase, Tab, Waiter
+from teleop.control import lease_checks
+from teleop.control.lease_checks import LeaseState, Phase, Tab, Waiter
+from teleop.control.rules import Permit, schedule_for
 
 
 class SessionEnd(Struct, frozen=True):
@@ -66,7 +66,7 @@ class ControlStatus(Struct, frozen=True):
         if (
             not permit.whole_slot or permit.until is None
         ):  # a slot that was given up leaves a term of free time
-            latest = rules.term_end(self.read_at, settings.FLEET_CONTROL_TERM_S, permit.until)
+            latest = lease_checks.term_end(self.read_at, settings.FLEET_CONTROL_TERM_S, permit.until)
             return latest if lease.term_ends_at > latest else None
         unused = current is not None and current.person == lease.user and not current.used
         return None if permit.until == lease.term_ends_at and not unused else permit.until
@@ -84,7 +84,7 @@ class RobotEntry(Struct, frozen=True):
 def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Rights) -> wire.Control:
     """Return the status of control as a message to the page in `tab`."""
     now, lease = status.read_at, status.lease
-    phase = rules.phase(lease, now)
+    phase = lease_checks.phase(lease, now)
     mine = lease is not None and lease.tab.connection == tab.connection
     free = lease is None or phase is Phase.LAPSED
     booked, next_booked = booked_slots(schedule_for(user, status.schedule, lease, now), user, now)
@@ -110,14 +110,16 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
         fence=lease.fence if mine else None,
         session=str(lease.session) if mine else None,
         remaining_s=round((lease.term_ends_at - now).total_seconds(), 1),
-        resumable_s=round(rules.resumable_s(lease, now), 1) if phase is Phase.AWAY else None,
+        resumable_s=round(lease_checks.resumable_s(lease, now), 1) if phase is Phase.AWAY else None,
         requests=names if mine or rights.supervises else [],
         asking=asking,
         ahead=place,
-        may_take_over=rules.check_take_over(lease, user=user, supervises=rights.supervises, now=now) is None
+        may_take_over=lease_checks.check_take_over(lease, user=user, supervises=rights.supervises, now=now)
+        is None
         and _refusal(rights) is None,
         may_clear=mine or rights.supervises,
-        refusal=_refusal(rights) or (None if mine else rules.check_take(lease, user=user, tab=tab, now=now)),
+        refusal=_refusal(rights)
+        or (None if mine else lease_checks.check_take(lease, user=user, tab=tab, now=now)),
         booked=booked,
         next_booked=next_booked,
     )
@@ -141,7 +143,7 @@ def _booked(held: Held, user: UUID, seconds: float) -> wire.Booked:
 
 def _offer_s(status: ControlStatus, user: UUID) -> float | None:
     """Return for how many seconds more control is this person's to take; None if it is not offered to them."""
-    turn = rules.offered(status.line, status.read_at)
+    turn = lease_checks.offered(status.line, status.read_at)
     if turn is None or turn.user != user or turn.offer_until is None:
         return None
     return round((turn.offer_until - status.read_at).total_seconds(), 1)
@@ -177,7 +179,7 @@ def change_key(control: wire.Control, status: ControlStatus) -> tuple[object, ..
         control.asking,
         control.ahead,
         control.offer_s is None,
-        rules.offered(status.line, status.read_at),
+        lease_checks.offered(status.line, status.read_at),
         control.may_take_over,
         control.may_clear,
         control.refusal and control.refusal.code,

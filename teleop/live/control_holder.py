@@ -22,9 +22,9 @@ from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control import queue, services
 from teleop.control.changes import ControlRefused, NotStored
-from teleop.control.policy import ROLE_LOWERED, Permit
-from teleop.control.rules import NO_LEASE, LeaseState, Phase, Tab, lapse_reason, phase
-from teleop.control.rules import offered as offered_now
+from teleop.control.lease_checks import NO_LEASE, LeaseState, Phase, Tab, lapse_reason, phase
+from teleop.control.lease_checks import offered as offered_now
+from teleop.control.rules import ROLE_LOWERED, Permit
 from teleop.control.status import ControlStatus, Rights, SessionEnd, change_key, control_message
 from teleop.live import notices
 from teleop.live.lease_renewal import LeaseRenewer

@@ -12,8 +12,8 @@ from django.utils import timezone
 
 from robots.link.client import LinkRefused
 from robots.wire import Grant, Pause, Refusal, Revoke
-from teleop.control.policy import Permit
-from teleop.control.rules import LeaseState
+from teleop.control.lease_checks import LeaseState
+from teleop.control.rules import Permit
 from teleop.live.robot_hub import RobotHub
 
 log = logging.getLogger(__name__)

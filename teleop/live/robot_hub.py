@@ -24,10 +24,10 @@ from robots.link.client import BridgeLink, links
 from robots.processes.durations import Durations
 from robots.wire import Ended, Offers, Refresh, Refusal, Refused, State
 from teleop.background.database import in_database
-from teleop.control import queue, rules
+from teleop.control import lease_checks, queue
 from teleop.control.changes import ControlRefused
+from teleop.control.lease_checks import Phase
 from teleop.control.lease_events import LeaseEvents
-from teleop.control.rules import Phase
 from teleop.control.selectors import SignIn, control_status, robot_entry, who_sees
 from teleop.control.services import lease_expire, lease_fit_slot, lease_keep
 from teleop.control.status import ControlStatus, RobotEntry
@@ -197,7 +197,7 @@ class RobotHub:
         sessions = [member.held_session for member in list(self.members.values()) if member.held_session]
         status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
         lease = status.lease
-        if rules.phase(lease, status.read_at) is not Phase.LAPSED:
+        if lease_checks.phase(lease, status.read_at) is not Phase.LAPSED:
             if lease is None:
                 return (self._read_again(people, sessions) if self._offer(status) else status), confirmed_s
             until = status.slot_end()
@@ -218,7 +218,7 @@ class RobotHub:
 
     def _offer(self, status: ControlStatus) -> bool:
         """Offer the free robot to the next in line. Return whether that changed the line."""
-        if not status.line or rules.offered(status.line, status.read_at) is not None:
+        if not status.line or lease_checks.offered(status.line, status.read_at) is not None:
             return False
         with suppress(ControlRefused, DatabaseError):
             return queue.offer_next(robot_id=self.robot_id, now=status.read_at)

@@ -21,7 +21,7 @@ from robots.wire import Accepted, LinkCancel, Refusal, Refused, TaskRequest, kin
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.allow_list import check_role, required_role
-from teleop.control.rules import check_fence
+from teleop.control.lease_checks import check_fence
 from teleop.control.selectors import lease_of
 from teleop.control.status import Rights
 from teleop.live.consumers.message_socket import BUSY

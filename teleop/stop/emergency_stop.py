@@ -25,7 +25,7 @@ from robots.stop.presses import Pending, Result, keep_pending, press_all, record
 from robots.wire import LinkClear, Refusal, Stopped
 from teleop.background.database import in_database, in_database_background
 from teleop.background.jobs import run_in_background
-from teleop.control.rules import Tab
+from teleop.control.lease_checks import Tab
 from teleop.control.selectors import lease_of
 from teleop.control.services import clear_authorize
 from teleop.recording.repeat_suppression import RepeatSuppressor

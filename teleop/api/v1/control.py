@@ -23,7 +23,7 @@ from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.programs.connection import Caller, ProgramConnection, Velocity
 from teleop.api.v1.programs.registry import UNUSED_S, programs
-from teleop.control import rules
+from teleop.control import lease_checks
 from teleop.control.scopes import ACTING
 from teleop.control.selectors import lease_of
 
@@ -123,9 +123,9 @@ class ProgramView(ApiView):
     def holds_elsewhere(self, robot: Robot) -> bool:
         """Return whether this program has control, by no connection of this process."""
         lease = lease_of(robot.id)
-        if lease is None or rules.lapse_reason(lease, timezone.now()) is not None:
+        if lease is None or lease_checks.lapse_reason(lease, timezone.now()) is not None:
             return False
-        return lease.tab.sign_in == rules.fingerprint(self.caller().key)
+        return lease.tab.sign_in == lease_checks.fingerprint(self.caller().key)
 
 
 class ControlView(ProgramView):
@@ -139,7 +139,7 @@ class ControlView(ProgramView):
         if found is not None and found.control is not None:
             return _entry(found.control)
         lease = lease_of(robot.id)
-        if lease is None or rules.lapse_reason(lease, timezone.now()) is not None:
+        if lease is None or lease_checks.lapse_reason(lease, timezone.now()) is not None:
             return ControlEntry("free")
         elsewhere = _ELSEWHERE if self.holds_elsewhere(robot) else None
         return ControlEntry("unknown", holder=lease.name, refusal=elsewhere)

@@ -22,8 +22,8 @@ from robots.stop.pending_stops import name_of
 from robots.wire import PendingStop, Refusal, RobotFacts, State
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.parameters import Time, whole_number
-from teleop.control import rules
-from teleop.control.policy import out_of_service
+from teleop.control import lease_checks
+from teleop.control.rules import out_of_service
 from teleop.control.selectors import lease_of
 from teleop.reports.history import SpeechHistory, speech_history
 
@@ -96,7 +96,7 @@ class RobotView(ApiView):
         """State, sensors and their ages, battery, stop, gate's verdict, limits."""
         robot = self.robot(slug)
         lease = lease_of(robot.id)
-        held = lease is not None and rules.lapse_reason(lease, timezone.now()) is None
+        held = lease is not None and lease_checks.lapse_reason(lease, timezone.now()) is None
         state, refusal = _state(robot)
         return RobotDetail(
             **_entry(robot, role_on(self.person, robot)),

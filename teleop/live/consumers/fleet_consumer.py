@@ -26,7 +26,7 @@ from robots.wire import Ended, FleetCard, NotDone, Offers, Refusal, Refused, Sta
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.changes import database_refusal
-from teleop.control.policy import out_of_service
+from teleop.control.rules import out_of_service
 from teleop.control.selectors import SIGNED_OUT, SignIn
 from teleop.control.status import booked_slots
 from teleop.live.consumers.message_socket import BUSY, CloseCode, MessageSocket

@@ -26,7 +26,7 @@ from robots.wire import (
 )
 from teleop.background.jobs import RequestQueue, run_in_background
 from teleop.control.changes import ControlRefused, NotStored, database_refusal
-from teleop.control.rules import Tab, check_fence, fingerprint
+from teleop.control.lease_checks import Tab, check_fence, fingerprint
 from teleop.control.scopes import needed_scopes, scope_missing
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live import robot_hub

@@ -27,7 +27,7 @@ from fleet.bookings import waiting_list as waiting
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
 from teleop.api.v1.framework.idempotency import remove_old_answers
-from teleop.control import queue, rules, services
+from teleop.control import lease_checks, queue, services
 from teleop.control.changes import ControlRefused
 from teleop.control.selectors import held_leases
 from teleop.recording import camera_audit
@@ -150,7 +150,7 @@ def end_lapsed() -> None:
     """End all leases that are over now, and close places in line whose pages are gone."""
     now = timezone.now()
     for robot_id, lease in held_leases():
-        if rules.lapse_reason(lease, now) is not None:
+        if lease_checks.lapse_reason(lease, now) is not None:
             with suppress(ControlRefused):  # another process was faster, or the next round tries again
                 services.lease_expire(robot_id=robot_id, now=now)
     with suppress(ControlRefused):

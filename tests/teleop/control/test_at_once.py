@@ -26,7 +26,7 @@ from robots.registry.models import Robot, RobotProfile, Role
 from robots.wire import NotDone
 from teleop.control import queue, services
 from teleop.control.changes import NotStored
-from teleop.control.rules import Tab
+from teleop.control.lease_checks import Tab
 from teleop.control.selectors import lease_of, line_of
 from teleop.models import EndReason
 

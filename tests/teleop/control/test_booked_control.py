@@ -12,8 +12,8 @@ from fleet.bookings.services import booking_approve, booking_cancel, booking_mak
 from robots.registry.models import Role
 from robots.wire import Refusal
 from teleop.control import queue, services
-from teleop.control.policy import Subject, permit_for, schedule_for
-from teleop.control.rules import Tab
+from teleop.control.lease_checks import Tab
+from teleop.control.rules import Subject, permit_for, schedule_for
 from teleop.control.selectors import end_notes, lease_of
 from teleop.control.status import ControlStatus, Rights
 from teleop.models import ControlSession, Lease

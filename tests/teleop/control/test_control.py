@@ -23,10 +23,10 @@ from robots.link.client import BridgeLink
 from robots.registry.models import Robot
 from robots.wire import Refusal
 from teleop.background.database import in_database
-from teleop.control import queue, rules, services
+from teleop.control import lease_checks, queue, services
+from teleop.control.lease_checks import Tab
 from teleop.control.lease_events import LeaseEvents
-from teleop.control.policy import WARNING
-from teleop.control.rules import Tab
+from teleop.control.rules import WARNING
 from teleop.live import control_holder, robot_hub
 from teleop.live.consumers.message_socket import CloseCode
 from teleop.models import ControlSession, EndReason, Lease
@@ -657,8 +657,8 @@ async def test_robot_out_of_service_is_shown_as_such(open_page, bridge, robot):
 @pytest.fixture
 def short_grace(monkeypatch):
     """A page counts as lost after 0.6 s, and its lease ends after 1.2 s; the database is read often."""
-    monkeypatch.setattr(rules, "LOST_AFTER_S", 0.6)
-    monkeypatch.setattr(rules, "GRACE_S", 1.2)
+    monkeypatch.setattr(lease_checks, "LOST_AFTER_S", 0.6)
+    monkeypatch.setattr(lease_checks, "GRACE_S", 1.2)
     monkeypatch.setattr(robot_hub, "STATUS_S", 0.05)
 
 
@@ -672,12 +672,12 @@ async def test_holder_with_a_cut_network_loses_control(open_page, bridge, short_
 
 
 async def test_holder_that_only_pings_keeps_control(open_page, bridge, short_grace, monkeypatch):
-    monkeypatch.setattr(rules, "LOST_AFTER_S", 1.5)  # a busy machine may keep a ping for a second
-    monkeypatch.setattr(rules, "GRACE_S", 3.0)
+    monkeypatch.setattr(lease_checks, "LOST_AFTER_S", 1.5)  # a busy machine may keep a ping for a second
+    monkeypatch.setattr(lease_checks, "GRACE_S", 3.0)
     holder, watching = await open_page("operator"), await open_page("second")
     await holder.say("take")
     await watching.hears("control", state="other")
-    until_s = time.monotonic() + 1.5 * rules.LOST_AFTER_S
+    until_s = time.monotonic() + 1.5 * lease_checks.LOST_AFTER_S
     while time.monotonic() < until_s:
         await holder.say("ping", sent_ms=1)
         await holder.hears("pong")

@@ -13,7 +13,7 @@ from fleet.accounts.models import User
 from robots import wire
 from teleop.background.database import in_database
 from teleop.control import services
-from teleop.control.rules import Tab, fingerprint
+from teleop.control.lease_checks import Tab, fingerprint
 from teleop.control.selectors import lease_of, rights_of, robot_entry
 from teleop.live import robot_hub
 from teleop.live.control_holder import ControlHolder

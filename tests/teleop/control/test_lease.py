@@ -13,7 +13,7 @@ from fleet.bookings.models import Waiting
 from robots.registry.models import Robot, RobotRole
 from robots.wire import Refusal
 from teleop.control import queue, services
-from teleop.control.rules import Tab
+from teleop.control.lease_checks import Tab
 from teleop.control.selectors import end_notes, lease_of, line_of
 from teleop.models import ControlSession, EndReason, Lease
 from tests.teleop.support import unavailable

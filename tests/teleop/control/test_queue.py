@@ -11,7 +11,7 @@ from fleet.bookings.services import booking_make
 from robots.registry.models import RobotRole
 from teleop.control import queue, services
 from teleop.control.changes import ControlRefused
-from teleop.control.rules import OFFER_S, WAITS_S, Tab
+from teleop.control.lease_checks import OFFER_S, WAITS_S, Tab
 from teleop.control.selectors import lease_of, line_of
 from teleop.models import EndReason
 

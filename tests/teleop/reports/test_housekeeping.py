@@ -18,8 +18,8 @@ from django.utils import timezone
 from fleet.audit.models import Record
 from fleet.bookings import letters
 from fleet.bookings.models import Letter, Waiting
-from teleop.control import queue, rules, services
-from teleop.control.rules import Tab
+from teleop.control import lease_checks, queue, services
+from teleop.control.lease_checks import Tab
 from teleop.control.selectors import lease_of
 from teleop.management.commands import run_housekeeping
 from teleop.models import ControlSession, EndReason, Lease
@@ -40,7 +40,7 @@ def held(robot, operator):
 
 
 def test_lease_of_a_lost_page_is_ended(robot, held):
-    Lease.objects.update(seen_at=timezone.now() - timedelta(seconds=rules.GRACE_S + 1))
+    Lease.objects.update(seen_at=timezone.now() - timedelta(seconds=lease_checks.GRACE_S + 1))
     call_command("run_housekeeping", "--once")
     assert lease_of(robot.id) is None
     assert ControlSession.objects.get().end_reason == EndReason.AWAY
@@ -59,7 +59,7 @@ def test_valid_lease_is_left_alone(robot, held):
 
 def test_a_page_that_died_loses_its_place_in_line(robot, held, second_operator):
     queue.line_join(robot_id=robot.id, user_id=second_operator.id, tab=TAB, now=timezone.now())
-    Waiting.objects.update(seen_at=timezone.now() - timedelta(seconds=rules.WAITS_S + 1))
+    Waiting.objects.update(seen_at=timezone.now() - timedelta(seconds=lease_checks.WAITS_S + 1))
     call_command("run_housekeeping", "--once")
     assert not Waiting.objects.exists()
     assert Record.objects.filter(kind="control.ask").latest("id").outcome == "gone"

@@ -9,8 +9,8 @@ from fleet.bookings.models import Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make, booking_move
 from teleop.control.changes import ControlRefused
+from teleop.control.lease_checks import Tab
 from teleop.control.queue import line_join
-from teleop.control.rules import Tab
 from teleop.control.services import lease_hand_over, lease_take, lease_take_over
 
 pytestmark = pytest.mark.django_db(transaction=True)

@@ -1,4 +1,4 @@
-"""The rules of control. No database, no clock."""
+"""Checks of leases. No database, no clock."""
 
 from datetime import datetime, timedelta, timezone
 from uuid import UUID
@@ -7,8 +7,8 @@ import msgspec
 import pytest
 
 from robots.registry.models import Role
-from teleop.control import rules
-from teleop.control.rules import LeaseState, Phase, Tab, Waiter
+from teleop.control import lease_checks
+from teleop.control.lease_checks import LeaseState, Phase, Tab, Waiter
 
 NOW = datetime(2026, 1, 5, 12, 0, tzinfo=timezone.utc)
 OLGA, OLAF = UUID(int=1), UUID(int=2)
@@ -42,36 +42,36 @@ def code(refusal):
 
 
 def test_free_robot_may_be_taken():
-    assert rules.check_take(None, user=OLAF, tab=HIS_TAB, now=NOW) is None
+    assert lease_checks.check_take(None, user=OLAF, tab=HIS_TAB, now=NOW) is None
 
 
 def test_held_robot_may_not_be_taken_and_its_holder_is_named():
-    refusal = rules.check_take(HELD, user=OLAF, tab=HIS_TAB, now=NOW)
+    refusal = lease_checks.check_take(HELD, user=OLAF, tab=HIS_TAB, now=NOW)
     assert refusal.code == "held"
     assert refusal.figures == {"holder": "Olga", "remaining_s": 900}
 
 
 def test_others_see_when_a_robot_with_a_lost_page_is_free():
-    refusal = rules.check_take(LOST, user=OLAF, tab=HIS_TAB, now=after(4))
+    refusal = lease_checks.check_take(LOST, user=OLAF, tab=HIS_TAB, now=after(4))
     assert refusal.code == "held_away"
     assert refusal.figures["resumable_s"] == 6.0
 
 
 def test_robot_may_be_taken_after_the_grace():
-    assert rules.check_take(LOST, user=OLAF, tab=HIS_TAB, now=after(10.001)) is None
+    assert lease_checks.check_take(LOST, user=OLAF, tab=HIS_TAB, now=after(10.001)) is None
 
 
 def test_robot_may_be_taken_after_the_term():
     still_there = msgspec.structs.replace(HELD, seen_at=after(900))
-    assert rules.check_take(still_there, user=OLAF, tab=HIS_TAB, now=after(900)) is None
+    assert lease_checks.check_take(still_there, user=OLAF, tab=HIS_TAB, now=after(900)) is None
 
 
 def test_holder_may_move_control_to_another_tab():
-    assert rules.check_take(HELD, user=OLGA, tab=HIS_TAB, now=NOW) is None
+    assert lease_checks.check_take(HELD, user=OLGA, tab=HIS_TAB, now=NOW) is None
 
 
 def test_page_in_control_may_not_take_again():
-    assert code(rules.check_take(HELD, user=OLGA, tab=HER_TAB, now=NOW)) == "already_yours"
+    assert code(lease_checks.check_take(HELD, user=OLGA, tab=HER_TAB, now=NOW)) == "already_yours"
 
 
 # --- resume ---------------------------------------------------------------------------------------
@@ -79,83 +79,85 @@ def test_page_in_control_may_not_take_again():
 
 @pytest.mark.parametrize("seconds", [0, 9.9, 10])
 def test_same_tab_resumes_within_ten_seconds(seconds):
-    assert rules.check_resume(LOST, user=OLGA, tab=NEW_CONNECTION, now=after(seconds)) is None
+    assert lease_checks.check_resume(LOST, user=OLGA, tab=NEW_CONNECTION, now=after(seconds)) is None
 
 
 def test_same_tab_does_not_resume_after_ten_seconds():
-    assert code(rules.check_resume(LOST, user=OLGA, tab=NEW_CONNECTION, now=after(10.1))) == "lease_over"
+    assert (
+        code(lease_checks.check_resume(LOST, user=OLGA, tab=NEW_CONNECTION, now=after(10.1))) == "lease_over"
+    )
 
 
 def test_duplicated_tab_resumes_while_the_first_is_open():
-    assert rules.check_resume(HELD, user=OLGA, tab=NEW_CONNECTION, now=NOW) is None
+    assert lease_checks.check_resume(HELD, user=OLGA, tab=NEW_CONNECTION, now=NOW) is None
 
 
 @pytest.mark.parametrize("tab", [Tab("other-tab", "her-sign-in", "c"), Tab("her-tab", "other-sign-in", "c")])
 def test_another_tab_or_sign_in_does_not_resume(tab):
-    assert code(rules.check_resume(LOST, user=OLGA, tab=tab, now=NOW)) == "not_holder"
+    assert code(lease_checks.check_resume(LOST, user=OLGA, tab=tab, now=NOW)) == "not_holder"
 
 
 def test_another_person_does_not_resume_with_the_tabs_token():
-    assert code(rules.check_resume(LOST, user=OLAF, tab=NEW_CONNECTION, now=NOW)) == "not_holder"
+    assert code(lease_checks.check_resume(LOST, user=OLAF, tab=NEW_CONNECTION, now=NOW)) == "not_holder"
 
 
 # --- renew, ask, hand over ----------------------------------------------------------------------------
 
 
 def test_holder_may_renew():
-    assert rules.check_renew(HELD, tab=HER_TAB, line=[], now=NOW) is None
+    assert lease_checks.check_renew(HELD, tab=HER_TAB, line=[], now=NOW) is None
 
 
 def test_holder_may_not_renew_while_another_person_asks():
-    refusal = rules.check_renew(HELD, tab=HER_TAB, line=[HE_ASKS], now=NOW)
+    refusal = lease_checks.check_renew(HELD, tab=HER_TAB, line=[HE_ASKS], now=NOW)
     assert refusal.code == "somebody_asks"
     assert "Olaf" in refusal.text
 
 
 def test_only_the_page_in_control_renews():
-    assert code(rules.check_renew(HELD, tab=NEW_CONNECTION, line=[], now=NOW)) == "not_holder"
-    assert code(rules.check_renew(None, tab=HER_TAB, line=[], now=NOW)) == "no_lease"
-    assert code(rules.check_renew(HELD, tab=HER_TAB, line=[], now=after(900))) == "lease_over"
+    assert code(lease_checks.check_renew(HELD, tab=NEW_CONNECTION, line=[], now=NOW)) == "not_holder"
+    assert code(lease_checks.check_renew(None, tab=HER_TAB, line=[], now=NOW)) == "no_lease"
+    assert code(lease_checks.check_renew(HELD, tab=HER_TAB, line=[], now=after(900))) == "lease_over"
 
 
 def test_only_control_of_another_person_can_be_asked_for():
-    assert rules.check_other_holds(HELD, user=OLAF, now=NOW) is None
-    assert code(rules.check_other_holds(HELD, user=OLGA, now=NOW)) == "already_yours"
-    assert code(rules.check_other_holds(None, user=OLAF, now=NOW)) == "free"
+    assert lease_checks.check_other_holds(HELD, user=OLAF, now=NOW) is None
+    assert code(lease_checks.check_other_holds(HELD, user=OLGA, now=NOW)) == "already_yours"
+    assert code(lease_checks.check_other_holds(None, user=OLAF, now=NOW)) == "free"
 
 
 def test_handover_needs_a_person_who_waits():
-    assert rules.check_waits(HE_ASKS) is None
-    assert code(rules.check_waits(None)) == "no_such_request"
+    assert lease_checks.check_waits(HE_ASKS) is None
+    assert code(lease_checks.check_waits(None)) == "no_such_request"
 
 
 def test_an_offer_holds_until_its_time():
     offered = msgspec.structs.replace(HE_ASKS, offer_until=after(30))
-    assert rules.offered([HE_ASKS, offered], NOW) == offered
-    assert rules.offered([HE_ASKS, offered], after(30)) is None
+    assert lease_checks.offered([HE_ASKS, offered], NOW) == offered
+    assert lease_checks.offered([HE_ASKS, offered], after(30)) is None
 
 
 # --- take over, clear -----------------------------------------------------------------------------
 
 
 def test_supervisor_may_take_over():
-    assert rules.check_take_over(HELD, user=OLAF, supervises=True, now=NOW) is None
+    assert lease_checks.check_take_over(HELD, user=OLAF, supervises=True, now=NOW) is None
 
 
 def test_operator_may_not_take_over():
-    assert code(rules.check_take_over(HELD, user=OLAF, supervises=False, now=NOW)) == "role_too_low"
+    assert code(lease_checks.check_take_over(HELD, user=OLAF, supervises=False, now=NOW)) == "role_too_low"
 
 
 def test_free_robot_cannot_be_taken_over():
-    assert code(rules.check_take_over(None, user=OLAF, supervises=True, now=NOW)) == "free"
-    assert code(rules.check_take_over(HELD, user=OLGA, supervises=True, now=NOW)) == "already_yours"
+    assert code(lease_checks.check_take_over(None, user=OLAF, supervises=True, now=NOW)) == "free"
+    assert code(lease_checks.check_take_over(HELD, user=OLGA, supervises=True, now=NOW)) == "already_yours"
 
 
 def test_holder_and_supervisor_may_clear_the_stop():
-    assert rules.check_clear(HELD, tab=HER_TAB, supervises=False, now=NOW) is None
-    assert rules.check_clear(None, tab=None, supervises=True, now=NOW) is None
-    assert code(rules.check_clear(HELD, tab=HIS_TAB, supervises=False, now=NOW)) == "may_not_clear"
-    assert code(rules.check_clear(None, tab=HER_TAB, supervises=False, now=NOW)) == "may_not_clear"
+    assert lease_checks.check_clear(HELD, tab=HER_TAB, supervises=False, now=NOW) is None
+    assert lease_checks.check_clear(None, tab=None, supervises=True, now=NOW) is None
+    assert code(lease_checks.check_clear(HELD, tab=HIS_TAB, supervises=False, now=NOW)) == "may_not_clear"
+    assert code(lease_checks.check_clear(None, tab=HER_TAB, supervises=False, now=NOW)) == "may_not_clear"
 
 
 # --- time -----------------------------------------------------------------------------------------
@@ -174,10 +176,10 @@ def test_holder_and_supervisor_may_clear_the_stop():
     ],
 )
 def test_lease_passes_through_its_phases(lease, seconds, phase):
-    assert rules.phase(lease, after(seconds)) is phase
+    assert lease_checks.phase(lease, after(seconds)) is phase
 
 
 def test_term_ends_no_later_than_the_permit():
-    assert rules.term_end(NOW, 900, None) == after(900)
-    assert rules.term_end(NOW, 900, after(60)) == after(60)
-    assert rules.term_end(NOW, 900, after(6000)) == after(900)
+    assert lease_checks.term_end(NOW, 900, None) == after(900)
+    assert lease_checks.term_end(NOW, 900, after(60)) == after(60)
+    assert lease_checks.term_end(NOW, 900, after(6000)) == after(900)
