@@ -12,7 +12,7 @@ from daphne import server as daphne_server  # first: it chooses Twisted's reacto
 from daphne.cli import CommandLineInterface
 from twisted.internet import reactor, task
 
-from fleet.server import channel, limits, pages, websocket
+from fleet.server import channel, limits, pages_process, websocket
 from fleet.server.connections import Connections, Places
 from fleet.server.work_queue import WorkQueue
 from robots.processes.scheduling import Garbage, prefer_this_thread
@@ -27,7 +27,7 @@ daphne_server.WebSocketFactory = websocket.Factory
 class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
     """Daphne, which counts who is connected."""
 
-    keeper: pages.Keeper | None = None  # of the pages process; None in that process itself
+    keeper: pages_process.Keeper | None = None  # of the pages process; None in that process itself
 
     def __init__(self, *args: Any, **options: Any) -> None:
         from django.conf import settings  # the application was imported before
@@ -37,7 +37,7 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         self.open: Connections[Any] = Connections()
         self.requests = Places(limits.REQUESTS, limits.REQUESTS_OF_ADDRESS)
         self.websockets = Places(limits.CONNECTIONS, limits.WEBSOCKETS_OF_ADDRESS)
-        self.forward: pages.Forward | None = None  # None: this process answers all
+        self.forward: pages_process.Forward | None = None  # None: this process answers all
         self.work = WorkQueue(lambda work: reactor._asyncioEventloop.call_soon(work))
         self.bodies_bytes = 0  # of all requests that arrive, or wait for their answers
 
@@ -46,9 +46,9 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
         _least, most = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))  # each connection is a file
         if self.keeper is not None:
-            self.forward = pages.Forward(self.keeper.path)
+            self.forward = pages_process.Forward(self.keeper.path)
             self.keeper.programs.unlink(missing_ok=True)
-            self.endpoints: list[str] = [*self.endpoints, pages.endpoint(self.keeper.programs)]
+            self.endpoints: list[str] = [*self.endpoints, pages_process.endpoint(self.keeper.programs)]
             reactor.addSystemEventTrigger("before", "shutdown", self.keeper.end)
             reactor.callWhenRunning(self._prefer_commands)
         super().run()
@@ -125,7 +125,7 @@ class CommandLine(CommandLineInterface):  # type: ignore[misc]
             os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
             from django.conf import settings
 
-            Server.keeper = pages.Keeper(settings.FLEET_RUN_DIR, asked.application)
+            Server.keeper = pages_process.Keeper(settings.FLEET_RUN_DIR, asked.application)
         else:
-            pages.become_pages(asked.life_line)
+            pages_process.become_pages(asked.life_line)
         super().run(args)

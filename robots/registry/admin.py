@@ -27,7 +27,7 @@ from robots.registry import services, shipped
 from robots.registry.admin_entries import AllowanceInline, SpokenFormSet, save_entries
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.registry.selectors import last_editor, slug_for
-from robots.supervisor.program_keeper import LOCK, supervised
+from robots.supervisor.process_keeper import LOCK, supervised
 
 
 class ReadableJSON(json.JSONEncoder):

@@ -27,7 +27,7 @@ from robots.registry.models import BridgeStatus, Robot
 from robots.registry.profile_schema import Problems
 from robots.registry.selectors import bridge_config, require_link_settings
 from robots.registry.services import bridge_status_set
-from robots.supervisor.program_keeper import (
+from robots.supervisor.process_keeper import (
     KILL_S,
     Keeper,
     Program,

@@ -11,7 +11,7 @@ from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
 from fleet.bookings.models import DAY_NAMES, WEEKDAYS, OutOfService, Policy
-from fleet.bookings.policies import POLICY_FIELDS
+from fleet.bookings.policy_changes import POLICY_FIELDS
 from fleet.bookings.rules import Slot, to_utc
 from fleet.bookings.series import MOST_WEEKS
 from fleet.zones import viewers

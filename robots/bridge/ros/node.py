@@ -41,8 +41,8 @@ from robots.bridge.ros.network.master_monitor import MasterMonitor
 from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.robot_runs import RunMonitor
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
-from robots.bridge.ros.sensors.arm_posture import PostureTopics
 from robots.bridge.ros.sensors.depth import DepthTopics
+from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.tasks.head import HeadTopics

@@ -30,7 +30,7 @@ from teleop.control.lease_checks import Tab, check_fence, fingerprint
 from teleop.control.scopes import needed_scopes, scope_missing
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live import robot_hub
-from teleop.live.camera_view import CameraViewAge
+from teleop.live.camera_view_age import CameraViewAge
 from teleop.live.consumers.message_socket import BUSY, CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.live.control_holder import ControlHolder

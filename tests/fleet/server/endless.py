@@ -11,7 +11,7 @@ import daphne.server  # noqa: F401 - first: it chooses Twisted's reactor
 from django.conf import settings
 from twisted.internet import protocol, reactor
 
-from fleet.server import pages
+from fleet.server import pages_process
 from fleet.server.command import Server
 
 CHUNK = bytes(65536)
@@ -59,6 +59,6 @@ with tempfile.TemporaryDirectory() as directory:
     factory.protocol = Endless
     reactor.listenUNIX(str(path), factory)
     server = Server(None, endpoints=["tcp:port=0:interface=127.0.0.1"], verbosity=0, signal_handlers=False)
-    server.forward = pages.Forward(path)
+    server.forward = pages_process.Forward(path)
     threading.Thread(target=ask_and_leave, args=[server], daemon=True).start()
     server.run()

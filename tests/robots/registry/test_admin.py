@@ -14,7 +14,7 @@ from fleet.audit.models import Record
 from robots.registry.admin import ReadableJSON
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.registry.services import bridge_status_set, profile_save, robot_save
-from robots.supervisor.program_keeper import LOCK, only_instance
+from robots.supervisor.process_keeper import LOCK, only_instance
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import pytest
 from robots.processes.shutdown import EXIT_NAME_LOST, EXIT_NOT_JOINED
 from robots.registry.models import BridgeStatus
 from robots.supervisor.fleet_supervisor import eager
-from robots.supervisor.program_keeper import (
+from robots.supervisor.process_keeper import (
     KILL_S,
     STEADY_S,
     TERMINATE_S,
@@ -181,7 +181,7 @@ SUPERVISING = """
 import os, sys, time
 import django
 django.setup()
-from robots.supervisor.program_keeper import Keeper, Program
+from robots.supervisor.process_keeper import Keeper, Program
 keeper = Keeper("Fake", lambda *report: None)
 keeper.want(Program([sys.executable, *sys.argv[1:]], dict(os.environ), "1"))
 while True:

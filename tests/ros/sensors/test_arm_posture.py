@@ -14,8 +14,8 @@ from sensor_msgs.msg import JointState
 from robots.bridge.config import ArmSource
 from robots.bridge.gate.geometry.arm_discs import AT_HOME, UNKNOWN, Posture
 from robots.bridge.gate.geometry.arm_sweep import Motion
-from robots.bridge.ros.sensors import arm_posture
-from robots.bridge.ros.sensors.arm_posture import PostureTopics
+from robots.bridge.ros.sensors import posture_topics
+from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.tasks.arm_posture import END_M, HAND_M, MOST_LINKS, ArmPosture
 from robots.bridge.tasks.urdf import Tree
 from robots.simulator.joints.joint_table import HOME, JOINTS
@@ -43,7 +43,7 @@ class Listener:
     def __init__(self, monkeypatch):
         self.now_s = 100.0
         self.postures = []
-        monkeypatch.setattr(arm_posture.time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr(posture_topics.time, "monotonic", lambda: self.now_s)
         self.use(ARM)
 
     def use(self, source):

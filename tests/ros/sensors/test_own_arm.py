@@ -11,8 +11,8 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from robots.bridge.gate.geometry.arm_sweep import Motion
-from robots.bridge.ros.sensors import arm_posture
-from robots.bridge.ros.sensors.arm_posture import PostureTopics
+from robots.bridge.ros.sensors import posture_topics
+from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.tasks.arm_clearance import ArmClearance
 from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.bridge.tasks.urdf import Tree
@@ -32,7 +32,7 @@ class Robot:
     def __init__(self, monkeypatch, description):
         self.looker = Looker([FLOOR], has_arm=True)
         self.looker.to_base = camera(LOOK_AHEAD)
-        monkeypatch.setattr(arm_posture.time, "monotonic", lambda: self.looker.now_s)
+        monkeypatch.setattr(posture_topics.time, "monotonic", lambda: self.looker.now_s)
         self.posture = ArmPosture(ARM)
         self.posture.describe(description)
         self.topics = PostureTopics(self.posture, self.looker.gate.observe_posture)

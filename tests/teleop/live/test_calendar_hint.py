@@ -6,7 +6,7 @@ from django.urls import reverse
 from django.utils import timezone
 
 from fleet.bookings.models import OutOfService
-from fleet.bookings.policies import out_of_service_add
+from fleet.bookings.policy_changes import out_of_service_add
 from teleop.background.database import in_database
 from tests.bookings.test_pages import JSON, fields
 from tests.teleop.support import Page

@@ -10,7 +10,7 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from robots.registry.models import Robot
 from robots.stop.courier import courier
 from robots.supervisor.fleet_supervisor import Fleet, Stopping, supervise, wait_shortly
-from robots.supervisor.program_keeper import LOCK, AlreadySupervised, only_instance
+from robots.supervisor.process_keeper import LOCK, AlreadySupervised, only_instance
 
 
 class Command(BaseCommand):

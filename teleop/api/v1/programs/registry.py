@@ -10,7 +10,7 @@ from uuid import UUID
 from robots.wire import NotDone, Refusal
 from teleop.api.v1.programs.connection import Caller, ProgramConnection
 
-SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the process that drives listens for us; `fleet.server.pages` sets it
+SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the process that drives listens for us; `fleet.server.pages_process` sets it
 UNUSED_S = 30.0  # without a request, a program's connection closes, and control ends
 LOOK_S = 1.0
 MOST = 100

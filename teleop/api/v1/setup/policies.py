@@ -14,7 +14,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
-from fleet.bookings import policies
+from fleet.bookings import policy_changes
 from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.selectors import policies_of
 from robots.access.models import RobotGroup
@@ -134,7 +134,7 @@ class PoliciesBase(SetupView):
             place.select_for_update(of=("self",)).first()  # nobody changes it in between
             require_unchanged(request, self.entry(**of))
             with faults_named():
-                policies.policy_set(values=values, actor=self.person, **of)
+                policy_changes.policy_set(values=values, actor=self.person, **of)
         return self.tagged(self.entry(**of))
 
 
@@ -204,7 +204,7 @@ class RobotPolicyView(PoliciesBase):
     @manages("policies_remove_robot", "Remove the policy of a robot", tag="policies")
     def delete(self, _request: Request, slug: str) -> None:
         """It follows that of its group, or of all robots again."""
-        policies.policy_remove(robot=self.managed_robot(slug), actor=self.person)
+        policy_changes.policy_remove(robot=self.managed_robot(slug), actor=self.person)
 
 
 class GroupPolicyView(PoliciesBase):
@@ -229,7 +229,7 @@ class GroupPolicyView(PoliciesBase):
     @manages("policies_remove_group", "Remove the policy of a robot group", tag="policies")
     def delete(self, _request: Request, slug: str) -> None:
         """Its robots follow that of all robots again."""
-        policies.policy_remove(group=self.group(slug), actor=self.person)
+        policy_changes.policy_remove(group=self.group(slug), actor=self.person)
 
 
 class PeriodsView(PoliciesBase):
@@ -260,7 +260,7 @@ class PeriodsView(PoliciesBase):
         """By supervisors of the robot itself, and staff. Bookings stay: their people learn that they are affected."""
         now = timezone.now()
         with faults_named():
-            period, affected = policies.out_of_service_add(
+            period, affected = policy_changes.out_of_service_add(
                 robot=self.managed_robot(body.robot),
                 starts_at=utc(body.starts_at) if body.starts_at else now,
                 ends_at=utc(body.ends_at) if body.ends_at else None,
@@ -281,7 +281,7 @@ class PeriodView(PoliciesBase):
         found = OutOfService.objects.filter(pk=period_id, robot__in=self.managed()).first()
         if found is None:
             raise Problem(NOT_FOUND)
-        policies.out_of_service_end(period_id=found.pk, actor=self.person, now=timezone.now())
+        policy_changes.out_of_service_end(period_id=found.pk, actor=self.person, now=timezone.now())
 
 
 def _common() -> Policy:

@@ -8,7 +8,7 @@ from django.contrib.sessions.models import Session
 from django.urls import path
 
 from fleet.site.asgi import application
-from fleet.site.websocket_access import guarded
+from fleet.site.websocket_handshake import guarded
 from teleop.live.consumers.message_socket import CloseCode
 from tests.fleet.support import websocket_answer
 
