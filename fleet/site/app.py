@@ -14,14 +14,7 @@ from django.views.decorators.http import require_safe
 GROUND = "#f3f4f1"  # --bg of static/css/tokens.css, in light
 COLOUR = "#0d6b66"
 # All that the page for offline needs. Nothing else is ever kept.
-OFFLINE_FILES = (
-    "css/tokens.css",
-    "css/base.css",
-    "css/cards.css",
-    "css/forms.css",
-    "js/page/offline.js",
-    "img/icon.svg",
-)
+OFFLINE_FILES = ("css/site.css", "js/page/offline.js", "img/icon.svg")
 
 
 @login_not_required

@@ -70,6 +70,7 @@ def migration_sources() -> list[Path]:
 
 def static_sources() -> list[Path]:
     """Sources of collectstatic."""
-    files = [file for file in (REPOSITORY / "static").rglob("*") if file.is_file()]
+    folders = [REPOSITORY / "static", REPOSITORY / "templates"]  # templates name the scripts that pages load
+    files = [file for folder in folders for file in folder.rglob("*") if file.is_file()]
     others = ("package-lock.json", "requirements/web.txt", "fleet/settings.py", "fleet/static.py")
     return [*files, *(REPOSITORY / name for name in others)]

@@ -1,4 +1,4 @@
-"""Static files in production have hashed names, also in imports between ES modules."""
+"""Static files in production: hashed names, and one file for all that a page's script or style sheet imports."""
 
 import re
 
@@ -7,27 +7,60 @@ from django.core.management import call_command
 
 
 @pytest.fixture
-def collected(settings, tmp_path):
-    """A page's modules after `collectstatic` with production settings."""
+def console(settings, tmp_path):
+    """The source of a small console whose only page loads a script and a style sheet."""
     source = tmp_path / "source"
-    source.mkdir()
-    (source / "page.js").write_text(
-        'import { stick } from "./stick.js";\nexport { zero } from "./stick.js";\nstick();\n'
+    for folder in ("js/lib", "css", "templates"):
+        (source / folder).mkdir(parents=True)
+    (source / "templates/page.html").write_text(
+        """<link rel="stylesheet" href="{% static 'css/page.css' %}">
+        <script type="module" src="{% static 'js/page.js' %}"></script>"""
     )
-    (source / "stick.js").write_text("export const stick = () => {};\nexport const zero = 0;\n")
-    for number in range(18):  # deeper than the imports of the page's modules
-        (source / f"deep{number}.js").write_text(f'import {{ end }} from "./deep{number + 1}.js";\nend;\n')
-    (source / "deep18.js").write_text("export const end = 0;\n")
+    (source / "js/page.js").write_text('import { speed } from "./lib/stick.js";\ndocument.title = speed;\n')
+    (source / "js/lib/stick.js").write_text('export const speed = "slow";\n')
+    (source / "css/page.css").write_text('@import "tokens.css";\n.page { color: var(--ink); }\n')
+    (source / "css/tokens.css").write_text(":root { --ink: teal; }\n")
+    settings.TEMPLATES = [{**settings.TEMPLATES[0], "DIRS": [source / "templates"]}]
     settings.STATICFILES_DIRS = [source]
     settings.STATICFILES_FINDERS = ["django.contrib.staticfiles.finders.FileSystemFinder"]
     settings.STATIC_ROOT = tmp_path / "collected"
     settings.STORAGES = settings.STORAGES | {"staticfiles": {"BACKEND": "fleet.static.HashedStaticFiles"}}
+    return source
+
+
+def collected(settings, pattern):
+    """Collect; return the files of this pattern, newest first."""
     call_command("collectstatic", interactive=False, verbosity=0)
-    return settings.STATIC_ROOT
+    found = settings.STATIC_ROOT.glob(pattern)
+    return [
+        file.read_text() for file in sorted(found, key=lambda file: file.stat().st_mtime_ns, reverse=True)
+    ]
 
 
-def test_modules_import_each_other_by_hashed_names(collected):
-    (page,) = collected.glob("page.*.js")
-    imported = re.findall(r'from "\./(stick\.[0-9a-f]{12}\.js)"', page.read_text())
-    assert len(imported) == 2
-    assert all((collected / name).is_file() for name in imported)
+def test_a_script_holds_all_that_it_imports_and_names_its_source_map(console, settings):
+    (page,) = collected(settings, "js/page.????????????.js")
+    assert "slow" in page
+    assert "import" not in page
+    (source_map,) = re.findall(r"sourceMappingURL=(page\.js\.[0-9a-f]{12}\.map)", page)
+    assert "lib/stick.js" in (settings.STATIC_ROOT / "js" / source_map).read_text()
+
+
+def test_a_style_sheet_holds_all_that_it_imports(console, settings):
+    (page,) = collected(settings, "css/page.????????????.css")
+    assert "teal" in page
+    assert "@import" not in page
+
+
+def test_an_imported_file_that_changes_gives_the_script_a_new_name(console, settings):
+    collected(settings, "js/page.????????????.js")
+    (console / "js/lib/stick.js").write_text('export const speed = "fast";\n')
+    new, old = collected(settings, "js/page.????????????.js")
+    assert "fast" in new
+    assert "slow" in old
+
+
+def test_a_script_that_cannot_be_joined_ends_the_start(console, settings, capfd):
+    (console / "js/lib/stick.js").unlink()
+    with pytest.raises(Exception, match="esbuild"):
+        collected(settings, "js/page.js")
+    assert "stick.js" in capfd.readouterr().err

@@ -76,6 +76,8 @@ class CameraClient:
 
     def forget(self, watcher: CameraWatcher) -> None:
         """Forget a watcher; the process ends a while after its last one."""
+        if watcher not in self._watchers:
+            return  # the end of another link must not keep a process that is ending
         self._watchers.discard(watcher)
         if not self._watchers and self._at.refusal is not None:
             self._at = CameraAt()  # the next one needs no old news

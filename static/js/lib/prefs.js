@@ -11,8 +11,12 @@ function tried(act) {
   }
 }
 
+function stored() {
+  return tried(() => JSON.parse(localStorage.getItem(KEY))) ?? {};
+}
+
 function all() {
-  chosen ??= tried(() => JSON.parse(localStorage.getItem(KEY))) ?? {};
+  chosen ??= stored();
   return chosen;
 }
 
@@ -20,9 +24,9 @@ export function recall(name, fallback) {
   return all()[name] ?? fallback;
 }
 
-/** A choice that cannot be stored holds until the page closes. */
+/** A choice that cannot be stored holds until the page closes. Choices of other scripts and tabs stay. */
 export function remember(name, value) {
-  all()[name] = value;
+  chosen = { ...all(), ...stored(), [name]: value };
   tried(() => localStorage.setItem(KEY, JSON.stringify(chosen)));
 }
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import signal
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import psutil
@@ -57,4 +60,39 @@ async def test_another_process_follows_one_that(number, code, rosmaster, tmp_pat
     assert await watcher.hears(address=False) == code
     await watcher.hears(address=True)
     assert camera_process() != first
+    await client.close()
+
+
+_ENDS_WHEN_TOLD = """
+import pathlib, sys, time
+starts, ending, may_end = map(pathlib.Path, sys.argv[1:])
+with starts.open("a") as file:
+    file.write("x")
+print('{"t":"camera_at","unix_path":"/nowhere"}', flush=True)
+sys.stdin.read()
+ending.touch()
+while not may_end.exists():
+    time.sleep(0.01)
+"""
+
+
+async def until(condition: Callable[[], bool], what: str) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end_s, what
+        await asyncio.sleep(0.01)
+
+
+async def test_the_end_of_another_link_starts_no_process_in_place_of_one_that_ends(rosmaster, tmp_path):
+    starts, ending, may_end = (tmp_path / name for name in ("starts", "ending", "may_end"))
+    command = (sys.executable, "-c", _ENDS_WHEN_TOLD, *map(str, (starts, ending, may_end)))
+    client, watcher = CameraClient(tiago_config(rosmaster, tmp_path), command, linger_s=0.5), Watcher()
+    client.set_wanted(watcher, wanted=True)
+    await watcher.hears(address=True)
+    client.set_wanted(watcher, wanted=False)
+    await until(ending.exists, "the process is asked to end")
+    client.forget(Watcher())  # a link that never watched
+    may_end.touch()
+    await until(lambda: asyncio.all_tasks() == {asyncio.current_task()}, "the client rests")
+    assert starts.read_text() == "x"
     await client.close()
