@@ -65,7 +65,10 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
     def create_application(self, protocol: Any, scope: dict[str, Any]) -> Any:
         """Begin the application for a request or a WebSocket."""
         if scope["type"] == "websocket":
-            scope["extensions"] = {websocket.DIRECT_RECEIVER: protocol.set_direct_receiver}
+            scope["extensions"] = {
+                websocket.DIRECT_RECEIVER: protocol.set_direct_receiver,
+                websocket.DIRECT_SENDER: protocol.send_directly,
+            }
         return super().create_application(protocol, scope)
 
     async def handle_reply(self, protocol: Any, message: dict[str, Any]) -> None:

@@ -12,8 +12,10 @@ from twisted.internet.tcp import Connection
 from fleet.server import limits
 from fleet.server.text_frame import small_text_frame
 
-# Extension of a connection's scope: a consumer passes it a function that takes texts at once.
+# Extensions of a connection's scope. A consumer passes this one a function that takes texts at once ...
 DIRECT_RECEIVER = "fleet.direct_receiver"
+# ... and passes this one bytes that go out at once.
+DIRECT_SENDER = "fleet.direct_sender"
 
 
 class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  # Daphne has no types
@@ -25,6 +27,13 @@ class WebSocketProtocol(ws_protocol.WebSocketProtocol):  # type: ignore[misc]  #
     def set_direct_receiver(self, receive: Callable[[str], bool]) -> None:
         """Pass texts to `receive` without a turn of the loop; one for which it returns False waits in the queue."""
         self._direct_receiver = receive
+
+    def send_directly(self, message: bytes) -> bool:
+        """Send a message; return False if the connection is not open. Spares the way through Channels and Daphne."""
+        if self.state != self.STATE_OPEN:
+            return False
+        self.sendMessage(message, True)
+        return True
 
     def onConnect(self, request: Any) -> Any:
         """Take a place among the connections after the handshake, or drop the connection."""

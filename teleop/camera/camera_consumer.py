@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from typing import Any
 
 from fleet.accounts.tokens.models import Scope
 from robots import wire
@@ -153,14 +152,14 @@ class CameraConsumer(RobotSocket):
 
     # --- pictures ----------------------------------------------------------------------------------
 
-    async def _show(self, camera: str, event: dict[str, Any]) -> bool:
+    async def _show(self, camera: str, frame: bytes) -> bool:
         """Send a picture once its viewing is on record. Return whether it was sent."""
         if self._closing or self.camera_audit is None:
             return False
         if not self.camera_audit.may_view(camera):
             await self.refuse("camera_watch", TOO_MANY_CAMERAS)
             return False
-        await self.asgi_send(event)
+        await self.send_bytes(frame)
         return True
 
     def _state(self, state: CameraState) -> None:

@@ -11,7 +11,7 @@ import logging
 import time
 from collections.abc import Awaitable, Callable
 from itertools import count
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from uuid import UUID
 
 from robots import wire
@@ -29,14 +29,14 @@ DECIDE_S = 0.5
 STALLED_S = 5.0  # a viewer who acknowledges nothing for this time is not worth a picture of its own
 YIELD_S = 0.0005  # drive input waits no longer for pictures than one picture takes, and this
 
-Send = Callable[[str, dict[str, Any]], Awaitable[bool]]  # camera and ASGI event; False: it was withheld
+Send = Callable[[str, bytes], Awaitable[bool]]  # camera and frame; False: it was withheld
 
 
 class _Newest(NamedTuple):
     number: int  # on pages
     made: int  # by the camera process: consecutive for each variant
     key: bool
-    event: dict[str, Any]
+    frame: bytes
 
 
 class CameraViewer:
@@ -119,7 +119,7 @@ class CameraViewer:
         self._sent = newest
         self._due_s = now_s + 0.8 / self.rate_hz
         self._unacknowledged[newest.number] = now_s
-        if not await self._send(self.camera, newest.event):
+        if not await self._send(self.camera, newest.frame):
             self._unacknowledged.pop(newest.number, None)
 
 
@@ -218,8 +218,8 @@ class CameraFeed:
             header.lens,
             header.pose,
         )
-        event = {"type": "websocket.send", "bytes": wire.packed(shown, encoded)}
-        self._newest[header.camera, header.variant] = _Newest(number, header.number, header.key, event)
+        frame = wire.packed(shown, encoded)
+        self._newest[header.camera, header.variant] = _Newest(number, header.number, header.key, frame)
         for viewer in self._viewers:
             if (viewer.camera, viewer.quality.variant) == (header.camera, header.variant):
                 viewer.quality.offered(now_s)

@@ -39,7 +39,8 @@ REPLIES_BURST = 20.0
 
 BUSY = Refusal("busy", "Too many requests at once: wait for the answers.", "wire")
 
-_DIRECT_RECEIVER = "fleet.direct_receiver"  # ASGI extension of the server (`fleet.server.websocket`)
+# ASGI extensions of the server (`fleet.server.websocket`).
+_DIRECT_RECEIVER, _DIRECT_SENDER = "fleet.direct_receiver", "fleet.direct_sender"
 
 
 class CloseCode:
@@ -77,6 +78,7 @@ class MessageSocket(AsyncConsumer):
         """Run the connection (ASGI application)."""
         self.scope: Any = scope
         self.asgi_send = send
+        self._direct_sender = scope.get("extensions", {}).get(_DIRECT_SENDER)
         await receive()  # websocket.connect
         await send({"type": "websocket.accept"})
         try:
@@ -129,6 +131,11 @@ class MessageSocket(AsyncConsumer):
     ) -> None:
         """Send a message to the client."""
         await self.send_encoded(encode(message).decode())
+
+    async def send_bytes(self, message: bytes) -> None:
+        """Send bytes to the client, by the shortest way."""
+        if self._direct_sender is None or not self._direct_sender(message):
+            await self.asgi_send({"type": "websocket.send", "bytes": message})
 
     async def send_encoded(self, message: str) -> None:
         """Send an encoded message to the client."""

@@ -183,10 +183,13 @@ def test_a_scope_offers_it_to_websockets(monkeypatch):
         "daphne.server.Server.create_application", lambda _self, _protocol, scope: scopes.append(scope)
     )
     server = Server.__new__(Server)
-    protocol = SimpleNamespace(set_direct_receiver=print)
+    protocol = SimpleNamespace(set_direct_receiver=print, send_directly=repr)
     server.create_application(protocol, {"type": "http"})
     server.create_application(protocol, {"type": "websocket"})
     assert scopes == [
         {"type": "http"},
-        {"type": "websocket", "extensions": {websocket.DIRECT_RECEIVER: print}},
+        {
+            "type": "websocket",
+            "extensions": {websocket.DIRECT_RECEIVER: print, websocket.DIRECT_SENDER: repr},
+        },
     ]

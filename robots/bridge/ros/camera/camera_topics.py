@@ -24,6 +24,7 @@ SILENT_S = 2.0
 MOST_WORDS = 200  # characters: frames may have long names
 WITHOUT_PLACE_S = 3.0  # so long nothing could be drawn into the pictures: then people are told why
 POSE_LAG_S = 0.05  # tf of a picture's stamp comes a little later: the pose just before it serves as well
+_STAMP_END = 12  # of a message's header: number, seconds, nanoseconds
 
 
 class Arrival(NamedTuple):
@@ -57,6 +58,7 @@ class CameraTopics:
         self._age = PictureAge()
         self._newest: Arrival | None = None
         self._info: CameraInfo | None = None
+        self._told = b""  # the last camera info behind its stamp
         self._damage: str | None = None
         self._misfit: tuple[str, str] | None = (
             None  # why nothing can be drawn into the pictures: code and words
@@ -88,6 +90,10 @@ class CameraTopics:
             self._awake.notify()
 
     def _on_info(self, raw: bytes) -> None:
+        told = raw[_STAMP_END:]
+        if told == self._told:
+            return  # most only have another stamp
+        self._told = told
         try:
             self._info = CameraInfo().deserialize(raw)
         except genpy.DeserializationError:

@@ -13,6 +13,7 @@ import time
 from bisect import bisect_left
 from collections import OrderedDict, deque
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -132,7 +133,7 @@ class Frames:
         if place is None or place.parent != parent:
             return None
         try:
-            matrix = _matrix(*_parts(place))
+            matrix = _matrix(*_parts(place.packed))
         except PoseUnknown:
             return None
         return Pose(
@@ -173,16 +174,16 @@ class Frames:
     def _at(self, child: str, stamp_s: float) -> Matrix:
         """Return the transform of one frame to its parent at a stamp."""
         if child in self._fixed:
-            return _matrix(*_parts(self._fixed[child]))
+            return _fixed_matrix(self._fixed[child].packed)
         history = self._moving[child]
-        later = bisect_left([place.stamp_s for place in history], stamp_s)
+        later = bisect_left(history, stamp_s, key=lambda place: place.stamp_s)
         if later == len(history):
             raise PoseUnknown(f"tf did not tell in time where {child} was")
         if later > 0:
             return _between(child, history[later - 1], history[later], stamp_s)
         if history[0].stamp_s > stamp_s:
             raise PoseUnknown(f"tf does not tell where {child} was then")
-        return _matrix(*_parts(history[0]))
+        return _matrix(*_parts(history[0].packed))
 
 
 def transforms(raw: bytes) -> Iterator[tuple[str, FramePlace]]:
@@ -210,9 +211,9 @@ def _name(raw: bytes, at: int) -> tuple[str, int]:
     return raw[begin : begin + length].decode(errors="replace").lstrip("/"), begin + length
 
 
-def _parts(place: FramePlace) -> tuple[Matrix, Matrix]:
+def _parts(packed: bytes) -> tuple[Matrix, Matrix]:
     """Unpack translation and unit quaternion. Raises PoseUnknown for implausible numbers."""
-    numbers = np.array(_TRANSFORM.unpack(place.packed))
+    numbers = np.array(_TRANSFORM.unpack(packed))
     translation, rotation = numbers[:3], numbers[3:]
     length = math.sqrt(float(rotation @ rotation))
     if not (np.isfinite(numbers).all() and length > 0.5):
@@ -220,11 +221,18 @@ def _parts(place: FramePlace) -> tuple[Matrix, Matrix]:
     return translation, rotation / length
 
 
+@lru_cache(MOST_WANTED)
+def _fixed_matrix(packed: bytes) -> Matrix:
+    return _matrix(*_parts(packed))
+
+
 def _between(child: str, before: FramePlace, after: FramePlace, stamp_s: float) -> Matrix:
     hole_s = after.stamp_s - before.stamp_s
     if hole_s > LARGEST_HOLE_S:
         raise PoseUnknown(f"tf did not tell where {child} was for {hole_s:.1f} s")
-    (start, first), (end, second) = _parts(before), _parts(after)
+    if before.packed == after.packed:  # it rests
+        return _matrix(*_parts(after.packed))
+    (start, first), (end, second) = _parts(before.packed), _parts(after.packed)
     if first @ second < 0.0:
         second = -second
     if 2.0 * math.acos(min(float(first @ second), 1.0)) > TURNING_RADPS * hole_s:
