@@ -16,11 +16,9 @@ from django.core.exceptions import ImproperlyConfigured
 from django.core.files.storage import FileSystemStorage
 from whitenoise.storage import CompressedManifestStaticFilesStorage
 
-# What templates load, as they write it. A script that is no module stands alone already.
-_LOADED = (
-    re.compile(r"""<script type="module" src="{% static '(js/[^']+)' %}">"""),
-    re.compile(r"""<link rel="stylesheet" href="{% static '(css/[^']+)' %}">"""),
-)
+# What templates load, as they write it, and our modules and style sheets among it.
+_LOADED = re.compile(r"{% static '([^']+)' %}")
+_JOINED = re.compile(r"""(?:type="module" src|rel="stylesheet" href)="{% static '((?:js|css)/[^']+)' %}">""")
 
 
 class HashedStaticFiles(CompressedManifestStaticFilesStorage):  # type: ignore[misc]  # WhiteNoise is untyped
@@ -40,9 +38,10 @@ class HashedStaticFiles(CompressedManifestStaticFilesStorage):  # type: ignore[m
                 source = sources / name
                 source.parent.mkdir(parents=True, exist_ok=True)
                 source.symlink_to(storage.path(path))
-            entries = loaded_by_templates() & paths.keys()
-            for imported in _join(sources, joined, entries) - entries:
-                del paths[imported]  # nobody loads it alone
+            templates = _templates()
+            imported = _join(sources, joined, set(_JOINED.findall(templates)))
+            for name in imported.difference(_LOADED.findall(templates)):
+                del paths[name]
             for file in joined.rglob("*.*"):
                 name = file.relative_to(joined).as_posix()
                 paths[name] = FileSystemStorage(joined), name
@@ -51,11 +50,10 @@ class HashedStaticFiles(CompressedManifestStaticFilesStorage):  # type: ignore[m
             yield from super().post_process(paths, dry_run, **options)
 
 
-def loaded_by_templates() -> set[str]:
-    """Return the names of our modules and style sheets that templates load."""
+def _templates() -> str:
+    """Return all templates' text."""
     folders: Any = settings.TEMPLATES[0]["DIRS"]
-    text = "".join(file.read_text() for folder in folders for file in Path(folder).rglob("*.html"))
-    return {name for loaded in _LOADED for name in loaded.findall(text)}
+    return "".join(file.read_text() for folder in folders for file in Path(folder).rglob("*.html"))
 
 
 def _join(sources: Path, into: Path, entries: set[str]) -> set[str]:

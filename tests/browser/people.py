@@ -304,6 +304,7 @@ class Fingers:
     """Several parallel touches on a touch screen."""
 
     def __init__(self, person: Person) -> None:
+        self._person = person
         self._screen = person.context.new_cdp_session(person.page)
         self._down: dict[int, tuple[float, float]] = {}
 
@@ -318,10 +319,29 @@ class Fingers:
         self._send("touchMove")
 
     def lift(self, finger: int) -> None:
-        """Lift a finger."""
-        del self._down[finger]
-        self._send("touchMove" if self._down else "touchEnd")  # a point missing in the list was lifted
+        """Lift a finger; the others stay down."""
+        lifted = {finger: self._down.pop(finger)}
+        self._send("touchEnd", lifted if self._down else {})  # Chromium takes no last point
 
-    def _send(self, kind: str) -> None:
-        points = [{"x": x, "y": y, "id": finger} for finger, (x, y) in self._down.items()]
-        self._screen.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    def push(self, finger: int, place: tuple[float, float], until: Callable[[], Any], what: str) -> None:
+        """Move a finger there until a condition is true; it stays there.
+
+        If late odometry on a busy machine makes the gate ask for a neutral stick, go by way of the middle.
+        """
+        person = self._person
+        middle = person.middle_of("zone")
+
+        def there() -> bool:
+            if person.state["neutral_needed"]:
+                self.move(finger, middle)
+                person.until(lambda: person.state["neutral_needed"] is None, "a free stick")
+                self.move(finger, place)
+            return bool(until())
+
+        self.move(finger, place)
+        person.until(there, what)
+
+    def _send(self, kind: str, points: dict[int, tuple[float, float]] | None = None) -> None:
+        shown = self._down if points is None else points
+        touches = [{"x": x, "y": y, "id": finger} for finger, (x, y) in shown.items()]
+        self._screen.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touches})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 
@@ -22,8 +23,8 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     x, y = operator.middle_of("zone")
 
     fingers.put(1, (x, y))
-    fingers.move(1, (x, y - operator.stick_reach))
-    operator.until_driven(start, 0.3)
+    ahead, back = (x, y - operator.stick_reach), (x, y + operator.stick_reach)
+    fingers.push(1, ahead, lambda: math.dist(operator.place, start) > 0.3, "0.3 m by odometry")
     assert operator.last_drive == (1, 0, 0)
 
     operator.until(lambda: operator.state["verdict"]["allowed"][0] == 0, "the gate to hold at the wall", 40)
@@ -35,8 +36,7 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     assert words.startswith("Stopped (0.4 m/s asked): ") and words.endswith(" m ahead")
 
     # It moves along the wall; then stop, with the first finger still on the stick.
-    fingers.move(1, (x, y + operator.stick_reach))
-    operator.until(lambda: operator.state["odometry"]["vx"] < -0.05, "reverse")
+    fingers.push(1, back, lambda: operator.state["odometry"]["vx"] < -0.05, "reverse")
     expect(operator.part("hint")).to_contain_text("Reversing")
     fingers.put(2, operator.middle_of("stop"))
     operator.until(lambda: operator.state["stop"]["state"] == "stopped", "confirmed standstill")
@@ -49,9 +49,10 @@ def test_a_finger_drives_to_the_wall_and_a_second_finger_stops(person: Arrive) -
     # The finger that is still down does not drive, also after the clear.
     fingers.lift(2)
     operator.clear()
-    expect(operator.page.get_by_role("button", name="Clear stop…")).to_be_hidden()  # the page has heard it
-    fingers.move(1, (x, y + 0.8 * operator.stick_reach))
     operator.part("banner").get_by_text("Let the stick return to the middle").wait_for()
+    fingers.move(1, (x, y + 0.8 * operator.stick_reach))
+    sent = len(operator.drives)
+    operator.until(lambda: len(operator.drives) > sent + 1, "the stick's place sent twice after that")
     assert operator.last_drive == (0, 0, 0)
     fingers.lift(1)
     operator.release()

@@ -10,15 +10,19 @@ from django.core.management import call_command
 def console(settings, tmp_path):
     """The source of a small console whose only page loads a script and a style sheet."""
     source = tmp_path / "source"
-    for folder in ("js/lib", "css", "templates"):
+    for folder in ("js/lib", "css", "templates", "vendor"):
         (source / folder).mkdir(parents=True)
     (source / "templates/page.html").write_text(
         """<link rel="stylesheet" href="{% static 'css/page.css' %}">
+        <link rel="stylesheet" href="{% static 'vendor/plot.css' %}">
         <script type="module" src="{% static 'js/page.js' %}"></script>"""
     )
     (source / "js/page.js").write_text('import { speed } from "./lib/stick.js";\ndocument.title = speed;\n')
     (source / "js/lib/stick.js").write_text('export const speed = "slow";\n')
-    (source / "css/page.css").write_text('@import "tokens.css";\n.page { color: var(--ink); }\n')
+    (source / "css/page.css").write_text(
+        '@import "tokens.css";\n@import "../vendor/plot.css";\n.page { color: var(--ink); }\n'
+    )
+    (source / "vendor/plot.css").write_text(".plot { color: navy; }\n")
     (source / "css/tokens.css").write_text(":root { --ink: teal; }\n")
     settings.TEMPLATES = [{**settings.TEMPLATES[0], "DIRS": [source / "templates"]}]
     settings.STATICFILES_DIRS = [source]
@@ -49,6 +53,12 @@ def test_a_style_sheet_holds_all_that_it_imports(console, settings):
     (page,) = collected(settings, "css/page.????????????.css")
     assert "teal" in page
     assert "@import" not in page
+
+
+def test_a_file_that_a_page_loads_itself_stays_though_another_imports_it(console, settings):
+    (plot,) = collected(settings, "vendor/plot.????????????.css")
+    assert "navy" in plot
+    assert not list(settings.STATIC_ROOT.glob("css/tokens.????????????.css"))
 
 
 def test_an_imported_file_that_changes_gives_the_script_a_new_name(console, settings):
