@@ -32,6 +32,7 @@ export function startCalendar(main, library) {
     headerToolbar: { start: "", center: "", end: "" },
     views: {
       timeGridDay: { titleFormat: { year: "numeric", month: "short", day: "numeric" } },
+      timeGridWeek: phone ? { dayHeaderFormat: { weekday: "short", day: "numeric" } } : {},
       resourceTimelineWeek: {
         slotDuration: "01:00",
         slotLabelInterval: "03:00", // in 24 px a label of each hour does not fit
