@@ -377,6 +377,33 @@ def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
     assert not staff.page.get_by_role("dialog").is_visible()
 
 
+@pytest.mark.parametrize(("width", "height"), [(360, 640), (844, 390)])
+def test_banner_and_requests_leave_the_picture_of_a_phone_free(
+    person: Arrive, width: int, height: int
+) -> None:
+    operator, staff = person("operator", width=width, height=height, touch=True), person("staff")
+    operator.take("tiago-2")
+    staff.watch("tiago-2")
+    staff.press("Ask for control")
+    operator.page.get_by_role("button", name="Hand over to Staff").wait_for()
+    operator.page.locator("form.stop .stop-button").click()
+    clear = operator.page.get_by_role("button", name="Clear stop…")
+    clear.wait_for()
+    picture = box_of(operator.page.locator("[data-picture-area]"))
+    for over in (operator.part("banner"), operator.part("requests")):
+        box = box_of(over)
+        assert (
+            box["y"] >= picture["y"] + picture["height"]
+            or box["y"] + box["height"] <= picture["y"]
+            or box["x"] + box["width"] <= picture["x"]
+        ), over
+    assert width > height or picture["width"] * picture["height"] >= 0.4 * width * height
+    assert too_small(operator) == []
+    staff.press("Leave the line")
+    operator.clear()
+    operator.release()
+
+
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_a_long_line_covers_neither_speeds_nor_stop(person: Arrive, width: int, height: int) -> None:
     operator, staff = person("operator", width=width, height=height), person("staff")

@@ -1,5 +1,6 @@
 /** Draws the robot's way on the floor over a camera's picture, and at its edges what is near and not in it. */
 
+import { withArm } from "../drive/path.js";
 import { Canvas } from "../lib/canvas.js";
 import { edgeHints, floorPath, inPicture } from "./floor_path.js";
 import { placeIn } from "./frame.js";
@@ -36,7 +37,8 @@ export class FloorOverlay {
     this.#near = [...laser_cm, ...remembered_cm];
     if (view && this.#facts) {
       const known = [...this.#near, ...depth_cm];
-      this.#path = floorPath(this.#facts.footprint, view.state.verdict, known);
+      const { arm = [], verdict } = view.state;
+      this.#path = floorPath(withArm(this.#facts.footprint, arm), verdict, known);
     }
     this.#canvas.redraw();
   }

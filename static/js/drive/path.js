@@ -35,6 +35,40 @@ export function carried(outline, { x, y, yaw }) {
   return outline.map(([px, py]) => [x + px * c - py * s, y + px * s + py * c]);
 }
 
+const DISC_CORNERS = 16;
+
+/**
+ * The convex outline round a base and what its arm reaches beyond it.
+ * @param {number[][]} footprint of the base
+ * @param {number[][]} discs [x, y, radius] of the arm; none: the footprint itself
+ * @returns {number[][]} counter-clockwise
+ */
+export function withArm(footprint, discs) {
+  if (discs.length === 0) return footprint;
+  const round = discs.flatMap(([x, y, radius]) =>
+    Array.from({ length: DISC_CORNERS }, (_, i) => {
+      const angle = (2 * Math.PI * i) / DISC_CORNERS;
+      return [x + radius * Math.cos(angle), y + radius * Math.sin(angle)];
+    }),
+  );
+  const points = [...footprint, ...round].sort(([ax, ay], [bx, by]) => ax - bx || ay - by);
+  return [...halfHull(points), ...halfHull(points.reverse())];
+}
+
+/** The lower half of the convex hull of sorted points, without its last corner. */
+function halfHull(points) {
+  const hull = [];
+  for (const [x, y] of points) {
+    while (hull.length > 1) {
+      const [[ax, ay], [bx, by]] = hull.slice(-2);
+      if ((bx - ax) * (y - ay) > (by - ay) * (x - ax)) break;
+      hull.pop();
+    }
+    hull.push([x, y]);
+  }
+  return hull.slice(0, -1);
+}
+
 /** The radius of the circle about the base's centre that holds an outline. */
 export function reach(outline) {
   return Math.max(0, ...outline.map(([x, y]) => Math.hypot(x, y)));

@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { edgeHints, floorPath, inPicture } from "../../../static/js/camera/floor_path.js";
+import { withArm } from "../../../static/js/drive/path.js";
 
 const SQUARE = [
   [0.3, 0.2],
@@ -17,6 +18,31 @@ const LEFT_M = 0.08; // the gate leaves it before an obstacle
 const verdict = (allowed, { asked = allowed, point = null } = {}) => ({ allowed, asked, point });
 const round = (points) =>
   points.map((point) => point.map((value) => Math.round(value * 100) / 100));
+
+describe("the hull with a stretched arm", () => {
+  it("is the base alone while the arm is within it", () => {
+    expect(withArm(SQUARE, [])).toBe(SQUARE);
+  });
+
+  it("reaches as far as the arm, and the way is as wide as both", () => {
+    const hull = withArm(SQUARE, [[0.5, 0.4, 0.1]]);
+    const over = (axis) => hull.map((corner) => corner[axis]);
+    expect(Math.max(...over(0))).toBeCloseTo(0.6);
+    expect(Math.max(...over(1))).toBeCloseTo(0.5);
+    expect(Math.min(...over(0))).toBeCloseTo(-0.3);
+    const { bands } = floorPath(hull, verdict([0.4, 0, 0]));
+    const sides = bands[0].outline.map(([, y]) => y);
+    expect(Math.max(...sides)).toBeCloseTo(0.5);
+    expect(Math.min(...sides)).toBeCloseTo(-0.2);
+  });
+
+  it("ends before what the arm would touch and the base would pass", () => {
+    const beside = [150, 40]; // 1.5 m ahead, 0.4 m left
+    const { stop } = floorPath(withArm(SQUARE, [[0.5, 0.4, 0.1]]), verdict([0.4, 0, 0]), beside);
+    expect(stop[0][0]).toBeCloseTo(1.5 - LEFT_M, 1);
+    expect(floorPath(SQUARE, verdict([0.4, 0, 0]), beside).stop).toBeNull();
+  });
+});
 
 describe("the floor in the picture", () => {
   it("puts a place 2 m ahead and 0.4 m left by the pinhole", () => {
