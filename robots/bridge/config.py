@@ -101,6 +101,21 @@ class ArmSource(Struct, frozen=True):
     postures: dict[str, list[tuple[float, float, float]]] = {}
 
 
+class NavigationSource(Struct, frozen=True):
+    """The robot's own navigation. It drives by a topic with a lower priority than `Topics.drive`.
+
+    So the bridge can take over. `Topics.map` and a transform from `frame` to the odometry frame belong to it.
+    """
+
+    action: str  # such as /move_base
+    velocity: str  # on which it drives the base, geometry_msgs/Twist
+    pose: str  # of localisation, geometry_msgs/PoseWithCovarianceStamped
+    type: str = "move_base_msgs/MoveBaseAction"
+    plan: str | None = None  # the path that it plans, nav_msgs/Path
+    set_pose: str | None = None  # takes a pose from people, geometry_msgs/PoseWithCovarianceStamped
+    frame: str = "map"
+
+
 class Topics(Struct, frozen=True):
     """The robot's ROS interface. None: the robot has no such topic."""
 
@@ -119,13 +134,15 @@ class Topics(Struct, frozen=True):
     motions: Topic | None = None
     cameras: list[CameraSource] = []
     map: Topic | None = None  # nav_msgs/OccupancyGrid in the frame "map", latched
+    navigation: NavigationSource | None = None
     cancel_on_stop: list[str] = []  # names of actions; an emergency stop cancels all their goals
 
     @property
     def cancelled(self) -> list[str]:
-        """Names of all actions whose goals an emergency stop cancels: also the head's."""
+        """Names of all actions whose goals an emergency stop cancels: also the head's, and navigation's."""
         point_head = self.head.point_head if self.head else None
-        return [*self.cancel_on_stop, *([point_head] if point_head else [])]
+        others = [point_head, self.navigation.action if self.navigation else None]
+        return [*self.cancel_on_stop, *(name for name in others if name and name not in self.cancel_on_stop)]
 
 
 What = Literal["choose", "publish", "call", "set"]

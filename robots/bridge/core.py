@@ -23,6 +23,7 @@ from robots.bridge.drive.drive_input import DriveInput
 from robots.bridge.drive.drive_log import WAITING, DriveLog
 from robots.bridge.drive.holder_inputs import HolderInputs
 from robots.bridge.drive.input_filters import COMMAND_LIFE_S
+from robots.bridge.gate import watch
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Posture
 from robots.bridge.gate.obstacles.depth_camera import Frame
@@ -30,6 +31,7 @@ from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity, Verdict
 from robots.bridge.lease.lease_guard import LeaseGuard
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.lease.stop_latch import StopLatch
+from robots.bridge.navigation.goal_map import GoalMap
 from robots.bridge.overload import LoopLateness
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 from robots.bridge.tasks.holder_tasks import TaskPerformer, Tasks, holder_of
@@ -270,7 +272,8 @@ class Core:
         if still is None:
             self._drives.halted("nothing new came from odometry")
         self._records.tick(now_s, watched=self._drives.under_way or bool(self.tasks.under_way))
-        self._drives.tick(now_s, self._passed == STILL and still is not False)
+        drives_itself = self.tasks.going.drives is not None
+        self._drives.tick(now_s, self._passed == STILL and still is not False and not drives_itself)
         self._watch_records(now_s)
         self._decide(now_s)
         self.tasks.tick(self._sent, self._page_gone_s, now_s)
@@ -291,6 +294,11 @@ class Core:
         self._expire(now_s)
         self._decide(now_s)
         self.tasks.tick(self._sent, self._page_gone_s, now_s)
+
+    @property
+    def drives_itself(self) -> bool:
+        """Return whether navigation drives the robot, or may still do so: without this process it must be stopped."""
+        return self.tasks.going.drives is not None or self.tasks.going.hold.holds
 
     @property
     def needs_fresh_sensors(self) -> bool:
@@ -341,6 +349,9 @@ class Core:
         self._reported.skew_s = skew_s if steadied_s is None else steadied_s + 0.1 * (skew_s - steadied_s)
         self._drives.moved(pose, velocity, arrival_s)
         self.tasks.drives_by.moved(pose)
+        self.tasks.going.moved(pose, velocity, arrival_s)
+        if self.tasks.going.drives:
+            self._watch(arrival_s)
         self._report_changes()
 
     def laser(self, scan: LaserScan) -> None:
@@ -363,10 +374,19 @@ class Core:
     def posture(self, arm: Posture, arrival_s: float) -> None:
         """Take the arm's posture."""
         self._gate.observe_posture(arm, arrival_s)
+        self.tasks.going.arm(arm.at_home, arrival_s)
 
     def bad_depth(self, why: str) -> None:
         """Note why a frame of the depth camera cannot be used."""
         self._gate.observe_bad_depth(why)
+
+    def mapped(self, goal_map: GoalMap, now_s: float) -> None:
+        """Take the robot's map."""
+        self.tasks.going.mapped(goal_map, now_s)
+
+    def unmapped(self, why: str, now_s: float) -> None:
+        """Note that the robot's map cannot be fetched."""
+        self.tasks.going.unmapped(why, now_s)
 
     def battery(self, percent: float) -> None:
         """Take the battery's charge in percent."""
@@ -413,6 +433,9 @@ class Core:
             tasks.speech.last,
             tasks.drives_by.running,
             tasks.drives_by.last,
+            (going := tasks.going.view(now_s)) and (going.number, going.ending),
+            tasks.going.last,
+            tasks.going.hold.why,
             tasks.routing.chosen,
             dict(tasks.routing.gone),
             tasks.publications.view,
@@ -466,6 +489,8 @@ class Core:
     def why_not_still(self, now_s: float) -> Refusal | None:
         """Return a refusal if the base moves, is commanded to move, or its motion is unknown."""
         still = self._gate.standstill(now_s)
+        if self.tasks.going.begun:
+            return self.tasks.going.busy()
         if self.tasks.drives_by.running or self._passed != STILL or still is False:
             return Refusal("base_moving", "The robot drives: wait until it stands still.", "robot")
         if still is None:
@@ -479,6 +504,7 @@ class Core:
         self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
         self._send(STILL, now_s)
+        self.tasks.going.halted(code, reason, now_s)
         self.tasks.drives_by.halted(code, reason, now_s)
 
     # --- inside -----------------------------------------------------------------------------------
@@ -494,9 +520,12 @@ class Core:
         by, refusal = self.tasks.drives_by, None
         if grant and self._asking:
             by.end("replaced", "The holder’s own drive input took over.", now_s)
+            self.tasks.going.end("replaced", "The holder’s own drive input took over.", now_s)
             refusal = self._why_not(grant, self._asking, now_s)
         elif grant and (requester := by.running):
             refusal, asked = self._drive_by(grant, requester, awaited, now_s)
+        elif grant and (requester := self.tasks.going.drives):
+            self._go_on(grant, requester, awaited, now_s)
         self._passed = asked if refusal is None else STILL
         verdict = self._gate.decide(self._passed, self._sent, now_s)
         if self._passed != STILL:
@@ -513,7 +542,10 @@ class Core:
             verdict = verdict._replace(asked=asked, code=reason.code, text=reason.text)
         if not self._latch.latched:
             self._verdict = verdict
-        self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
+        if self._passed == STILL and self.tasks.going.drives:
+            self._sent = STILL  # silent: zeros on the drive topic would win over navigation
+        else:
+            self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING or self._asking is None else refusal
 
     def _drive_by(
@@ -529,6 +561,31 @@ class Core:
             self._drives.halted(awaited.text)
             by.awaits(awaited, now_s)
         return refusal, by.velocity(grant, self.lease.confirmed_s, self._sent, now_s)
+
+    def _go_on(
+        self, grant: Grant, requester: Requester, awaited: wire.NeutralNeeded | None, now_s: float
+    ) -> None:
+        """End a drive to a place that a rule forbids to go on; keep its way on record."""
+        going = self.tasks.going
+        if refusal := self.why_not_begin(requester, now_s):
+            going.end(
+                "control_lost" if refusal.rule == "lease" else refusal.code, refusal.text, now_s, refusal.code
+            )
+        elif awaited:
+            going.end("held_back", f"The robot {awaited.text}.", now_s, awaited.code)
+        else:
+            going.confirm(self.lease.confirmed_s, now_s)
+            self._drives.may_move(holder_of(grant), now_s)
+
+    def _watch(self, now_s: float) -> None:
+        """Judge the velocity at which the robot drives itself; take over where the gate's promise would be broken."""
+        verdict = watch.judge(self._gate, now_s)
+        if verdict.code == "free":
+            return
+        self._verdict = verdict
+        self.tasks.going.held_back(verdict, now_s)
+        self._send(STILL, now_s)
+        self._drives.decided(verdict, now_s)
 
     def _explain_silence(self, stick: DriveInput, now_s: float) -> tuple[str, str]:
         """Return code and reason for the expired commands of `stick`: this computer was late, or the sender was silent.
@@ -570,7 +627,7 @@ class Core:
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
         """Publish while there is a reason to; then leave the topic to other nodes."""
-        if self.lease.current or self._latch.latched:
+        if self.lease.current or self._latch.latched or self.tasks.going.hold.holds:
             self._publish_until_s = now_s + QUIET_AFTER_S
         if now_s < self._publish_until_s:
             self._base.publish(velocity)

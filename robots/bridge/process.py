@@ -19,7 +19,7 @@ from msgspec import Struct, structs
 
 from robots import wire
 from robots.bridge import state_view
-from robots.bridge.audit.record_sink import RecordSink
+from robots.bridge.audit.record_sink import RecordSink, TakenMap
 from robots.bridge.audit.records import Records
 from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.config import BridgeConfig
@@ -30,6 +30,7 @@ from robots.bridge.lease.fence_store import FenceStore
 from robots.bridge.lease.state_store import AlreadyRunning, SavedState, StateStore
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.maps.map_fetch import MapFetcher
+from robots.bridge.navigation.goal_map import GoalMap
 from robots.bridge.ros.bounds.memory import end_without_memory, lift_limit, limit_memory
 from robots.bridge.ros.node import RosBase
 from robots.bridge.server.link_server import LinkServer
@@ -48,6 +49,7 @@ MOST_BYTES = 768 * 1024 * 1024
 TICK_S = 0.05
 _VIEW_GAP_S = 0.05  # while a page watches: a view with each scan, at most this often
 _VIEW_LATEST_S = 0.15  # and at least this often, also without scans
+PATH_GAP_S = 1.0
 _STATUS_S = 0.5 - TICK_S / 2.0  # a status at least every 0.5 s
 END_S = 4.0  # time limit of the end, even if database or disk hang
 
@@ -80,7 +82,9 @@ class Bridge:
             on_news=lambda: self._soon(self._prepare),
         )
         self._core.ignore_presses(presses)
-        self._maps = MapFetcher(config, self._records.keep_map)
+        self._maps = MapFetcher(
+            config, self._keep_map, gone=lambda why: self._core.unmapped(why, time.monotonic())
+        )
         self._fences = FenceStore(self._core, store, saved.fence, lambda: self._beat(time.monotonic()))
         handler = LinkHandler(self._core, self._fences, self._inspector, self._cameras)
         self._links = LinkServer(
@@ -93,6 +97,7 @@ class Bridge:
         self._exit_code = 0
         self._last_news: tuple[object, ...] = ()
         self._viewed_s = self._reported_s = float("-inf")
+        self._path, self._path_s = wire.GoPath([]), float("-inf")
         self._due: set[Callable[[], None]] = set()
 
     async def run(self) -> int:
@@ -182,7 +187,7 @@ class Bridge:
         self._core.tick(now_s, late_s)
         grant = self._core.lease.current
         self._base.use_on_demand_topics(grant is not None)
-        self._maps.tick(grant.fence if grant else None, now_s)
+        self._maps.tick(grant.fence if grant else None, now_s, self._core.tasks.going.drives is not None)
         self._soon(self._show)
         self._soon(self._collect)
 
@@ -195,6 +200,7 @@ class Bridge:
             by=stop.by or "",
             reason=stop.reason,
             drive=self._core.tasks.routing.topic("drive"),
+            drives_itself=self._core.drives_itself,
         )
         self._watchdog.beat(beat, now_s)
         self._core.watchdog_missing = self._watchdog.missing(now_s)
@@ -214,17 +220,29 @@ class Bridge:
         if not self._ended:
             self._core.recorded(time.monotonic())
 
+    def _keep_map(self, taken: TakenMap) -> None:
+        self._records.keep_map(taken)
+        self._core.mapped(GoalMap(taken), time.monotonic())
+
     def _collect(self) -> None:
         self._garbage.collect(time.monotonic(), waits=self._core.lease.current is not None)
 
     def _show(self) -> None:
         now_s = time.monotonic()
         self._view(_VIEW_LATEST_S)
+        self._show_path(now_s)
         watchers, more = self._watchers()
         news = (*self._core.headline(now_s), *watchers, more)
         if news != self._last_news or now_s - self._reported_s >= _STATUS_S:
             self._last_news, self._reported_s = news, now_s
             self._announce(wire.Status(self._core.state(now_s, watchers, more)))
+
+    def _show_path(self, now_s: float) -> None:
+        """Send navigation's path to all links when it is another one."""
+        path = self._core.tasks.going.shown_path
+        if path != self._path and now_s - self._path_s >= PATH_GAP_S:
+            self._path, self._path_s = path, now_s
+            self._announce(path)
 
     def _view(self, gap_s: float) -> None:
         """Send a view to links with watchers, unless the last one is younger than `gap_s`."""

@@ -107,6 +107,9 @@ class Listener(Protocol):
     def on_capabilities(self, offers: wire.Offers) -> None:
         """The robot's capabilities: on connecting and on change."""
 
+    def on_path(self, path: wire.GoPath) -> None:
+        """The path of the robot's navigation: on connecting and on change."""
+
     def on_sample(self, topic: str, shown: str) -> None:
         """A message of a subscribed topic, encoded."""
 
@@ -126,6 +129,7 @@ class BridgeLink:
         self.state: State | None = None
         self.seen_at: float | None = None  # when the robot itself was last heard, in seconds since 1970
         self.offers: wire.Offers | None = None
+        self.path = wire.GoPath([])
         self.pending: wire.PendingStop | None = None  # the newest stop that waits
         self._heard_s = 0.0  # monotonic clock: when the last state arrived
         self.highest_fence = 0
@@ -166,6 +170,8 @@ class BridgeLink:
             listener.on_status(self.state)
         if self.offers is not None:
             listener.on_capabilities(self.offers)
+        if self.path.path_cm:
+            listener.on_path(self.path)
 
     def unsubscribe(self, listener: Listener) -> None:
         """Remove a listener; the link closes later if it was the last."""
@@ -527,6 +533,10 @@ class BridgeLink:
                 self.offers = report
                 for listener in list(self._listeners):
                     listener.on_capabilities(report)
+            case wire.GoPath():
+                self.path = report
+                for listener in list(self._listeners):
+                    listener.on_path(report)
             case wire.LinkAnswer():
                 self._queries.answer(report.seq, bytes(report.answer).decode())
             case wire.LinkSample():
@@ -575,7 +585,7 @@ class BridgeLink:
         self.tried.set()
         was_up, before = self.up, self.refusal
         self.up, self.refusal = False, refusal
-        self.state = self.offers = None
+        self.state, self.offers, self.path = None, None, wire.GoPath([])
         if self._camera_listener is not None:
             self._camera_listener(wire.CameraAt())
         for replies in (self._grants, self._latch, self._task_requests, self._queries):

@@ -58,12 +58,20 @@ ENDS = {
     "speech.start": ("speech.end", "unknown"),
     "publish.start": ("publish.end", "unknown"),
     "drive.by": ("drive.by", "unknown"),
+    "go.start": ("go.end", "unknown"),
+    "go.hold": ("go.hold", "unknown"),
+    "pose.set": ("pose.set", "unknown"),
     "topic.choose": ("topic.choose", "unknown"),
     "head.look_ahead": ("head.look_ahead", "unknown"),
     "head.turn": ("head.turn", "unknown"),
     "memory.forget": ("memory.forget", "unknown"),
 }
-_EXPIRING = ("fields",)  # of what is asked: what a person wrote, but no sentence
+_EXPIRING = (
+    "fields",
+    "x_m",
+    "y_m",
+    "heading_rad",
+)  # of what is asked: what a person wrote, but no sentence; places
 
 
 _File = tuple[int, int]  # device and inode

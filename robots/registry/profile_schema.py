@@ -19,6 +19,7 @@ from robots.bridge.config import (
     CameraSource,
     DepthSource,
     HeadSource,
+    NavigationSource,
     ScanSource,
     SonarSource,
     Topic,
@@ -194,6 +195,10 @@ def topic_problems(topics: Topics) -> Iterator[str]:
     for index, sonar in enumerate(topics.sonars):
         yield from _sonar_problems(sonar, f"sonars[{index}]")
     yield from _camera_problems(topics.cameras)
+    if topics.navigation:
+        yield from _navigation_problems(topics.navigation)
+        if topics.map is None:
+            yield "navigation: needs map, on which goals are checked"
     for index, action in enumerate(topics.cancel_on_stop):
         yield from _name_problem(action, f"cancel_on_stop[{index}]")
     for index, language in enumerate(topics.languages):
@@ -273,6 +278,19 @@ def _arm_problems(arm: ArmSource) -> Iterator[str]:
         for index, (_, _, radius_m) in enumerate(discs):
             if radius_m <= 0.0:
                 yield f"arm.postures.{motion}[{index}]: its radius must be above zero"
+
+
+NAVIGATION_TYPES = ("move_base_msgs/MoveBaseAction",)
+
+
+def _navigation_problems(navigation: NavigationSource) -> Iterator[str]:
+    for field in ("action", "velocity", "pose", "plan", "set_pose"):
+        if (name := getattr(navigation, field)) is not None:
+            yield from _name_problem(name, f"navigation.{field}")
+    if navigation.type not in NAVIGATION_TYPES:
+        yield f"navigation.type: {navigation.type!r} is not understood here, only {' or '.join(NAVIGATION_TYPES)}"
+    if navigation.frame != "map":
+        yield f"navigation.frame: must be 'map', the frame of the map, not {navigation.frame!r}"
 
 
 def _sonar_problems(sonar: SonarSource, path: str) -> Iterator[str]:

@@ -1,8 +1,9 @@
 """Every message between browser, web process and bridge, split by who speaks.
 
 Units are SI unless a name says otherwise; angles are radians; base frame: x forward, y left (REP 103). Joystick axes
-run from -1 to 1. The modules: `page`, `tasks`, `state`, `topics`, `camera`, `link`; `base` has the shared parts;
-`codec` and `doors` decode and validate. A message that does not fit raises `WireError` with the `Refusal` to answer.
+run from -1 to 1. The modules: `page`, `tasks`, `navigation`, `state`, `topics`, `camera`, `link`; `base` has the
+shared parts; `codec` and `doors` decode and validate. A message that does not fit raises `WireError` with the `Refusal`
+to answer.
 
 A view (`View`) is encoded once by the bridge and passes the web process without being decoded: on the link it is the
 only binary frame.
@@ -113,6 +114,15 @@ from robots.wire.link import Revoke as Revoke
 from robots.wire.link import Status as Status
 from robots.wire.link import Stopped as Stopped
 from robots.wire.link import Viewers as Viewers
+from robots.wire.navigation import FARTHEST_PLACE_M as FARTHEST_PLACE_M
+from robots.wire.navigation import MOST_PATH as MOST_PATH
+from robots.wire.navigation import Go as Go
+from robots.wire.navigation import GoCancel as GoCancel
+from robots.wire.navigation import GoEnd as GoEnd
+from robots.wire.navigation import GoPath as GoPath
+from robots.wire.navigation import GoProgress as GoProgress
+from robots.wire.navigation import Location as Location
+from robots.wire.navigation import SetPose as SetPose
 from robots.wire.page import Ask as Ask
 from robots.wire.page import AskCancel as AskCancel
 from robots.wire.page import Booked as Booked

@@ -27,6 +27,7 @@ from robots.wire.link import (
     Status,
     Stopped,
 )
+from robots.wire.navigation import Go, GoCancel, GoPath, SetPose
 from robots.wire.page import (
     Ask,
     AskCancel,
@@ -86,6 +87,9 @@ BrowserMessage = (
     | SayCancel
     | DriveBy
     | DriveByCancel
+    | Go
+    | GoCancel
+    | SetPose
     | Choose
     | Publish
     | PublishStop
@@ -96,7 +100,7 @@ BrowserMessage = (
     | Ping
 )
 FleetMessage = StopRobot | StopAll | ClearRobot | Ack | Ping
-BrowserReport = Welcome | Control | Notice | Accepted | Refused | BridgeGone | Offers | View | Pong
+BrowserReport = Welcome | Control | Notice | Accepted | Refused | BridgeGone | Offers | GoPath | View | Pong
 TopicsReport = TopicAnswer | Sample | BridgeGone | Notice | Pong
 CameraReport = Cameras | CameraState | CameraPong | BridgeGone | Notice | Refused
 FleetReport = Fleet | Refused | Pong
@@ -111,6 +115,7 @@ LinkReport = (
     | Accepted
     | Refused
     | Offers
+    | GoPath
     | LinkAnswer
     | LinkSample
     | CameraAt

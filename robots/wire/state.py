@@ -7,6 +7,7 @@ from typing import Literal
 from msgspec import Struct
 
 from robots.wire.base import Refusal, Role, Use
+from robots.wire.navigation import GoEnd, GoProgress, Location
 
 # The gate's words (bridge/gate/values.py), which knows no wire: mypy sees in bridge/view.py that none is missing here.
 Side = Literal["ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right"]
@@ -224,6 +225,10 @@ class State(Struct, frozen=True):
     speech_ended: SpeechEnd | None = None  # the last one
     drive_by: DriveByProgress | None = None
     drive_by_ended: DriveByEnd | None = None  # the last one
+    location: Location | None = None  # None: not known
+    going: GoProgress | None = None
+    going_ended: GoEnd | None = None  # the last one
+    navigation_held: str = ""  # why the bridge holds the base though no goal is under way
     chosen: dict[Use, str] = {}  # the topic where input goes instead of the default
     choice_ended: dict[Use, ChoiceEnd] = {}  # the last that ended by itself, until the next choice
     publishing: list[Publishing] = []

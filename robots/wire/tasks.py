@@ -1,4 +1,4 @@
-"""Tasks: motions, speech, publishing, head, drives by a distance or an angle. Page to bridge."""
+"""Tasks: motions, speech, publishing, head, drives by a distance or an angle or to a place. Page to bridge."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from robots.wire.base import (
     Use,
     _require_shallow,
 )
+from robots.wire.navigation import Go, GoCancel, SetPose
 
 
 class LookAhead(Struct, frozen=True, tag_field="t", tag="look_ahead"):
@@ -157,6 +158,9 @@ TaskRequest = (
     | SayCancel
     | DriveBy
     | DriveByCancel
+    | Go
+    | GoCancel
+    | SetPose
     | Choose
     | Publish
     | PublishStop

@@ -22,7 +22,7 @@ from django.utils import timezone
 
 from robots.link.client import BridgeLink, links
 from robots.processes.durations import Durations
-from robots.wire import Ended, Offers, Refresh, Refusal, Refused, State
+from robots.wire import Ended, GoPath, Offers, Refresh, Refusal, Refused, State
 from teleop.background.database import in_database
 from teleop.control import lease_checks, queue
 from teleop.control.changes import ControlRefused
@@ -75,6 +75,9 @@ class Member(Protocol):
 
     def offers_changed(self, offers: Offers) -> None:
         """The robot's capabilities changed."""
+
+    def path_changed(self, path: GoPath) -> None:
+        """The path of the robot's navigation changed."""
 
     def ended_at_bridge(self, ended: Ended) -> None:
         """The bridge ended control, of this or another member."""
@@ -318,6 +321,11 @@ class RobotHub:
         """Inform all members."""
         for member in list(self.members.values()):
             member.offers_changed(offers)
+
+    def on_path(self, path: GoPath) -> None:
+        """Inform all members."""
+        for member in list(self.members.values()):
+            member.path_changed(path)
 
     def on_sample(self, topic: str, shown: str) -> None:
         """Pass a sample to all subscribers of its topic."""

@@ -143,6 +143,9 @@ class MemoryBase:
     cancelled_goals: list[str] = field(default_factory=list)
     said: list[tuple[str, Utterance]] = field(default_factory=list)
     tells: bool = True  # it reports the end of texts
+    goals: list[tuple[str, Pose]] = field(default_factory=list)  # of navigation
+    poses: list[Pose] = field(default_factory=list)  # that were set
+    transform: tuple[float, Pose] | None = None  # of localisation
     attended: list[tuple[str, frozenset[str]]] = field(default_factory=list)
     switched: list[tuple[str, int]] = field(default_factory=list)  # topic, and number of twists before
     readings: int = 0  # how often its motions were read
@@ -188,6 +191,21 @@ class MemoryBase:
 
     def cancel_speech(self, goal_id: str, topic: str) -> None:
         self.cancelled_goals.append(goal_id)
+
+    def navigates(self) -> bool:
+        return True
+
+    def go(self, goal_id: str, goal: Pose) -> None:
+        self.goals.append((goal_id, goal))
+
+    def cancel_navigation(self, goal_id: str) -> None:
+        self.cancelled_goals.append(goal_id)
+
+    def set_pose(self, pose: Pose) -> None:
+        self.poses.append(pose)
+
+    def located(self) -> tuple[float, Pose] | None:
+        return self.transform
 
     def attend(self, use: str, topics: frozenset[str]) -> None:
         self.attended.append((use, topics))

@@ -25,6 +25,8 @@ COMMAND = ("nice", "-n", "10", sys.executable, "-m", "robots.bridge.ros.sensors.
 END_S = 15.0  # time limit for the process
 FRESH_S = 300.0  # age at which a map is fetched again
 AGAIN_S = 60.0  # the same after a failure
+WATCHED_S = 10.0  # the same while the robot drives to a place of the map
+DOUBTED_S = 2.0  # the same after the first failure then
 LARGEST_ANSWER = 2 * 1024 * 1024  # bytes
 
 
@@ -45,24 +47,40 @@ _answer = msgspec.msgpack.Decoder(TakenMap | NoMap)
 
 
 class MapFetcher:
-    """Lives on the event loop. `keep` gets each fetched map and must not block."""
+    """Lives on the event loop. `keep` gets each fetched map and must not block; `gone` gets why there is none.
+
+    A single failure says nothing about a map that was there before.
+    """
 
     def __init__(
-        self, config: BridgeConfig, keep: Callable[[TakenMap], None], command: Sequence[str] = COMMAND
+        self,
+        config: BridgeConfig,
+        keep: Callable[[TakenMap], None],
+        command: Sequence[str] = COMMAND,
+        gone: Callable[[str], None] = lambda _why: None,
     ) -> None:
         topic = config.topics.map
         self._wanted = MapWanted(config.master_uri, topic) if topic else None
         self._keep = keep
         self._command = command
+        self._gone = gone
+        self._failed = True  # the last time
+        self._watched = False
         self._fence: int | None = None  # control session of the last fetch
         self._due_s = float("-inf")
         self._taking: asyncio.Task[None] | None = None
         self._logged = ""  # last logged reason why there is no map
 
-    def tick(self, fence: int | None, now_s: float) -> None:
-        """Run the periodic work. `fence`: the fence of the session; None: nobody has control."""
+    def tick(self, fence: int | None, now_s: float, watched: bool = False) -> None:
+        """Run the periodic work. `fence`: the fence of the session; None: nobody has control.
+
+        `watched`: the robot drives to a place of the map.
+        """
         if self._wanted is None or fence is None or self._taking is not None:
             return
+        if watched and not self._watched:
+            self._due_s = min(self._due_s, now_s + WATCHED_S)
+        self._watched = watched
         if fence != self._fence or now_s >= self._due_s:
             self._fence, self._due_s = fence, now_s + AGAIN_S
             self._taking = asyncio.get_running_loop().create_task(self._take(self._wanted, now_s))
@@ -78,10 +96,16 @@ class MapFetcher:
         try:
             match await asyncio.wait_for(self._asked(wanted), END_S):
                 case TakenMap() as taken:
-                    self._due_s, self._logged = now_s + FRESH_S, ""
+                    self._due_s = now_s + (WATCHED_S if self._watched else FRESH_S)
+                    self._logged, self._failed = "", False
                     self._keep(taken)
                 case NoMap(why=why):
                     self._say(why)
+                    if self._failed:
+                        self._gone(why)
+                    elif self._watched:
+                        self._due_s = now_s + DOUBTED_S
+                    self._failed = True
         except (OSError, asyncio.TimeoutError, msgspec.MsgspecError) as error:
             self._say(f"the process that fetches it failed ({error!r})")
         finally:

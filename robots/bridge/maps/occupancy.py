@@ -29,6 +29,7 @@ UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 _COLOURS = bytes((127, 135, 131)) * 3
 _OPACITY = bytes((0, 34, 255))
 _FARTHEST_M = 1e5
+_SIGNATURE_BYTES = 8  # of a PNG
 _TILT = 0.02  # limit of a quaternion's x and y: a map must be horizontal
 
 _HEADER = struct.Struct("<III")  # number, seconds, nanoseconds
@@ -72,6 +73,18 @@ def taken(raw: bytes) -> TakenMap:
         picture=_png(np.flipud(cells)),
         digest=hashlib.sha256(geometry_bytes + cells.tobytes()).hexdigest(),
     )
+
+
+def cells_of(taken: TakenMap) -> Cells:
+    """Return the cells of a map that `taken` has made, row 0 at the lower edge."""
+    at, packed = _SIGNATURE_BYTES, b""
+    while at < len(taken.picture):
+        (length,) = struct.unpack_from(">I", taken.picture, at)
+        if taken.picture[at + 4 : at + 8] == b"IDAT":
+            packed += taken.picture[at + 8 : at + 8 + length]
+        at += length + 12
+    rows = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(taken.height, taken.width + 1)
+    return np.flipud(rows[:, 1:])
 
 
 def _read(raw: bytes) -> tuple[_Geometry, Cells]:

@@ -47,6 +47,7 @@ from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.tasks.head import HeadTopics
 from robots.bridge.ros.tasks.motions import MotionTopics
+from robots.bridge.ros.tasks.navigation import NavigationTopics
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
 from robots.bridge.ros.tasks.speech import SpeechTopics
 from robots.bridge.tasks.arm_posture import ArmPosture
@@ -90,6 +91,7 @@ class RosBase:
         self._arm: ArmPosture | None = None
         self._motions: MotionTopics | None = None
         self._speech: SpeechTopics | None = None
+        self._navigation: NavigationTopics | None = None
         self._names = HostNames()
         self._is_unconnected = False  # a listener of the drive topic did not connect
         self._listened: dict[str, str] = {}  # topics with listeners at the last survey, and their types
@@ -130,7 +132,7 @@ class RosBase:
         cancels: list[Callable[[], None]] = [
             partial(publish, publisher, GoalID()) for publisher in self._cancels
         ]
-        for part in (self._motions, self._speech):
+        for part in (self._motions, self._speech, self._navigation):
             cancels += part.cancels if part is not None else []
         for cancel in cancels:
             try:
@@ -207,6 +209,29 @@ class RosBase:
         """Cancel the speech of this goal and no other."""
         if self._speech is not None:
             self._speech.cancel_speech(goal_id, topic)
+
+    def navigates(self) -> bool:
+        """Return whether a node of the robot takes goals of navigation."""
+        return self._navigation is not None and self._navigation.heard
+
+    def go(self, goal_id: str, goal: Pose) -> None:
+        """Send the robot to a place of its map."""
+        if self._navigation is not None:
+            self._navigation.go(goal_id, goal)
+
+    def cancel_navigation(self, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+        if self._navigation is not None:
+            self._navigation.cancel(goal_id)
+
+    def set_pose(self, pose: Pose) -> None:
+        """Tell the robot where it is on its map."""
+        if self._navigation is not None:
+            self._navigation.set_pose(pose)
+
+    def located(self) -> tuple[float, Pose] | None:
+        """Return the newest transform from map to odometry and its stamp, if a person drives."""
+        return self._tf.located() if self._tf else None
 
     def attend(self, use: Use, topics: frozenset[str]) -> None:
         """Connect to these topics of a use and to no others. A worker thread does it, since it calls the master."""
@@ -308,6 +333,8 @@ class RosBase:
             )
         if topics.speech:
             self._speech = SpeechTopics(topics.speech, self._mail, self._core.tasks.speech)
+        if topics.navigation:
+            self._navigation = NavigationTopics(topics.navigation, self._mail, self._core.tasks.going)
         if topics.arm and topics.joint_states:
             self._arm = ArmPosture(topics.arm)
             self._describe()

@@ -12,7 +12,7 @@ from typing import Protocol
 from msgspec import structs
 
 from robots import wire
-from robots.bridge.audit.record_sink import Holder
+from robots.bridge.audit.record_sink import Holder, Parameters
 from robots.bridge.audit.records import RecordedTask, Records, Reply, Requester, pop_due
 from robots.bridge.config import BridgeConfig
 from robots.bridge.drive import twists
@@ -20,8 +20,9 @@ from robots.bridge.drive.drive_by import DrivesBy
 from robots.bridge.drive.input_filters import COMMAND_LIFE_S
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Disc
-from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.gate.values import STILL, Pose, Velocity
 from robots.bridge.lease.lease_guard import LeaseGuard
+from robots.bridge.navigation.going import NO_NAVIGATION, Going, Navigator
 from robots.bridge.tasks import input_routing
 from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
 from robots.bridge.tasks.capabilities import Capabilities
@@ -60,7 +61,7 @@ class TaskRules(input_routing.RoutingRules, Protocol):
         """Take a velocity from a program of the holder. It passes the same rules as a stick position."""
 
 
-class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Protocol):
+class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Navigator, Protocol):
     """The robot, as tasks use it."""
 
     def aim_head(self, aim: Aim) -> None:
@@ -97,6 +98,7 @@ class Tasks:
         self.capabilities = Capabilities(config, self.routing, announce)
         self.publications = Publications(publisher, records)
         self.drives_by = DrivesBy(config.gate.limits, gate, records)
+        self.going = Going(config, performer, gate, records)
         self._config = config
         self._publisher = publisher
         self._performer = performer
@@ -110,12 +112,15 @@ class Tasks:
             "head.look_ahead": [],
             "head.turn": [],
             "memory.forget": [],
+            "pose.set": [],
         }
         self._why_not = {
             "head.look_ahead": self._why_no_look,
             "head.turn": self._why_no_look,
             "memory.forget": self._why_not_forget,
+            "pose.set": self._why_not_set_pose,
         }
+        self._pose: wire.SetPose | None = None  # that waits for its record
         self._turns: list[wire.TurnHead] = []  # that wait for their record
         self._turning: tuple[int, float] = (
             0,
@@ -137,6 +142,10 @@ class Tasks:
                 self._play(order, requester, now_s)
             case wire.DriveBy():
                 self._drive_by(order, grant, requester, now_s)
+            case wire.Go():
+                self._go(order, requester, now_s)
+            case wire.SetPose():
+                self._set_pose(order, requester, now_s)
             case wire.LookAhead():
                 self._ask("head.look_ahead", requester, now_s)
             case wire.TurnHead():
@@ -159,6 +168,8 @@ class Tasks:
                 return self._cancel_speech("Its holder cancelled it.")
             case wire.DriveByCancel():
                 return self.drives_by.cancel("Its holder cancelled it.", now_s)
+            case wire.GoCancel():
+                return self.going.withdraw(now_s)
             case wire.PublishStop(topic=topic):
                 return self.publications.stop(topic, now_s)
             case _:
@@ -184,7 +195,12 @@ class Tasks:
     @property
     def under_way(self) -> list[str]:
         """Tasks in progress, in words. A text being spoken is not included: it ends by itself."""
-        return self.drives_by.under_way + self.motions.under_way + self.publications.under_way
+        return (
+            self.drives_by.under_way
+            + self.going.under_way
+            + self.motions.under_way
+            + self.publications.under_way
+        )
 
     # --- events -----------------------------------------------------------------------------------
 
@@ -200,6 +216,7 @@ class Tasks:
         self.publications.tick(self._rules.why_not_begin, now_s)
         if requester := self.drives_by.waiting:
             self.drives_by.start(self._why_no_drive(requester, now_s), now_s)
+        self._watch_going(now_s)
         self._watch_motion(now_s)
         self._watch_speech(now_s)
         self.routing.tick({"speech": self.speech.topics(now_s)}, now_s)
@@ -207,11 +224,14 @@ class Tasks:
         self._move_head(sent, now_s)
         if self._granted("memory.forget", now_s):
             self._gate.forget()
+        if self._granted("pose.set", now_s) and (asked := self._pose):
+            self._performer.set_pose(Pose(asked.x, asked.y, asked.heading))
 
     def stopped(self, by: str, now_s: float) -> None:
         """End tasks: stop was pressed."""
         self._deny_asked(now_s)
         self.drives_by.halt("stopped", HALTED, now_s)
+        self.going.end("stopped", f"The robot was stopped by {by}.", now_s)
         self.publications.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
         self.speech.cancel("stopped", f"The robot was stopped by {by}.")
@@ -220,6 +240,7 @@ class Tasks:
         """End tasks: records cannot be written. A text being spoken is spoken to its end."""
         self._deny_asked(now_s, refusal)
         self.drives_by.halt(refusal.code, refusal, now_s)
+        self.going.end(refusal.code, refusal.text, now_s)
         self.publications.halt(refusal.code, now_s, refusal)
         self.motions.halt(refusal, now_s)
         self.speech.deny(refusal, now_s)
@@ -229,6 +250,7 @@ class Tasks:
         """Drop tasks that have not begun: their page is gone. `tick` handles running tasks."""
         self._deny_asked(now_s, LEFT)
         self.drives_by.deny(LEFT.code, LEFT, now_s)
+        self.going.deny(LEFT, now_s)
         self.publications.deny(LEFT.code, now_s, LEFT)
         self.motions.deny(LEFT, now_s)
         self.speech.deny(LEFT, now_s)
@@ -238,6 +260,7 @@ class Tasks:
         """Cancel running tasks: their owner lost control. A text being spoken is spoken to its end."""
         self._deny_asked(now_s)
         self.drives_by.halt("control_lost", HALTED, now_s)
+        self.going.end("control_lost", reason, now_s)
         self.publications.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
         if self.speech.waiting:
@@ -248,6 +271,7 @@ class Tasks:
         """End all tasks: the bridge ends."""
         self._deny_asked(now_s, ENDED)
         self.drives_by.halt(ENDED.code, ENDED, now_s)
+        self.going.close(ENDED, now_s)
         self.publications.halt(ENDED.code, now_s, ENDED)
         self.motions.close(ENDED, now_s)
         self.speech.close(ENDED, now_s)
@@ -255,13 +279,13 @@ class Tasks:
 
     # --- requests that are done at once -----------------------------------------------------------
 
-    def _ask(self, kind: str, requester: Requester, now_s: float) -> None:
+    def _ask(self, kind: str, requester: Requester, now_s: float, parameters: Parameters = {}) -> None:  # noqa: B006
         """Record a request; when that is done, it is carried out and the requester answered."""
         refusal = self._rules.why_not_begin(requester, now_s) or self._why_not[kind](now_s)
         if refusal is not None:
             requester.answer(refusal)
             return
-        number = self._records.request(requester.holder, kind, {}, now_s)
+        number = self._records.request(requester.holder, kind, parameters, now_s)
         self._asked[kind].append(RecordedTask(requester, number, now_s))
 
     def _deny_asked(self, now_s: float, refusal: Refusal = HALTED) -> None:
@@ -407,6 +431,55 @@ class Tasks:
             or self.motions.refuse(now_s)
             or self._rules.why_not_still(now_s)
         )
+
+    # --- drives to a place ------------------------------------------------------------------------------
+
+    def _go(self, order: wire.Go, requester: Requester, now_s: float) -> None:
+        refusal = self.going.busy() or self._why_not_go(order, requester, now_s)
+        if refusal is not None and not self.going.may_come(refusal, now_s):
+            requester.answer(refusal)
+            return
+        self.going.begin(order, requester, now_s)
+
+    def _why_not_go(self, order: wire.Go, requester: Requester, now_s: float) -> Refusal | None:
+        """Return the first rule that forbids to begin a drive to a place, apart from another one."""
+        return (
+            self._rules.why_not_begin(requester, now_s)
+            or self.motions.refuse(now_s)
+            or self._rules.why_not_still(now_s)
+            or self.going.refuse(Pose(order.x, order.y, order.heading), self.routing.topic("drive"), now_s)
+        )
+
+    def _watch_going(self, now_s: float) -> None:
+        """Send the goal that is due, if no rule forbids it; follow it."""
+        grant = self._rules.lease.current
+        still = self._gate.standstill(now_s)
+        self.going.tick(now_s, grant.fence if grant else None, still)
+        if (order := self.going.due) is None or (requester := self.going.waiting) is None:
+            return
+        refusal = self._why_not_go(order, requester, now_s)
+        if refusal is None or not self.going.may_come(refusal, now_s):
+            if refusal is not None:
+                self.going.deny(refusal, now_s)
+            self.going.start(now_s)
+            if self._head is not None and self.going.drives:
+                self._performer.aim_head(self._head.ahead(now_s))  # the gate's camera looks where it drives
+
+    def _set_pose(self, order: wire.SetPose, requester: Requester, now_s: float) -> None:
+        if refusal := self._why_not_set_pose(now_s):
+            requester.answer(refusal)
+            return
+        place = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
+        asked = len(self._asked["pose.set"])
+        self._ask("pose.set", requester, now_s, place)
+        if len(self._asked["pose.set"]) > asked:  # else it was refused
+            self._pose = order
+
+    def _why_not_set_pose(self, now_s: float) -> Refusal | None:
+        navigation = self._config.topics.navigation
+        if navigation is None or navigation.set_pose is None:
+            return NO_NAVIGATION
+        return self.going.busy() or self._rules.why_not_still(now_s)
 
     # --- motions --------------------------------------------------------------------------------------
 

@@ -24,6 +24,7 @@ class Heartbeat(Struct, frozen=True, tag_field="t", tag="beat"):
     reason: str = ""
     heard: int = 0  # number of the last `StopPress` that the bridge latched and wrote to its state file
     drive: str = ""  # the present drive topic
+    drives_itself: bool = False  # the robot's navigation drives it for the bridge, which watches
 
 
 class StopPress(Struct, frozen=True, tag_field="t", tag="press"):
@@ -91,11 +92,19 @@ class StopRules:
         return self._own
 
     def zeros(self, now_s: float) -> bool:
-        """Return whether to publish zeros: while a stop is latched, and shortly after a driving bridge fell silent."""
+        """Return whether to publish zeros: while a stop is latched, and after a driving bridge fell silent.
+
+        For a person's drive shortly; for one of navigation until a bridge is there again.
+        """
         silent_s = now_s - self._beat_s - SILENT_S
-        return self.latched or (self._beat.publishing and 0.0 <= silent_s < QUIET_AFTER_S)
+        driving = self._beat.publishing and 0.0 <= silent_s < QUIET_AFTER_S
+        return self.latched or driving or self._unwatched(now_s)
+
+    def _unwatched(self, now_s: float) -> bool:
+        """Return whether navigation may drive the robot while no bridge watches it."""
+        return self._beat.drives_itself and now_s - self._beat_s >= SILENT_S
 
     def cancel(self, now_s: float) -> bool:
         """Return whether to cancel goals from here: no bridge that reaches the robot does it."""
         works = self._bridge_lives and self._beat.publishing and now_s - self._beat_s < SILENT_S
-        return self.latched and (self._own is not None or not works)
+        return self._unwatched(now_s) or (self.latched and (self._own is not None or not works))

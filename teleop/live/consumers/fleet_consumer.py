@@ -22,7 +22,7 @@ from robots.bridge.config import LinkAddress
 from robots.link.client import BridgeLink, links
 from robots.registry.models import Role
 from robots.registry.selectors import link_address
-from robots.wire import Ended, FleetCard, NotDone, Offers, Refusal, Refused, State, fleet_message
+from robots.wire import Ended, FleetCard, GoPath, NotDone, Offers, Refusal, Refused, State, fleet_message
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.changes import database_refusal
@@ -246,6 +246,9 @@ class FleetConsumer(MessageSocket):
         self._wake()
 
     def on_capabilities(self, offers: Offers) -> None:
+        """Ignore: not on a card."""
+
+    def on_path(self, path: GoPath) -> None:
         """Ignore: not on a card."""
 
     def on_sample(self, topic: str, shown: str) -> None:

@@ -16,6 +16,7 @@ from robots.registry.models import Role
 from robots.wire import (
     Accepted,
     Ended,
+    GoPath,
     NotDone,
     Offers,
     Refusal,
@@ -198,6 +199,8 @@ class RobotConsumer(RobotSocket):
         self.hub.viewers_changed()
         if self.hub.link.offers:
             await self.send_message(self.hub.link.offers)
+        if self.hub.link.path.path_cm:
+            await self.send_message(self.hub.link.path)
         await self.hub.wait_for_link()
         self.report_bridge_gone()
 
@@ -271,6 +274,11 @@ class RobotConsumer(RobotSocket):
         """Tell the page what the robot offers now. A page that has not said hello yet learns it then."""
         if self.wants_pictures:
             run_in_background(self.send_message(offers))
+
+    def path_changed(self, path: GoPath) -> None:
+        """Tell the page the way that the robot will drive by itself."""
+        if self.wants_pictures:
+            run_in_background(self.send_message(path))
 
     def ended_at_bridge(self, ended: Ended) -> None:
         """Send the grant again: the bridge ended this control, and refuses it now if that is final."""

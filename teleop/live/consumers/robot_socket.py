@@ -9,7 +9,7 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope, Token
 from robots.access.selectors import robots_visible_to
-from robots.wire import BridgeGone, Ended, Offers, Refusal, Refused
+from robots.wire import BridgeGone, Ended, GoPath, Offers, Refusal, Refused
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.selectors import SignIn, rights_of, robot_entry
@@ -130,6 +130,9 @@ class RobotSocket(MessageSocket):
 
     def offers_changed(self, offers: Offers) -> None:
         """The robot's capabilities changed."""
+
+    def path_changed(self, path: GoPath) -> None:
+        """The path of the robot's navigation changed."""
 
     def ended_at_bridge(self, ended: Ended) -> None:
         """The bridge ended control."""

@@ -102,6 +102,9 @@ class Follower:
     def on_capabilities(self, offers):
         self.news.put_nowait(("offers", offers))
 
+    def on_path(self, path):
+        self.news.put_nowait(("path", path))
+
     def on_sample(self, topic, shown):
         self.news.put_nowait(("seen", (topic, shown)))
 

@@ -125,8 +125,8 @@ class Frames:
                 matrix = self._at(child, stamp_s) @ matrix
             return matrix
 
-    def flat(self, frame: str, parent: str) -> Pose | None:
-        """Return the newest known place of a frame in its parent, seen from above; None: unknown."""
+    def flat(self, frame: str, parent: str) -> tuple[float, Pose] | None:
+        """Return stamp and newest known place of a frame in its parent, seen from above; None: unknown."""
         with self._news:
             self._want(frame)
             place = self._newest(frame)
@@ -136,9 +136,8 @@ class Frames:
             matrix = _matrix(*_parts(place.packed))
         except PoseUnknown:
             return None
-        return Pose(
-            float(matrix[0, 3]), float(matrix[1, 3]), math.atan2(float(matrix[1, 0]), float(matrix[0, 0]))
-        )
+        yaw = math.atan2(float(matrix[1, 0]), float(matrix[0, 0]))
+        return place.stamp_s, Pose(float(matrix[0, 3]), float(matrix[1, 3]), yaw)
 
     def _to_come(self, frame: str, stamp_s: float) -> bool:
         try:

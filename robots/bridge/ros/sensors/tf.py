@@ -31,4 +31,9 @@ class TfTopics:
 
     def map_to_odom(self) -> Pose | None:
         """Return the last pose of the odometry frame in the map frame, if any."""
+        located = self.located()
+        return located and located[1]
+
+    def located(self) -> tuple[float, Pose] | None:
+        """Return the same, and its stamp before it."""
         return self.frames.flat(ODOM, MAP)

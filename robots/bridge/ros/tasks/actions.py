@@ -11,7 +11,7 @@ from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from robots.bridge.config import Topic
 from robots.bridge.ros.bounds.texts import NAME, SENTENCE, cut, most_of
 from robots.bridge.ros.message_types.classes import message_class
-from robots.bridge.ros.tasks.publishing import Sender, publish
+from robots.bridge.ros.tasks.publishing import Sender, heard_by, publish
 from robots.bridge.tasks.goals import OURS
 
 EVENTS_WAIT = 50  # messages of one kind that wait for the event loop: ended goals, spoken words
@@ -68,6 +68,11 @@ class ActionTopics:
         """Send a goal that has its id."""
         self._goal_id = goal.goal_id.id
         self._goals.send(goal)
+
+    @property
+    def heard(self) -> bool:
+        """Return whether a node of the robot listens to goals."""
+        return bool(heard_by(self._goals.publisher))
 
     def cancel(self, goal_id: str) -> None:
         """Cancel this goal and no other."""

@@ -1,0 +1,380 @@
+"""Drive to a place: one goal of the robot's own navigation at a time, from its record to its end.
+
+While a goal runs, navigation drives the base by a topic of lower priority, and the bridge is silent on its own. When
+the goal ends for any reason, the bridge sends zeros again, and `Hold` keeps it so until navigation is quiet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Protocol
+
+from robots import wire
+from robots.bridge.audit.records import Records, Requester
+from robots.bridge.config import BridgeConfig
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.geometry.arm_discs import KNOWN_S
+from robots.bridge.gate.geometry.planar import NO_POINTS, Points
+from robots.bridge.gate.values import Pose, Velocity, Verdict
+from robots.bridge.navigation.goal_map import NO_MAP, GoalMap
+from robots.bridge.navigation.hold import Hold
+from robots.bridge.navigation.localisation import Localisation, Spread
+from robots.bridge.navigation.path import PlannedPath
+from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
+from robots.wire import Go, Refusal
+
+CONFIRMED_S = 2.0  # without a sign of the holder's client for so long, nobody may be there
+ANSWERS_S = 5.0  # navigation that is silent while the robot stands has this long to say something
+PATIENCE_S = 3.0  # from the begin of control: map and localisation may still come
+MOVES_MPS, MOVES_RADPS = 0.02, 0.05
+# What may still come in the first seconds of control.
+_MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old"})
+
+NO_NAVIGATION = Refusal(
+    "no_navigation", "This robot has no navigation of its own that the console knows.", "robot"
+)
+# Why the robot was halted, by the code: the outcome.
+_OUTCOMES = {
+    "control_ended": "control_lost",
+    "page_gone": "control_lost",
+    "page_back": "control_lost",
+    "link_lost": "control_lost",
+}
+# Outcomes by the robot's result.
+_RESULTS = {"succeeded": "arrived", "cancelled": "intruder"}
+
+
+class Navigator(Protocol):
+    """The robot's navigation, as this module uses it."""
+
+    def navigates(self) -> bool:
+        """Return whether a node of the robot takes goals now."""
+
+    def go(self, goal_id: str, goal: Pose) -> None:
+        """Send a goal."""
+
+    def cancel_navigation(self, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+
+    def set_pose(self, pose: Pose) -> None:
+        """Tell the robot where it is."""
+
+    def located(self) -> tuple[float, Pose] | None:
+        """Return the stamp of the newest transform from map to odometry, and the transform; None: unknown."""
+
+
+@dataclass
+class Target:
+    """A goal, and what ended it."""
+
+    order: Go
+    because: str | None = None  # code of the verdict, refusal or halt
+    heard_s: float = math.inf  # when navigation last said something about it, or the robot moved
+    digest: str = ""  # of the map on which it was checked
+    left_m: float | None = None
+
+    @property
+    def pose(self) -> Pose:
+        return Pose(self.order.x, self.order.y, self.order.heading)
+
+
+class Going(Goals[Target]):
+    """The drive to a place in progress, if any."""
+
+    def __init__(self, config: BridgeConfig, navigator: Navigator, gate: Gate, records: Records) -> None:
+        super().__init__(records, lambda goal_id, _topic: navigator.cancel_navigation(goal_id))
+        self._source = config.topics.navigation
+        self._has_arm = config.gate.has_arm
+        self._navigator = navigator
+        self._gate = gate
+        self.localisation = Localisation()
+        self.path = PlannedPath()
+        self.hold = Hold(records, navigator.cancel_navigation)
+        self._map: GoalMap | None = None
+        self._map_problem = NO_MAP
+        self._at_home_s = -math.inf  # when the arm was last at home
+        self._fence: int | None = None
+        self._fence_s = -math.inf  # since when this fence has control
+        self._strays: dict[str, float] = {}  # goals of an earlier bridge: last cancel
+        self.last: wire.GoEnd | None = None  # how the last one ended, for pages
+
+    # --- rules ----------------------------------------------------------------------------------------
+
+    def refuse(self, goal: Pose, drive_topic: str, now_s: float) -> Refusal | None:
+        """Return why the robot cannot be sent there. Rules of all tasks are checked elsewhere."""
+        if self._source is None:
+            return NO_NAVIGATION
+        if self.hold.why:
+            return Refusal("navigation_goes_on", self.hold.why, "robot")
+        if drive_topic == self._source.velocity:
+            text = f"The console drives by {drive_topic} itself: choose another topic for driving first."
+            return Refusal("no_navigation", text, "robot")
+        if self._busy(now_s):
+            text = "The robot’s navigation drives to a place that others asked for."
+            return Refusal("navigation_busy", text, "robot")
+        if not self._navigator.navigates():
+            text = f"No node of the robot takes goals on {self._source.action}: its navigation does not run."
+            return Refusal("no_listener", text, "robot", {"topic": self._source.action})
+        if self._has_arm and now_s - self._at_home_s > KNOWN_S:
+            text = "The robot’s arm is not at home, or where it is is not known: bring it home first."
+            return Refusal("arm_away", text, "robot")
+        return self.refuse_place(now_s) or self._refuse_goal(goal)
+
+    def refuse_place(self, now_s: float) -> Refusal | None:
+        """Return why it is unknown where the robot is."""
+        return self.localisation.refuse(now_s)
+
+    def _refuse_goal(self, goal: Pose) -> Refusal | None:
+        return self._map_problem if self._map is None else self._map.refuse(goal, self._gate.footprint)
+
+    def busy(self) -> Refusal | None:
+        """Return a refusal while a goal is under way, or being cancelled."""
+        if self._current is None:
+            return None
+        who = self._current.requester.holder.holder
+        text = f"The robot drives to a place, asked for by {who}: cancel that, or wait."
+        return Refusal("going", text, "robot", {"who": who})
+
+    def may_come(self, refusal: Refusal, now_s: float) -> bool:
+        """Return whether the cause of this refusal may end by itself: control has just begun."""
+        return refusal.code in _MAY_COME and now_s - self._fence_s < PATIENCE_S
+
+    # --- a goal ---------------------------------------------------------------------------------------
+
+    def begin(self, order: Go, requester: Requester, now_s: float) -> None:
+        """Record the goal; when that is done, it is sent and the requester answered."""
+        place = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
+        number = self._records.request(requester.holder, "go.start", place, now_s)
+        topic = self._source.action if self._source else ""
+        self._current = Goal(requester, number, now_s, Target(order), topic)
+
+    @property
+    def due(self) -> Go | None:
+        """The goal that is recorded, or whose record failed, and that is not sent."""
+        goal = self._current
+        return goal.what.order if goal is not None and goal.id is None and goal.number.done() else None
+
+    def start(self, now_s: float) -> None:
+        """Send the goal that is due."""
+        goal = self._recorded(now_s)
+        if goal is None:
+            return
+        goal.what.heard_s = now_s
+        goal.what.digest = self._map.digest if self._map else ""
+        self.path.take(NO_POINTS)
+        self.hold.drop()
+        self._navigator.go(goal.sent(now_s), goal.what.pose)
+
+    @property
+    def drives(self) -> Requester | None:
+        """The requester of the goal to which navigation drives the robot now; None: the bridge has the base."""
+        goal = self._current
+        sent = goal is not None and goal.id is not None and goal.cancelled is None
+        return goal.requester if goal is not None and sent else None
+
+    @property
+    def under_way(self) -> list[str]:
+        """The goal in progress, in words."""
+        return ["the drive to a place"] if self._current is not None else []
+
+    def end(self, outcome: str, text: str, now_s: float, because: str | None = None) -> None:
+        """Cancel the goal; one that is not sent is refused. The bridge has the base from now on."""
+        goal = self._current
+        if goal is None:
+            return
+        if goal.cancelled is None:
+            goal.what.because = because
+        if goal.id is None:
+            self.deny(Refusal(outcome, text, "robot"), now_s)
+        elif goal.cancelled is None:
+            self.cancel(outcome, text)
+            self.hold.begin(goal.id, now_s)
+
+    def halted(self, code: str, reason: str, now_s: float) -> None:
+        """End a goal that runs: the robot was halted. One that is not sent is judged again when it is due."""
+        if self.drives:
+            self.end(_OUTCOMES.get(code, code), _sentence(reason), now_s, code)
+
+    def held_back(self, verdict: Verdict, now_s: float) -> None:
+        """End the goal: the gate has taken over."""
+        self.end("held_back", _sentence(verdict.text), now_s, verdict.code)
+
+    def confirm(self, confirmed_s: float, now_s: float) -> None:
+        """End the goal if its holder's client has been silent."""
+        if now_s - confirmed_s > CONFIRMED_S:
+            text = f"Nothing was heard of its holder for {CONFIRMED_S:.0f} s."
+            self.end("control_lost", text, now_s, "dead_man")
+
+    def withdraw(self, now_s: float) -> Refusal | None:
+        """Cancel for the holder."""
+        if self._current is None:
+            return Refusal("no_goal", "No drive to a place is in progress.", "robot")
+        self.end("cancelled", "Its holder cancelled it.", now_s)
+        return None
+
+    def close(self, refusal: Refusal, now_s: float) -> None:
+        """End it: the bridge ends, and nobody else watches the base."""
+        self.end(refusal.code, refusal.text, now_s)
+        self._end("cancelled", "", now_s)
+
+    # --- news -----------------------------------------------------------------------------------------
+
+    def tick(self, now_s: float, fence: int | None = None, still: bool | None = None) -> None:
+        """Follow localisation; give up what is silent; hold the base until navigation is quiet."""
+        if self._source is None:
+            return
+        if fence != self._fence:
+            self._fence, self._fence_s = fence, now_s
+        located = self._navigator.located()
+        if located is not None and self.localisation.transformed(*located, now_s) and self.drives:
+            text = f"The robot’s place on its map jumped by {self.localisation.jumped_m:.1f} m."
+            self.end("location_jumped", text, now_s)
+        if self.drives and (refusal := self.localisation.refuse(now_s)):
+            self.end("location_lost", refusal.text, now_s, refusal.code)
+        goal = self._current
+        if goal is not None and self.drives and now_s - goal.what.heard_s > ANSWERS_S:
+            text = f"Navigation said nothing for {ANSWERS_S:.0f} s, and the robot stood."
+            self.end("unheard", text, now_s)
+        super().tick(now_s)
+        self.hold.tick(still, bool(self._busy(now_s)) and fence is None, now_s)
+
+    def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
+        """Take odometry."""
+        self.localisation.moved(pose)
+        goal = self._current
+        if goal is None or goal.id is None:
+            return
+        if math.hypot(velocity.vx, velocity.vy) > MOVES_MPS or abs(velocity.w) > MOVES_RADPS:
+            goal.what.heard_s = now_s
+        if (here := self.localisation.pose) is not None:
+            goal.what.left_m = round(self.path.left_m(here, goal.what.pose), 2)
+
+    def posed(self, pose: Pose, spread: Spread, now_s: float) -> None:
+        """Take the pose topic."""
+        self.localisation.posed(pose, spread, now_s)
+
+    def arm(self, at_home: bool, now_s: float) -> None:
+        """Take whether the arm is at home."""
+        if at_home:
+            self._at_home_s = now_s
+        elif self.drives:
+            self.end("arm_away", "The robot’s arm left its home.", now_s)
+
+    def mapped(self, goal_map: GoalMap, now_s: float) -> None:
+        """Take the robot's map."""
+        self._map = goal_map
+        goal = self._current
+        if goal is not None and self.drives and goal.what.digest != goal_map.digest:
+            self.end("map_changed", "The robot’s map changed.", now_s)
+
+    def unmapped(self, why: str, now_s: float) -> None:
+        """Note that the robot has no usable map any more, or none yet."""
+        text = f"The robot has no map that can be used: {why}"
+        self._map, self._map_problem = None, Refusal("no_map", _sentence(text), "robot")
+        self.end("map_gone", self._map_problem.text, now_s)
+
+    def planned(self, places: Points) -> None:
+        """Take the path that navigation plans."""
+        self.path.take(places)
+
+    def drove(self, velocity: Velocity, now_s: float) -> None:
+        """Take what navigation sends to the base."""
+        self.hold.drove(any(abs(part) > 1e-3 for part in velocity), now_s)
+
+    def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
+        """Take navigation's report of active goals; goals that a killed bridge left are cancelled."""
+        self._find_own(action, goal_ids, now_s)
+        known = {self._current.id if self._current else None, self._ended}
+        for goal_id in goal_ids:
+            if not goal_id.startswith(OURS) or goal_id in known:
+                continue
+            if now_s - self._strays.get(goal_id, -math.inf) >= CANCEL_AGAIN_S:
+                self._strays = {goal_id: now_s}
+                self._navigator.cancel_navigation(goal_id)
+                self.hold.begin(goal_id, now_s)
+
+    def answered(self, goal_id: str, now_s: float) -> None:
+        """Take feedback on a goal."""
+        if self._current is not None and self._current.id == goal_id:
+            self._current.what.heard_s = now_s
+
+    def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
+        """Take a result of navigation."""
+        goal = self._current
+        if goal is not None and goal.id == goal_id:
+            if goal.cancelled is None:
+                self._end(_RESULTS.get(outcome, outcome), _result(outcome, text), now_s)
+            else:  # it keeps the reason of the cancel
+                self._end("arrived" if outcome == "succeeded" else "cancelled", "", now_s)
+        elif self.drives and goal_id != self._ended and not self._busy(now_s):
+            self.end("answered_another", "Navigation answered for a goal that nobody sent.", now_s)
+
+    @property
+    def shown_path(self) -> wire.GoPath:
+        """The path of the goal in progress, for pages."""
+        return wire.GoPath(self.path.centimetres if self.drives else [])
+
+    # --- for pages and records --------------------------------------------------------------------------
+
+    def view(self, now_s: float) -> wire.GoProgress | None:
+        """Return the goal in progress."""
+        goal = self._current
+        if goal is None:
+            return None
+        order = goal.what.order
+        return wire.GoProgress(
+            number=_number(goal),
+            who=goal.requester.holder.holder,
+            x=order.x,
+            y=order.y,
+            heading=order.heading,
+            left_m=goal.what.left_m,
+            since_s=round(now_s - goal.since_s, 1),
+            ending=goal.cancelled.text if goal.cancelled else "",
+        )
+
+    def location(self, now_s: float, in_control: bool) -> wire.Location | None:
+        """Return the robot's place on its map; problems count in control only, since tf is not read otherwise."""
+        problem = self.localisation.refuse(now_s) if in_control else None
+        return self.localisation.view(now_s, problem.text if problem else "")
+
+    def _report_end(self, goal: Goal[Target], outcome: str, text: str) -> None:
+        self.last = wire.GoEnd(
+            number=_number(goal),
+            seq=goal.what.order.seq,
+            fence=goal.what.order.fence,
+            outcome=outcome,
+            text=text,
+            because=goal.what.because,
+            left_m=goal.what.left_m,
+        )
+
+    def _record(self, goal: Goal[Target], outcome: str, text: str, now_s: float) -> None:
+        if goal.id is not None:
+            self.hold.begin(goal.id, now_s)
+        figures: dict[str, str | float | None] = {
+            "duration_s": round(now_s - goal.since_s, 2),
+            "left_m": goal.what.left_m,
+            "because": goal.what.because,
+            "text": text,
+        }
+        told = {name: value for name, value in figures.items() if value is not None and value != ""}
+        self._records.outcome(goal, "go.end", outcome, told, now_s)
+
+
+def _number(goal: Goal[Target]) -> int | None:
+    return goal.number.result() if goal.number.done() and goal.number.exception() is None else None
+
+
+def _result(outcome: str, text: str) -> str:
+    """Return what navigation said, as a sentence."""
+    if outcome == "succeeded":
+        return ""
+    said = f"Navigation said: {text}" if text else "Navigation did not say why."
+    return f"Something else took navigation over. {said}" if outcome == "cancelled" else said
+
+
+def _sentence(reason: str) -> str:
+    return f"{reason[:1].upper()}{reason[1:].rstrip('.')}."

@@ -1,0 +1,83 @@
+"""After a goal has ended: hold the base until navigation is quiet.
+
+Navigation may confirm a cancel and drive on. As long as it sends velocities, or the base moves, the bridge goes on
+sending on its own drive topic, which has priority: zeros, or the operator's stick.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from robots.bridge.audit.records import Records
+from robots.bridge.tasks.goals import CANCEL_AGAIN_S
+
+QUIET_S = 1.0  # without a velocity of navigation, and at standstill: then the hold ends
+GOES_ON_S = 1.5  # navigation that still drives so long after a cancel does not obey
+UNHEARD = "The robot’s navigation drives on though its goal has ended: the bridge holds the base."
+
+
+class Hold:
+    """One hold at a time."""
+
+    def __init__(self, records: Records, cancel: Callable[[str], None]) -> None:
+        self._records = records
+        self._cancel = cancel
+        self._goal_id: str | None = None
+        self._since_s = -math.inf
+        self._drove_s = -math.inf  # when navigation last sent a velocity that is not zero
+        self._moved_s = -math.inf  # when the base last moved, or its motion was unknown
+        self._cancelled_s = -math.inf
+        self._record: Future[int] | None = None
+        self.why = ""  # in words, once navigation does not obey
+
+    @property
+    def holds(self) -> bool:
+        """Return whether the bridge must keep the base."""
+        return self._goal_id is not None
+
+    def begin(self, goal_id: str, now_s: float) -> None:
+        """Hold from now on: this goal has ended, or is cancelled."""
+        if self._goal_id is None:
+            self._since_s = now_s
+        self._goal_id, self._moved_s, self._cancelled_s = goal_id, now_s, now_s
+
+    def drop(self) -> None:
+        """End it: navigation drives to a new goal."""
+        self._goal_id = None
+
+    def drove(self, moves: bool, now_s: float) -> None:
+        """Take a velocity that navigation sent."""
+        if moves:
+            self._drove_s = now_s
+
+    def tick(self, still: bool | None, others_drive: bool, now_s: float) -> None:
+        """Cancel again while navigation drives; end when all is quiet, or when others use it and nobody has control."""
+        if self._goal_id is None:
+            return
+        if still is not True:
+            self._moved_s = now_s
+        drives = self._drove_s > self._since_s and now_s - self._drove_s < QUIET_S
+        if others_drive or (not drives and now_s - max(self._moved_s, self._since_s) >= QUIET_S):
+            self._end("released", now_s)
+            return
+        if drives and now_s - self._since_s > GOES_ON_S and not self.why:
+            self.why = UNHEARD
+            what = {"goal": self._goal_id, "text": UNHEARD}
+            self._record = self._records.keep(
+                lambda: self._records.sink.request(None, "go.hold", what), now_s
+            )
+        if self.why and now_s - self._cancelled_s >= CANCEL_AGAIN_S:
+            self._cancelled_s = now_s
+            self._cancel(self._goal_id)
+
+    def _end(self, outcome: str, now_s: float) -> None:
+        record, self._record = self._record, None
+        self._goal_id, self.why = None, ""
+        if record is not None:
+            self._records.keep(
+                lambda: self._records.sink.outcome(record.result(), None, "go.hold", outcome, {}),
+                now_s,
+                of=record,
+            )

@@ -1,0 +1,139 @@
+"""Where the robot is on its map, as it believes, and whether that may be relied on.
+
+The pose of the odometry frame in the map frame comes from tf while somebody has control, else from the pose topic. The
+covariance comes from the pose topic, which is silent while the robot stands.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from msgspec import Struct
+
+from robots import wire
+from robots.bridge.gate.geometry.planar import ORIGIN, put, seen_from, wrapped
+from robots.bridge.gate.values import Pose
+from robots.wire import Refusal
+
+OLD_S = 2.0  # without news of the localisation, in control
+UNCERTAIN_M, UNCERTAIN_RAD = (
+    0.6,
+    0.6,
+)  # standard deviations; a pose that a person has just set has 0.5 m and 0.3 rad
+JUMP_M, JUMP_RAD = 0.5, 0.5  # from one transform to the next, against the odometry
+
+MISSING = Refusal(
+    "localisation_missing", "The robot does not know where it is on its map: set its pose first.", "robot"
+)
+
+
+class Spread(Struct, frozen=True):
+    """Covariance of a pose: m², and rad²."""
+
+    xx: float = 0.0
+    xy: float = 0.0
+    yy: float = 0.0
+    yaw: float = 0.0
+
+    @property
+    def ellipse(self) -> tuple[float, float, float]:
+        """Standard deviations along the longer and the shorter axis (m), and the direction of the longer (rad)."""
+        values, axes = np.linalg.eigh(np.array(((self.xx, self.xy), (self.xy, self.yy))))
+        shorter, longer = (math.sqrt(max(float(value), 0.0)) for value in values)
+        return longer, shorter, math.atan2(float(axes[1, 1]), float(axes[0, 1]))
+
+    @property
+    def sigma_rad(self) -> float:
+        """Standard deviation of the heading."""
+        return math.sqrt(max(self.yaw, 0.0))
+
+
+class Localisation:
+    """Takes what localisation says. Times are monotonic seconds."""
+
+    def __init__(self) -> None:
+        self._odometry: Pose | None = None
+        self._frame: Pose | None = None  # the odometry frame in the map frame
+        self._stamp_s: float | None = None  # of the newest transform
+        self._transformed_s = -math.inf  # when it came
+        self._heard_s = -math.inf
+        self._spread: Spread | None = None
+        self.jumped_m = 0.0  # how far the last transform moved the robot on the map, if that was too far
+
+    def moved(self, pose: Pose) -> None:
+        """Take odometry."""
+        self._odometry = pose
+
+    def transformed(self, stamp_s: float, frame: Pose, now_s: float) -> bool:
+        """Take the newest transform; one with the last stamp is no news. Return whether the robot jumped on its map."""
+        if stamp_s == self._stamp_s or not all(map(math.isfinite, frame)):
+            return False
+        before = self._frame if now_s - self._transformed_s < OLD_S else None
+        self._stamp_s, self._frame = stamp_s, frame
+        self._transformed_s = self._heard_s = now_s
+        if before is None:
+            return False
+        at = self._odometry or ORIGIN
+        was, is_at = put(at, before), put(at, frame)
+        way_m = math.hypot(is_at.x - was.x, is_at.y - was.y)
+        if way_m <= JUMP_M and abs(wrapped(is_at.yaw - was.yaw)) <= JUMP_RAD:
+            return False
+        self.jumped_m = way_m
+        return True
+
+    def posed(self, pose: Pose, spread: Spread, now_s: float) -> None:
+        """Take a message of the pose topic; numbers that are not finite are ignored."""
+        if not all(map(math.isfinite, (*pose, spread.xx, spread.xy, spread.yy, spread.yaw))):
+            return
+        self._spread, self._heard_s = spread, now_s
+        if self._odometry is not None and now_s - self._transformed_s > OLD_S:
+            self._frame = put(seen_from(ORIGIN, self._odometry), pose)
+
+    @property
+    def pose(self) -> Pose | None:
+        """The robot on its map; None: unknown."""
+        return None if self._frame is None or self._odometry is None else put(self._odometry, self._frame)
+
+    def refuse(self, now_s: float) -> Refusal | None:
+        """Return why the robot's place cannot be relied on, in control."""
+        if self.pose is None or self._spread is None:
+            return MISSING
+        silent_s = now_s - self._transformed_s
+        if silent_s > OLD_S:
+            text = "The robot’s localisation is silent: it may not know where it is."
+            if math.isfinite(silent_s):
+                text = f"The robot’s localisation has been silent for {silent_s:.0f} s: it may not know where it is."
+            return Refusal("localisation_old", text, "robot")
+        longer_m, _, _ = self._spread.ellipse
+        if longer_m > UNCERTAIN_M or self._spread.sigma_rad > UNCERTAIN_RAD:
+            turned = math.degrees(self._spread.sigma_rad)
+            text = (
+                f"The robot is not sure where it is (± {longer_m:.1f} m, ± {turned:.0f}°): "
+                "set its pose, or drive it a little."
+            )
+            return Refusal(
+                "localisation_uncertain",
+                text,
+                "robot",
+                {"sigma_m": round(longer_m, 2), "limit_m": UNCERTAIN_M},
+            )
+        return None
+
+    def view(self, now_s: float, problem: str) -> wire.Location | None:
+        """Return the robot's place, for pages."""
+        pose, spread = self.pose, self._spread or Spread()
+        if pose is None:
+            return None
+        longer_m, shorter_m, direction = spread.ellipse
+        return wire.Location(
+            x=round(pose.x, 3),
+            y=round(pose.y, 3),
+            heading=round(pose.yaw, 4),
+            sigma_m=round(longer_m, 3),
+            sigma_across_m=round(shorter_m, 3),
+            ellipse_rad=round(direction, 3),
+            sigma_rad=round(spread.sigma_rad, 3),
+            age_s=round(now_s - self._heard_s, 1),
+            problem=problem,
+        )

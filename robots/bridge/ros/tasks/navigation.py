@@ -1,0 +1,138 @@
+"""The robot's own navigation: goals of its action, its pose on the map, its path, and what it sends to the base."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import rospy
+
+from robots.bridge.config import NavigationSource, Topic
+from robots.bridge.gate.values import Pose, Velocity
+from robots.bridge.navigation.going import Going
+from robots.bridge.navigation.localisation import Spread
+from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.ros.message_types.classes import message_class
+from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
+from robots.bridge.ros.tasks.publishing import Sender
+
+# Covariance of a pose that a person sets, as rviz sends it: 0.5 m, 15 degrees.
+SET_M2, SET_RAD2 = 0.25, 0.0685
+MOST_PLACES = 10_000  # of a path; a longer one is thinned before it is read
+PLANS_S = 1.0  # paths that come sooner after another one are ignored
+
+
+class NavigationTopics:
+    """The topics of one robot's navigation. What they say goes to `going` through `mail`, on the event loop."""
+
+    def __init__(self, source: NavigationSource, mail: Mailboxes, going: Going) -> None:
+        self._frame = source.frame
+        self._mail = mail
+        self._going = going
+        self._planned_s = -math.inf
+        self._action = ActionTopics(Topic(source.action, source.type), self)
+        posed = message_class("geometry_msgs/PoseWithCovarianceStamped")
+        self._set_pose = Sender(source.set_pose, posed) if source.set_pose else None
+        self._posed = posed
+        self._listen(source.velocity, "geometry_msgs/Twist", self._on_velocity)
+        self._listen(source.pose, "geometry_msgs/PoseWithCovarianceStamped", self._on_pose)
+        if source.plan:
+            self._listen(source.plan, "nav_msgs/Path", self._on_plan)
+
+    @property
+    def heard(self) -> bool:
+        """Return whether a node of the robot takes goals."""
+        return self._action.heard
+
+    def go(self, goal_id: str, goal: Pose) -> None:
+        """Send a goal."""
+        message = self._action.goal_class()
+        message.goal_id.id = goal_id
+        message.header.stamp = message.goal_id.stamp = rospy.Time.from_sec(time.time())
+        target = message.goal.target_pose
+        target.header.frame_id = self._frame
+        _fill(target.pose, goal)
+        self._action.send(message)
+
+    def cancel(self, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+        self._action.cancel(goal_id)
+
+    @property
+    def cancels(self) -> list[Callable[[], None]]:
+        """For the emergency stop: cancel the goals of all senders."""
+        return [self._action.cancel_all]
+
+    def set_pose(self, pose: Pose) -> None:
+        """Tell localisation where the robot is."""
+        if self._set_pose is None:
+            return
+        message = self._posed()
+        message.header.frame_id = self._frame
+        message.header.stamp = rospy.Time.from_sec(time.time())
+        _fill(message.pose.pose, pose)
+        covariance = [0.0] * 36
+        covariance[0] = covariance[7] = SET_M2
+        covariance[35] = SET_RAD2
+        message.pose.covariance = covariance
+        self._set_pose.send(message)
+
+    def _listen(self, topic: str, type_name: str, take: Callable[[Any], None]) -> None:
+        rospy.Subscriber(topic, message_class(type_name), take, queue_size=1, tcp_nodelay=True)
+
+    # --- on rospy's threads ---------------------------------------------------------------------------
+
+    def running(self, action: str, goals: dict[str, int]) -> None:
+        """Report the running goals of all senders."""
+        self._mail.post("goals", lambda: self._going.running(action, goals.keys(), time.monotonic()))
+
+    def feedback(self, goal_id: str, feedback: Any) -> None:
+        """Report that navigation works on this goal."""
+        self._mail.post(
+            "goal feedback", lambda: self._going.answered(goal_id, time.monotonic()), can_wait=True
+        )
+
+    def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
+        """Report the end of a goal, with navigation's text."""
+        self._mail.post(
+            "goals ended", lambda: self._going.ended(goal_id, outcome, text, time.monotonic()), EVENTS_WAIT
+        )
+
+    def _on_velocity(self, message: Any) -> None:
+        velocity = Velocity(message.linear.x, message.linear.y, message.angular.z)
+        self._mail.post(
+            "navigation", lambda: self._going.drove(velocity, time.monotonic()), EVENTS_WAIT, can_wait=True
+        )
+
+    def _on_pose(self, message: Any) -> None:
+        pose, covariance = _pose(message.pose.pose), message.pose.covariance
+        if message.header.frame_id.lstrip("/") != self._frame:
+            return
+        spread = Spread(covariance[0], covariance[1], covariance[7], covariance[35])
+        self._mail.post("pose", lambda: self._going.posed(pose, spread, time.monotonic()), can_wait=True)
+
+    def _on_plan(self, message: Any) -> None:
+        now_s = time.monotonic()
+        if now_s - self._planned_s < PLANS_S or message.header.frame_id.lstrip("/") != self._frame:
+            return
+        self._planned_s = now_s
+        every = max(1, len(message.poses) // MOST_PLACES)
+        poses = [*message.poses[::every], *message.poses[-1:]]
+        places = np.array([(pose.pose.position.x, pose.pose.position.y) for pose in poses]).reshape(-1, 2)
+        self._mail.post("plan", lambda: self._going.planned(places), can_wait=True)
+
+
+def _fill(message: Any, pose: Pose) -> None:
+    message.position.x, message.position.y = pose.x, pose.y
+    message.orientation.z, message.orientation.w = math.sin(pose.yaw / 2.0), math.cos(pose.yaw / 2.0)
+
+
+def _pose(message: Any) -> Pose:
+    turn = message.orientation
+    yaw = math.atan2(
+        2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y * turn.y + turn.z * turn.z)
+    )
+    return Pose(message.position.x, message.position.y, yaw)

@@ -1,0 +1,140 @@
+"""A bridge whose robot navigates, and its holder: real messages, a simulated TIAGo, a watchdog where a test needs one."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from std_msgs.msg import String
+
+from robots import wire
+from robots.bridge.config import NavigationSource, Topic
+from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+
+NAVIGATION = NavigationSource(
+    action="/move_base",
+    velocity="/nav_vel",
+    pose="/amcl_pose",
+    plan="/move_base/GlobalPlanner/plan",
+    set_pose="/initialpose",
+)
+TOPICS = {"navigation": NAVIGATION, "map": Topic("/map", "nav_msgs/OccupancyGrid")}
+_numbers = itertools.count(1)
+
+
+class Traveller:
+    """The holder of a robot that navigates: a program without a stick, which renews control."""
+
+    def __init__(self, process, hand) -> None:
+        self.process, self.hand, self.fence = process, hand, 1
+
+    def renew(self) -> None:
+        self.hand.send(wire.Grant(self.fence, 3.0, f"session-{self.fence}", "Ann", "ann", 1.0))
+
+    def refused(self, x: float, y: float, heading: float = 0.0) -> wire.Refusal | None:
+        self.renew()
+        return self.hand.ask(wire.Go(self.fence, x, y, heading, next(_numbers)))
+
+    def go(self, x: float, y: float, heading: float = 0.0) -> int:
+        """Ask for a drive; return the number of the request."""
+        self.renew()
+        seq = next(_numbers)
+        assert self.hand.ask(wire.Go(self.fence, x, y, heading, seq)) is None
+        return seq
+
+    def until(self, condition, what: str) -> wire.State:
+        """Renew control until a state is so."""
+
+        def holds(state: wire.State) -> Any:
+            self.renew()
+            return condition(state)
+
+        return self.hand.state_until(holds, what)
+
+    def drives(self) -> wire.State:
+        """Renew until navigation drives the base."""
+        return self.until(lambda state: state.going and abs(state.odometry.vx) > 0.15, "a robot that drives")
+
+    def ended(self, seq: int) -> wire.GoEnd:
+        def over(state: wire.State) -> bool:
+            return state.going_ended is not None and state.going_ended.seq == seq
+
+        end = self.until(over, f"the end of drive {seq}").going_ended
+        assert end is not None
+        return end
+
+    def stands(self) -> wire.State:
+        return self.until(lambda state: state.going is None and speed(state) < 0.01, "a robot that stands")
+
+
+def speed(state: wire.State) -> float:
+    assert state.odometry is not None
+    return max(abs(state.odometry.vx), abs(state.odometry.w) / 2)
+
+
+def place(inbox) -> tuple[float, float, float]:
+    """The robot's true pose now."""
+    inbox.settle()
+    pose = inbox.next().pose.pose
+    return pose.position.x, pose.position.y, 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot(ros, simulator):
+    return simulator(pose="2,1.8,0", seed=1)
+
+
+@pytest.fixture
+def config(rosmaster, tmp_path):
+    return tiago_config(rosmaster, tmp_path, topics=TOPICS)
+
+
+@pytest.fixture
+def traveller(rosmaster, robot, tmp_path, config):
+    with running_bridge(config, rosmaster, tmp_path) as (process, hand):
+        hand.state_until(drivable, "a robot that can be driven")
+        hand.take_control(1)
+        hand.let_go()
+        yield Traveller(process, hand)
+
+
+@pytest.fixture
+def truth(ros):
+    with ros.listen("/ground_truth/pose", Odometry) as poses:
+        yield poses
+
+
+@pytest.fixture
+def twists(ros):
+    with ros.listen("/key_vel", Twist) as twists:
+        ros.connected(twists)
+        yield twists
+
+
+@pytest.fixture
+def fault(ros):
+    """``fault(names)`` sets faults; they end with the test."""
+    with (
+        ros.listen("/ground_truth/faults", String) as faults,
+        ros.speak("/ground_truth/fault", String) as setter,
+    ):
+
+        def begin(names: str) -> None:
+            setter.publish(String(names))
+            faults.until(lambda message: message.data == names)
+
+        yield begin
+        begin("none")
+
+
+def pause(traveller: Traveller, seconds: float) -> None:
+    """Renew control for this time."""
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        traveller.renew()
+        time.sleep(0.2)
