@@ -40,7 +40,7 @@ NEWS = {
         frozenset({"control.take", "control.take_over", "control.hand_over", "control.end"}),
     ),
     "stops": News(_("stops"), frozenset({"stop.press", "stop.latch", "stop.clear"})),
-    "motions": News(_("ends of motions"), frozenset({"motion.end", "drive.by"})),
+    "motions": News(_("ends of motions"), frozenset({"motion.end", "drive.by", "go.end"})),
     "speech": News(_("ends of speech"), frozenset({"speech.end"})),
 }
 

@@ -41,6 +41,7 @@ _KINDS = {
     "speech": ("speech.start", "speech.end"),
     "motion": ("motion.start", "motion.end"),
     "drive_by": ("drive.by", "drive.by"),
+    "go": ("go.start", "go.end"),
 }
 _NOT_RECORDED = Refusal("not_recorded", "The console took the request, and has no record of it yet.", "audit")
 _NOT_CLEARED = Refusal("not_cleared", "The stop is not cleared: look at the robot’s state.", "stop")
@@ -64,7 +65,7 @@ class TaskEntry(Struct, frozen=True):
     """A task that somebody asked a robot for. `outcome` null: it is not over."""
 
     number: int
-    kind: str  # speech, motion, drive_by
+    kind: str  # speech, motion, drive_by, go
     robot: str
     by: str
     asked_at: Time

@@ -1,4 +1,4 @@
-"""A bridge whose robot navigates, and its holder: real messages, a simulated TIAGo, a watchdog where a test needs one."""
+"""A bridge whose robot navigates, and its holder: real messages, a simulated TIAGo."""
 
 from __future__ import annotations
 

@@ -22,6 +22,9 @@ ORDERS = {
     "say_cancel": {},
     "drive_by": {"distance_m": 1.0},
     "drive_by_cancel": {},
+    "go": {"x": 1.0, "y": 2.0, "heading": 0.5},
+    "go_cancel": {},
+    "set_pose": {"x": 1.0, "y": 2.0, "heading": 0.5},
     "choose": {"use": "drive"},
     "publish_stop": {"topic": "/notes"},
 }

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import msgspec
 from django.http import HttpResponseBase
+from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiExample, OpenApiParameter, OpenApiResponse, extend_schema
 from msgspec import Struct
 from rest_framework.authentication import SessionAuthentication
@@ -179,11 +180,17 @@ class Operation:
         }
         if self.content_type:
             kinds = self.content_type.split()
-            return answers | {(self._status, kind): OpenApiResponse(str, self.summary) for kind in kinds}
+            return answers | {
+                (self._status, kind): OpenApiResponse(_kind_of(kind), self.summary) for kind in kinds
+            }
         return answers | {self._status: OpenApiResponse(self.answer, self.summary)}
 
 
 operation = Operation  # as it reads above a method
+
+
+def _kind_of(content_type: str) -> Any:
+    return OpenApiTypes.BINARY if content_type.startswith("image/") else str
 
 
 def _refused(error: Exception, context: dict[str, Any]) -> Response | None:

@@ -1,0 +1,152 @@
+"""The robot's map, and driving to a place of it, by a program."""
+
+from __future__ import annotations
+
+from asgiref.sync import async_to_sync
+from django.http import HttpResponse
+from drf_spectacular.utils import OpenApiExample
+from msgspec import Struct
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from fleet.accounts.tokens.models import Scope
+from robots import wire
+from robots.registry.models import Robot, RobotMap
+from robots.wire import Refusal
+from robots.wire.navigation import Coordinate, Heading
+from teleop.api.v1.control import ProgramView
+from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.parameters import Time
+from teleop.api.v1.framework.problems import Problem
+from teleop.api.v1.tasks import TaskEntry, TasksBase
+
+NO_MAP = Refusal(
+    "not_found", "The console knows no map of this robot yet: it is read while somebody has control.", "robot"
+)
+
+
+class GoRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A place of the robot's map: metres, radians."""
+
+    x: Coordinate
+    y: Coordinate
+    heading: Heading = 0.0
+
+
+class MapEntry(Struct, frozen=True):
+    """The robot's map. Its picture has a pixel for each cell, the first row is the upper edge.
+
+    The origin is the lower left corner, in the frame of the map: metres, radians.
+    """
+
+    number: int
+    resolution_m: float
+    width: int
+    height: int
+    origin_x_m: float
+    origin_y_m: float
+    origin_rad: float
+    first_seen_at: Time
+    last_seen_at: Time
+    picture: str  # its address
+
+
+class GoView(TasksBase):
+    """`/robots/{slug}/go`."""
+
+    @operation(
+        "go",
+        "Drive to a place",
+        scope=Scope.DRIVE,
+        body=GoRequest,
+        keyed=True,
+        answer=TaskEntry,
+        status=202,
+        refuses=(404, 409),
+        tag="control",
+        examples=[OpenApiExample("A place", value={"x": 3.4, "y": 1.8, "heading": 1.57}, request_only=True)],
+    )
+    def post(self, _request: Request, slug: str, body: GoRequest) -> Response:
+        """The robot’s own navigation drives; the gate watches, and takes over where it would touch something. Outcomes:
+        arrived, failed, held_back, cancelled, stopped, replaced by a stick, and others. Needs control. While it drives,
+        ask for something at least every 10 s, such as its status."""
+        return self.start(
+            self.robot(slug), lambda fence, seq: wire.Go(fence, body.x, body.y, body.heading, seq), "go"
+        )
+
+    @operation(
+        "go_cancel",
+        "End the drive to a place",
+        scope=Scope.DRIVE,
+        refuses=(404, 409),
+        tag="control",
+    )
+    def delete(self, _request: Request, slug: str) -> None:
+        """The robot stands."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(lambda fence, seq: wire.GoCancel(fence, seq))
+
+
+class PoseView(TasksBase):
+    """`/robots/{slug}/pose`."""
+
+    @operation(
+        "pose_set",
+        "Tell the robot where it is on its map",
+        scope=Scope.DRIVE,
+        body=GoRequest,
+        refuses=(404, 409),
+        tag="control",
+    )
+    def put(self, _request: Request, slug: str, body: GoRequest) -> None:
+        """Needs control, and a robot that stands. Localisation then looks for its exact place nearby."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(
+            lambda fence, seq: wire.SetPose(fence, body.x, body.y, body.heading, seq)
+        )
+
+
+class MapView(ProgramView):
+    """`/robots/{slug}/map`."""
+
+    @operation("map_read", "Read the robot’s map", scope=Scope.READ, answer=MapEntry, refuses=(404,))
+    def get(self, _request: Request, slug: str) -> MapEntry:
+        """The last one that the console knows: it is read while somebody has control."""
+        robot = self.robot(slug)
+        found = newest_map(robot)
+        return MapEntry(
+            number=found.pk,
+            resolution_m=found.resolution_m,
+            width=found.width,
+            height=found.height,
+            origin_x_m=found.origin_x_m,
+            origin_y_m=found.origin_y_m,
+            origin_rad=found.origin_yaw,
+            first_seen_at=found.first_seen_at,
+            last_seen_at=found.last_seen_at,
+            picture=f"/api/v1/robots/{robot.slug}/map/picture",
+        )
+
+
+class MapPictureView(ProgramView):
+    """`/robots/{slug}/map/picture`."""
+
+    @operation(
+        "map_picture",
+        "Read the picture of the robot’s map",
+        scope=Scope.READ,
+        content_type="image/png",
+        refuses=(404,),
+    )
+    def get(self, _request: Request, slug: str) -> HttpResponse:
+        """PNG: obstacles are opaque, the floor is faint, the unknown is transparent."""
+        return HttpResponse(bytes(newest_map(self.robot(slug), whole=True).picture), content_type="image/png")
+
+
+def newest_map(robot: Robot, *, whole: bool = False) -> RobotMap:
+    """Return the robot's newest map, with its picture only if `whole`. Raises `Problem`: there is none."""
+    maps = RobotMap.objects.filter(robot=robot).order_by("-pk")
+    found = (maps if whole else maps.defer("picture")).first()
+    if found is None:
+        raise Problem(NO_MAP)
+    return found
