@@ -27,6 +27,7 @@ from robots.wire import Go, Refusal
 
 CONFIRMED_S = 2.0  # without a sign of the holder's client for so long, nobody may be there
 ANSWERS_S = 5.0  # navigation that is silent while the robot stands has this long to say something
+OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
 PATIENCE_S = 3.0  # from the begin of control: map and localisation may still come
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # What may still come in the first seconds of control.
@@ -72,6 +73,7 @@ class Target:
     order: Go
     because: str | None = None  # code of the verdict, refusal or halt
     heard_s: float = math.inf  # when navigation last said something about it, or the robot moved
+    ending_s: float = math.inf  # when it was cancelled
     digest: str = ""  # of the map on which it was checked
     left_m: float | None = None
 
@@ -189,12 +191,16 @@ class Going(Goals[Target]):
         if goal.id is None:
             self.deny(Refusal(outcome, text, "robot"), now_s)
         elif goal.cancelled is None:
+            goal.what.ending_s = now_s
             self.cancel(outcome, text)
             self.hold.begin(goal.id, now_s)
 
     def halted(self, code: str, reason: str, now_s: float) -> None:
-        """End a goal that runs: the robot was halted. One that is not sent is judged again when it is due."""
-        if self.drives:
+        """End a goal that runs: the robot was halted. One that is not sent is judged again when it is due.
+
+        A stop ends it a moment later, by the name of who pressed it.
+        """
+        if self.drives and code != "stopped":
             self.end(_OUTCOMES.get(code, code), _sentence(reason), now_s, code)
 
     def held_back(self, verdict: Verdict, now_s: float) -> None:
@@ -238,6 +244,8 @@ class Going(Goals[Target]):
             text = f"Navigation said nothing for {ANSWERS_S:.0f} s, and the robot stood."
             self.end("unheard", text, now_s)
         super().tick(now_s)
+        if goal is not None and goal.cancel_sent_s is not None and now_s - goal.what.ending_s > OBEYS_S:
+            self._end("cancelled", "", now_s)  # the hold goes on
         self.hold.tick(still, bool(self._busy(now_s)) and fence is None, now_s)
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
@@ -285,15 +293,16 @@ class Going(Goals[Target]):
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """Take navigation's report of active goals; goals that a killed bridge left are cancelled."""
-        self._find_own(action, goal_ids, now_s)
-        known = {self._current.id if self._current else None, self._ended}
-        for goal_id in goal_ids:
-            if not goal_id.startswith(OURS) or goal_id in known:
-                continue
-            if now_s - self._strays.get(goal_id, -math.inf) >= CANCEL_AGAIN_S:
-                self._strays = {goal_id: now_s}
+        current = self._current.id if self._current else None
+        strays = {goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id != current}
+        self._find_own(action, [goal_id for goal_id in goal_ids if goal_id not in strays], now_s)
+        for goal_id in strays - self._strays.keys() - {self._ended}:
+            self.hold.begin(goal_id, now_s)
+        self._strays = {goal_id: self._strays.get(goal_id, -math.inf) for goal_id in strays}
+        for goal_id, cancelled_s in self._strays.items():
+            if now_s - cancelled_s >= CANCEL_AGAIN_S:
+                self._strays[goal_id] = now_s
                 self._navigator.cancel_navigation(goal_id)
-                self.hold.begin(goal_id, now_s)
 
     def answered(self, goal_id: str, now_s: float) -> None:
         """Take feedback on a goal."""

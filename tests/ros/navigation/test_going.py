@@ -3,18 +3,232 @@
 from __future__ import annotations
 
 import math
+import time
 
+import pytest
+from actionlib_msgs.msg import GoalID, GoalStatusArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from move_base_msgs.msg import MoveBaseActionGoal
+
+from robots import wire
 from tests.processes import until
-from tests.ros.navigation.conftest import place
+from tests.ros.navigation.conftest import pause, place, speed
+
+FAR = (8.0, 2.0)
+OUTSIDE, WALL = (60.0, 1.8), (2.0, 3.5)
 
 
-def test_it_drives_to_a_place(traveller, truth):
+def is_zero(twist) -> bool:
+    return twist.linear.x == twist.linear.y == twist.angular.z == 0.0
+
+
+def test_it_drives_to_a_place_and_shows_its_way(traveller, truth, twists):
+    traveller.until(
+        lambda state: state.location and not state.location.problem, "a robot that knows where it is"
+    )
+    pause(traveller, 0.5)
     seq = traveller.go(3.4, 1.8, 1.0)
+    path = traveller.hand.until(lambda report: isinstance(report, wire.GoPath) and report.path_cm, "the path")
     state = traveller.drives()
     assert state.going.left_m > 0.1 and state.going.who == "Ann"
+    assert 4 <= len(path.path_cm) <= 2 * wire.MOST_PATH
+    assert math.dist((path.path_cm[-2], path.path_cm[-1]), (340, 180)) < 30
+    twists.drain()
+    pause(traveller, 0.5)
+    assert not twists.drain()  # its zeros would win over navigation
     end = traveller.ended(seq)
-    assert (end.outcome, end.text) == ("arrived", "")
+    assert (end.outcome, end.text, end.because) == ("arrived", "", None)
     x, y, heading = place(truth)
     assert math.dist((x, y), (3.4, 1.8)) < 0.25
     assert abs(math.remainder(heading - 1.0, math.tau)) < 0.3
+    assert math.dist((x, y), (traveller.hand.state.location.x, traveller.hand.state.location.y)) < 0.3
+    twists.until(is_zero)
     until(lambda: "go.end arrived" in traveller.process.recorded(), "the end on record")
+    recorded = [line.split()[0] for line in traveller.process.recorded()]
+    assert recorded.index("go.start") < recorded.index("drive.start") < recorded.index("go.end")
+
+
+def test_a_cancel_makes_it_stand(traveller, twists):
+    seq = traveller.go(*FAR)
+    traveller.drives()
+    assert traveller.refused(*FAR).code == "going"
+    assert traveller.hand.ask(wire.DriveBy(1, distance_m=1.0, seq=900)).code == "going"
+    assert traveller.hand.ask(wire.SetPose(1, 2.0, 2.0, 0.0, seq=901)).code == "going"
+    assert traveller.hand.ask(wire.GoCancel(1, seq=902)) is None
+    assert traveller.ended(seq).outcome == "cancelled"
+    twists.until(is_zero)
+    traveller.stands()
+    assert traveller.hand.ask(wire.GoCancel(1, seq=903)).code == "no_goal"
+
+
+def test_a_stop_makes_it_stand(traveller):
+    seq = traveller.go(*FAR)
+    traveller.drives()
+    traveller.hand.send(wire.LinkStop("Bob"))
+    end = traveller.ended(seq)
+    assert (end.outcome, end.text) == ("stopped", "The robot was stopped by Bob.")
+    state = traveller.until(lambda state: state.stop.state == "stopped", "standstill")
+    assert traveller.refused(*FAR).code == "stopped"
+    traveller.hand.send(wire.LinkClear("Bob", state.stop.number, 5))
+    traveller.until(lambda state: state.stop.state == "clear", "a clear stop")
+
+
+def test_the_stick_takes_over_at_once(traveller, twists):
+    seq = traveller.go(*FAR)
+    traveller.drives()
+    traveller.hand.stick(-0.2)
+    twists.until(lambda twist: twist.linear.x < 0.0)
+    assert traveller.ended(seq).outcome == "replaced"
+    traveller.hand.stick(0.0)
+    traveller.hand.let_go()
+    traveller.stands()
+
+
+def test_the_end_of_control_makes_it_stand(traveller, twists):
+    traveller.go(*FAR)
+    traveller.drives()
+    traveller.hand.send(wire.Revoke(1, "The slot is over."))
+    end = traveller.hand.state_until(lambda state: state.going_ended, "the end").going_ended
+    assert (end.outcome, end.text) == ("control_lost", "The slot is over.")
+    twists.until(is_zero)
+    traveller.hand.state_until(lambda state: speed(state) < 0.01, "a robot that stands")
+
+
+def test_a_silent_holder_makes_it_stand(traveller):
+    seq = traveller.go(*FAR)
+    traveller.drives()
+    end = traveller.hand.state_until(
+        lambda state: state.going_ended and state.going_ended.seq == seq, "the end"
+    ).going_ended
+    assert (end.outcome, end.because) == ("control_lost", "dead_man")
+
+
+def test_a_lost_link_makes_it_stand(traveller, truth):
+    traveller.go(*FAR)
+    traveller.drives()
+    traveller.hand.close()
+    truth.until(lambda pose: abs(pose.twist.twist.linear.x) < 0.01)
+    until(lambda: "go.end control_lost" in traveller.process.recorded(), "the end on record")
+
+
+def test_goals_that_make_no_sense_are_refused_in_words(traveller):
+    pause(traveller, 3.0)
+    assert traveller.refused(*OUTSIDE).code == "goal_outside"
+    assert traveller.refused(*WALL).code == "goal_in_obstacle"
+    assert not [line for line in traveller.process.recorded() if line.startswith("go.start")]
+    for x in ("NaN", "1e99", '"a"'):
+        traveller.hand._socket.send(f'{{"t":"go","fence":1,"x":{x},"y":1.8,"heading":0,"seq":950}}')
+        traveller.hand.until(
+            lambda report: isinstance(report, wire.Refused) and report.refusal.rule == "wire", "a refusal"
+        )
+    assert speed(traveller.hand.state) < 0.01
+
+
+def test_what_navigation_says_is_passed_on(traveller, fault):
+    fault("navigation_fails")
+    end = traveller.ended(traveller.go(*FAR))
+    assert end.outcome == "failed"
+    assert end.text == (
+        "Navigation said: Failed to find a valid plan. Even after executing recovery behaviors."
+    )
+
+
+def test_navigation_that_never_answers_is_given_up(traveller, fault):
+    fault("navigation_silent")
+    assert traveller.ended(traveller.go(*FAR)).outcome == "unheard"
+
+
+def test_an_answer_for_another_goal_ends_it(traveller, truth, fault):
+    x, y, _ = place(truth)
+    fault("navigation_answers_another")
+    end = traveller.ended(traveller.go(x, y, 0.0))
+    assert end.outcome == "answered_another"
+    traveller.stands()
+
+
+def test_navigation_that_goes_on_is_held(ros, traveller, truth, twists, fault):
+    fault("navigation_goes_on")
+    seq = traveller.go(*FAR)
+    traveller.drives()
+    assert traveller.hand.ask(wire.GoCancel(1, seq=902)) is None
+    assert traveller.ended(seq).outcome == "cancelled"
+    traveller.until(lambda state: state.navigation_held, "words about it")
+    assert traveller.refused(*FAR).code == "navigation_goes_on"
+    traveller.hand.send(wire.Revoke(1, "Enough."))
+    traveller.hand.state_until(lambda state: state.fence is None and speed(state) < 0.01, "no control")
+    before = place(truth)
+    time.sleep(2.5)  # longer than zeros follow the end of control otherwise
+    twists.drain()
+    assert is_zero(twists.next())
+    assert math.dist(before[:2], place(truth)[:2]) < 0.02
+    assert any(line.startswith("go.hold") for line in traveller.process.recorded())
+    fault("none")
+    traveller.hand.state_until(lambda state: not state.navigation_held, "the end of the hold")
+    until(lambda: "go.hold released" in traveller.process.recorded(), "its end on record")
+
+
+def test_localisation_that_dies_ends_it_and_refuses_the_next(traveller, fault):
+    seq = traveller.go(*FAR)
+    traveller.drives()
+    fault("localisation_dead")
+    end = traveller.ended(seq)
+    assert end.outcome in {"location_lost", "failed"}
+    traveller.until(lambda state: state.location.problem, "the problem")
+    assert traveller.refused(*FAR).code == "localisation_old"
+
+
+def test_localisation_that_jumps_ends_it(traveller, fault):
+    seq = traveller.go(*FAR)
+    traveller.drives()
+    fault("localisation_jumps")
+    end = traveller.ended(seq)
+    assert (end.outcome, end.text) == ("location_jumped", "The robot’s place on its map jumped by 1.5 m.")
+    traveller.stands()
+
+
+def test_a_set_pose_reaches_the_robot_and_a_doubtful_one_refuses(ros, traveller, truth):
+    x, y, heading = place(truth)
+    with ros.listen("/initialpose", PoseWithCovarianceStamped) as poses:
+        ros.connected(poses)
+        traveller.renew()
+        assert traveller.hand.ask(wire.SetPose(1, x + 0.2, y, heading, seq=960)) is None
+        pose = poses.next().pose
+        assert pose.pose.position.x == pytest.approx(x + 0.2)
+    traveller.until(lambda state: state.location.sigma_m == pytest.approx(0.5), "the doubt of a set pose")
+    assert any(line.startswith("pose.set") for line in traveller.process.recorded())
+    with ros.speak("/amcl_pose", PoseWithCovarianceStamped) as doubter:
+        doubt = PoseWithCovarianceStamped()
+        doubt.header.frame_id = "map"
+        doubt.pose.pose.position.x, doubt.pose.pose.position.y = x, y
+        doubt.pose.pose.orientation.w = 1.0
+        doubt.pose.covariance = [4.0] + [0.0] * 6 + [1.0] + [0.0] * 28
+        doubter.publish(doubt)
+        state = traveller.until(lambda state: state.location.sigma_m > 1.9, "a great doubt")
+    assert (state.location.sigma_m, state.location.sigma_across_m) == (2.0, 1.0)
+    pause(traveller, 3.0)
+    assert traveller.refused(*FAR).code == "localisation_uncertain"
+
+
+def test_others_goals_and_a_goal_of_others_meanwhile(ros, traveller):
+    with (
+        ros.speak("/move_base/goal", MoveBaseActionGoal) as goals,
+        ros.speak("/move_base/cancel", GoalID) as cancels,
+        ros.listen("/move_base/status", GoalStatusArray) as statuses,
+    ):
+        goal = MoveBaseActionGoal()
+        goal.goal_id.id = "lab"
+        goal.goal.target_pose.header.frame_id = "map"
+        goal.goal.target_pose.pose.position.x, goal.goal.target_pose.pose.position.y = FAR
+        goal.goal.target_pose.pose.orientation.w = 1.0
+        seq = traveller.go(*FAR)
+        traveller.drives()
+        goals.publish(goal)
+        end = traveller.ended(seq)
+        assert end.outcome == "intruder" and "another goal" in end.text
+        statuses.until(
+            lambda message: any(s.goal_id.id == "lab" and s.status == 1 for s in message.status_list)
+        )
+        traveller.until(lambda state: speed(state) < 0.01, "a robot that stands: zeros have priority")
+        assert traveller.refused(*FAR).code == "navigation_busy"
+        cancels.publish(GoalID(id="lab"))
+        statuses.until(lambda message: all(s.status != 1 for s in message.status_list))

@@ -48,6 +48,8 @@ class MoveBaseServer:
                 self._begin(handle, now)
             elif self._going is not None and handle == self._going[0]:
                 self._cancel(handle, "")
+            elif not self._robot.faults.navigation_silent:  # a goal of which nothing is left but its status
+                handle.set_canceled(MoveBaseResult(), "")
         twist = self._navigator.step(now)
         if twist is not None:
             self._drive(twist)
