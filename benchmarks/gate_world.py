@@ -22,6 +22,7 @@ from benchmarks.world.cases import (
     faults,
     late,
     leaving,
+    navigation,
     objects,
     parked,
 )
@@ -40,6 +41,7 @@ PARTS: dict[str, Callable[[int], list[Figure]]] = {
     "leaving": leaving.measure,
     "arm": arm.measure,
     "clutter": clutter.measure,
+    "navigation": navigation.measure,
 }
 ASKED = os.environ.get("FLEET_BENCH_PARTS", " ".join(PARTS)).split()
 

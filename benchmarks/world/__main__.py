@@ -7,7 +7,18 @@ import math
 import sys
 from pathlib import Path
 
-from benchmarks.world.cases import arm, clutter, crossing, doors, drawn, faults, leaving, objects, parked
+from benchmarks.world.cases import (
+    arm,
+    clutter,
+    crossing,
+    doors,
+    drawn,
+    faults,
+    leaving,
+    navigation,
+    objects,
+    parked,
+)
 from benchmarks.world.controllers import CONTROLLERS
 from benchmarks.world.loop import Case, Loop, Trace
 from benchmarks.world.play import loop_of, recorded
@@ -20,6 +31,8 @@ def main() -> int:
     asked = parser.parse_args()
     if asked.record and asked.controller != "gate":
         parser.error("only --controller gate can be recorded")
+    if asked.part == "navigation":
+        return _navigate(asked)
     loop = loop_of(_case(asked), asked.controller, asked.seed)
     trace = recorded(loop, asked.record) if asked.record else loop.play()
     if not asked.quiet:
@@ -62,6 +75,8 @@ def _parser() -> argparse.ArgumentParser:
     minute.add_argument(
         "--drawn", action="store_true", help="sensors, delays, brakes and wheels drawn by the seed"
     )
+    way = part.add_parser("navigation", help="the robot drives itself to places, and the gate watches")
+    way.add_argument("--blind", action="store_true", help="straight on, whatever stands there")
     for each in part.choices.values():
         each.add_argument("seed", type=int)
         each.add_argument("--controller", choices=list(CONTROLLERS), default="gate")
@@ -92,6 +107,20 @@ def _case(asked: argparse.Namespace) -> Case:
     if asked.part == "crossing":
         return crossing.build(asked.share, asked.seed)
     return clutter.build(asked.seed, drawn=asked.drawn)
+
+
+def _navigate(asked: argparse.Namespace) -> int:
+    loop = navigation.loop_of(asked.seed, blind=asked.blind)
+    trace = loop.play()
+    print(*loop.interventions, sep="\n")
+    print(f"{loop.arrived} goals, closest at rest {loop.closest_m:.3f} m")
+    for touch in trace.touches:
+        known = seen(loop, touch) or "no sensor that can have seen it"
+        print(
+            f"{touch.time_s:.2f} s: {touch.part} touches {touch.other} at {touch.robot.vx:.2f} m/s; seen by {known}"
+        )
+    print(f"{'CRASH' if trace.touches else 'clear'}, {trace.way_m:.2f} m in {trace.time_s:.1f} s")
+    return 1 if trace.touches else 0
 
 
 def _print_moments(trace: Trace) -> None:

@@ -109,6 +109,7 @@ class Driver:
         self.view: wire.View | None = None
         self.gone: wire.BridgeGone | None = None
         self.offers: wire.Offers | None = None
+        self.path = wire.GoPath([])
         self.refused: list[wire.Refused] = []
         self.notices: list[wire.Notice] = []
         self.on_frame: Callable[[bytes], Any] | None = None  # called with every message
@@ -277,6 +278,8 @@ class Driver:
                 self._answered(message)
             case wire.Offers():
                 self.offers = message
+            case wire.GoPath():
+                self.path = message
             case wire.Notice():
                 self.notices.append(message)
 

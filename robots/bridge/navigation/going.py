@@ -28,7 +28,7 @@ from robots.wire import Go, Refusal
 CONFIRMED_S = 2.0  # without a sign of the holder's client for so long, nobody may be there
 ANSWERS_S = 5.0  # navigation that is silent while the robot stands has this long to say something
 OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
-PATIENCE_S = 3.0  # from the begin of control: map and localisation may still come
+PATIENCE_S = 5.0  # from the begin of control: map and localisation may still come
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # What may still come in the first seconds of control.
 _MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old"})

@@ -1,0 +1,141 @@
+"""The gate watches a robot that drives itself; the watchdog, the map and the arm have a say, too."""
+
+from __future__ import annotations
+
+import math
+from contextlib import contextmanager
+
+import pytest
+import rospy
+from nav_msgs.msg import OccupancyGrid
+
+from robots.bridge.config import Topic
+from tests.processes import until
+from tests.ros.bridge_support import WatchdogProcess, drivable, running_bridge, tiago_config
+from tests.ros.navigation.conftest import TOPICS, Traveller, pause, place
+
+BEHIND_THE_WALL = (1.2, 5.5)
+WALL_Y_M = 3.5
+FAR = (8.0, 2.0)
+
+
+def test_a_blind_planner_is_stopped_before_it_touches_anything(traveller, truth, fault):
+    pause(traveller, 1.0)
+    fault("navigation_blind")
+    seq = traveller.go(*BEHIND_THE_WALL)
+    end = traveller.ended(seq)
+    assert (end.outcome, end.because) == ("held_back", "obstacle")
+    assert "laser" in end.text
+    traveller.stands()
+    _, y, _ = place(truth)
+    assert 0.0 < WALL_Y_M - y - 0.27 < 0.4
+    until(lambda: "go.end held_back" in traveller.process.recorded(), "the end on record")
+    assert "gate.begin obstacle" in traveller.process.recorded()
+    fault("none")  # good navigation may drive on from there
+    assert traveller.ended(traveller.go(2.0, 1.8)).outcome == "arrived"
+
+
+def test_a_silent_laser_ends_a_drive(traveller, fault):
+    seq = traveller.go(*FAR)
+    traveller.drives()
+    fault("laser_dead")
+    end = traveller.ended(seq)
+    assert (end.outcome, end.because) == ("held_back", "scan_stale")
+    traveller.stands()
+
+
+def test_a_bridge_that_dies_leaves_no_robot_that_drives_itself(ros, rosmaster, tmp_path, config, truth):
+    watchdog = WatchdogProcess(config, rosmaster, tmp_path)
+    try:
+        watchdog.ready()
+        with running_bridge(config, rosmaster, tmp_path) as (process, hand):
+            hand.state_until(drivable, "a robot that can be driven")
+            hand.take_control(1)
+            hand.let_go()
+            traveller = Traveller(process, hand)
+            traveller.go(2.0, 1.8)
+            traveller.drives()
+            process.kill()
+            truth.until(lambda pose: abs(pose.twist.twist.linear.x) < 0.01)
+            before = place(truth)
+            rospy.sleep(2.0)  # longer than zeros follow a person's drive
+            assert math.dist(before[:2], place(truth)[:2]) < 0.02
+    finally:
+        watchdog.stop()
+
+
+@pytest.fixture
+def with_arm(rosmaster, tmp_path):
+    config = tiago_config(rosmaster, tmp_path, topics=TOPICS, gate={"has_arm": True})
+    with running_bridge(config, rosmaster, tmp_path) as (process, hand):
+        hand.state_until(drivable, "a robot that can be driven")
+        hand.take_control(1)
+        hand.let_go()
+        yield Traveller(process, hand)
+
+
+def test_an_arm_whose_place_is_unknown_refuses(with_arm):
+    pause(with_arm, 0.5)
+    assert with_arm.refused(*FAR).code == "arm_away"
+
+
+@contextmanager
+def published(floor: int):
+    """A map of an empty floor, 20 m wide, on a topic of its own."""
+    publisher = rospy.Publisher("/other_map", OccupancyGrid, queue_size=1, latch=True)
+    try:
+        publisher.publish(grid(floor))
+        yield publisher
+    finally:
+        publisher.unregister()
+
+
+def grid(cells: int) -> OccupancyGrid:
+    message = OccupancyGrid()
+    message.header.frame_id = "map"
+    message.info.resolution, message.info.width, message.info.height = 0.1, cells, cells
+    message.info.origin.position.x = message.info.origin.position.y = -5.0
+    message.info.origin.orientation.w = 1.0
+    message.data = [0] * (cells * cells)
+    return message
+
+
+@pytest.fixture
+def on_other_map(rosmaster, tmp_path):
+    config = tiago_config(
+        rosmaster, tmp_path, topics={**TOPICS, "map": Topic("/other_map", "nav_msgs/OccupancyGrid")}
+    )
+    with running_bridge(config, rosmaster, tmp_path) as (process, hand):
+        hand.state_until(drivable, "a robot that can be driven")
+        hand.take_control(1)
+        hand.let_go()
+        yield Traveller(process, hand)
+
+
+def test_without_a_map_goals_are_refused(on_other_map):
+    traveller = on_other_map
+    pause(traveller, 6.0)
+    assert traveller.refused(*FAR).code == "no_map"
+
+
+def test_a_map_that_changes_or_ends_ends_a_drive(ros, rosmaster, tmp_path):
+    config = tiago_config(
+        rosmaster, tmp_path, topics={**TOPICS, "map": Topic("/other_map", "nav_msgs/OccupancyGrid")}
+    )
+    with published(200) as maps, running_bridge(config, rosmaster, tmp_path) as (process, hand):
+        hand.state_until(drivable, "a robot that can be driven")
+        hand.take_control(1)
+        hand.let_go()
+        traveller = Traveller(process, hand)
+        pause(traveller, 1.0)
+        seq = traveller.go(8.0, 2.0)
+        traveller.drives()
+        maps.publish(grid(150))
+        end = traveller.ended(seq)
+        assert (end.outcome, end.text) == ("map_changed", "The robot’s map changed.")
+        traveller.stands()
+        seq = traveller.go(2.0, 1.8)
+        traveller.drives()
+        maps.unregister()
+        assert traveller.ended(seq).outcome == "map_gone"
+        traveller.stands()

@@ -1,0 +1,83 @@
+"""A program sends a robot to a place through the whole console: REST, web process, bridge, navigation, robot."""
+
+from __future__ import annotations
+
+import math
+import urllib.request
+from collections.abc import Iterator
+
+import pytest
+
+from robots import wire
+from script.stack.client import Driver, sign_in
+from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from tests.script.support import token
+from tests.script.test_programs import ROBOT, Api
+
+
+@pytest.fixture(scope="module")
+def stack() -> Iterator[Stack]:
+    with temporary_stack(PRACTICE_ROBOTS[:1]) as stack:
+        yield stack
+
+
+def test_a_program_sends_a_robot_to_a_place_and_back(stack: Stack) -> None:
+    api = Api(stack, token(stack, "operator", "read", "drive"))
+    robot = f"/robots/{ROBOT}"
+    assert api("GET", f"{robot}/map")[1]["code"] == "not_found"
+    assert api("POST", f"{robot}/control", {})[0] == 200
+    here = api("GET", robot)[1]["state"]["location"]
+    place = {"x": here["x"] + 1.0, "y": here["y"], "heading": here["heading"]}
+
+    status, refused = api("POST", f"{robot}/go", {"x": 500.0, "y": 0.0})
+    if status == 202:  # the map had not come yet: the task says it
+        refused = {"code": _end(api, refused["number"])["outcome"]}
+    assert refused["code"] == "goal_outside"
+    assert api("POST", f"{robot}/go", {"x": "here", "y": 0.0})[1]["code"] == "invalid"
+
+    status, task = api("POST", f"{robot}/go", place)
+    assert status == 202, task
+    assert _end(api, task["number"])["outcome"] == "arrived"
+    there = api("GET", robot)[1]["state"]["location"]
+    assert math.dist((there["x"], there["y"]), (place["x"], place["y"])) < 0.25
+
+    status, task = api("POST", f"{robot}/go", {"x": here["x"], "y": here["y"], "heading": 0.0})
+    assert status == 202, task
+    assert api("DELETE", f"{robot}/go")[0] == 204
+    assert _end(api, task["number"])["outcome"] == "cancelled"
+    assert api("DELETE", f"{robot}/go")[1]["code"] == "no_goal"
+
+    status, found = api("GET", f"{robot}/map")
+    assert status == 200 and found["width"] > 100
+    request = urllib.request.Request(  # noqa: S310
+        stack.url + found["picture"], headers={"Authorization": f"Bearer {api.token}"}
+    )
+    with urllib.request.urlopen(request, timeout=10.0) as answer:  # noqa: S310
+        assert answer.headers["Content-Type"] == "image/png"
+        assert answer.read(8) == b"\x89PNG\r\n\x1a\n"
+    assert api("DELETE", f"{robot}/control")[0] in (200, 204)
+
+
+def _end(api: Api, number: int) -> dict[str, str]:
+    """Wait for the end of a task."""
+    for _ in range(4):
+        entry: dict[str, str] = api("GET", f"/robots/{ROBOT}/tasks/{number}?wait=15")[1]
+        if entry["outcome"] is not None:
+            return entry
+    raise AssertionError(entry)
+
+
+async def test_a_page_sees_the_way_and_takes_over_by_its_stick(stack: Stack) -> None:
+    async with Driver(stack, ROBOT, sign_in(stack, "operator")) as driver:
+        await driver.take()
+        await driver.until(
+            lambda: driver.state and driver.state.location and not driver.state.location.problem
+        )
+        here = driver.state.location
+        answer = await driver.order(wire.Go(driver.fence or 1, here.x + 3.0, here.y, 0.0))
+        assert isinstance(answer, wire.Accepted), answer
+        await driver.until(lambda: driver.path.path_cm)
+        await driver.until(lambda: driver.state.going and driver.odometry.vx > 0.1)
+        await driver.hold_stick(-0.2, 0.0, until=lambda: driver.state.going_ended)
+        assert driver.state.going_ended.outcome == "replaced"
+        await driver.until(lambda: not driver.path.path_cm)
