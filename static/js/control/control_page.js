@@ -19,6 +19,7 @@ import { mark, parts } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 import { tabClock, tabToken } from "../lib/tab.js";
 import { Tabs } from "../lib/tabs.js";
+import { MapPanel } from "../navigation/map_panel.js";
 import { Notices } from "../page/notices.js";
 import { TaskPanel } from "../tasks/task_panel.js";
 import { Choices } from "./choices.js";
@@ -66,6 +67,7 @@ class ControlPage {
   #options;
   #picture;
   #camera = null; // a robot may have none
+  #map;
   #chart;
   #statusBar;
   #notices;
@@ -131,6 +133,10 @@ class ControlPage {
         tell: (notice) => this.#notices.add(notice),
       });
     }
+    this.#map = new MapPanel(this.#parts["picture-area"], this.#parts, root.dataset.map, {
+      order: (order) => this.#taskPanel.order(order),
+      tell: (notice) => this.#notices.add(notice),
+    });
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
     this.#drawers = new Drawers(root);
     const choices = new Choices(root.dataset);
@@ -177,6 +183,7 @@ class ControlPage {
       this.#panel,
       this.#options,
       this.#picture,
+      this.#map,
       this.#chart,
       this.#statusBar,
       this.#tabs,
@@ -328,6 +335,9 @@ class ControlPage {
       case "offers":
         this.#taskPanel.offers = message;
         return;
+      case "go_path":
+        this.#map.path = message.path_cm;
+        return;
       case "notice":
         return this.#notices.add({ ...message, quiet: SHOWN_BY_PANEL.has(message.code) });
       case "refused":
@@ -391,6 +401,7 @@ class ControlPage {
       this.#sender.stop();
     }
     this.#turn.mayAct = drives;
+    this.#map.drives = drives;
     if (this.#camera) this.#camera.drives = drives;
     this.#screen.keep(drives);
     mark(this.#root, "drives", drives);
@@ -419,6 +430,7 @@ class ControlPage {
     if (echo !== null) this.#echoTrips.add(echo);
     this.#picture.view = view;
     if (this.#camera) this.#camera.view = view;
+    this.#map.view = view;
     this.#chart.add(view.state);
     this.#taskPanel.state = view.state;
     this.#turn.state = view.state;

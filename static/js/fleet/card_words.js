@@ -93,11 +93,12 @@ function stopWord(state, unknown) {
 
 /** The words for the present action of a robot. Pure. @param {object} state of the robot */
 export function doingText(state) {
-  const { stop, motion, speech, drive_by: driveBy, holder, charging } = state;
+  const { stop, motion, speech, drive_by: driveBy, going, holder, charging } = state;
   if (stop.state === "stopping") return gettext("Is being stopped");
   if (stop.state === "stopped") return gettext("Stopped");
   if (state.phase !== "online") return phaseTitle(state.phase);
   if (motion) return interpolate(gettext("Moves its arm: %s"), [motion.name.replaceAll("_", " ")]);
+  if (going) return interpolate(gettext("Drives to a place, for %s"), [going.who]);
   if (driveBy) return interpolate(gettext("Drives by itself, for %s"), [driveBy.who]);
   if (speech) return interpolate(gettext("Says “%s”"), [shortened(speech.text)]);
   const drives = drivingText(state.odometry);

@@ -2,6 +2,7 @@
 
 import { make, makeButton, say, show } from "../lib/dom.js";
 import { inLanguage } from "../lib/languages.js";
+import { goingText } from "../navigation/words.js";
 import { useLabel, usesOf } from "./uses.js";
 
 /** A text in three: before the word that is spoken, the word, and the rest. `word` counts characters, not UTF-16 units. */
@@ -58,6 +59,7 @@ export class Running {
     const { signal } = this.#listening;
     for (const [button, t] of [
       ["drive-cancel", "drive_by_cancel"],
+      ["go-cancel", "go_cancel"],
       ["motion-cancel", "play_cancel"],
       ["speech-cancel", "say_cancel"],
     ])
@@ -65,16 +67,21 @@ export class Running {
   }
 
   /** @param {object} state of the robot */
-  set state({ drive_by: drive = null, motion = null, speech = null, chosen = {} }) {
+  set state({ drive_by: drive = null, going = null, motion = null, speech = null, chosen = {} }) {
+    show(this.#parts["go-runs"], going !== null);
     show(this.#parts["drive-runs"], drive !== null);
     show(this.#parts["motion-runs"], motion !== null);
     show(this.#parts["speech-runs"], speech !== null);
-    this.#busy = drive !== null || motion !== null || speech !== null;
+    this.#busy = drive !== null || going !== null || motion !== null || speech !== null;
     this.#chosen = chosen;
     this.#showElsewhere();
     if (drive) {
       say(this.#parts["drive-words"], driveText(drive));
       say(this.#parts["drive-who"], interpolate(gettext("for %s"), [drive.who]));
+    }
+    if (going) {
+      say(this.#parts["go-words"], goingText(going));
+      say(this.#parts["go-who"], interpolate(gettext("for %s"), [going.who]));
     }
     if (motion) {
       say(this.#parts["motion-name"], this.#titleOf(motion.name));
@@ -99,6 +106,7 @@ export class Running {
   set mayAct(may) {
     this.#mayAct = may;
     show(this.#parts["drive-cancel"], may === true);
+    show(this.#parts["go-cancel"], may === true);
     this.#showElsewhere();
   }
 

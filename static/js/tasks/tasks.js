@@ -28,6 +28,12 @@ function orderText(order) {
       return gettext("Cancel speech");
     case "drive_by_cancel":
       return gettext("Cancel the drive");
+    case "go":
+      return gettext("Go there");
+    case "go_cancel":
+      return gettext("Cancel the drive to a place");
+    case "set_pose":
+      return gettext("I am here");
     case "choose":
       return interpolate(gettext("Change where %s goes"), [useLabel(order.use)]);
     case "publish":
@@ -46,6 +52,8 @@ function doneText(order) {
   switch (order.t) {
     case "look_ahead":
       return gettext("The head turns to where the robot drives.");
+    case "set_pose":
+      return gettext("The robot was told where it is.");
     case "forget":
       return gettext("Remembered obstacles are forgotten.");
     case "choose":

@@ -356,6 +356,10 @@ describe("what is being said", () => {
   it("is shown with its status and its Cancel, as is a motion", () => {
     const parts = made({
       running: "section",
+      "go-runs": "div",
+      "go-words": "strong",
+      "go-who": "span",
+      "go-cancel": "button",
       "drive-runs": "div",
       "drive-words": "strong",
       "drive-who": "span",

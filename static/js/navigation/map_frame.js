@@ -1,0 +1,73 @@
+/** Which part of the map is seen: from metres of the map to pixels of the page, and back. Pure. North is up. */
+
+export const FINEST = 200; // pixels per metre
+const MARGIN = 0.05; // of the shorter side, round the whole map
+
+/** @typedef {{x: number, y: number, scale: number}} Frame the place in the middle (m), and pixels per metre */
+
+/** The frame that shows all of these corners (m). */
+export function whole(corners, width, height) {
+  const xs = corners.map(([x]) => x);
+  const ys = corners.map(([, y]) => y);
+  const [west, east, south, north] = [
+    Math.min(...xs),
+    Math.max(...xs),
+    Math.min(...ys),
+    Math.max(...ys),
+  ];
+  const room = 1 - 2 * MARGIN;
+  const scale = Math.min(
+    (room * width) / Math.max(east - west, 0.1),
+    (room * height) / Math.max(north - south, 0.1),
+  );
+  return { x: (west + east) / 2, y: (south + north) / 2, scale: Math.min(scale, FINEST) };
+}
+
+/** The corners of a map, counter-clockwise from its origin. @param {object} map as the API describes it */
+export function corners({ origin_x_m: x, origin_y_m: y, origin_rad: yaw, ...map }) {
+  const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
+  const [w, h] = [map.width * map.resolution_m, map.height * map.resolution_m];
+  return [
+    [0, 0],
+    [w, 0],
+    [w, h],
+    [0, h],
+  ].map(([along, up]) => [x + c * along - s * up, y + s * along + c * up]);
+}
+
+export function toPixels({ x, y, scale }, place, width, height) {
+  return [width / 2 + (place[0] - x) * scale, height / 2 - (place[1] - y) * scale];
+}
+
+export function toPlace({ x, y, scale }, pixel, width, height) {
+  return [x + (pixel[0] - width / 2) / scale, y - (pixel[1] - height / 2) / scale];
+}
+
+/** Zoom by a factor; the place at this pixel stays there. */
+export function zoomed(frame, factor, pixel, width, height, coarsest = 2) {
+  const scale = Math.min(Math.max(frame.scale * factor, coarsest), FINEST);
+  const [x, y] = toPlace(frame, pixel, width, height);
+  return {
+    x: x - (pixel[0] - width / 2) / scale,
+    y: y + (pixel[1] - height / 2) / scale,
+    scale,
+  };
+}
+
+/** Move what is seen by so many pixels. */
+export function panned({ x, y, scale }, dx, dy) {
+  return { x: x - dx / scale, y: y + dy / scale, scale };
+}
+
+/** The heading of a drag from a place; a drag that is hardly one keeps `otherwise`. Pixels, radians. */
+export function headingOf(from, to, otherwise, least = 12) {
+  const [dx, dy] = [to[0] - from[0], from[1] - to[1]];
+  return Math.hypot(dx, dy) < least ? otherwise : Math.atan2(dy, dx);
+}
+
+/** A point of the base frame, in centimetres, on the map. @param {{x: number, y: number, heading: number}} robot */
+export function onMap({ x, y, heading }, pointCm) {
+  const [c, s] = [Math.cos(heading), Math.sin(heading)];
+  const [ahead, left] = [pointCm[0] / 100, pointCm[1] / 100];
+  return [x + c * ahead - s * left, y + s * ahead + c * left];
+}

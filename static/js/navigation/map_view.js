@@ -1,0 +1,335 @@
+/** The map with the robot on it: drawn, zoomed and moved by wheel, pinch and keys; a drag chooses place and heading. */
+
+import { Canvas } from "../lib/canvas.js";
+import {
+  corners,
+  headingOf,
+  onMap,
+  panned,
+  toPixels,
+  toPlace,
+  whole,
+  zoomed,
+} from "./map_frame.js";
+
+const COLOURS = [
+  "surface",
+  "grid-text",
+  "laser",
+  "robot",
+  "robot-edge",
+  "path",
+  "path-body",
+  "hold",
+];
+const ZOOM_STEP = 1.4;
+const PAN_STEP = 60; // pixels
+const TURN_STEP = Math.PI / 12;
+const WHEEL = 0.0015;
+
+export class MapView extends EventTarget {
+  #element;
+  #canvas;
+  #map = null;
+  #picture = null;
+  #frame = null; // null: the whole map
+  #robot = null;
+  #scan = [];
+  #path = [];
+  #goal = null;
+  #chooses = false;
+  #chosen = null; // place and heading that are being chosen
+  #heading = 0; // of a place that is chosen by keys
+  #pointers = new Map();
+  #from = null; // pixel where the choice began
+  #listening = new AbortController();
+
+  /** @param {HTMLCanvasElement} element its colours are custom properties named --view-... */
+  constructor(element) {
+    super();
+    this.#element = element;
+    this.#canvas = new Canvas(element, "--view-", COLOURS, (pen, width, height) =>
+      this.#draw(pen, width, height),
+    );
+    const { signal } = this.#listening;
+    const on = (type, act, options = {}) =>
+      element.addEventListener(type, act, { signal, ...options });
+    on("wheel", (event) => this.#rolled(event), { passive: false });
+    on("pointerdown", (event) => this.#pressed(event));
+    on("pointermove", (event) => this.#dragged(event));
+    on("pointerup", (event) => this.#released(event));
+    on("pointercancel", (event) => this.#dropped(event));
+    on("keydown", (event) => this.#typed(event));
+  }
+
+  /** @param {?object} map as the API describes it @param {?CanvasImageSource} picture */
+  show(map, picture) {
+    this.#map = map;
+    this.#picture = picture;
+    this.#canvas.redraw();
+  }
+
+  /** @param {{state: object, scan: ?object}} view of the robot */
+  set view({ state, scan }) {
+    this.#robot = state.location ?? null;
+    this.#goal = state.going ?? null;
+    this.#scan = scan?.laser_cm ?? [];
+    this.#canvas.redraw();
+  }
+
+  /** @param {number[]} path flat x, y in centimetres */
+  set path(path) {
+    this.#path = path;
+    this.#canvas.redraw();
+  }
+
+  /** A press chooses a place now; else it moves the map. */
+  set chooses(chooses) {
+    this.#chooses = chooses;
+    this.#chosen = this.#from = null;
+    this.#heading = this.#robot?.heading ?? 0;
+    this.#canvas.redraw();
+  }
+
+  zoom(factor, pixel = this.#middle) {
+    this.#frame = zoomed(this.#seen, factor, pixel, ...this.#size);
+    this.#canvas.redraw();
+  }
+
+  fit() {
+    this.#frame = null;
+    this.#canvas.redraw();
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#canvas.close();
+  }
+
+  get #size() {
+    return [this.#element.clientWidth, this.#element.clientHeight];
+  }
+
+  get #middle() {
+    return this.#size.map((side) => side / 2);
+  }
+
+  get #seen() {
+    if (this.#frame) return this.#frame;
+    if (this.#map) return whole(corners(this.#map), ...this.#size);
+    return { x: this.#robot?.x ?? 0, y: this.#robot?.y ?? 0, scale: 40 };
+  }
+
+  // --- pointers and keys -------------------------------------------------------------------------
+
+  #pixel({ clientX, clientY }) {
+    const { left, top } = this.#element.getBoundingClientRect();
+    return [clientX - left, clientY - top];
+  }
+
+  #rolled(event) {
+    event.preventDefault();
+    this.zoom(Math.exp(-event.deltaY * WHEEL), this.#pixel(event));
+  }
+
+  #pressed(event) {
+    this.#element.setPointerCapture?.(event.pointerId);
+    this.#pointers.set(event.pointerId, this.#pixel(event));
+    if (this.#chooses && this.#pointers.size === 1) {
+      this.#from = this.#pixel(event);
+      this.#choose(this.#from);
+    } else {
+      this.#from = this.#chosen = null; // a second finger zooms
+    }
+  }
+
+  #dragged(event) {
+    const before = this.#pointers.get(event.pointerId);
+    if (!before) return;
+    const now = this.#pixel(event);
+    if (this.#from) {
+      this.#choose(now);
+    } else {
+      const others = [...this.#pointers].filter(([id]) => id !== event.pointerId);
+      if (others.length) this.#pinch(before, now, others[0][1]);
+      else this.#frame = panned(this.#seen, now[0] - before[0], now[1] - before[1]);
+    }
+    this.#pointers.set(event.pointerId, now);
+    this.#canvas.redraw();
+  }
+
+  #pinch(before, now, other) {
+    const apart = (one) => Math.max(Math.hypot(one[0] - other[0], one[1] - other[1]), 1);
+    const moved = panned(this.#seen, (now[0] - before[0]) / 2, (now[1] - before[1]) / 2);
+    const between = [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2];
+    this.#frame = zoomed(moved, apart(now) / apart(before), between, ...this.#size);
+  }
+
+  #choose(pixel) {
+    const place = toPlace(this.#seen, this.#from, ...this.#size);
+    const { x, y } = this.#robot ?? { x: place[0], y: place[1] };
+    const away = Math.atan2(place[1] - y, place[0] - x);
+    this.#chosen = { x: place[0], y: place[1], heading: headingOf(this.#from, pixel, away) };
+    this.#canvas.redraw();
+  }
+
+  #released(event) {
+    this.#pointers.delete(event.pointerId);
+    if (this.#from) this.#send();
+  }
+
+  #dropped(event) {
+    this.#pointers.delete(event.pointerId);
+    this.#from = this.#chosen = null;
+    this.#canvas.redraw();
+  }
+
+  #send() {
+    const detail = this.#chosen;
+    this.#from = this.#chosen = null;
+    this.#canvas.redraw();
+    if (detail) this.dispatchEvent(new CustomEvent("choose", { detail }));
+  }
+
+  /** On the map, arrows move it and do not drive the robot. */
+  #typed(event) {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const act = this.#keys[event.key];
+    if (!act?.()) return;
+    event.preventDefault();
+    event.stopPropagation();
+    this.#canvas.redraw();
+  }
+
+  get #keys() {
+    const pan = (dx, dy) => () => {
+      this.#frame = panned(this.#seen, dx * PAN_STEP, dy * PAN_STEP);
+      return true;
+    };
+    const turn = (step) => () => {
+      if (this.#chooses) this.#heading += step;
+      return this.#chooses;
+    };
+    const zoom = (factor) => () => {
+      this.zoom(factor);
+      return true;
+    };
+    return {
+      ArrowUp: pan(0, 1),
+      ArrowDown: pan(0, -1),
+      ArrowLeft: pan(1, 0),
+      ArrowRight: pan(-1, 0),
+      "+": zoom(ZOOM_STEP),
+      "-": zoom(1 / ZOOM_STEP),
+      0: () => {
+        this.fit();
+        return true;
+      },
+      ",": turn(TURN_STEP),
+      ".": turn(-TURN_STEP),
+      Enter: () => {
+        if (!this.#chooses) return false;
+        this.#chosen = this.#middlePlace;
+        this.#send();
+        return true;
+      },
+    };
+  }
+
+  get #middlePlace() {
+    const [x, y] = toPlace(this.#seen, this.#middle, ...this.#size);
+    return { x, y, heading: Math.atan2(Math.sin(this.#heading), Math.cos(this.#heading)) };
+  }
+
+  // --- the picture -------------------------------------------------------------------------------
+
+  #draw(pen, width, height) {
+    const { density, colour } = this.#canvas;
+    const frame = this.#seen;
+    const pixels = frame.scale * density;
+    const [x, y] = toPixels({ ...frame, scale: pixels }, [0, 0], width, height);
+    pen.setTransform(pixels, 0, 0, -pixels, x, y); // metres, y up
+    const pixel = density / pixels;
+    this.#drawMap(pen);
+    this.#line(pen, this.#path, colour.path, 2.5 * pixel);
+    if (this.#goal) this.#arrow(pen, this.#goal, colour.path, pixel);
+    if (this.#robot) {
+      this.#drawLaser(pen, colour.laser, pixel);
+      this.#drawRobot(pen, this.#robot, pixel);
+    }
+    if (this.#chosen) this.#arrow(pen, this.#chosen, colour.hold, pixel);
+    else if (this.#chooses && document.activeElement === this.#element)
+      this.#arrow(pen, this.#middlePlace, colour.hold, pixel);
+  }
+
+  #drawMap(pen) {
+    if (!this.#map || !this.#picture) return;
+    const { origin_x_m: x, origin_y_m: y, origin_rad: yaw, resolution_m: side } = this.#map;
+    pen.save();
+    pen.translate(x, y);
+    pen.rotate(yaw);
+    pen.scale(1, -1);
+    pen.imageSmoothingEnabled = false;
+    const [w, h] = [this.#map.width * side, this.#map.height * side];
+    pen.drawImage(this.#picture, 0, -h, w, h);
+    pen.restore();
+  }
+
+  #line(pen, flatCm, colour, width) {
+    if (flatCm.length < 4) return;
+    pen.beginPath();
+    for (let i = 0; i < flatCm.length; i += 2) pen.lineTo(flatCm[i] / 100, flatCm[i + 1] / 100);
+    pen.strokeStyle = colour;
+    pen.lineWidth = width;
+    pen.stroke();
+  }
+
+  #drawLaser(pen, colour, pixel) {
+    pen.fillStyle = colour;
+    const side = 2.5 * pixel;
+    for (let i = 0; i < this.#scan.length; i += 2) {
+      const [x, y] = onMap(this.#robot, [this.#scan[i], this.#scan[i + 1]]);
+      pen.fillRect(x - side / 2, y - side / 2, side, side);
+    }
+  }
+
+  /** The robot with its heading, and the ellipse of two standard deviations. */
+  #drawRobot(pen, robot, pixel) {
+    const { colour } = this.#canvas;
+    pen.beginPath();
+    pen.ellipse(
+      robot.x,
+      robot.y,
+      Math.max(2 * robot.sigma_m, 2 * pixel),
+      Math.max(2 * robot.sigma_across_m, 2 * pixel),
+      robot.ellipse_rad,
+      0,
+      2 * Math.PI,
+    );
+    pen.fillStyle = colour["path-body"];
+    pen.strokeStyle = robot.problem ? colour.hold : colour["robot-edge"];
+    pen.lineWidth = pixel;
+    pen.fill();
+    pen.stroke();
+    this.#arrow(pen, robot, colour["robot-edge"], pixel);
+  }
+
+  #arrow(pen, { x, y, heading }, colour, pixel) {
+    const size = Math.max(0.27, 9 * pixel);
+    pen.save();
+    pen.translate(x, y);
+    pen.rotate(heading);
+    pen.strokeStyle = pen.fillStyle = colour;
+    pen.lineWidth = 2 * pixel;
+    pen.beginPath();
+    pen.arc(0, 0, size, 0, 2 * Math.PI);
+    pen.stroke();
+    pen.beginPath();
+    pen.moveTo(size, 0);
+    pen.lineTo(-size / 2, size / 2);
+    pen.lineTo(-size / 2, -size / 2);
+    pen.closePath();
+    pen.fill();
+    pen.restore();
+  }
+}

@@ -1,0 +1,78 @@
+import { describe, expect, it } from "vitest";
+import {
+  corners,
+  headingOf,
+  onMap,
+  panned,
+  toPixels,
+  toPlace,
+  whole,
+  zoomed,
+} from "../../../static/js/navigation/map_frame.js";
+
+const MAP = {
+  origin_x_m: -2,
+  origin_y_m: 1,
+  origin_rad: 0,
+  resolution_m: 0.05,
+  width: 200,
+  height: 100,
+};
+const SIZE = [400, 300];
+
+describe("the part of the map that is seen", () => {
+  it("holds the whole map, with north up", () => {
+    const frame = whole(corners(MAP), ...SIZE);
+    const [left, bottom] = toPixels(frame, [-2, 1], ...SIZE);
+    const [right, top] = toPixels(frame, [8, 6], ...SIZE);
+    expect(left).toBeGreaterThan(0);
+    expect(right).toBeLessThan(400);
+    expect(top).toBeGreaterThan(0);
+    expect(bottom).toBeLessThan(300);
+    expect(top).toBeLessThan(bottom);
+  });
+
+  it("turns with the map’s origin", () => {
+    const turned = corners({ ...MAP, origin_rad: Math.PI / 2 });
+    expect(turned[1][0]).toBeCloseTo(-2);
+    expect(turned[1][1]).toBeCloseTo(11);
+  });
+
+  it("finds the place of a pixel again", () => {
+    const frame = { x: 3, y: 2, scale: 40 };
+    const place = toPlace(frame, [17, 250], ...SIZE);
+    const [x, y] = toPixels(frame, place, ...SIZE);
+    expect([x, y].map(Math.round)).toEqual([17, 250]);
+  });
+
+  it("keeps the place under the fingers when it zooms, within limits", () => {
+    const frame = { x: 3, y: 2, scale: 40 };
+    const before = toPlace(frame, [50, 60], ...SIZE);
+    const after = toPlace(zoomed(frame, 2, [50, 60], ...SIZE), [50, 60], ...SIZE);
+    expect(after[0]).toBeCloseTo(before[0]);
+    expect(after[1]).toBeCloseTo(before[1]);
+    expect(zoomed(frame, 1e9, [0, 0], ...SIZE).scale).toBe(200);
+    expect(zoomed(frame, 1e-9, [0, 0], ...SIZE).scale).toBe(2);
+  });
+
+  it("moves with the finger", () => {
+    const frame = { x: 3, y: 2, scale: 40 };
+    const place = toPlace(frame, [100, 100], ...SIZE);
+    const moved = toPixels(panned(frame, 30, -10), place, ...SIZE);
+    expect(moved.map(Math.round)).toEqual([130, 90]);
+  });
+});
+
+describe("a place that is chosen", () => {
+  it("looks to where the finger was dragged, else as it did", () => {
+    expect(headingOf([10, 10], [10, 60], 9)).toBeCloseTo(-Math.PI / 2);
+    expect(headingOf([10, 10], [60, 10], 9)).toBeCloseTo(0);
+    expect(headingOf([10, 10], [15, 10], 9)).toBe(9);
+  });
+
+  it("puts what the robot sees onto the map", () => {
+    const [x, y] = onMap({ x: 1, y: 2, heading: Math.PI / 2 }, [100, 50]);
+    expect(x).toBeCloseTo(0.5);
+    expect(y).toBeCloseTo(3);
+  });
+});
