@@ -1,7 +1,9 @@
 /** Which part of the map is seen: from metres of the map to pixels of the page, and back. Pure. North is up. */
 
 export const FINEST = 200; // pixels per metre
-const MARGIN = 0.05; // of the shorter side, round the whole map
+const MARGIN = 0.04; // of the picture, round the whole map
+const ABOVE = 52; // pixels: buttons lie there
+const BELOW = 60;
 
 /** @typedef {{x: number, y: number, scale: number}} Frame the place in the middle (m), and pixels per metre */
 
@@ -16,11 +18,14 @@ export function whole(corners, width, height) {
     Math.max(...ys),
   ];
   const room = 1 - 2 * MARGIN;
-  const scale = Math.min(
+  const free = Math.max(height - ABOVE - BELOW, height / 3);
+  const wanted = Math.min(
     (room * width) / Math.max(east - west, 0.1),
-    (room * height) / Math.max(north - south, 0.1),
+    (room * free) / Math.max(north - south, 0.1),
   );
-  return { x: (west + east) / 2, y: (south + north) / 2, scale: Math.min(scale, FINEST) };
+  const scale = Math.min(wanted, FINEST);
+  const lifted = (BELOW - ABOVE) / 2 / scale;
+  return { x: (west + east) / 2, y: (south + north) / 2 - lifted, scale };
 }
 
 /** The corners of a map, counter-clockwise from its origin. @param {object} map as the API describes it */

@@ -2,9 +2,10 @@
 
 import { make, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { MapView } from "./map_view.js";
-import { endText, goingText } from "./words.js";
+import { endText } from "./words.js";
 
-const AGAIN_MS = 20_000; // while it is open: the map may be another one
+const LOOK_MS = 2_000; // while it is open and there is no map yet
+const AGAIN_EVERY = 10; // looks: the map may be another one
 const ZOOM = 1.5;
 
 export class MapPanel {
@@ -43,18 +44,16 @@ export class MapPanel {
     on("map-in", () => this.#view.zoom(ZOOM));
     on("map-out", () => this.#view.zoom(1 / ZOOM));
     on("map-fit", () => this.#view.fit());
-    on("map-cancel", () => order({ t: "go_cancel" }));
   }
 
   /** @param {{state: object, scan: ?object}} view of the robot */
   set view(view) {
     this.#newest = view;
-    const { location = null, going = null, going_ended: ended = null } = view.state;
+    const { location = null, going_ended: ended = null } = view.state;
     show(this.#parts["map-open"], location !== null || !this.#parts.map.hidden);
     this.#followEnd(ended);
     if (this.#parts.map.hidden) return;
     this.#view.view = view;
-    show(this.#parts["map-cancel"], going !== null);
     this.#speak();
   }
 
@@ -84,7 +83,11 @@ export class MapPanel {
     if (!this.#view) this.#begin();
     if (this.#newest) this.view = this.#newest;
     this.#view.path = this.#path;
-    this.#timer = setInterval(() => this.#load(), AGAIN_MS);
+    let looks = 0;
+    this.#timer = setInterval(() => {
+      looks += 1;
+      if (this.#loaded === null || looks % AGAIN_EVERY === 0) this.#load();
+    }, LOOK_MS);
     this.#load();
   }
 
@@ -140,12 +143,12 @@ export class MapPanel {
   }
 
   #speak() {
-    const { going = null, location = null, navigation_held: held = "" } = this.#newest?.state ?? {};
+    const { location = null, navigation_held: held = "" } = this.#newest?.state ?? {};
     const modes = {
       go: gettext("Press where the robot should go, and drag to where it should look."),
       pose: gettext("Press where the robot is, and drag to where it looks."),
     };
-    const words = modes[this.#mode] ?? (going ? goingText(going) : held || location?.problem || "");
+    const words = modes[this.#mode] ?? (held || location?.problem || "");
     say(this.#parts["map-words"], words);
     show(this.#parts["map-words"], words !== "");
   }

@@ -4,7 +4,7 @@ import { MapPanel } from "../../../static/js/navigation/map_panel.js";
 import { endText, goingText } from "../../../static/js/navigation/words.js";
 
 const NAMES = ["map-none", "map-words"];
-const BUTTONS = ["map-open", "map-go", "map-pose", "map-in", "map-out", "map-fit", "map-cancel"];
+const BUTTONS = ["map-open", "map-go", "map-pose", "map-in", "map-out", "map-fit"];
 const LOCATION = {
   x: 1,
   y: 2,
@@ -112,13 +112,13 @@ describe("the map over the picture", () => {
     expect(page["map-go"].getAttribute("aria-pressed")).toBe("false");
   });
 
-  it("shows the way that is left, and cancels", () => {
+  it("says why the robot cannot be sent, and that its base is held", () => {
     opened();
-    const going = { x: 3, y: 2, heading: 0, left_m: 2.44, since_s: 5.2, ending: "" };
-    panel.view = { state: { location: LOCATION, going }, scan: null };
-    expect(page["map-words"].textContent).toBe("Drives to a place: 2.4 m left, 5 s");
-    page["map-cancel"].click();
-    expect(order).toHaveBeenCalledWith({ t: "go_cancel" });
+    const state = { location: { ...LOCATION, problem: "It is lost." }, going: null };
+    panel.view = { state, scan: null };
+    expect(page["map-words"].textContent).toBe("It is lost.");
+    panel.view = { state: { ...state, navigation_held: "It drives on." }, scan: null };
+    expect(page["map-words"].textContent).toBe("It drives on.");
   });
 
   it("says how a drive ended, and nothing of one that ended before", () => {
@@ -141,6 +141,7 @@ describe("words", () => {
   it("pass on why a drive ended", () => {
     expect(endText({ outcome: "failed", text: "Navigation said: no plan." })).toContain("no plan");
     expect(endText({ outcome: "replaced", text: "" })).toContain("stick");
+    expect(goingText({ left_m: 2.44, since_s: 5.2 })).toBe("Drives to a place: 2.4 m left, 5 s");
     expect(goingText({ left_m: null, since_s: 3, ending: "" })).toBe("Drives to a place: 3 s");
     expect(goingText({ left_m: 1, since_s: 3, ending: "because" })).toContain("ended");
   });

@@ -401,7 +401,10 @@ describe("what is being said", () => {
   });
 
   it("is shown beside a drive by a program, which its holder may cancel", () => {
-    const runs = ["drive-runs", "drive-words", "drive-who", "drive-cancel"];
+    const runs = ["drive-runs", "drive-words", "drive-who", "drive-cancel"].flatMap((part) => [
+      part,
+      part.replace("drive", "go"),
+    ]);
     const others = ["motion-runs", "speech-runs", "motion-cancel", "speech-cancel"];
     const parts = made(
       Object.fromEntries(["running", "elsewhere", ...runs, ...others].map((p) => [p, "div"])),
@@ -421,12 +424,17 @@ describe("what is being said", () => {
     expect(send).toHaveBeenCalledWith({ t: "drive_by_cancel" });
     running.state = { drive_by: { ...drive, goal_m: null, goal_rad: -1.5708, angle_rad: -0.8 } };
     expect(parts["drive-words"].textContent).toBe("Turns: -46 of -90°");
-    running.state = {};
+    running.state = { going: { who: "Bo", left_m: 2.4, since_s: 5, ending: "" } };
     expect(parts["drive-runs"].hidden).toBe(true);
+    expect(parts["go-words"].textContent).toBe("Drives to a place: 2.4 m left, 5 s");
+    parts["go-cancel"].click();
+    expect(send).toHaveBeenCalledWith({ t: "go_cancel" });
+    running.state = {};
+    expect(parts.running.hidden).toBe(true);
   });
 
   it("shows redirected input of the tab, and a way back", () => {
-    const drives = ["drive-runs", "drive-cancel"];
+    const drives = ["drive-runs", "drive-cancel", "go-runs", "go-cancel"];
     const runs = [...drives, "motion-runs", "motion-cancel", "speech-runs", "speech-cancel"];
     const parts = made(
       Object.fromEntries(["running", "elsewhere", ...runs].map((p) => [p, "div"])),
