@@ -111,3 +111,13 @@ def test_watchdog_starts_with_the_saved_stop() -> None:
     rules = StopRules(first=100, kept=StopPress(250, "Ann"))
     assert rules.zeros(0.0)
     assert rules.press("Ben", "").number > 250
+
+
+def test_a_bridge_that_dies_while_navigation_drives_is_replaced_until_another_comes(rules: StopRules) -> None:
+    rules.beat(Heartbeat(publishing=True, drive="/key_vel", drives_itself=True), 10.1)
+    assert not rules.zeros(10.2) and not rules.cancel(10.2)
+    rules.bridge_gone(10.2)
+    assert rules.zeros(60.0) and rules.cancel(60.0)
+    rules.bridge_came(61.0)
+    rules.beat(Heartbeat(drive="/key_vel"), 61.0)
+    assert not rules.zeros(61.0) and not rules.cancel(61.0)

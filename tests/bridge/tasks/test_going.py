@@ -1,0 +1,194 @@
+"""Drives to a place: rules that need no robot. tests/ros/navigation has those that do."""
+
+import json
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from robots import wire
+from robots.bridge.config import NavigationSource, Topic
+from robots.bridge.gate import watch
+from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
+from robots.bridge.navigation.localisation import Localisation, Spread
+from robots.bridge.navigation.path import PlannedPath
+from robots.wire import Go, GoCancel
+from tests.bridge.support import CONFIG, Bench
+
+SOURCE = NavigationSource("/move_base", "/nav_vel", "/amcl_pose", set_pose="/initialpose")
+TOPICS = msgspec.structs.replace(
+    CONFIG.topics, navigation=SOURCE, map=Topic("/map", "nav_msgs/OccupancyGrid")
+)
+GO = Go(1, 3.0, 1.0, 0.5, seq=7)
+
+
+class FreeMap:
+    """A map without obstacles."""
+
+    digest = "free"
+
+    def refuse(self, goal, footprint):
+        return None
+
+
+@pytest.fixture
+def bench(monkeypatch):
+    bench = Bench(config=msgspec.structs.replace(CONFIG, topics=TOPICS)).online().granted()
+    bench.says = Verdict(STILL, STILL, "free", "")
+    monkeypatch.setattr(watch, "judge", lambda gate, now_s: bench.says)
+    bench.core.mapped(FreeMap(), bench.now_s)
+    bench.going = bench.core.tasks.going
+    bench.going.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)
+    localised(bench)
+    passed(bench, 0.5)
+    yield bench
+    bench.close()
+
+
+def localised(bench):
+    bench.base.transform = (bench.now_s, Pose(0.0, 0.0, 0.0))
+
+
+def passed(bench, seconds):
+    """Let time pass; localisation and the console are there, and navigation reports its goal."""
+    for _ in range(round(seconds / 0.05)):
+        localised(bench)
+        bench.core.grant(wire.Grant(1, 60.0, "session-1", "Ann", "ann-id", 1.0), 1, bench.now_s)
+        if bench.base.goals:
+            bench.going.running("/move_base", [bench.base.goals[-1][0]], bench.now_s)
+            bench.going.answered(bench.base.goals[-1][0], bench.now_s)
+        bench.pass_time(0.05)
+
+
+def gone(bench):
+    """Begin a drive; return the goal's id."""
+    answers = bench.ask(GO)
+    bench.recorded()
+    passed(bench, 0.2)
+    assert answers == [None]
+    (goal_id, goal) = bench.base.goals[-1]
+    assert goal == Pose(3.0, 1.0, 0.5)
+    return goal_id
+
+
+def ended(bench):
+    return bench.core.state(bench.now_s, []).going_ended
+
+
+def test_it_is_sent_only_when_it_is_recorded(bench):
+    bench.sink.open.clear()
+    answers = bench.ask(GO)
+    bench.pass_time(0.2)
+    assert not bench.base.goals and not answers
+    bench.sink.open.set()
+    bench.recorded()
+    passed(bench, 0.1)
+    assert len(bench.base.goals) == 1 and answers == [None]
+    assert ("go.start", {"x_m": 3.0, "y_m": 1.0, "heading_rad": 0.5}) in bench.sink.records
+
+
+def test_a_record_that_fails_sends_nothing(bench):
+    bench.sink.fails = "the disk is full"
+    answers = bench.ask(GO)
+    bench.recorded()
+    bench.pass_time(0.2)
+    assert [answer.code for answer in answers] == ["not_recorded"] and not bench.base.goals
+
+
+def test_the_bridge_is_silent_while_it_drives_and_sends_zeros_after_it(bench):
+    goal_id = gone(bench)
+    before = len(bench.base.sent)
+    passed(bench, 1.0)
+    assert len(bench.base.sent) == before
+    bench.going.ended(goal_id, "succeeded", "Goal reached.", bench.now_s)
+    bench.pass_time(0.1)
+    assert bench.last == STILL and len(bench.base.sent) > before
+    assert ended(bench).outcome == "arrived"
+
+
+def test_the_gate_takes_over(bench):
+    goal_id = gone(bench)
+    before = len(bench.base.sent)
+    text = "stopped: laser, 0.3 m ahead"
+    bench.says = Verdict(STILL, Velocity(0.5, 0.0, 0.0), "obstacle", text, "laser", 0.3)
+    bench.odometry(Velocity(0.5, 0.0, 0.0))
+    assert len(bench.base.sent) > before and bench.last == STILL  # with that message, before any tick
+    assert bench.base.cancelled_goals == [goal_id]
+    bench.going.ended(goal_id, "cancelled", "", bench.now_s)
+    end = ended(bench)
+    assert (end.outcome, end.because, end.text) == ("held_back", "obstacle", "Stopped: laser, 0.3 m ahead.")
+    bench.recorded()
+    assert "gate.begin" in bench.sink.kinds
+
+
+def test_a_cancel_is_over_even_if_navigation_reports_the_goal_for_ever(bench):
+    goal_id = gone(bench)
+    assert bench.order(GoCancel(1)) is None
+    passed(bench, 4.0)
+    assert ended(bench).outcome == "cancelled"
+    assert bench.base.cancelled_goals.count(goal_id) > 2
+    answers = bench.ask(GO)
+    bench.recorded()
+    passed(bench, 0.2)
+    assert answers == [None] and bench.base.goals[-1][0] != goal_id
+
+
+def test_a_goal_of_an_earlier_bridge_is_cancelled_and_the_base_is_held(bench):
+    bench.core.revoke(1, "over", bench.now_s)
+    bench.pass_time(2.0)
+    sent = len(bench.base.sent)
+    bench.going.running("/move_base", ["fleet_bridge-1-left"], bench.now_s)
+    bench.going.drove(Velocity(0.3, 0.0, 0.0), bench.now_s)
+    bench.pass_time(0.5)
+    assert bench.base.cancelled_goals == ["fleet_bridge-1-left"]
+    assert len(bench.base.sent) > sent and bench.last == STILL
+    bench.pass_time(3.0)
+    sent = len(bench.base.sent)
+    bench.pass_time(2.0)
+    assert len(bench.base.sent) == sent  # navigation is quiet: the topic is free again
+
+
+def test_a_lost_link_drops_a_goal_that_waits_for_its_record(bench):
+    bench.sink.open.clear()
+    answers = bench.ask(GO)
+    bench.core.link_lost(1, bench.now_s)
+    bench.sink.open.set()
+    bench.recorded()
+    bench.pass_time(0.3)
+    assert [answer.code for answer in answers] == ["link_lost"] and not bench.base.goals
+
+
+@pytest.mark.parametrize("other", ["/nav_vel"])
+def test_no_drive_topic_that_navigation_uses_itself(bench, other):
+    refusal = bench.going.refuse(Pose(1.0, 1.0, 0.0), other, bench.now_s)
+    assert refusal.code == "no_navigation"
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 1e9, -1e9])
+def test_no_number_that_makes_no_sense_passes_the_wire(bad):
+    raw = json.dumps({"t": "go", "fence": 1, "x": bad, "y": 0.0, "heading": 0.0})
+    with pytest.raises(wire.WireError):
+        wire.browser_message(raw)
+
+
+def test_a_small_correction_is_no_jump_and_a_long_silence_forgives():
+    place = Localisation()
+    place.moved(Pose(1.0, 0.0, 0.0))
+    assert not place.transformed(1.0, Pose(0.0, 0.0, 0.0), 10.0)
+    assert not place.transformed(2.0, Pose(0.3, 0.0, 0.1), 10.2)
+    assert not place.transformed(2.0, Pose(9.0, 0.0, 0.0), 10.4)  # no news
+    assert place.transformed(3.0, Pose(0.9, 0.0, 0.1), 10.4)
+    assert place.jumped_m == pytest.approx(0.6)
+    assert not place.transformed(4.0, Pose(5.0, 0.0, 0.0), 20.0)
+
+
+def test_a_path_is_thinned_and_its_rest_measured():
+    path = PlannedPath()
+    x = np.linspace(0.0, 10.0, 5001)
+    path.take(np.column_stack([x, np.zeros_like(x)]))
+    assert len(path.centimetres) == 2 * wire.MOST_PATH
+    assert path.left_m(Pose(4.0, 0.0, 0.0), Pose(10.0, 0.0, 0.0)) == pytest.approx(6.0, abs=0.1)
+    before = path.centimetres
+    path.take(np.array([[math.nan, 0.0]]))
+    assert path.centimetres == before

@@ -1,0 +1,35 @@
+"""What a profile may say of navigation."""
+
+import pytest
+
+from robots.bridge.config import NavigationSource, Topic, Topics
+from robots.registry.profile_schema import topic_problems
+
+DRIVE, ODOMETRY = Topic("/key_vel", "geometry_msgs/Twist"), Topic("/odom", "nav_msgs/Odometry")
+MAP = Topic("/map", "nav_msgs/OccupancyGrid")
+
+
+def problems(map_topic=MAP, **changes):
+    said = {"action": "/move_base", "velocity": "/nav_vel", "pose": "/amcl_pose", **changes}
+    topics = Topics(DRIVE, ODOMETRY, map=map_topic, navigation=NavigationSource(**said))
+    return list(topic_problems(topics)), topics
+
+
+def test_a_stop_cancels_navigation_too():
+    found, topics = problems()
+    assert not found and topics.cancelled == ["/move_base"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "place"),
+    [
+        ({"action": "move base"}, "navigation.action"),
+        ({"plan": "plan"}, "navigation.plan"),
+        ({"type": "nav2_msgs/NavigateToPose"}, "navigation.type"),
+        ({"frame": "odom"}, "navigation.frame"),
+        ({"map_topic": None}, "navigation: needs map"),
+    ],
+)
+def test_faults_name_their_place(changes, place):
+    found, _ = problems(**changes)
+    assert len(found) == 1 and found[0].startswith(place)
