@@ -197,8 +197,6 @@ def topic_problems(topics: Topics) -> Iterator[str]:
     yield from _camera_problems(topics.cameras)
     if topics.navigation:
         yield from _navigation_problems(topics.navigation)
-        if topics.map is None:
-            yield "navigation: needs map, on which goals are checked"
     for index, action in enumerate(topics.cancel_on_stop):
         yield from _name_problem(action, f"cancel_on_stop[{index}]")
     for index, language in enumerate(topics.languages):

@@ -345,7 +345,7 @@ class RosBase:
             self._tf = TfTopics(depth.base_frame)
             pictures = DepthTopics(depth, view, self._tf.frames, self._mail, self._core)
             self._on_demand = OnDemandTopics(self._topic_worker, self._tf, pictures)
-        elif topics.map:
+        elif topics.map or topics.navigation:
             self._tf = TfTopics()
             self._on_demand = OnDemandTopics(self._topic_worker, self._tf)
 
