@@ -119,8 +119,12 @@ def test_a_corridor_is_clear_only_if_no_point_is_in_the_box(seed):
             Box(*random.uniform(0.0, 2.2, 3) * random.choice([0.1, 0.3, 1.0])),
             random.random() < 0.5,
         )
+        box = box._replace(rounded=random.choice([0.0, 0.5, 1.0]) * min(box[:3]))
         along = -x if reverse else x
-        free = not ((along <= box.ahead) & (along >= -box.behind) & (np.abs(y) <= box.aside)).any()
+        beyond_x = np.maximum(along - box.ahead, -box.behind - along) + box.rounded
+        beyond_y = np.abs(y) - box.aside + box.rounded
+        in_corner = np.hypot(np.maximum(beyond_x, 0.0), np.maximum(beyond_y, 0.0)) <= box.rounded
+        free = not ((beyond_x <= box.rounded) & (beyond_y <= box.rounded) & in_corner).any()
         clear = corridors.are_clear(box, reverse=reverse)
         assert clear == free
         found[free] += 1

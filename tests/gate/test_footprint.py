@@ -10,9 +10,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.footprint import Disc, Discs, Footprint, Polygon, footprint_of
-from robots.bridge.gate.geometry.planar import Path
-from robots.bridge.gate.values import Velocity
+from robots.bridge.gate.geometry.footprint import Disc, Discs, Footprint, Polygon, Spread, footprint_of
+from robots.bridge.gate.geometry.planar import ORIGIN, Path, placed, put, seen_from
+from robots.bridge.gate.values import Pose, Velocity
 from tests.gate.conftest import box_profile, tiago_profile
 from tests.gate.test_arc import (
     check_against,
@@ -110,6 +110,41 @@ def test_least_gaps_are_those_of_pose_by_pose(kind, several, cloud, drifting):
             least = np.minimum(least, hull.gaps(local))
         outside = least > -0.2  # deep inside a disc the gap is not exact to 1 mm
         np.testing.assert_allclose(gaps[outside], least[outside], atol=2e-5)
+
+
+@given(
+    hulls,
+    st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-3, 3)),
+    st.tuples(*[st.floats(0, 0.6)] * 4, *[st.floats(0, 2)] * 2),
+    st.lists(st.tuples(*[st.floats(-1, 1)] * 3), min_size=1, max_size=8),
+    clouds,
+)
+@settings(max_examples=300, deadline=None)
+def test_a_spread_base_is_nowhere_nearer_than_its_gaps_say(kind, at, sizes, shares, cloud):
+    """Any base within the spread, its four corners and both turns among them."""
+    hull, there, spread = HULLS[kind], Pose(*at), Spread(*sizes)
+    about = hull.gaps_about(there, spread, cloud, math.inf)
+    near_m = float(np.median(about))
+    quick = hull.gaps_about(there, spread, cloud, near_m)
+    np.testing.assert_array_equal(quick <= near_m, about <= near_m)
+    corners = [(x, y, turn) for x in (-1, 1) for y in (-1, 1) for turn in (-1, 0, 1)]
+    for x, y, turn in [*corners, *shares]:
+        along = x * (spread.ahead if x > 0 else spread.behind)
+        aside = y * (spread.left if y > 0 else spread.right)
+        base = put(
+            Pose(along, aside, turn * (spread.turned_left if turn > 0 else spread.turned_right)), there
+        )
+        gaps = hull.gaps(placed(cloud, seen_from(ORIGIN, base)))
+        assert (about <= np.maximum(gaps, 0.0) * hull.sharpness + 1e-9).all()
+
+
+@pytest.mark.parametrize("kind", sorted(HULLS))
+def test_a_base_that_is_nowhere_else_has_the_gaps_of_its_hull(kind):
+    hull, there = HULLS[kind], Pose(0.3, -0.2, 0.7)
+    cloud = np.random.default_rng(3).uniform(-2.0, 2.0, (50, 2))
+    gaps = hull.gaps(placed(cloud, seen_from(ORIGIN, there)))
+    about = hull.gaps_about(there, Spread(0, 0, 0, 0, 0, 0), cloud, math.inf)
+    np.testing.assert_allclose(about[gaps > 0.0], gaps[gaps > 0.0], atol=1e-9)
 
 
 def test_a_footprint_is_discs_then_outline_then_radius():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from unittest.mock import patch
 
 import numpy as np
@@ -111,6 +112,29 @@ def test_a_clear_twist_is_not_reduced(kind, candidate, queue, now, points):
     going = least_gaps(kind, candidate, points, queue, now)
     rolled = roll(kind, candidate, points[going > HARD_M + 0.012], queue, now)
     assert rolled == CLEAR
+
+
+@pytest.mark.parametrize("kind", sorted(PROFILES))
+def test_what_is_left_out_as_too_far_changes_no_answer(kind):
+    """The play with near points alone, compared with one that looks at all of them."""
+    random, found = np.random.default_rng(15), Counter()
+
+    def any_twist(share=1.0):
+        sideways = random.uniform(-0.5, 0.5) if kind == "holonomic disc" else 0.0
+        return Velocity(
+            share * random.uniform(-1.0, 1.0), share * sideways, share * random.uniform(-2.0, 2.0)
+        )
+
+    for _ in range(1500):
+        share = random.choice([0.1, 0.4, 1.0])
+        queue = [Sent(any_twist(share), age_s) for age_s in (0.3, 0.15, 0.1, 0.02)]
+        points = np.asfortranarray(random.uniform(-1.5, 1.5, (random.integers(1, 8), 2)))
+        arguments = kind, any_twist(share), points, queue, any_twist(share)
+        quick = roll(*arguments)
+        with patch("robots.bridge.gate.motion.rollout._near", lambda points, *_: np.arange(len(points))):
+            assert roll(*arguments) == quick
+        found[quick.share] += 1
+    assert found[1.0] > 200 and len(found) > 3, found
 
 
 @given(kinds, twists, queues, twists, clouds, clouds)

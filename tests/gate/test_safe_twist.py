@@ -81,6 +81,24 @@ def test_what_was_expected_changes_no_answer(kind):
     assert reduced > 2000
 
 
+@pytest.mark.parametrize("kind", sorted(PROFILES))
+def test_what_stands_in_the_way_of_one_turn_changes_no_answer(kind, monkeypatch):
+    """Turns that the point in the way of the first one surely forbids, compared with a look at every turn."""
+    profile, random = PROFILES[kind], np.random.default_rng(14)
+    hull, skipped, turned = footprint_of(profile), 0, 0
+    for _ in range(3000):
+        twist = Velocity(random.uniform(0.3, 1.0), 0.0, random.uniform(-2.0, 2.0))
+        points = np.asfortranarray(random.uniform((-0.6, -0.7), (0.9, 0.7), (random.integers(2, 9), 2)))
+        arguments = twist, (), points, np.arange(len(points)), hull, profile
+        quick = restrain(*arguments)
+        with monkeypatch.context() as patch:
+            patch.setattr(type(hull), "meets_s", lambda *_: math.inf)
+            assert restrain(*arguments) == quick
+        turned += quick.velocity != twist
+        skipped += quick.velocity.w != twist.w
+    assert turned > 1000 and skipped > (0 if kind == "disc" else 300)
+
+
 @given(st.floats(-math.pi, math.pi), st.floats(-0.03, 0.2))
 @settings(deadline=None)
 def test_a_disc_may_always_turn_and_always_retreat(bearing, gap):

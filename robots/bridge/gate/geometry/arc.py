@@ -268,83 +268,136 @@ def polygon_contacts(courses: Courses, edges: Edges, growth: Growth, reserve_m: 
 
     A point comes in through an edge if its track lies between those of the edge's ends.
     """
-    sides = [
-        _Grown(
-            side.nx,
-            side.ny,
-            side.offset + growth,
-            side.low + growth * side.low_stretch,
-            side.high + growth * side.high_stretch,
-        )
-        for side in _sides(edges, courses.way)
-    ]
-    some = None in courses.circles
-    straight = min(_enter_straight(courses.line, side, reserve_m) for side in sides) if some else NEVER
-    return [
-        straight if circle is None else _enter_turning(circle, sides, reserve_m) for circle in courses.circles
-    ]
+    straight = NEVER
+    if None in courses.circles:
+        sides = _sides(edges, courses.way)
+        straight = min(_enter_straight(courses.line, side, growth, reserve_m) for side in sides)
+    turning = iter(_enter_turning(courses, edges, growth, reserve_m))
+    return [straight if circle is None else next(turning) for circle in courses.circles]
 
 
-class _Grown(NamedTuple):
-    """A side of the grown hull; `height` is how far it lies out."""
-
-    nx: float
-    ny: float
-    height: Growth
-    low: Growth
-    high: Growth
-
-
-def _enter_straight(line: Line, side: _Grown, reserve_m: float) -> Contact:
-    """Time at which a point, moving along -v, first comes in through an edge."""
+def _enter_straight(line: Line, side: _Side, growth: Growth, reserve_m: float) -> Contact:
+    """Time at which a point, moving along -v, first comes in through an edge of the grown hull."""
     if side.nx <= 0.0:
         return NEVER
-    rightmost = side.ny * side.height + side.nx * side.low
-    leftmost = side.ny * side.height + side.nx * side.high
+    height = side.offset + growth
+    rightmost = side.ny * height + side.nx * (side.low + growth * side.low_stretch)
+    leftmost = side.ny * height + side.nx * (side.high + growth * side.high_stretch)
     rows = ((line.track >= rightmost) & (line.track <= leftmost)).nonzero()[0]
     if not len(rows):
         return NEVER
-    way = line.x.take(rows) - (_of(side.height, rows) - side.ny * line.track.take(rows)) / side.nx
+    way = line.x.take(rows) - (_of(height, rows) - side.ny * line.track.take(rows)) / side.nx
     return _first(rows, np.where(way >= 0.0, way, np.inf) - reserve_m, line.v)
 
 
-def _enter_turning(circle: Circle, sides: Sequence[_Grown], reserve_m: float) -> Contact:
-    """Time at which a point, on its circle about C, first comes in through any edge.
+class _Lines(NamedTuple):
+    """The grown edges as circles about a C meet them, for a C to the left and one to the right: arrays (2, 3 E, ...).
 
-    An edge's line is `height` away from C along its normal; the circle of radius D crosses it at angles of
-    -+arccos(height / D) from the normal, and comes in at the minus sign, counted in the turning sense.
+    Seen from C, an edge's line is `height` away along its normal, and points come in from `begin` to `end` along it.
+    These three, one after the other for all E edges, are `at` + rho * `shift`. `facing`, (2, E), is the normal's angle.
     """
-    left = circle.sense * circle.rho  # of C
-    ways_in: list[tuple[float, Growth, Growth, Growth]] = []
-    for nx, ny, height, low, high in sides:
-        height, low, high = height - ny * left, low - nx * left, high - nx * left
-        begin, end = (-high, -low) if circle.sense > 0.0 else (low, high)  # where points come in
-        if not (isinstance(end, float) and end <= 0.0):
-            facing = math.atan2(nx, -circle.sense * ny)
-            ways_in.append((facing, height, _square(height, begin), _square(height, end)))
-    if not ways_in:
-        return NEVER
-    if isinstance(ways_in[0][1], float):
-        facings, heights, begins, ends = np.array(ways_in).T[..., None]
+
+    at: Metres
+    shift: Metres
+    facing: Metres
+
+
+@lru_cache(maxsize=8)
+def _lines(edges: Edges, way: Way) -> tuple[_Lines, Metres]:
+    """The edges before they grow, and how much each number grows with the hull."""
+    nx, ny, offset, low, high, low_stretch, high_stretch = np.array(_sides(edges, way)).T
+    one = np.ones_like(nx)
+    left = ((offset, -high, -low), (one, -high_stretch, -low_stretch), (-ny, nx, nx))
+    right = ((offset, low, high), (one, low_stretch, high_stretch), (ny, nx, nx))
+    at, stretch, shift = np.array((left, right)).reshape(2, 3, -1).swapaxes(0, 1).copy()
+    return _Lines(at, shift, np.array((np.arctan2(nx, -ny), np.arctan2(nx, ny)))), stretch
+
+
+@lru_cache(maxsize=8)  # a hull in free space always has the same margin
+def _grown(edges: Edges, way: Way, growth: float) -> _Lines:
+    lines, stretch = _lines(edges, way)
+    return lines._replace(at=lines.at + growth * stretch)
+
+
+def _grown_for_each(edges: Edges, way: Way, growth: Metres) -> _Lines:
+    lines, stretch = _lines(edges, way)
+    return lines._replace(at=lines.at[..., None] + growth * stretch[..., None], shift=lines.shift[..., None])
+
+
+def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: float) -> list[Contact]:
+    """Time at which a point, on its circle about each twist's C, first comes in through any edge of the grown hull.
+
+    The circle of radius D crosses an edge's line at angles of -+arccos(height / D) from the normal, and comes in at the
+    minus sign, counted in the turning sense. All twists, edges and points at once: a call of numpy costs more than its
+    arithmetic.
+    """
+    circles = [circle for circle in courses.circles if circle is not None]
+    if not circles:
+        return []
+    same = isinstance(growth, float)
+    lines = _grown(edges, courses.way, growth) if same else _grown_for_each(edges, courses.way, growth)
+    number, points = lines.facing.shape[1], len(courses.line.x)
+    if len(circles) == 1:
+        radial, all_squares = circles[0].radial, circles[0].squares[None]
+        sense = int(circles[0].sense < 0.0)
+        at, facing = lines.at[sense, None] + circles[0].rho * lines.shift[sense], lines.facing[sense]
     else:
-        facings, heights, begins, ends = map(np.array, zip(*ways_in, strict=True))
-    hits = ((circle.squares > begins) & (circle.squares <= ends)).ravel().nonzero()[0]
+        radial = np.array([circle.radial for circle in circles])
+        all_squares = np.array([circle.squares for circle in circles])
+        senses = [int(circle.sense < 0.0) for circle in circles]
+        rho = np.array([circle.rho for circle in circles]).reshape(-1, *[1] * (lines.at.ndim - 1))
+        at, facing = lines.at[senses] + rho * lines.shift[senses], lines.facing[senses]
+    heights, ends = at[:, :number], at[:, number:]
+    bounds = np.maximum(ends, 0.0)
+    bounds *= bounds
+    if same:
+        heights, bounds = heights[..., None], bounds[..., None]
+    height_squares = heights * heights
+    squares = all_squares[:, None]
+    within = squares > bounds[:, :number] + height_squares
+    within &= squares <= bounds[:, number:] + height_squares
+    hits = within.ravel().nonzero()[0]
     if not len(hits):
-        return NEVER
-    points = len(circle.x)
-    through = hits // points
+        return [NEVER] * len(circles)
+    through = hits // points  # which edge of which circle
     rows = hits - points * through
-    d = np.sqrt(circle.squares.take(rows))
-    height = heights.take(through if len(heights) == heights.size else hits)
-    onward = np.arctan2(circle.x.take(rows), circle.radial.take(rows))
-    onward -= facings.take(through)
-    onward += np.arccos(height / d)
-    return _first(rows, np.mod(onward, math.tau) - reserve_m / d, circle.turning)
+    known = rows if len(circles) == 1 else rows + points * (through // number)  # in the tables
+    d = np.sqrt(all_squares.take(known))
+    onward = np.arctan2(courses.line.x.take(rows), radial.take(known))
+    onward -= facing.take(through)
+    onward += np.arccos(heights.take(through if same else hits) / d)
+    ways = np.mod(onward, math.tau)
+    if reserve_m:
+        ways -= reserve_m / d
+    if len(circles) == 1:
+        return [_first(rows, ways, circles[0].turning)]
+    begins = through.searchsorted([number * circle for circle in range(len(circles) + 1)]).tolist()
+    return [
+        _first(rows[begin:end], ways[begin:end], circle.turning)
+        for circle, begin, end in zip(circles, begins, begins[1:], strict=False)
+    ]
 
 
-def _square(height: Growth, along: Growth) -> Growth:
-    """The square of the way from C to where an edge's line is so far `along`, but no less than its height."""
-    if isinstance(along, float):  # for two numbers numpy would be slow
-        return height * height + max(along, 0.0) ** 2
-    squares: Metres = height * height + np.maximum(along, 0.0) ** 2
-    return squares
+def polygon_meets_s(
+    x: float, y: float, way: Way, twist: Velocity, edges: Edges, growth_m: float, reserve_m: float
+) -> float:
+    """Time until a twist that turns brings the grown polygon to one point, seen along the way; less the reserve.
+
+    The same as `polygon_contacts`, in plain numbers. Infinity for a straight twist, and for never.
+    """
+    v = speed(twist)
+    if abs(twist.w) <= STRAIGHT_PER_M * v:
+        return math.inf
+    rho, sense = v / abs(twist.w), math.copysign(1.0, twist.w)
+    radial, left = rho - sense * y, sense * rho
+    squares = radial * radial + x * x
+    d, bearing, onward = math.sqrt(squares), math.atan2(x, radial), math.inf
+    for nx, ny, offset, low, high, low_stretch, high_stretch in _sides(edges, way):
+        height = offset + growth_m - ny * left
+        from_, to = low + growth_m * low_stretch - nx * left, high + growth_m * high_stretch - nx * left
+        begin, end = (-to, -from_) if sense > 0.0 else (from_, to)
+        begin, end = max(begin, 0.0), max(end, 0.0)
+        if height * height + begin * begin < squares <= height * height + end * end:
+            facing = math.atan2(nx, -sense * ny)
+            onward = min(onward, (bearing - facing + math.acos(height / d)) % math.tau)
+    return (onward - reserve_m / d) / abs(twist.w) if d else math.inf

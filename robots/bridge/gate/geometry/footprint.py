@@ -4,18 +4,32 @@ from __future__ import annotations
 
 import math
 from functools import reduce
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry import arc
-from robots.bridge.gate.geometry.arc import Contact, Courses, Growth, Metres
-from robots.bridge.gate.geometry.planar import Path, Points, from_columns, placed
+from robots.bridge.gate.geometry.arc import Contact, Courses, Growth, Metres, Way
+from robots.bridge.gate.geometry.planar import Path, Points, from_columns
 from robots.bridge.gate.values import GateProfile, Pose, Velocity
 
 Band = tuple[float, float]
 Quick = NDArray[np.float32]  # a roll-out compares poses by the thousand: 2 um are exact enough there
+
+
+class Spread(NamedTuple):
+    """How far the base may be from a pose, and turned (radians) from it; none negative.
+
+    Metres are along the sides of the base as it stands there. More than a quarter turn counts as all turns.
+    """
+
+    ahead: float
+    behind: float
+    left: float
+    right: float
+    turned_left: float
+    turned_right: float
 
 
 class Footprint(Protocol):
@@ -38,14 +52,22 @@ class Footprint(Protocol):
     def gaps(self, points: Points) -> Metres:
         """Return how far each point lies outside the hull; negative inside."""
 
-    def gaps_from(self, there: Pose, points: Points) -> Metres:
-        """Return the same once the base is `there`."""
+    def gaps_about(self, there: Pose, spread: Spread, points: Points, near_m: float) -> Metres:
+        """Return no more than the distance from the hull of a base anywhere in this spread about `there`.
+
+        Of what is above `near_m`, only that it is.
+        """
 
     def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
         """Time until the hull, grown, first touches one of the points, which lie outside; for each twist.
 
         The reserve is left on the path.
         """
+
+    def meets_s(
+        self, x: float, y: float, way: Way, twist: Velocity, growth_m: float, reserve_m: float
+    ) -> float:
+        """Return the same for one point, seen along the way; infinity also where that is not known cheaply."""
 
     def bands(self, twist: Velocity) -> list[Band]:
         """Return which tracks the hull sweeps on this arc: to the left of a straight way, or distances from C."""
@@ -78,11 +100,8 @@ class Disc:
         gaps: Metres = np.sqrt(x**2 + y**2) - self.radius_m
         return gaps
 
-    def gaps_from(self, there: Pose, points: Points) -> Metres:
-        x, y = points.T
-        dx, dy = x - there.x, y - there.y
-        gaps: Metres = np.sqrt(dx * dx + dy * dy) - self.radius_m
-        return gaps
+    def gaps_about(self, there: Pose, spread: Spread, points: Points, near_m: float) -> Metres:
+        return _disc_gaps_about(there, 0.0, 0.0, self.radius_m, spread, points, near_m)
 
     def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
         firsts = arc.disc_contacts(courses, 0.0, 0.0, self.radius_m + growth, 0.0)
@@ -91,6 +110,11 @@ class Disc:
             first if first is arc.NEVER else Contact(first.until_s - reserve_m / courses.v, first.row)
             for first in firsts
         ]
+
+    def meets_s(
+        self, x: float, y: float, way: Way, twist: Velocity, growth_m: float, reserve_m: float
+    ) -> float:
+        return math.inf
 
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(0.0, 0.0, self.radius_m, twist)]
@@ -123,14 +147,13 @@ class Discs:
     def gaps(self, points: Points) -> Metres:
         return _least([disc.gaps(_from(points, x, y)) for x, y, disc in self._discs])
 
-    def gaps_from(self, there: Pose, points: Points) -> Metres:
-        middles = placed(self._middles, there).tolist()
-        return _least(
-            [
-                disc.gaps(_from(points, x, y))
-                for (x, y), (_, _, disc) in zip(middles, self._discs, strict=True)
-            ]
-        )
+    def gaps_about(self, there: Pose, spread: Spread, points: Points, near_m: float) -> Metres:
+        turned = max(spread.turned_left, spread.turned_right)
+        each = []
+        for x, y, disc in self._discs:
+            swing_m = math.hypot(x, y) * min(turned, 2.0)  # no chord is longer than the diameter
+            each.append(_disc_gaps_about(there, x, y, disc.radius_m + swing_m, spread, points, near_m))
+        return _least(each)
 
     def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
         middles = arc.seen_along(self._middles, courses.way).tolist()
@@ -139,6 +162,11 @@ class Discs:
             for (x, y), (_, _, disc) in zip(middles, self._discs, strict=True)
         ]
         return [min(firsts) for firsts in zip(*each, strict=True)]
+
+    def meets_s(
+        self, x: float, y: float, way: Way, twist: Velocity, growth_m: float, reserve_m: float
+    ) -> float:
+        return math.inf
 
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(x, y, disc.radius_m, twist) for x, y, disc in self._discs]
@@ -169,12 +197,17 @@ class Polygon:
         self._corners = [(float(x), float(y)) for x, y in outline]
         lengths = self.edges.lengths.tolist()
         self._sides = list(zip(self._corners, self.edges.along.tolist(), lengths, strict=True))
-        self._lines = list(zip(*self.edges.normals.T.tolist(), self.edges.offsets.tolist(), strict=True))
+        along = self.edges.along @ self.edges.vertices.T  # of each edge, where the corners are
+        before, after = -along.min(axis=1), along.max(axis=1)
+        # of each edge: its line, how far the hull reaches to either side of the normal, and the turns that bring a
+        # corner so far out as it gets
+        peaks = np.arctan2(before, self.edges.offsets), np.arctan2(after, self.edges.offsets)
+        columns = *self.edges.normals.T, self.edges.offsets, before, after, *peaks
+        self._lines = np.array(columns).T.tolist()
         self._columns = np.array((*self.edges.normals.T, self.edges.offsets))[..., None, None]
         distances: list[float] = np.hypot(*self.edges.vertices.T).tolist()
-        self._corner_reaches: list[tuple[float, float]] = list(
-            zip(distances, self.edges.corner_stretch.tolist(), strict=True)
-        )
+        reaches = set(zip(distances, self.edges.corner_stretch.tolist(), strict=True))
+        self._corner_reaches: list[tuple[float, float]] = sorted(reaches)  # those of a box are all the same
 
     def reach(self, growth_m: float) -> float:
         return max([distance + growth_m * stretch for distance, stretch in self._corner_reaches])
@@ -182,14 +215,32 @@ class Polygon:
     def gaps(self, points: Points) -> Metres:
         return self.edges.gaps(points)
 
-    def gaps_from(self, there: Pose, points: Points) -> Metres:
-        """One product of the edges' lines, turned to `there`, and the points."""
+    def gaps_about(self, there: Pose, spread: Spread, points: Points, near_m: float) -> Metres:
+        """One product of the edges' lines, turned to `there`, and the points. Each edge lies as far out as it gets."""
         cos, sin = math.cos(there.yaw), math.sin(there.yaw)
+        ahead, behind, left, right, turned_left, turned_right = spread
+        reach_m = self.reach(0.0) if max(turned_left, turned_right) > math.pi / 2.0 else 0.0
+        cos_left, sin_left = math.cos(turned_left), math.sin(turned_left)
+        cos_right, sin_right = math.cos(turned_right), math.sin(turned_right)
         normals, offsets = np.empty((len(self._lines), 2)), np.empty((len(self._lines), 1))
-        for row, (nx, ny, offset) in enumerate(self._lines):
+        for row, (nx, ny, offset, before, after, peak_left, peak_right) in enumerate(self._lines):
             normals[row, 0] = across = cos * nx - sin * ny
             normals[row, 1] = up = sin * nx + cos * ny
-            offsets[row, 0] = offset + across * there.x + up * there.y
+            # How far out along the normal the hull swings: a point (offset, aside) turns on a circle about the origin.
+            if reach_m:
+                out = reach_m
+            else:
+                out = max(
+                    offset,
+                    math.hypot(offset, before)
+                    if 0.0 <= peak_left <= turned_left
+                    else cos_left * offset + sin_left * before,
+                    math.hypot(offset, after)
+                    if 0.0 <= peak_right <= turned_right
+                    else cos_right * offset + sin_right * after,
+                )
+            out += (nx * ahead if nx > 0.0 else -nx * behind) + (ny * left if ny > 0.0 else -ny * right)
+            offsets[row, 0] = out + across * there.x + up * there.y
         beyond = normals @ points.T
         beyond -= offsets
         gaps: Metres = np.maximum.reduce(beyond)
@@ -197,6 +248,11 @@ class Polygon:
 
     def contacts(self, courses: Courses, growth: Growth, reserve_m: float) -> list[Contact]:
         return arc.polygon_contacts(courses, self.edges, growth, reserve_m)
+
+    def meets_s(
+        self, x: float, y: float, way: Way, twist: Velocity, growth_m: float, reserve_m: float
+    ) -> float:
+        return arc.polygon_meets_s(x, y, way, twist, self.edges, growth_m, reserve_m)
 
     def bands(self, twist: Velocity) -> list[Band]:
         if arc.is_straight(twist):
@@ -216,7 +272,7 @@ class Polygon:
             planes += [path.time_s * across, path.time_s * up]
             moments += [*drift.T]
         beyond = _product(planes, across.shape, moments, points.shape[:1])
-        least: Quick = np.maximum.reduce(beyond).min(axis=1)
+        least: Quick = np.minimum.reduce(np.maximum.reduce(beyond), axis=1)
         return least
 
     def _ring(self, cx: float, cy: float) -> tuple[float, float]:
@@ -260,6 +316,33 @@ def _disc_band(x: float, y: float, radius_m: float, twist: Velocity) -> Band:
     """The tracks that a disc about (x, y) sweeps: a strip, or a ring about the centre of rotation."""
     middle = arc.track(x, y, twist)
     return middle - radius_m, middle + radius_m
+
+
+def _disc_gaps_about(
+    there: Pose, at_x: float, at_y: float, radius_m: float, spread: Spread, points: Points, near_m: float
+) -> Metres:
+    """Gaps of a disc about (x, y) of the base: distances from the box in which its middle is, less the radius.
+
+    First from the circle about this box, which costs less.
+    """
+    x, y = points.T
+    ahead, behind, left, right, _, _ = spread
+    cos, sin = math.cos(there.yaw), math.sin(there.yaw)
+    # The middle of the box, as the base is turned.
+    box_x = at_x + (ahead - behind) / 2.0
+    box_y = at_y + (left - right) / 2.0
+    half_x, half_y = (ahead + behind) / 2.0, (left + right) / 2.0
+    dx = x - (there.x + cos * box_x - sin * box_y)
+    dy = y - (there.y + sin * box_x + cos * box_y)
+    gaps: Metres = np.sqrt(dx * dx + dy * dy)
+    gaps -= radius_m + math.hypot(half_x, half_y)
+    rows = (gaps <= near_m).nonzero()[0]
+    if len(rows):
+        dx, dy = dx.take(rows), dy.take(rows)
+        aside_x = np.maximum(np.abs(cos * dx + sin * dy) - half_x, 0.0)
+        aside_y = np.maximum(np.abs(cos * dy - sin * dx) - half_y, 0.0)
+        gaps[rows] = np.sqrt(aside_x * aside_x + aside_y * aside_y) - radius_m
+    return gaps
 
 
 def _least(arrays: list[Metres]) -> Metres:

@@ -17,8 +17,8 @@ along the path of the point. With R = v / |w| and r = radius(m_lat), a point tha
 from the centre of rotation, so this reserve is an angle of at most m_front / (R - r). Until then the base turns by
 theta = |w| (T + T_b / 2) + m_front / (R - r), goes at most R theta ahead and, as 1 - cos t <= t^2 / 2, at most
 R theta^2 / 2 aside; all that it touches is within r of there. With theta <= pi / 2 it does not come back. Straight on,
-that is v (T + T_b / 2) + m_front ahead and nothing aside. The largest |w| gives the largest box. Turning on the spot
-(v = 0), only what is within radius(m_lat) + m_front is considered at all.
+that is v (T + T_b / 2) + m_front ahead and nothing aside. The largest |w| gives the largest box; its corners
+are rounded by r. Turning on the spot (v = 0), only what is within radius(m_lat) + m_front is considered at all.
 
 *Passing* (first check). Above v_creep it considers points ahead with a gap below `slowing` + `harmless`; they are
 within L = radius(slowing + harmless). Of these it considers, on each arc, those that the hull passes by less than
@@ -90,7 +90,9 @@ def plays_clear(
 def _are_clear(corridors: Corridors, box: Box | None, *, reverse: bool = False) -> bool:
     if box is None or max(box) > LONGEST_M:
         return False
-    return corridors.are_clear(Box(*(side + SLACK_M for side in box)), reverse=reverse)
+    ahead, behind, aside, rounded = box
+    grown = Box(ahead + SLACK_M, behind + SLACK_M, aside + SLACK_M, rounded)
+    return corridors.are_clear(grown, reverse=reverse)
 
 
 def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
@@ -98,14 +100,16 @@ def _braked(v: float, w: float, footprint: Footprint, profile: GateProfile) -> B
     radius = footprint.reach(profile.parameters.lateral_margin_m)
     if v == 0.0:
         around_m = radius + profile.parameters.front_margin_m
-        return Box(around_m, around_m, around_m)
+        return Box(around_m, around_m, around_m, around_m)
     tightest_m = v / w if w > 0.0 else math.inf
     if tightest_m <= radius:
         return None
     reserve = profile.parameters.front_margin_m / (1.0 - radius / tightest_m)
     way_m = v * braking.horizon(Velocity(v, 0.0, w), profile) + reserve
     theta = way_m / tightest_m
-    return None if theta > QUARTER_TURN else Box(way_m + radius, radius, way_m * theta / 2.0 + radius)
+    if theta > QUARTER_TURN:
+        return None
+    return Box(way_m + radius, radius, way_m * theta / 2.0 + radius, radius)
 
 
 def _passed(v: float, w: float, footprint: Footprint, profile: GateProfile) -> Box | None:
@@ -128,11 +132,12 @@ def _played(
     linear, angular = braking.deceleration(profile)
     played_s = profile.parameters.latency_s + period_s
     vx, vy, w = zip(*twists, strict=True)
-    extremes = max(*vx, 0.0), max(-min(vx), 0.0), max(max(vy), -min(vy))
-    ahead_m, behind_m, slip_m = (u * (played_s + u / (2.0 * linear)) for u in extremes)
     fastest = max(max(w), -min(w))
     turned = fastest * (played_s + fastest / (2.0 * angular))
     if turned > QUARTER_TURN:
         return None
+    extremes = max(*vx, 0.0), max(-min(vx), 0.0), max(max(vy), -min(vy))
+    ahead_m, behind_m, slip_m = (u * (played_s + u / (2.0 * linear)) for u in extremes)
     around_m = footprint.reach(profile.parameters.hard_margin_m) + slip_m
-    return Box(ahead_m + around_m, behind_m + around_m, turned * (ahead_m + behind_m) + around_m)
+    aside_m = turned * (ahead_m + behind_m)
+    return Box(ahead_m + around_m, behind_m + around_m, aside_m + around_m, around_m)

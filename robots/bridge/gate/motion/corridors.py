@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,11 +13,15 @@ from robots.bridge.gate.geometry.planar import Points
 
 
 class Box(NamedTuple):
-    """A part of the plane about the base origin, along a way: metres ahead, behind, and to either side."""
+    """A part of the plane about the base origin, along a way: metres ahead, behind, and to either side.
+
+    `rounded`: the radius of its corners, no longer than any side.
+    """
 
     ahead: float
     behind: float
     aside: float
+    rounded: float = 0.0
 
 
 class Corridors:
@@ -24,6 +29,7 @@ class Corridors:
 
     def __init__(self, points: Points) -> None:
         self._points = points
+        self._met: tuple[float, float] | None = None  # x and |y| of a point that was in the last box
 
     @cached_property
     def _aside(self) -> Metres:
@@ -35,8 +41,28 @@ class Corridors:
         A NaN point is in none.
         """
         ahead, behind = (box.behind, box.ahead) if reverse else (box.ahead, box.behind)
-        x = self._points[:, 0]
-        within = self._aside <= box.aside
-        within &= x <= ahead
-        within &= x >= -behind
-        return not np.logical_or.reduce(within)
+        aside, rounded = box.aside, box.rounded
+        if self._met is not None:  # most boxes of a decision hold the same point
+            x, y = self._met
+            off_x, off_y = max(x - ahead, -behind - x) + rounded, y - aside + rounded
+            if max(off_x, off_y) <= rounded and (
+                min(off_x, off_y) <= 0.0 or math.hypot(off_x, off_y) <= rounded
+            ):
+                return False
+        xs = self._points[:, 0]
+        within = self._aside <= aside
+        within &= xs <= ahead
+        within &= xs >= -behind
+        if not np.logical_or.reduce(within):
+            return True
+        rows = within.nonzero()[0]
+        x_in, y_in = xs.take(rows), self._aside.take(rows)
+        # How far each lies beyond the straight parts of the sides: in a corner, if along both.
+        beyond_x = np.maximum(np.maximum(x_in - (ahead - rounded), (rounded - behind) - x_in), 0.0)
+        beyond_y = np.maximum(y_in - (aside - rounded), 0.0)
+        squares = beyond_x * beyond_x + beyond_y * beyond_y
+        row = int(squares.argmin())
+        if rounded and squares[row] > rounded * rounded:
+            return True
+        self._met = float(x_in[row]), float(y_in[row])
+        return False

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry import arc
 from robots.bridge.gate.geometry.arc import Growth, Metres, Rows
-from robots.bridge.gate.geometry.footprint import Footprint
+from robots.bridge.gate.geometry.footprint import Footprint, Spread
 from robots.bridge.gate.geometry.planar import Path, Points, chosen
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.safe_twist import STANDING_MPS, way_out
@@ -205,6 +205,8 @@ def _played(queue: Sequence[Sent], velocity: Velocity, rates: _Rates, latency_s:
 def _obey(command: Velocity, until_s: float, states: list[_State], rates: _Rates) -> None:
     """Go on with one command until a moment, in short pieces."""
     left_s = until_s - states[-1].time_s
+    if left_s <= 0.0:
+        return
     pieces = math.ceil(left_s / PIECE_S - 1e-9)
     for _ in range(pieces):
         states.append(_moved(states[-1], command, rates, left_s / pieces))
@@ -215,32 +217,29 @@ def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _S
     x, y, yaw, time_s, before = state
     after = before if before == command else _followed_up(before, command, rates, span_s)
     (vx, vy, w), (vx_after, vy_after, w_after), half = before, after, span_s / 2.0
-    forward, left, turned = half * (vx + vx_after), half * (vy + vy_after), half * (w + w_after)
+    forward, turned = half * (vx + vx_after), half * (w + w_after)
     heading = yaw + turned / 2.0
     cos, sin = math.cos(heading), math.sin(heading)
-    return _State(
-        x + cos * forward - sin * left,
-        y + sin * forward + cos * left,
-        yaw + turned,
-        time_s + span_s,
-        after,
-    )
+    x, y = x + cos * forward, y + sin * forward
+    if vy or vy_after:
+        left = half * (vy + vy_after)
+        x, y = x - sin * left, y + cos * left
+    return _State(x, y, yaw + turned, time_s + span_s, after)
 
 
 def _followed_up(before: Velocity, command: Velocity, rates: _Rates, span_s: float) -> Velocity:
     """The speeds a short span later, on their way to the commanded ones."""
-    linear_up, linear_down = rates.linear_up * span_s, rates.linear_down * span_s
+    (vx, vy, w), (vx_asked, vy_asked, w_asked) = before, command
+    linear_up, linear_down, angular_up, angular_down = rates
     return Velocity(
-        _changed(before.vx, command.vx, linear_up, linear_down),
-        _changed(before.vy, command.vy, linear_up, linear_down),
-        _changed(before.w, command.w, rates.angular_up * span_s, rates.angular_down * span_s),
+        vx if vx == vx_asked else _changed(vx, vx_asked, linear_up * span_s, linear_down * span_s),
+        vy if vy == vy_asked else _changed(vy, vy_asked, linear_up * span_s, linear_down * span_s),
+        w if w == w_asked else _changed(w, w_asked, angular_up * span_s, angular_down * span_s),
     )
 
 
 def _changed(speed: float, command: float, up: float, down: float) -> float:
     """A speed on its way to the commanded one, quicker away from zero than towards it."""
-    if speed == command:
-        return speed
     step = up if speed * command >= 0.0 and abs(command) > abs(speed) else down
     reached = speed + step if command > speed else speed - step
     return command if (command < reached) == (command > speed) else reached
@@ -325,25 +324,54 @@ def _near(
 ) -> Rows:
     """Rows of the points that the hull may come too near to; the others are farther than it moves.
 
-    Until braking begins, and from then on, each part of the hull is at most as far from there as the base goes and
-    its rim swings. With a smaller share of the candidate the base is never faster, and begins to brake nearby: in one
-    period speeds differ by no more than they can change.
+    With a smaller share of the candidate the base is never faster, and begins to brake nearby: in one period speeds
+    differ by no more than they can change, and so does its heading.
     """
     swing_m = 0.0 if footprint.turns_freely else footprint.reach(0.0)
-    until_m = max(
-        math.hypot(state.x - whole.x, state.y - whole.y) + swing_m * abs(state.yaw - whole.yaw)
-        for state in onset
-    )
-    vx, vy, w = whole.velocity
-    braking_m = (vx * vx + vy * vy) / (2.0 * rates.linear_down) + swing_m * w * w / (2.0 * rates.angular_down)
-    elsewhere_m = period_s**2 * (
-        2.0 * (rates.linear_up + rates.linear_down) + swing_m * (rates.angular_up + rates.angular_down)
-    )
+    spread = _spread(onset, whole, rates)
+    speed_up, turn_up = rates.linear_up + rates.linear_down, rates.angular_up + rates.angular_down
+    elsewhere_m = period_s**2 * (2.0 * speed_up + (swing_m + sum(spread[:4])) * turn_up)
     margin_m = footprint.sharpness * (profile.parameters.hard_margin_m + _EXACT_M)
-    gaps = footprint.gaps_from(Pose(whole.x, whole.y, whole.yaw), points)
-    reach_m = max(until_m, braking_m) + margin_m
-    near: Rows = (gaps <= reach_m + elsewhere_m).nonzero()[0]
-    return near if len(near) and gaps.take(near).min() <= reach_m else near[:0]
+    gaps = footprint.gaps_about(Pose(whole.x, whole.y, whole.yaw), spread, points, margin_m + elsewhere_m)
+    near: Rows = (gaps <= margin_m + elsewhere_m).nonzero()[0]
+    return near if len(near) and gaps.take(near).min() <= margin_m else near[:0]
+
+
+def _spread(onset: list[_State], whole: _State, rates: _Rates) -> Spread:
+    """Where the base may be before it brakes from `whole`, and while it does.
+
+    It brakes each of its speeds by itself. So it goes v^2 / 2a at most, while its heading is off by w^2 / 2 alpha at
+    most: all of it ahead, and aside no more than the sine of that.
+    """
+    (x, y, yaw, _, (vx, vy, w)), down = whole, rates.linear_down
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    turned = w * w / (2.0 * rates.angular_down)
+    aside = abs(vy) * vy / (2.0 * down)
+    onward = abs(vx) * vx / (2.0 * down)
+    if turned > math.pi / 2.0:
+        ahead = behind = left = right = abs(onward) + abs(aside)
+    else:
+        swerve = onward * math.sin(turned) * (1.0 if w > 0.0 else -1.0)
+        slip = abs(aside) * math.sin(turned)
+        ahead, behind = max(onward, 0.0) + slip, max(-onward, 0.0) + slip
+        left, right = max(swerve, 0.0) + max(aside, 0.0), max(-swerve, 0.0) + max(-aside, 0.0)
+    turned_left, turned_right = (turned, 0.0) if w > 0.0 else (0.0, turned)
+    for state in onset:
+        dx, dy, off = state[0] - x, state[1] - y, state[2] - yaw
+        forward, sideways = cos * dx + sin * dy, cos * dy - sin * dx
+        if forward > ahead:
+            ahead = forward
+        elif -forward > behind:
+            behind = -forward
+        if sideways > left:
+            left = sideways
+        elif -sideways > right:
+            right = -sideways
+        if off > turned_left:
+            turned_left = off
+        elif -off > turned_right:
+            turned_right = -off
+    return Spread(ahead, behind, left, right, turned_left, turned_right)
 
 
 def _within(points: Points, drift: Points | None, path: Path, footprint: Footprint) -> NDArray[np.intp]:

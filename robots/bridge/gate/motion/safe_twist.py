@@ -25,6 +25,7 @@ TURN_TOLERANCE_RADPS = 0.1  # a turn rate this near to the one asked for bends t
 TURN_SHARES = (1.0, 0.7, 0.4)  # tried in this order when rotation is given back
 NOTHING = 1e-6  # m/s or rad/s
 _WHOLE = 0.999
+_SURELY_NOT_WHOLE = 0.998  # far below, compared with what rounding does
 
 OBSTACLE = "obstacle"
 NEAR_MISS = "near_miss"
@@ -140,15 +141,44 @@ def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
     return limit
 
 
-def _is_whole(twist: Velocity, surroundings: Surroundings) -> bool:
-    """Return whether this twist is safe as it is."""
-    courses = arc.courses(surroundings.points, surroundings.way, (twist,))
-    if _braking_shares((twist,), courses, surroundings)[0].share <= _WHOLE:
-        return False
+def _first_whole(twists: Sequence[Velocity], surroundings: Surroundings) -> Velocity | None:
+    """Return the first of these twists, which differ in their turn, that is safe as it is; None if none is.
+
+    The point that is in the way of one turn is mostly in the way of the others, too: then no other is looked at.
+    """
+    some, others = twists[:1], twists[1:]
+    while some:
+        courses = arc.courses(surroundings.points, surroundings.way, some)
+        shares = _braking_shares(some, courses, surroundings)
+        for number, (twist, braked) in enumerate(zip(some, shares, strict=True)):
+            if braked.share > _WHOLE and _passes(twist, number, courses, surroundings):
+                return twist
+        row = shares[0].row
+        some = [twist for twist in others if row < 0 or not _is_stopped_by(row, twist, surroundings)]
+        others = ()
+    return None
+
+
+def _passes(twist: Velocity, number: int, courses: Courses, surroundings: Surroundings) -> bool:
+    """Return whether this one of the courses' twists is not slowed by what it passes."""
     passed = _passed(twist, surroundings, 1.0)
     if not len(passed):
         return True
-    return _passing_share(twist, courses.track(0, passed), passed, surroundings, 1.0).share > _WHOLE
+    track = courses.track(number, passed)
+    return _passing_share(twist, track, passed, surroundings, 1.0).share > _WHOLE
+
+
+def _is_stopped_by(row: int, twist: Velocity, surroundings: Surroundings) -> bool:
+    """Return whether this point alone surely keeps the twist from being safe as it is; False where it is close."""
+    profile, growth = surroundings.profile, surroundings.growth
+    if not isinstance(growth, float):
+        return False
+    x, y = surroundings.points[row].tolist()
+    until_s = surroundings.footprint.meets_s(
+        x, y, surroundings.way, twist, growth, profile.parameters.front_margin_m
+    )
+    share = braking.scale(until_s, profile.parameters.latency_s, braking.braking_time(twist, profile))
+    return share < _SURELY_NOT_WHOLE
 
 
 def _by_share(limit: Share) -> float:
@@ -227,8 +257,8 @@ def _give_rotation_back(wanted: Velocity, share: float, surroundings: Surroundin
         scaled = Velocity(0.0, 0.0, scaled.w)
     if wanted.w == 0.0:
         return scaled
-    candidates = (Velocity(scaled.vx, scaled.vy, turn * wanted.w) for turn in TURN_SHARES if turn > share)
-    return next((twist for twist in candidates if _is_whole(twist, surroundings)), scaled)
+    candidates = [Velocity(scaled.vx, scaled.vy, turn * wanted.w) for turn in TURN_SHARES if turn > share]
+    return _first_whole(candidates, surroundings) or scaled
 
 
 def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:

@@ -292,11 +292,11 @@ class DepthCamera:
                 if self._cells[0] is not self._seen:
                     self._cells = self._seen, self._memory.entries(self._seen)
                 counts &= ~self._spans.share_cells(remembered, self._cells[1])
-            kept = np.flatnonzero(counts)
+            kept = counts.nonzero()[0]
             hidden = NO_POINTS if self.is_fresh(now_s) else self._hidden
             known, doubts_m = joined([chosen(remembered, kept), hidden]), np.zeros(len(kept) + len(hidden))
-            hanging = np.flatnonzero(self._spans.hangs(remembered)[kept])
-            doubts_m[hanging] = self._memory.doubts_m(kept[hanging])
+            hanging = self._spans.hangs(remembered).take(kept).nonzero()[0]
+            doubts_m[hanging] = self._memory.doubts_m(kept.take(hanging))
             self._unseen = revision, known, doubts_m
         return self._unseen[1:]
 
@@ -503,7 +503,7 @@ class _Spans:
 
     def hangs(self, points: Points) -> Flags:
         """Return which remembered columns no laser can correct: it saw nothing below them."""
-        hangs: Flags = self._hung[self._memory.entries(points)] == HANGS
+        hangs: Flags = self._hung.take(self._memory.entries(points)) == HANGS
         return hangs
 
     def overrule(self, points: Points, overruled: Flags, laser: int) -> bool:
@@ -516,7 +516,7 @@ class _Spans:
 
     def is_overruled(self, points: Points) -> Flags:
         """Return which of these remembered points the newest scan of a laser overrules."""
-        overruled: Flags = self._overruled[self._memory.entries(points)] > 0
+        overruled: Flags = self._overruled.take(self._memory.entries(points)) > 0
         return overruled
 
     def pass_below(self, points: Points, free: Flags, tells: Flags) -> Flags:
@@ -535,7 +535,7 @@ class _Spans:
     def share_cells(self, points: Points, theirs: NDArray[np.intp]) -> Flags:
         """Return which of `points` lie in one of these cells."""
         self._marked[theirs] = True
-        shared: Flags = self._marked[self._memory.entries(points)]
+        shared: Flags = self._marked.take(self._memory.entries(points))
         self._marked[theirs] = False
         return shared
 

@@ -61,19 +61,21 @@ def grown(points: Points, doubts_m: NDArray[np.float64], footprint: Footprint) -
     if not len(points):
         return points
     gaps = footprint.gaps(points)
-    outside = gaps >= -INSIDE_HULL_M
-    if not outside.all():
-        points, doubts_m, gaps = points.T[:, outside].T, doubts_m[outside], gaps[outside]
+    if not gaps.min() >= -INSIDE_HULL_M:
+        outside = (gaps >= -INSIDE_HULL_M).nonzero()[0]
+        points, doubts_m, gaps = chosen(points, outside), doubts_m.take(outside), gaps.take(outside)
     doubtful = doubts_m.nonzero()[0]
     if not len(doubtful):
         return points
-    doubted = chosen(points, doubtful)
-    x, y = doubted.T
+    x, y = points.T
+    doubted_x, doubted_y = x.take(doubtful), y.take(doubtful)
     nearer_m = np.minimum(doubts_m.take(doubtful), np.maximum(gaps.take(doubtful) - KEEP_OFF_M, 0.0))
-    nearer_m /= np.maximum(np.sqrt(x * x + y * y), KEEP_OFF_M)
-    nearer: Points = points.T.copy().T
-    nearer.T[:, doubtful] = (1.0 - nearer_m) * doubted.T
-    return nearer
+    nearer_m /= np.maximum(np.sqrt(doubted_x * doubted_x + doubted_y * doubted_y), KEEP_OFF_M)
+    share = 1.0 - nearer_m
+    nearer = points.T.copy()
+    nearer[0, doubtful] = share * doubted_x
+    nearer[1, doubtful] = share * doubted_y
+    return nearer.T
 
 
 class Memory:
@@ -112,12 +114,12 @@ class Memory:
         """The remembered points, odometry frame. Rows keep their order until `revision` changes."""
         self._expire(now_s)
         if self._points is None:
-            self._points = from_columns(self._x[self._cells], self._y[self._cells])
+            self._points = from_columns(self._x.take(self._cells), self._y.take(self._cells))
         return self._points
 
     def doubts_m(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the possible error of some of `points` since they were last seen, metres."""
-        way_m = self._travelled_m + self._layer.travel_m - self._expires_m[self._cells[rows]]
+        way_m = self._travelled_m + self._layer.travel_m - self._expires_m.take(self._cells.take(rows))
         doubts_m: NDArray[np.float64] = DOUBT_SHARE * (way_m - SURE_M)  # np.clip costs more
         return np.minimum(np.maximum(doubts_m, 0.0), MOST_DOUBT_M)
 
