@@ -14,18 +14,19 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from msgspec import structs
 
 from benchmarks.world.arm import ArmShow, MovingArm
 from benchmarks.world.controllers import Controller, Fan, Ours, Ranges
+from benchmarks.world.robot import tiago_head
 from benchmarks.world.sensors import STANDARD, Sensors
 from benchmarks.world.witness import DEPTH, LASER, Look
-from robots.bridge.config import HeadSource
 from robots.bridge.drive.drive_input import velocity_of
 from robots.bridge.gate import values
 from robots.bridge.gate.sensing.depth import Transform
 from robots.bridge.gate.values import STILL, Limits, SpeedLimit, Velocity
 from robots.bridge.ros.sensors.frames import TURNING_RADPS
-from robots.bridge.tasks.head import AHEAD_TAKES_S, FOLLOW_RADPS, Head
+from robots.bridge.tasks.head import AHEAD_TAKES_S, FOLLOW_RADPS, Aim, Head
 from robots.simulator.faults import Faults
 from robots.simulator.joints.joint_table import camera_pose
 from robots.simulator.physics.base import Twist, clamp
@@ -246,8 +247,10 @@ class Loop:
         self._gap_m = math.inf
         self.trace = Trace()
         self.looks: list[Look] = []  # of sensors that worked
-        self._head = Head(HeadSource("", "", "", LOOKS_DOWN, follows_turn=case.conditions.head_pan is None))
-        self._aim = self._pan = case.conditions.head_pan or 0.0
+        self._head = Head(structs.replace(tiago_head(), follows_turn=case.conditions.head_pan is None))
+        self._pan, self._tilt = case.conditions.head_pan or 0.0, LOOKS_DOWN
+        self._aim = Aim(self._pan, self._tilt, AHEAD_TAKES_S)
+        self._turns_radps = FOLLOW_RADPS, FOLLOW_RADPS
         self._head_turns = False  # so fast that its pictures are not used
 
     def play(self) -> Trace:
@@ -290,16 +293,28 @@ class Loop:
                 self.robot.physics.place_furniture(leaving.name, *place)
 
     def _turn_head(self, now_s: float) -> None:
-        glance, radps = self.case.glance, FOLLOW_RADPS
+        glance = self.case.glance
         if glance and glance.aside_s <= now_s - STARTS_S:
-            radps = abs(glance.pan) / AHEAD_TAKES_S
             if now_s - STARTS_S < glance.ahead_s:
-                self._aim = glance.pan
+                self._aim_head(Aim(glance.pan, LOOKS_DOWN, AHEAD_TAKES_S))
             elif now_s - STARTS_S < glance.ahead_s + TICK_S:
-                self._aim = self._head.ahead(now_s).pan
-        turned = clamp(self._aim - self._pan, -radps * TICK_S, radps * TICK_S)
+                ours = self.controller if isinstance(self.controller, Ours) else None
+                self._aim_head(self._head.ahead(ours.gate.look_to(now_s) if ours else None, now_s))
+            elif onward := self._head.onward(now_s):
+                self._aim_head(onward)
+        turned, tilted = (
+            clamp(there - here, -radps * TICK_S, radps * TICK_S)
+            for there, here, radps in zip(self._aim, (self._pan, self._tilt), self._turns_radps, strict=False)
+        )
         self._pan += turned
-        self._head_turns = abs(turned) > TURNING_RADPS * TICK_S
+        self._tilt += tilted
+        self._head_turns = max(abs(turned), abs(tilted)) > TURNING_RADPS * TICK_S
+
+    def _aim_head(self, aim: Aim) -> None:
+        if aim != self._aim:
+            ways = aim.pan - self._pan, aim.tilt - self._tilt
+            self._turns_radps = abs(ways[0]) / aim.seconds, abs(ways[1]) / aim.seconds
+            self._aim = aim
 
     def _look(self, now_s: float) -> None:
         """Note contacts and distance driven."""
@@ -378,14 +393,14 @@ class Loop:
                 ),
             )
 
-    def joints(self, pan: float) -> dict[str, float]:
+    def joints(self, pan: float, tilt: float) -> dict[str, float]:
         """The upper body's joints, with the head turned so."""
-        return {**self.robot.player.positions, "head_1_joint": pan, "head_2_joint": LOOKS_DOWN}
+        return {**self.robot.player.positions, "head_1_joint": pan, "head_2_joint": tilt}
 
     def _tell_depth(self, stamp_s: float, now_s: float) -> None:
-        joints = self.joints(self._pan)
+        joints = self.joints(self._pan, self._tilt)
         self._reader.follow(self.robot.physics.snapshot())
-        self._looked(now_s, DEPTH, self._pan)
+        self._looked(now_s, DEPTH, self._pan, self._tilt)
         metres = self._camera.image(self._reader, camera_pose(joints))
         to_base = _optical_frame(joints)
         self._later(
@@ -394,8 +409,8 @@ class Loop:
             lambda at_s: self.controller.depth(stamp_s, at_s, metres, to_base),
         )
 
-    def _looked(self, now_s: float, sensor: str, reading: float) -> None:
-        self.looks.append(Look(now_s - STARTS_S, sensor, reading, self.robot.physics.snapshot()))
+    def _looked(self, now_s: float, sensor: str, reading: float, tilt: float = 0.0) -> None:
+        self.looks.append(Look(now_s - STARTS_S, sensor, reading, self.robot.physics.snapshot(), tilt))
 
     def _later(self, now_s: float, delay_s: float, event: Callable[[float], None]) -> None:
         late_s = self._slowed_s(now_s) + self._jumped_s(now_s, sensors=True)
@@ -431,7 +446,8 @@ class Loop:
             (self._command_s, next(self._numbers), lambda at_s: self._obey(said.velocity, at_s)),
         )
         if aim := self._head.follow(self._sent, now_s):
-            self._aim = aim.pan
+            self._turns_radps = FOLLOW_RADPS, FOLLOW_RADPS
+            self._aim = aim
         if len(self.trace.moments) % GAP_EVERY == 0:
             self._gap_m = self.robot.physics.clearance_m()
         self.trace.moments.append(

@@ -7,7 +7,7 @@ from functools import cache
 
 import django
 
-from robots.bridge.config import ArmSource
+from robots.bridge.config import ArmSource, HeadSource
 from robots.bridge.gate.values import GateProfile
 from robots.registry.robot_config import Effective
 
@@ -23,6 +23,14 @@ def tiago_arm() -> ArmSource:
     if arm is None:
         raise RuntimeError("the shipped profile of a TIAGo has no arm")
     return arm
+
+
+def tiago_head() -> HeadSource:
+    """Return its head."""
+    head = _config().topics.head
+    if head is None:
+        raise RuntimeError("the shipped profile of a TIAGo has no head")
+    return head
 
 
 @cache

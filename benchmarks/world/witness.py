@@ -52,6 +52,7 @@ class Look(NamedTuple):
     sensor: str
     reading: float
     snapshot: Snapshot
+    tilt: float = 0.0  # of the head, for the depth camera
 
 
 class Seen(NamedTuple):
@@ -116,7 +117,7 @@ def _in_view(loop: Loop, reader: WorldReader, look: Look, points: Floats) -> boo
     if look.sensor == LASER:
         origin, shown = _before_laser(loop, reader, points)
     elif look.sensor == DEPTH:
-        origin, shown = _before_camera(loop, reader, look.reading, points)
+        origin, shown = _before_camera(loop, reader, look, points)
     else:
         origin, shown = _before_sonar(loop, reader, look, points)
     if not len(shown):
@@ -159,8 +160,8 @@ def _before_sonar(loop: Loop, reader: WorldReader, look: Look, points: Floats) -
     return origin, points[(along > far * math.cos(mount.fov / 2.0)) & (far < heard)]
 
 
-def _before_camera(loop: Loop, reader: WorldReader, pan: float, points: Floats) -> tuple[Floats, Floats]:
-    camera = camera_pose(loop.joints(pan))
+def _before_camera(loop: Loop, reader: WorldReader, look: Look, points: Floats) -> tuple[Floats, Floats]:
+    camera = camera_pose(loop.joints(look.reading, look.tilt))
     cos, sin = math.cos(reader.pose.yaw), math.sin(reader.pose.yaw)
     to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     origin = np.array(

@@ -86,6 +86,8 @@ class OpenGate:
         self.operator_delay_s: float | None = None
         self.forgot: list[bool] = []  # calls of `forget`, each with `restarted`
 
+    def look_to(self, now_s: float) -> float | None: ...
+
     def forget(self, restarted: bool = False) -> None:
         self.forgot.append(restarted)
 

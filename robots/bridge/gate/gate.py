@@ -269,6 +269,17 @@ class Gate:
         """Return the sectors around the base without laser and sonar."""
         return self._limits.unseen(now_s)
 
+    def look_to(self, now_s: float) -> float | None:
+        """Return where the head must turn (radians, positive left) to show the nearest place that depth remembers.
+
+        None if no such place is near and ahead, or if all of them lie in the middle of a picture straight ahead.
+        """
+        if self._depth is None:
+            return None
+        obstacles = self.obstacles(now_s)
+        remembered = obstacles.points[obstacles.source == self._sources.index(self._depth.remembered)]
+        return self._depth.turn_to(remembered)
+
     def standstill(self, now_s: float) -> bool | None:
         """Return whether the robot stands by its odometry; None while the odometry is stale."""
         if not self._odometry.within(ODOMETRY_STALE_S, now_s):

@@ -1,17 +1,22 @@
 """Direction of the head: as its holder turns it, ahead on request, and, if configured, into the turn of a drive.
 
-A head that the holder has turned stays there until it is asked to look ahead again.
+A head that the holder has turned stays there until it is asked to look ahead again. On its way ahead it first looks
+down as far as it can: so the depth camera sees what is near the robot, or no longer there.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 from robots.bridge.config import HeadSource
 from robots.bridge.gate.values import Velocity
 
 AHEAD_TAKES_S = 1.5
+DOWN_S = 0.8  # two pictures of a slow camera, and their delay: they show what is free
+MIDDLE_S = 0.4
+UP_S = 0.8  # slow enough for the depth camera, see FOLLOW_RADPS
 FOLLOW_EVERY_S = 0.2
 # the head looks where the robot will be after this time: the robot can stop from any speed within it
 FOREKNOWLEDGE_S = 1.5
@@ -42,13 +47,34 @@ class Head:
         self._by_hand = False
         self._sent_s = -math.inf
         self._turned_s = -math.inf  # by hand
+        self._next: deque[tuple[float, Aim]] = deque()  # the rest of looking ahead: when, and where to
 
-    def ahead(self, now_s: float) -> Aim:
-        """Return the aim straight ahead, and down to where the floor in front of the robot is in view."""
-        self._pan, self._tilt, self._sent_s = 0.0, self._source.look_tilt, now_s + AHEAD_TAKES_S
+    def ahead(self, aside: float | None, now_s: float) -> Aim:
+        """Return the first aim of looking ahead: as far down as the head goes, and `aside` (pan in radians).
+
+        `onward` returns the next ones: slowly to the middle, and up to the floor in front of the robot.
+        """
+        lowest = min(self._source.tilt_rad[0], self._source.look_tilt)
+        pan = _within(aside or 0.0, self._source.pan_rad)
+        at_s = now_s + AHEAD_TAKES_S + DOWN_S
+        self._next.clear()
+        if pan:
+            sweeps_s = abs(pan) / FOLLOW_RADPS
+            self._next.append((at_s, Aim(0.0, lowest, sweeps_s)))
+            at_s += sweeps_s + MIDDLE_S
+        self._next.append((at_s, Aim(0.0, self._source.look_tilt, UP_S)))
+        self._pan, self._tilt, self._sent_s = pan, lowest, at_s + UP_S
         self._by_hand = False
         self._turned_s = -math.inf
-        return Aim(0.0, self._source.look_tilt, AHEAD_TAKES_S)
+        return Aim(pan, lowest, AHEAD_TAKES_S)
+
+    def onward(self, now_s: float) -> Aim | None:
+        """Return the next aim of looking ahead when it is time for it, once."""
+        if not self._next or now_s < self._next[0][0]:
+            return None
+        _, aim = self._next.popleft()
+        self._pan, self._tilt, _ = aim
+        return aim
 
     def turn(self, pan: float, tilt: float, at: tuple[float, float] | None, now_s: float) -> Aim:
         """Return the aim after turning by these angles (radians; positive: left, up), within the head's limits.
@@ -59,6 +85,7 @@ class Head:
         if at is not None and now_s - self._turned_s > ARRIVED_S:
             self._pan, self._tilt = at
         self._turned_s = now_s
+        self._next.clear()
         before = self._pan, self._tilt
         self._pan = _within(self._pan + pan, self._source.pan_rad)
         self._tilt = _within(self._tilt + tilt, self._source.tilt_rad)

@@ -356,14 +356,19 @@ class Tasks:
         return self._head.turn(pan, tilt, self._performer.head_at(), now_s)
 
     def _move_head(self, sent: Velocity, now_s: float) -> None:
-        """Move the head: straight ahead after a recorded request; else, if configured, into the turn."""
+        """Move the head: down and ahead after a recorded request; else, if configured, into the turn.
+
+        If something forbids a later part of looking ahead, the head stays down, and the gate's limit says so.
+        """
         if self._head is None:
             return
         aim = None
         if self._granted("head.look_ahead", now_s):
-            aim = self._head.ahead(now_s)
+            aim = self._head.ahead(self._gate.look_to(now_s), now_s)
         elif self._granted("head.turn", now_s):
             aim = self._turned(now_s)
+        elif (onward := self._head.onward(now_s)) is not None:
+            aim = onward if self._why_no_look(now_s) is None else None
         elif self._rules.lease.current and sent != STILL and self._why_no_look(now_s) is None:
             aim = self._head.follow(sent, now_s)
         if aim is not None:

@@ -8,7 +8,7 @@ import pytest
 from robots import wire
 from robots.bridge.config import HeadSource
 from robots.bridge.gate.values import Velocity
-from robots.bridge.tasks.head import AHEAD_TAKES_S, ARRIVED_S, FOLLOW_RAD, FOLLOW_RADPS, Head
+from robots.bridge.tasks.head import AHEAD_TAKES_S, ARRIVED_S, DOWN_S, FOLLOW_RAD, FOLLOW_RADPS, Head
 from tests.bridge.support import CONFIG, Bench, Outcome, codes, settled
 
 SOURCE = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)
@@ -48,9 +48,48 @@ def test_head_moves_when_the_request_is_recorded(bench):
     bench.sink.open.set()
     settled(bench)
     [aim] = bench.base.aims
-    assert (aim.pan, aim.tilt) == (0.0, -0.68)
+    assert (aim.pan, aim.tilt) == (0.0, SOURCE.tilt_rad[0]), "down first"
     assert answers == [None]
     assert bench.sink.records == [("head.look_ahead", {}), ("head.look_ahead", Outcome("sent"))]
+
+
+def test_a_head_that_looked_down_looks_up_to_the_floor_ahead_once(bench):
+    ask(bench)
+    settled(bench)
+    bench.pass_time(AHEAD_TAKES_S + DOWN_S - 0.1)
+    assert len(bench.base.aims) == 1
+    bench.pass_time(10.0)
+    assert [(aim.pan, aim.tilt) for aim in bench.base.aims[1:]] == [(0.0, -0.68)]
+
+
+def test_a_head_looks_to_the_place_that_is_remembered_and_sweeps_slowly_to_the_middle():
+    head = Head(SOURCE)
+    aims = [head.ahead(-0.8, 10.0)]
+    for step in range(200):
+        if aim := head.onward(10.0 + 0.05 * step):
+            aims.append(aim)
+    lowest = SOURCE.tilt_rad[0]
+    assert [aim[:2] for aim in aims] == [(-0.8, lowest), (0.0, lowest), (0.0, -0.68)]
+    assert aims[1].seconds == pytest.approx(0.8 / FOLLOW_RADPS), "so slowly that its pictures count"
+    assert Head(SOURCE).ahead(3.0, 10.0).pan == SOURCE.pan_rad[1]
+
+
+def test_a_head_that_looks_ahead_follows_no_turn_until_it_is_up():
+    head = Head(FOLLOWS)
+    head.ahead(None, 10.0)
+    assert head.follow(Velocity(0.5, 0.0, 1.0), 11.0) is None
+    head.turn(0.1, 0.0, None, 11.0)
+    assert head.onward(60.0) is None, "its holder has turned it by hand meanwhile"
+
+
+@pytest.mark.parametrize("spoil", [lambda bench: bench.core.stop("Bob", "", bench.now_s), others_play])
+def test_what_forbids_to_move_the_head_leaves_it_down(bench, spoil):
+    ask(bench)
+    settled(bench)
+    for _ in range(8):
+        spoil(bench)
+        bench.pass_time(0.5)
+    assert len(bench.base.aims) == 1
 
 
 def test_each_request_is_recorded_and_answered(bench):
@@ -224,7 +263,7 @@ def test_a_turned_head_does_not_follow_the_drive_until_asked():
     head = Head(FOLLOWS)
     head.turn(0.5, 0.0, None, 9.0)
     assert head.follow(Velocity(0.5, 0.0, 0.8), 10.0) is None
-    head.ahead(11.0)
+    head.ahead(None, 11.0)
     assert head.follow(Velocity(0.5, 0.0, 0.8), 20.0) is not None
 
 

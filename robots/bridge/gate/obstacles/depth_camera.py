@@ -65,6 +65,9 @@ MET_M = 0.03  # a beam that ends farther behind a column did not meet it
 MISSES_COUNT = 3  # a miss weighs this many times as much as a hit
 HANGS = 3  # sightings without feet; with fewer the obstacle may have moved between scan and picture
 JOINED_M = 0.12  # nearer columns belong to one thing
+NEAR_HULL_M = 0.4  # what is farther is seen when the robot comes nearer
+LENS_AHEAD_M = 0.15  # of the axis about which the head turns
+MIDDLE_RAD = 0.3  # a place this near to the middle is in the picture anyhow
 MOVED_M = 0.005  # less motion counts as standing
 MOVED_RAD = 0.01
 
@@ -260,6 +263,25 @@ class DepthCamera:
         # The chord to a place on an arc turns half as fast as the arc itself.
         room = half - math.copysign(1.0, curvature) * off
         return 2.0 * room / abs(curvature) if curvature else math.inf
+
+    def turn_to(self, places: Points) -> float | None:
+        """Return the camera's heading towards the nearest of these places (base frame); None if none is near.
+
+        Its lens turns with the head, on a circle: the place is seen from the middle of it.
+        """
+        if self._frame is None or not len(places):
+            return None
+        gaps = self.body.gaps(places)
+        near = np.flatnonzero((gaps < NEAR_HULL_M) & (places[:, 0] > 0.0))
+        if not len(near):
+            return None
+        to_base = self._frame.to_base
+        heading = math.atan2(to_base[1, 2], to_base[0, 2])
+        x = to_base[0, 3] - LENS_AHEAD_M * math.cos(heading)
+        y = to_base[1, 3] - LENS_AHEAD_M * math.sin(heading)
+        nearest = places[near[gaps[near].argmin()]]
+        turn = math.atan2(nearest[1] - y, nearest[0] - x)
+        return turn if abs(turn) > MIDDLE_RAD else None
 
     def _revision_at(self, now_s: float) -> int:
         known = (self._frames, self._scans, self._memory.revision(self._clock.now_s), self.is_fresh(now_s))
