@@ -71,6 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     gone = part.add_parser("leaving", help="what stood in the way goes away")
     gone.add_argument("kind", choices=[leaving.CROSSED, *leaving.KINDS, *leaving.GLANCED])
     gone.add_argument("--ahead", action="store_true", help="in the end the stick goes away from it")
+    gone.add_argument("--turns", action="store_true", help="in the end the robot turns around, to the place")
     minute = part.add_parser("clutter", help="a minute of adversarial stick in clutter")
     minute.add_argument(
         "--drawn", action="store_true", help="sensors, delays, brakes and wheels drawn by the seed"
@@ -100,7 +101,7 @@ def _case(asked: argparse.Namespace) -> Case:
     if asked.part == "parked":
         return parked.build(asked.thing, asked.seed)
     if asked.part == "leaving":
-        return leaving.build(asked.kind, asked.seed, ahead=asked.ahead)
+        return leaving.build(asked.kind, asked.seed, ahead=asked.ahead, turns=asked.turns)
     if asked.part == "door":
         columns, rows = asked.depth.split("x")
         return doors.build(asked.width, asked.seed, (int(columns), int(rows)), drawn=asked.drawn)

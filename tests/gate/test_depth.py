@@ -417,6 +417,61 @@ def test_points_out_of_the_picture_stay_while_the_head_turns(looker):
     assert looker.nearest_by("depth, remembered") == math.inf
 
 
+AT_ITS_FEET = -1.025  # as far down as TIAGo's head goes
+
+
+def at_a_desk(aside_m=0.0):
+    """A robot that has driven up to a desk without legs; then its head looked aside, and the desk was taken away."""
+    looker = Looker([FLOOR, ((1.6, -0.8 + aside_m, 0.70), (2.6, 0.8 + aside_m, 0.74))])
+    looker.to_base = camera(LOOK_AHEAD)
+    for x in np.arange(0.0, 1.231, 0.03):
+        looker.pose = Pose(float(x), 0.0, 0.0)
+        looker.stand(0.1)
+    looker.to_base = camera(LOOK_AHEAD, pan=1.2)
+    looker.to_base[:2, 3] = 0.025 + 0.15 * math.cos(1.2), 0.15 * math.sin(1.2)  # it turns with the head
+    looker.stand(0.3)
+    looker.boxes = [FLOOR]
+    looker.stand(0.3)
+    return looker
+
+
+def test_a_desk_close_by_that_has_gone_is_free_when_the_head_looks_down():
+    looker = at_a_desk()
+    looker.to_base = camera(LOOK_AHEAD)
+    looker.stand(3.0)
+    assert looker.nearest_by("depth, remembered") == pytest.approx(0.37, abs=0.05), "below the picture"
+    assert looker.decide(0.5).velocity.vx < 0.1
+    looker.to_base = camera(AT_ITS_FEET)
+    looker.stand(0.5)
+    assert looker.nearest_by("depth, remembered") > 0.5
+    assert looker.decide(0.5).velocity.vx == pytest.approx(0.3), "the head looks away from the way ahead"
+
+
+def test_a_desk_that_still_stands_stays_when_the_head_looks_down():
+    looker = at_a_desk()
+    looker.boxes = [FLOOR, TABLE]
+    looker.to_base = camera(AT_ITS_FEET)
+    looker.stand(3.0)
+    assert min(looker.nearest_by("depth"), looker.nearest_by("depth, remembered")) < 0.42
+    assert looker.decide(0.5).velocity.vx < 0.1
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_head_is_turned_to_the_nearest_place_that_is_remembered(side):
+    looker = at_a_desk(aside_m=side * 0.95)  # its edge begins 0.15 m beside the middle of the way
+    turn = looker.gate.look_to(looker.now_s)
+    assert math.copysign(1.0, turn) == side
+    assert 0.3 < abs(turn) < 1.4
+    looker.gate.forget()
+    assert looker.gate.look_to(looker.now_s) is None
+
+
+def test_the_head_need_not_turn_to_what_is_ahead_or_far_or_unknown(looker):
+    assert at_a_desk().gate.look_to(0.0) is None, "in the middle of the picture"
+    assert looker.gate.look_to(looker.now_s) is None, "1.6 m ahead"
+    assert Feeder(tiago_profile(has_depth=False)).gate.look_to(0.0) is None
+
+
 def test_with_a_silent_camera_only_memory_remains(looker):
     looker.stand(0.6, looks=False)
     assert looker.nearest_by("depth") == math.inf

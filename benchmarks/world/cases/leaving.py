@@ -6,7 +6,7 @@ or touched an object before, do not count.
 Behind the robot no sensor looks as high as laser and camera did before, and a sonar loses a leg that leaves its cone at
 the rim, although it still stands there. So there is no time limit for seen objects behind the robot, and objects that
 were only heard do not keep the limit in every run. Away from the object the robot must drive at once: the same cases
-are played with a stick that goes ahead in the end.
+are played with a stick that goes ahead in the end, and with one that turns around before, to the place.
 
 In `GLANCED` the head is turned aside before the object goes, so that no sensor sees the whole place, until somebody
 presses *Look ahead*: the time counts from then on.
@@ -25,6 +25,7 @@ from benchmarks.world.cases import crossing, objects
 from benchmarks.world.loop import RELEASED, Case, Driver, Glance, Leaving, Seen, Stick, Trace
 from benchmarks.world.play import loop_of, played
 from robots.bridge.gate.geometry.planar import wrapped
+from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.worlds import Chair, Person, Table
 
 GONE_M = 0.5  # from the hull
@@ -33,6 +34,11 @@ AWAY_M = 3.0
 AGAIN_S = 1.0
 DRIVES_MPS = 0.1  # or this share of what is asked
 DRIVES_SHARE = 0.3
+TURNING, AWAY = Stick(0.0, 1.0, 0.5, trying=False), Stick(1.0, 0.0, 0.5, trying=False)
+OFF_M = (
+    0.5  # so far away from the place it turns around: from there the whole place is in the camera's picture
+)
+AROUND_RAD = 0.3  # before half a turn is over: the base goes on for as long
 HELD_S = 3.0  # after what stands behind began to go, the stick rests; it goes ahead
 RESTS_S = 0.5  # later
 
@@ -60,6 +66,8 @@ GLANCED = {
     "desk pulled away, head aside": Kind("desk without legs", 0, 8.0, cold=True),
     "table pulled away, head aside": Kind("table top", 0, 8.0, cold=True),
 }
+THERE_M = 0.2
+AROUND_S = 10.0  # half a metre away, half a turn and 0.7 m back take 6 s of it
 LOOK_AHEAD_S = 5.0  # within which it drives again
 ASIDE_RAD = 1.2
 ASIDE_S, PRESSED_S = 2.0, 8.0  # before the thing begins to go, and after it
@@ -71,6 +79,7 @@ class Left(NamedTuple):
     kind: str
     seed: int
     ahead: bool = False  # the stick, in the end
+    turns: bool = False  # around before that, to see the place and drive there
 
 
 class Ahead:
@@ -85,6 +94,27 @@ class Ahead:
         if seen.time_s < self._from_s:
             return self._first.hold(seen)
         return RELEASED if seen.time_s < self._from_s + RESTS_S else self._ahead
+
+
+class Around(Ahead):
+    """Goes a little away and turns around before it goes ahead: to where it was held."""
+
+    def __init__(self, first: Driver, from_s: float, share: float) -> None:
+        super().__init__(first, from_s, share)
+        self._stood: Pose | None = None  # before that
+        self._turns = True
+
+    def hold(self, seen: Seen) -> Stick | None:
+        if seen.time_s < self._from_s + RESTS_S:
+            return super().hold(seen)
+        self._stood = self._stood or seen.pose
+        left_rad = math.pi - abs(wrapped(seen.pose.yaw - self._stood.yaw))
+        if math.hypot(seen.pose.x - self._stood.x, seen.pose.y - self._stood.y) < OFF_M and self._turns:
+            return AWAY
+        if self._turns and left_rad > AROUND_RAD:
+            return TURNING
+        self._turns = False
+        return super().hold(seen)
 
 
 class Outcome(NamedTuple):
@@ -124,24 +154,56 @@ def measure(repeats: int) -> list[Figure]:
         *figures,
         Figure(f"away from what stood behind, of {len(ends)}: longest until it drives", slowest_s, "s",
             AGAIN_S if ends else None),
+        *_turned_to(seeds),
     ]  # fmt: skip
+
+
+def _turned_to(seeds: int) -> list[Figure]:
+    """With *Turn around and look*, how long until the robot drives to where something stood behind it and was heard."""
+    figures = []
+    for kind in (kind for kind, about in KINDS.items() if about.angle == 180 and about.cold):
+        jobs = [Left(kind, seed, turns=True) for seed in range(seeds)]
+        ends = [(left, end) for left, end in played("turned", jobs, play) if end.again_s is not None]
+        longest_s = max((min(end.again_s or 0.0, PATIENCE_S) for _, end in ends), default=math.nan)
+        figures.append(
+            Figure(f"{kind}, turn around and look: longest until it drives there, of {len(ends)}", longest_s, "s",
+                AROUND_S if ends else None)
+        )  # fmt: skip
+        _name_worst(ends)
+    return figures
 
 
 def _name_worst(done: list[tuple[Left, Outcome]]) -> None:
     left, end = max(done, key=lambda pair: pair[1].again_s or 0.0, default=(None, Outcome(0.0)))
     if left is not None and (end.again_s or 0.0) > AGAIN_S:
         progress(
-            f'python -m benchmarks.world leaving "{left.kind}" {left.seed}{" --ahead" if left.ahead else ""}'
+            f'python -m benchmarks.world leaving "{left.kind}" {left.seed}{" --ahead" if left.ahead else ""}{" --turns" if left.turns else ""}'
             f"  # {end.again_s:.1f} s, {end.held_by}"
         )
 
 
 def play(left: Left) -> Outcome:
     """Play one."""
-    case = build(left.kind, left.seed, ahead=left.ahead)
+    case = build(left.kind, left.seed, ahead=left.ahead, turns=left.turns)
     trace = loop_of(case, "gate", left.seed).play()
     since_s = case.glance.ahead_s if case.glance else case.leaving.since_s if case.leaving else 0.0
-    return until_again(trace, since_s + (HELD_S + RESTS_S if left.ahead else 0.0))
+    since_s += HELD_S + RESTS_S if left.ahead or left.turns else 0.0
+    return until_there(trace, since_s) if left.turns else until_again(trace, since_s)
+
+
+def until_there(trace: Trace, since_s: float) -> Outcome:
+    """Return after how long the robot has driven `THERE_M` into the place behind where it stood at `since_s`."""
+    stood: Pose | None = None
+    text = ""
+    for moment in trace.moments:
+        if moment.time_s < since_s:
+            continue
+        stood = stood or moment.pose
+        dx, dy = moment.pose.x - stood.x, moment.pose.y - stood.y
+        if dx * math.cos(stood.yaw) + dy * math.sin(stood.yaw) < -THERE_M:
+            return Outcome(None if trace.touches else moment.time_s - since_s, text)
+        text = moment.text if moment.trying else text
+    return Outcome(None if trace.touches else math.inf, text)
 
 
 def until_again(trace: Trace, since_s: float) -> Outcome:
@@ -168,7 +230,7 @@ def until_again(trace: Trace, since_s: float) -> Outcome:
     return Outcome(math.inf, held_by) if gone_s < math.inf else Outcome(None)
 
 
-def build(kind: str, seed: int, *, ahead: bool = False) -> Case:
+def build(kind: str, seed: int, *, ahead: bool = False, turns: bool = False) -> Case:
     """Build the case. The obstacle leaves sideways, or straight away from the robot."""
     if kind == CROSSED:
         case = crossing.build(objects.SHARES[seed % 2], seed)
@@ -181,9 +243,9 @@ def build(kind: str, seed: int, *, ahead: bool = False) -> Case:
     aside = float(random.choice((-1.0, 0.0, 1.0))) * math.pi / 2.0 + float(random.uniform(-0.2, 0.2))
     heading = wrapped((0.0 if angle == 0 else math.pi) + aside)
     way = (AWAY_M * math.cos(heading), AWAY_M * math.sin(heading))
-    if ahead:
-        first, share = case.driver, objects.SHARES[seed % 2]
-        case = replace(case, driver=lambda random: Ahead(first(random), since_s + HELD_S, share))
+    if ahead or turns:
+        first, share, kind_of = case.driver, objects.SHARES[seed % 2], Around if turns else Ahead
+        case = replace(case, driver=lambda random: kind_of(first(random), since_s + HELD_S, share))
     leaving = Leaving(one.name, since_s, one.at, way, float(random.uniform(0.6, 1.2)))
     pan = math.copysign(ASIDE_RAD, float(random.uniform(-1.0, 1.0)))
     glance = Glance(since_s - ASIDE_S, pan, since_s + PRESSED_S) if kind in GLANCED else None
