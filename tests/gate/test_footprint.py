@@ -29,6 +29,11 @@ HULLS: dict[str, Footprint] = {
     "discs": Discs(REACHING),
     "box": Polygon(((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))),
 }
+RIMS = {
+    "disc": [(0.3 * math.cos(angle), 0.3 * math.sin(angle)) for angle in np.arange(0.0, 6.2, 0.3)],
+    "discs": [(-0.4, 0.0), (0.53, 0.1), (0.2, 0.22), (0.2, -0.22)],
+    "box": [(0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25)],
+}
 clouds = st.lists(points, min_size=1, max_size=12).map(np.array)
 hulls = st.sampled_from(sorted(HULLS))
 
@@ -136,6 +141,18 @@ def test_a_spread_base_is_nowhere_nearer_than_its_gaps_say(kind, at, sizes, shar
         )
         gaps = hull.gaps(placed(cloud, seen_from(ORIGIN, base)))
         assert (about <= np.maximum(gaps, 0.0) * hull.sharpness + 1e-9).all()
+        rim = placed(np.array(RIMS[kind]), base)
+        assert (hull.gaps_about(there, spread, rim, math.inf) <= 1e-9).all()
+
+
+@pytest.mark.parametrize("kind", sorted(HULLS))
+@pytest.mark.parametrize(("left", "right"), [(1.2, 0.0), (0.0, 1.2), (0.3, 0.3), (1.8, 0.0)])
+def test_on_its_way_round_a_hull_stays_within_its_gaps(kind, left, right):
+    """A corner is farthest out somewhere in the turn, not at its end."""
+    hull, spread = HULLS[kind], Spread(0.0, 0.0, 0.0, 0.0, left, right)
+    for turn in np.linspace(-right, left, 40):
+        rim = placed(np.array(RIMS[kind]), Pose(0.0, 0.0, float(turn)))
+        assert (hull.gaps_about(ORIGIN, spread, rim, math.inf) <= 1e-9).all()
 
 
 @pytest.mark.parametrize("kind", sorted(HULLS))

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.bridge.gate.geometry.footprint import footprint_of
+from robots.bridge.gate.geometry.footprint import Polygon, footprint_of
 from robots.bridge.gate.motion import braking
 from robots.bridge.gate.motion.rollout import (
     CLEAR,
@@ -135,6 +135,40 @@ def test_what_is_left_out_as_too_far_changes_no_answer(kind):
             assert roll(*arguments) == quick
         found[quick.share] += 1
     assert found[1.0] > 200 and len(found) > 3, found
+
+
+class Watched(Polygon):
+    """A box that takes note of what it is asked, and says that everything is near."""
+
+    def gaps_about(self, there, spread, points, near_m):
+        self.there, self.spread = there, spread
+        return np.full(len(points), -1.0)
+
+    def least_gaps(self, path, points, drift=None):
+        self.paths = [*getattr(self, "paths", []), path]
+        return super().least_gaps(path, points, drift)
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_the_whole_play_lies_within_the_spread_that_is_looked_at(seed):
+    random, profile = np.random.default_rng(seed), box_profile(limits=HOLONOMIC)
+    hull = Watched(profile.outline)
+
+    def any_twist():
+        return Velocity(*random.uniform(-1.0, 1.0, 2) * random.choice([0.0, 1.0]), random.uniform(-2.0, 2.0))
+
+    queue = [Sent(any_twist(), age_s) for age_s in (0.3, 0.15, 0.05)]
+    point = np.array([[3.0, 3.0]])
+    safe_share(any_twist(), queue, any_twist(), point, None, hull, profile, PERIOD_S, LATENCY_S)
+    path, there, spread = hull.paths[0], hull.there, hull.spread
+    if max(spread.turned_left, spread.turned_right) > math.pi / 2.0:
+        spread = spread._replace(turned_left=math.inf, turned_right=math.inf)
+    dx, dy, turned = path.x - there.x, path.y - there.y, path.yaw - there.yaw
+    along = math.cos(there.yaw) * dx + math.sin(there.yaw) * dy
+    aside = math.cos(there.yaw) * dy - math.sin(there.yaw) * dx
+    for off, (forth, back) in zip((along, aside, turned), (spread[:2], spread[2:4], spread[4:]), strict=True):
+        assert off.max() <= forth + 1e-9
+        assert off.min() >= -back - 1e-9
 
 
 @given(kinds, twists, queues, twists, clouds, clouds)
