@@ -176,8 +176,9 @@ def _turned_to(seeds: int) -> list[Figure]:
 def _name_worst(done: list[tuple[Left, Outcome]]) -> None:
     left, end = max(done, key=lambda pair: pair[1].again_s or 0.0, default=(None, Outcome(0.0)))
     if left is not None and (end.again_s or 0.0) > AGAIN_S:
+        more = f"{' --ahead' if left.ahead else ''}{' --turns' if left.turns else ''}"
         progress(
-            f'python -m benchmarks.world leaving "{left.kind}" {left.seed}{" --ahead" if left.ahead else ""}{" --turns" if left.turns else ""}'
+            f'python -m benchmarks.world leaving "{left.kind}" {left.seed}{more}'
             f"  # {end.again_s:.1f} s, {end.held_by}"
         )
 

@@ -335,7 +335,10 @@ def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: fl
     if not circles:
         return []
     same = isinstance(growth, float)
-    lines = _grown(edges, courses.way, growth) if same else _grown_for_each(edges, courses.way, growth)
+    if isinstance(growth, float):
+        lines = _grown(edges, courses.way, growth)
+    else:
+        lines = _grown_for_each(edges, courses.way, growth)
     number, points = lines.facing.shape[1], len(courses.line.x)
     if len(circles) == 1:
         radial, all_squares = circles[0].radial, circles[0].squares[None]
