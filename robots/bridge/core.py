@@ -579,7 +579,7 @@ class Core:
 
     def _watch(self, now_s: float) -> None:
         """Judge the velocity at which the robot drives itself; take over where the gate's promise would be broken."""
-        verdict = watch.judge(self._gate, now_s)
+        verdict = watch.judge(self._gate, self.tasks.going.commanded(now_s), now_s)
         if verdict.code == "free":
             return
         self._verdict = verdict

@@ -20,6 +20,7 @@ from benchmarks.world.robot import tiago_profile
 from benchmarks.world.witness import Contact, first_contact
 from robots.bridge.gate import watch
 from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity, Verdict
+from robots.bridge.navigation.going import LEAST_SPARE_M
 from robots.simulator.faults import Faults
 from robots.simulator.navigation.navigator import Going, Navigator, Phase
 from robots.simulator.physics import mujoco_world
@@ -77,6 +78,7 @@ class NavigationLoop(Loop):
         self._navigator = Navigator(self.robot)
         self._goals = goals
         self._held_until_s = self._goal_s = -math.inf
+        self._commanded: Velocity | None = None  # by navigation, as the bridge hears it
         self.interventions: list[str] = []
         self.arrived = 0
         self.closest_m = math.inf
@@ -91,7 +93,7 @@ class NavigationLoop(Loop):
         going = self._navigator.going
         if going is None or going.phase is not Phase.DRIVING or now_s < self._held_until_s:
             return
-        verdict = watch.judge(self._watched.gate, now_s)
+        verdict = watch.judge(self._watched.gate, self._commanded, now_s)
         if verdict.code != "free":
             self._intervene(verdict, now_s)
 
@@ -128,11 +130,14 @@ class NavigationLoop(Loop):
         self._navigator.cancel()
         if now_s - STARTS_S < WARM_UP_S:
             return
-        if not self._goals:
+        if not self._goals or watch.spare_m(gate, now_s) < LEAST_SPARE_M:  # then a person must drive it away
             self._done = True
             return
         self._goal_s = now_s
         self._navigator.go(self._goals.pop(0), now_s)
+
+    def _hear(self, commanded: Velocity | None) -> None:
+        self._commanded = commanded
 
     def _is_enough(self, going: Going, now_s: float) -> bool:
         """Return whether the next goal is due: a blind planner never notices that it is there."""
@@ -143,6 +148,8 @@ class NavigationLoop(Loop):
     def _look(self, now_s: float) -> None:
         super()._look(now_s)
         twist = self._navigator.step(now_s)
+        commanded = None if twist is None else Velocity(twist.vx, twist.vy, twist.w)
+        self._later(now_s, self._delays.odometry_s, lambda _at_s: self._hear(commanded))
         if twist is not None and self._mux.passes("nav_vel", now_s):
             self.robot.command(twist, now_s)
 

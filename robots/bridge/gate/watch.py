@@ -1,8 +1,9 @@
 """Watches a robot that drives itself: by its measured velocity, with the obstacles and the roll-out of the gate.
 
-While it may still brake clear of everything that the gate knows, it drives on. In place of a command, the measured
-velocity is played, until zeros take effect. The latency is the profile's with its spare: a measured one says how late
-commands of people take effect, and there are none here.
+While it may still brake clear of everything that the gate knows, it drives on. Two plays must be clear, until zeros
+take effect and it has braked: it keeps its measured velocity; it follows what navigation sends to the base. A robot
+that stands close to something shows by its velocity too late where it is about to go. The latency is the profile's with
+its spare: a measured one says how late commands of people take effect, and there are none here.
 
 One source counts less than for a person's command: an echo of a sonar that is remembered and no longer heard, at a
 place ahead that the laser or a fresh depth picture covers. A sonar tells the distance of an echo only, its place may be
@@ -18,29 +19,49 @@ from numpy.typing import NDArray
 
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.motion.rollout import Sent
-from robots.bridge.gate.motion.safe_twist import is_still
+from robots.bridge.gate.motion.safe_twist import is_finite, is_still
+from robots.bridge.gate.obstacles.sonar_memory import SonarMemory
 from robots.bridge.gate.timing.freshness import DEPTH_STALE_S
-from robots.bridge.gate.values import STILL, Obstacles, Verdict
+from robots.bridge.gate.values import STILL, Obstacles, Velocity, Verdict
 
 LONG_AGO_S = 10.0  # the measured velocity is in effect for longer than any latency
+ECHOES = SonarMemory.name
 AHEAD_RAD = math.radians(75.0)  # bearings from the base's middle: a sonar behind hears no place ahead of this
 
 
-def judge(gate: Gate, now_s: float) -> Verdict:
-    """Return the verdict on the measured velocity: "free", else the rule by which the robot must brake now."""
+def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
+    """Return the verdict on how the robot moves: "free", else the rule by which it must brake now.
+
+    `commanded`: what navigation sends to the base, if it does.
+    """
     moving = gate._velocity
     if fault := gate.fault(now_s):
         return Verdict(STILL, moving, fault.code, f"stopped: {fault.text}", fault.sensor)
-    if is_still(moving):
+    expected = [moving] if commanded is None or not is_finite(commanded) else [moving, commanded]
+    if all(map(is_still, expected)):
         return Verdict(moving, moving, "free", "")
     parameters = gate.profile.parameters
     profile = gate._with_latency_of(parameters.latency_s + parameters.latency_spare_s)
     obstacles = _without_old_echoes(gate, gate.obstacles(now_s), now_s)
     for hull, near in gate._hulls(obstacles):
-        rolled = gate._rolled_out(moving, [Sent(moving, LONG_AGO_S)], hull, near, profile)
-        if rolled.cause is not None:
-            return gate._restrained(moving, moving, STILL, rolled.cause)
+        for velocity in expected:
+            rolled = gate._rolled_out(velocity, [Sent(velocity, LONG_AGO_S)], hull, near, profile)
+            if rolled.cause is not None:
+                return gate._restrained(velocity, velocity, STILL, rolled.cause)
     return Verdict(moving, moving, "free", "")
+
+
+def spare_m(gate: Gate, now_s: float) -> float:
+    """Return the gap to the nearest thing that is seen or remembered; sonars do not tell where it is, and do not count.
+
+    Navigation may start towards it at any moment, and zeros take effect some centimetres later.
+    """
+    obstacles = gate.obstacles(now_s)
+    placed = np.array(
+        [kind != "sonar" and name != ECHOES for kind, name in zip(obstacles.kinds, obstacles.names)]
+    )
+    points = obstacles.points[placed[obstacles.source]] if len(obstacles.points) else obstacles.points
+    return float(gate.footprint.gaps(points).min()) if len(points) else math.inf
 
 
 def _without_old_echoes(gate: Gate, obstacles: Obstacles, now_s: float) -> Obstacles:

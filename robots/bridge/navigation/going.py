@@ -14,10 +14,11 @@ from typing import Protocol
 from robots import wire
 from robots.bridge.audit.records import Records, Requester
 from robots.bridge.config import BridgeConfig
+from robots.bridge.gate import watch
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import KNOWN_S
 from robots.bridge.gate.geometry.planar import NO_POINTS, Points
-from robots.bridge.gate.values import Pose, Velocity, Verdict
+from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.bridge.navigation.goal_map import NO_MAP, GoalMap
 from robots.bridge.navigation.hold import Hold
 from robots.bridge.navigation.localisation import Localisation, Spread
@@ -27,6 +28,8 @@ from robots.wire import Go, Refusal
 
 CONFIRMED_S = 2.0  # without a sign of the holder's client for so long, nobody may be there
 ANSWERS_S = 5.0  # navigation that is silent while the robot stands has this long to say something
+LEAST_SPARE_M = 0.03  # to anything seen, when navigation may start: zeros take effect some centimetres later
+SENDS_S = 0.5  # as long a velocity of navigation counts, as for twist_mux
 OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
 PATIENCE_S = 5.0  # from the begin of control: map and localisation may still come
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
@@ -97,6 +100,7 @@ class Going(Goals[Target]):
         self._map: GoalMap | None = None
         self._map_problem = NO_MAP
         self._at_home_s = -math.inf  # when the arm was last at home
+        self._sent, self._sent_s = STILL, -math.inf  # by navigation, and when
         self._fence: int | None = None
         self._fence_s = -math.inf  # since when this fence has control
         self._strays: dict[str, float] = {}  # goals of an earlier bridge: last cancel
@@ -122,6 +126,9 @@ class Going(Goals[Target]):
         if self._has_arm and now_s - self._at_home_s > KNOWN_S:
             text = "The robot’s arm is not at home, or where it is is not known: bring it home first."
             return Refusal("arm_away", text, "robot")
+        if (spare_m := watch.spare_m(self._gate, now_s)) < LEAST_SPARE_M:
+            text = "Something is within 3 cm of the robot: drive it away from there by the stick first."
+            return Refusal("too_close", text, "gate", {"gap_m": round(spare_m, 3), "limit_m": LEAST_SPARE_M})
         return self.refuse_place(now_s) or self._refuse_goal(goal)
 
     def refuse_place(self, now_s: float) -> Refusal | None:
@@ -231,8 +238,7 @@ class Going(Goals[Target]):
         """Follow localisation; give up what is silent; hold the base until navigation is quiet."""
         if self._source is None:
             return
-        if fence != self._fence:
-            self._fence, self._fence_s = fence, now_s
+        self.controlled(fence, now_s)
         located = self._navigator.located()
         if located is not None and self.localisation.transformed(*located, now_s) and self.drives:
             text = f"The robot’s place on its map jumped by {self.localisation.jumped_m:.1f} m."
@@ -247,6 +253,15 @@ class Going(Goals[Target]):
         if goal is not None and goal.cancel_sent_s is not None and now_s - goal.what.ending_s > OBEYS_S:
             self._end("cancelled", "", now_s)  # the hold goes on
         self.hold.tick(still, bool(self._busy(now_s)) and fence is None, now_s)
+
+    def controlled(self, fence: int | None, now_s: float) -> None:
+        """Note the fence that has control now."""
+        if fence != self._fence:
+            self._fence, self._fence_s = fence, now_s
+
+    def commanded(self, now_s: float) -> Velocity | None:
+        """Return what navigation sends to the base now; None: nothing."""
+        return self._sent if now_s - self._sent_s < SENDS_S else None
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
         """Take odometry."""
@@ -289,6 +304,7 @@ class Going(Goals[Target]):
 
     def drove(self, velocity: Velocity, now_s: float) -> None:
         """Take what navigation sends to the base."""
+        self._sent, self._sent_s = velocity, now_s
         self.hold.drove(any(abs(part) > 1e-3 for part in velocity), now_s)
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:

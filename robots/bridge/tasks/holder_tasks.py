@@ -440,6 +440,7 @@ class Tasks:
     # --- drives to a place ------------------------------------------------------------------------------
 
     def _go(self, order: wire.Go, requester: Requester, now_s: float) -> None:
+        self.going.controlled(order.fence, now_s)
         refusal = self.going.busy() or self._why_not_go(order, requester, now_s)
         if refusal is not None and not self.going.may_come(refusal, now_s):
             requester.answer(refusal)

@@ -14,9 +14,10 @@ from robots.simulator.physics.base import STILL, Twist
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import Robot
 from robots.simulator.sensors.laser import Laser, in_world
-from robots.simulator.sensors.survey import surveyed
+from robots.simulator.sensors.survey import FREE, Survey, surveyed
 
 HULL_M = 0.275
+BODY_M = 1.1  # height of the body
 PLANNED_M = 0.30  # radius of the robot in plans
 SCAN_S = 0.1
 REPLANS_S = 1.0  # pause between two plans around an obstacle that is not on the map
@@ -54,8 +55,7 @@ class Navigator:
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        survey = surveyed(robot.physics, robot.world.size, robot.body.laser.pose[2])
-        self._costs = CostMap(survey, PLANNED_M)
+        self._costs = CostMap(_known(robot), PLANNED_M)
         self._laser = Laser(
             robot.body.laser, np.random.default_rng(0)
         )  # its noise must not shift the topic's
@@ -124,6 +124,16 @@ class Navigator:
         good = np.isfinite(ranges) & (ranges < 3.0)
         angles = self._laser.angles[good] + yaw
         self._seen = np.column_stack([x + ranges[good] * np.cos(angles), y + ranges[good] * np.sin(angles)])
+
+
+def _known(robot: Robot) -> Survey:
+    """Return the map, with furniture at all heights of the body: table tops, which no laser sees.
+
+    A robot that begins under one knows the laser's map only.
+    """
+    physics, size, low_m = robot.physics, robot.world.size, robot.body.laser.pose[2]
+    known = surveyed(physics, size, low_m, BODY_M)
+    return known if (known.cells == FREE).any() else surveyed(physics, size, low_m)
 
 
 def _straight_on(goal: Pose, pose: Pose) -> Twist:

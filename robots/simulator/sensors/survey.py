@@ -29,14 +29,19 @@ class Survey(NamedTuple):
     south_m: float
 
 
-def surveyed(physics: Physics, size: tuple[float, float, float, float], height_m: float) -> Survey:
-    """Map of `size` (west, south, east, north) as a laser at this height sees it from all reachable places."""
+def surveyed(
+    physics: Physics, size: tuple[float, float, float, float], height_m: float, up_to_m: float | None = None
+) -> Survey:
+    """Map of `size` (west, south, east, north) as a laser at this height sees it from all reachable places.
+
+    With `up_to_m`: as a body between these two heights meets it.
+    """
     west, south, east, north = size
     columns = west + RESOLUTION_M * (np.arange(math.ceil((east - west) / RESOLUTION_M)) + 0.5)
     rows = south + RESOLUTION_M * (np.arange(math.ceil((north - south) / RESOLUTION_M)) + 0.5)
     x, y = np.meshgrid(columns, rows)
     solid = np.zeros(x.shape, bool)
-    for geom in _standing(physics, height_m):
+    for geom in _standing(physics, height_m, height_m if up_to_m is None else up_to_m):
         solid |= _covers(physics, geom, x, y)
     at = physics.pose
     start = np.argmin(np.abs(rows - at.y)), np.argmin(np.abs(columns - at.x))
@@ -47,11 +52,12 @@ def surveyed(physics: Physics, size: tuple[float, float, float, float], height_m
     return Survey(cells, west, south)
 
 
-def _standing(physics: Physics, height_m: float) -> list[int]:
-    """Return the fixed boxes at that height: walls and furniture, no people."""
+def _standing(physics: Physics, from_m: float, to_m: float) -> list[int]:
+    """Return the fixed boxes between these heights: walls and furniture, no people."""
     model, heights = physics.model, physics.data.geom_xpos[:, 2]
     still = (model.geom_group == OBJECT_GROUP) & (model.body_mocapid[model.geom_bodyid] < 0)
-    met = np.abs(heights - height_m) <= model.geom_size[:, 2]
+    half = model.geom_size[:, 2]
+    met = (heights - half <= to_m) & (heights + half >= from_m)
     return np.flatnonzero(still & met & (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX)).tolist()
 
 

@@ -36,7 +36,7 @@ class FreeMap:
 def bench(monkeypatch):
     bench = Bench(config=msgspec.structs.replace(CONFIG, topics=TOPICS)).online().granted()
     bench.says = Verdict(STILL, STILL, "free", "")
-    monkeypatch.setattr(watch, "judge", lambda gate, now_s: bench.says)
+    monkeypatch.setattr(watch, "judge", lambda gate, commanded, now_s: bench.says)
     bench.core.mapped(FreeMap(), bench.now_s)
     bench.going = bench.core.tasks.going
     bench.going.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)
