@@ -469,7 +469,7 @@ class Tasks:
                 self.going.deny(refusal, now_s)
             self.going.start(now_s)
             if self._head is not None and self.going.drives:
-                self._performer.aim_head(self._head.ahead(now_s))  # the gate's camera looks where it drives
+                self._performer.aim_head(self._head.forward(now_s))  # the gate's camera looks where it drives
 
     def _set_pose(self, order: wire.SetPose, requester: Requester, now_s: float) -> None:
         if refusal := self._why_not_set_pose(now_s):
