@@ -61,7 +61,7 @@ from robots.bridge.gate.obstacles.movers import MOVER, Movers
 from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
 from robots.bridge.gate.obstacles.sonar_memory import SonarMemory
 from robots.bridge.gate.obstacles.sources import Laser, Sonar, Source
-from robots.bridge.gate.sensor_limits import Fault, SpeedLimits
+from robots.bridge.gate.speed_limits import Fault, SpeedLimits
 from robots.bridge.gate.timing.freshness import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
 from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.timing.trail import Trail

@@ -58,7 +58,10 @@ def spare_m(gate: Gate, now_s: float) -> float:
     """
     obstacles = gate.obstacles(now_s)
     placed = np.array(
-        [kind != "sonar" and name != ECHOES for kind, name in zip(obstacles.kinds, obstacles.names)]
+        [
+            kind != "sonar" and name != ECHOES
+            for kind, name in zip(obstacles.kinds, obstacles.names, strict=True)
+        ]
     )
     points = obstacles.points[placed[obstacles.source]] if len(obstacles.points) else obstacles.points
     return float(gate.footprint.gaps(points).min()) if len(points) else math.inf

@@ -8,7 +8,7 @@ import { FloorOverlay } from "./floor_overlay.js";
 import { FullScreen } from "./full_screen.js";
 import { Head } from "./head.js";
 import { decodesVideo } from "./video.js";
-import { Views } from "./views.js";
+import { Views } from "./view_choice.js";
 
 const LOOK_MS = 100;
 const REPORT_MS = 200;

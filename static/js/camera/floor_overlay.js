@@ -1,8 +1,8 @@
 /** Draws the robot's way on the floor over a camera's picture, and at its edges what is near and not in it. */
 
-import { withArm } from "../drive/path.js";
+import { withArm } from "../drive/twist_geometry.js";
 import { Canvas } from "../lib/canvas.js";
-import { edgeHints, floorPath, inPicture } from "./floor_path.js";
+import { edgeHints, floorPath, inPicture } from "./floor_geometry.js";
 import { placeIn } from "./frame.js";
 
 const TIERS = ["green", "yellow", "red"];

@@ -23,12 +23,12 @@ import { MapPanel } from "../navigation/map_panel.js";
 import { Notices } from "../page/notices.js";
 import { TaskPanel } from "../tasks/task_panel.js";
 import { Choices } from "./choices.js";
-import { isHeld, isSilent, isStale, seenAt } from "./control_banner.js";
 import { ControlPanel } from "./control_panel.js";
 import { ControlRequests, isControlRequest } from "./control_requests.js";
 import { Drawers } from "./drawers.js";
 import { Hints } from "./hints.js";
 import { Panels } from "./panels.js";
+import { isHeld, isSilent, isStale, seenAt } from "./robot_words.js";
 import { StatusBar } from "./status_bar.js";
 import { StopButton } from "./stop_button.js";
 

@@ -2,8 +2,8 @@
 
 import { make, say, sayOrHide, show } from "../lib/dom.js";
 import { timeText } from "../lib/times.js";
-import { overloadText, watchdogText } from "./control_banner.js";
 import { namesOf, plain, sensorName, stickWords } from "./plain_words.js";
+import { overloadText, watchdogText } from "./robot_words.js";
 
 function sensorText({ ok, age_s: ageS, text }) {
   if (text) return text;

@@ -2,6 +2,9 @@
 
 import { Announcer } from "../lib/announce.js";
 import { mark, say, show } from "../lib/dom.js";
+import { Details, fill } from "./details.js";
+import { namesOf, plain } from "./plain_words.js";
+import { Reasons } from "./reasons.js";
 import {
   banner,
   batteryText,
@@ -10,10 +13,7 @@ import {
   limitsOf,
   stopText,
   verdictText,
-} from "./control_banner.js";
-import { Details, fill } from "./details.js";
-import { namesOf, plain } from "./plain_words.js";
-import { Reasons } from "./reasons.js";
+} from "./robot_words.js";
 import { SAID_MS } from "./stop_button.js";
 
 const LOW_BATTERY_PERCENT = 20;
@@ -37,7 +37,7 @@ export class StatusBar {
   }
 
   /**
-   * @param {object} now as `banner` of control_banner.js takes it, and:
+   * @param {object} now as `banner` of robot_words.js takes it, and:
    * @param {boolean} now.cut what is known of the robot may no longer be true
    * @param {boolean} now.mayClear this person may clear the stop
    * @param {number | null} now.delayMs page to console and back

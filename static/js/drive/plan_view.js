@@ -4,7 +4,7 @@
  */
 
 import { Canvas } from "../lib/canvas.js";
-import { arc, carried, moves, reach, spanFor } from "./path.js";
+import { arc, carried, moves, reach, spanFor } from "./twist_geometry.js";
 
 const PATH_S = 2;
 const PATH_STEPS = 24;

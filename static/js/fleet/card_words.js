@@ -1,5 +1,7 @@
 /** A robot on the fleet page and on the lab's monitor, in words. Pure. */
 
+import { minutesText } from "../control/lease.js";
+import { plain } from "../control/plain_words.js";
 import {
   batteryText,
   isSeen,
@@ -9,9 +11,7 @@ import {
   standstillText,
   unknownText,
   verdictText,
-} from "../control/control_banner.js";
-import { minutesText } from "../control/lease.js";
-import { plain } from "../control/plain_words.js";
+} from "../control/robot_words.js";
 import { shortened } from "../tasks/tasks.js";
 
 const MOVES_MPS = 0.02;

@@ -2,7 +2,7 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { connectionFact } from "../control/control_banner.js";
+import { connectionFact } from "../control/robot_words.js";
 import { StopButton } from "../control/stop_button.js";
 import { StopWords } from "../control/stop_words.js";
 import { mark, parts, say, show } from "../lib/dom.js";

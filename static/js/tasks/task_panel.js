@@ -3,7 +3,7 @@
 import { socketUrl } from "../connection/socket.js";
 import { isAtLeast } from "../control/roles.js";
 import { Forget } from "../drive/forget.js";
-import { LookAhead } from "../drive/look_ahead.js";
+import { LookAhead } from "../drive/look_ahead_button.js";
 import { TopicsTab } from "../topics/topics_tab.js";
 import { History } from "./history.js";
 import { endNotice, Motions } from "./motions.js";

@@ -132,7 +132,7 @@ class CameraTopics:
             encoded = bytes(message.data)
             form, width, height = read_header(encoded)
         else:
-            from robots.bridge.camera.encoding import jpeg, raw_image
+            from robots.bridge.camera.jpeg import jpeg, raw_image
 
             message = Image().deserialize(arrival.message._buff)
             width, height, form = message.width, message.height, "jpeg"

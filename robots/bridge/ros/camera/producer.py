@@ -20,7 +20,7 @@ from robots.bridge.ros.sensors.tf import TfTopics
 from robots.wire import CameraState, PictureFormat, TakenPicture, Variant
 
 if TYPE_CHECKING:
-    from robots.bridge.camera.video import Video
+    from robots.bridge.camera.h264 import Video
 
 STATE_S = 0.5  # between two looks at cameras that are silent
 THUMBNAIL_HZ = 1.0  # below this rate, the camera is unsubscribed between two pictures
@@ -154,13 +154,13 @@ class Producer:
         self, name: str, watched: _Watched, picture: CameraPicture, due: list[Variant], now_s: float
     ) -> None:
         """Emit the picture as video and small. The libraries are loaded here, not while a first viewer waits."""
-        from robots.bridge.camera.encoding import decoded, small
+        from robots.bridge.camera.jpeg import decoded, small
 
         try:
             image = decoded(picture.encoded, VIDEO_WIDTH)
             if "video" in due:
                 if watched.video is None:
-                    from robots.bridge.camera.video import Video
+                    from robots.bridge.camera.h264 import Video
 
                     watched.video = Video()
                 unit, is_key = watched.video.encode(image)

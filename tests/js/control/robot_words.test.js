@@ -1,4 +1,5 @@
 import { describe, expect, it } from "vitest";
+import { controlWords } from "../../../static/js/control/control_words.js";
 import {
   banner,
   connectionFact,
@@ -6,8 +7,7 @@ import {
   limitsOf,
   stopText,
   verdictText,
-} from "../../../static/js/control/control_banner.js";
-import { controlWords } from "../../../static/js/control/control_words.js";
+} from "../../../static/js/control/robot_words.js";
 import { firstShare, paceText, sharesUpTo } from "../../../static/js/drive/driving_options.js";
 
 const CLEAR = { state: "clear", by: null, reason: "", standstill_ms: null };

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { edgeHints, floorPath, inPicture } from "../../../static/js/camera/floor_path.js";
-import { withArm } from "../../../static/js/drive/path.js";
+import { edgeHints, floorPath, inPicture } from "../../../static/js/camera/floor_geometry.js";
+import { withArm } from "../../../static/js/drive/twist_geometry.js";
 
 const SQUARE = [
   [0.3, 0.2],

@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { LookAhead } from "../../../static/js/drive/look_ahead.js";
+import { LookAhead } from "../../../static/js/drive/look_ahead_button.js";
 
 describe("the Look ahead button", () => {
   let button;

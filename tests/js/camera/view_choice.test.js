@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { firstView, Views } from "../../../static/js/camera/views.js";
+import { firstView, Views } from "../../../static/js/camera/view_choice.js";
 import { parts } from "../../../static/js/lib/dom.js";
 import * as prefs from "../../../static/js/lib/prefs.js";
 import { areaElement } from "./page.js";

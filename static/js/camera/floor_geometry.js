@@ -4,7 +4,7 @@
  * the optical frame (z into the picture, x right, y down).
  */
 
-import { carried, isWithin, moves, poseAfter, swept } from "../drive/path.js";
+import { carried, isWithin, moves, poseAfter, swept } from "../drive/twist_geometry.js";
 
 const FAR_M = 4; // of the way are drawn, at whatever speed, as a parking aid does
 const MOST_TURN = Math.PI / 2; // radians

@@ -1,5 +1,11 @@
 import { describe, expect, it } from "vitest";
-import { arc, carried, poseAfter, reach, spanFor } from "../../../static/js/drive/path.js";
+import {
+  arc,
+  carried,
+  poseAfter,
+  reach,
+  spanFor,
+} from "../../../static/js/drive/twist_geometry.js";
 
 describe("the path of a constant twist", () => {
   it("is a line without turning", () => {
