@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import pytest
 import rospy
+from actionlib_msgs.msg import GoalStatus, GoalStatusArray
 from nav_msgs.msg import OccupancyGrid
 
 from robots.bridge.config import Topic
@@ -55,8 +56,12 @@ def test_a_bridge_that_dies_leaves_no_robot_that_drives_itself(ros, rosmaster, t
             traveller = Traveller(process, hand)
             traveller.go(2.0, 1.8)
             traveller.drives()
-            process.kill()
-            truth.until(lambda pose: abs(pose.twist.twist.linear.x) < 0.01)
+            with ros.listen("/move_base/status", GoalStatusArray) as statuses:
+                process.kill()
+                statuses.until(
+                    lambda message: all(one.status != GoalStatus.ACTIVE for one in message.status_list)
+                )
+            truth.until(lambda pose: abs(pose.twist.twist.linear.x) < 0.01 > abs(pose.twist.twist.angular.z))
             before = place(truth)
             rospy.sleep(2.0)  # longer than zeros follow a person's drive
             assert math.dist(before[:2], place(truth)[:2]) < 0.02
