@@ -54,7 +54,7 @@ def test_a_bridge_that_dies_leaves_no_robot_that_drives_itself(ros, rosmaster, t
             hand.take_control(1)
             hand.let_go()
             traveller = Traveller(process, hand)
-            traveller.go(2.0, 1.8)
+            traveller.go(*FAR)
             traveller.drives()
             with ros.listen("/move_base/status", GoalStatusArray) as statuses:
                 process.kill()
