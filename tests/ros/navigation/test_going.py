@@ -108,8 +108,9 @@ def test_a_lost_link_makes_it_stand(traveller, truth):
     traveller.go(*FAR)
     traveller.drives()
     traveller.hand.close()
-    truth.until(lambda pose: abs(pose.twist.twist.linear.x) < 0.01)
     until(lambda: "go.end control_lost" in traveller.process.recorded(), "the end on record")
+    truth.drain()
+    truth.until(lambda pose: abs(pose.twist.twist.linear.x) < 0.01)
 
 
 def test_goals_that_make_no_sense_are_refused_in_words(traveller):

@@ -61,6 +61,7 @@ def test_a_bridge_that_dies_leaves_no_robot_that_drives_itself(ros, rosmaster, t
                 statuses.until(
                     lambda message: all(one.status != GoalStatus.ACTIVE for one in message.status_list)
                 )
+            truth.drain()
             truth.until(lambda pose: abs(pose.twist.twist.linear.x) < 0.01 > abs(pose.twist.twist.angular.z))
             before = place(truth)
             rospy.sleep(2.0)  # longer than zeros follow a person's drive
