@@ -57,7 +57,10 @@ def sign_in_seen(request: HttpRequest) -> None:
 
     A session that was ended elsewhere while the request was under way stays ended.
     """
-    sign_in = SignIn.objects.filter(session_id=request.session.session_key)
+    key = request.session.session_key
+    if key is None:  # a program, or nobody
+        return
+    sign_in = SignIn.objects.filter(session_id=key)
     seen_at = sign_in.values_list("seen_at", flat=True).first()
     if seen_at is not None and timezone.now() - seen_at > SEEN_EVERY:
         sign_in.update(seen_at=timezone.now())

@@ -30,9 +30,11 @@ SIGNED_OUT = Refusal("signed_out", "You are signed out: sign in again.", "accoun
 
 def lease_of(robot_id: UUID) -> LeaseState | None:
     """Return the robot's lease as stored; it may have lapsed by the clock (`lease_checks.phase`)."""
-    leases = Lease.objects.filter(robot_id=robot_id, session__isnull=False)
-    lease = leases.select_related("session__user").first()
-    return None if lease is None else _lease_state(lease)
+    leases = Lease.objects.select_related("session__user")
+    try:
+        return _lease_state(leases.get(robot_id=robot_id, session__isnull=False))
+    except Lease.DoesNotExist:
+        return None
 
 
 def held_leases() -> list[tuple[UUID, LeaseState]]:

@@ -125,11 +125,12 @@ def remove_expired_tokens(now: datetime) -> None:
 
 def token_of(text: str, address: str = "") -> Token:
     """Return the token with this text, and note its use. Raises `TokenInvalid`."""
-    found = Token.objects.select_related("user").filter(digest=_digest(text)).first()
-    if found is None:
+    try:
+        found = Token.objects.select_related("user").get(digest=_digest(text))
+    except Token.DoesNotExist:
         raise TokenInvalid(
             "token_invalid", "There is no such token: it was mistyped, or ended. Make another one."
-        )
+        ) from None
     now = timezone.now()
     if found.expires_at <= now:
         raise TokenInvalid("token_expired", f"The token “{found.name}” has expired. Make another one.")

@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 
 Facts = dict[str, Any]
 
-CHUNK = 500  # rows in memory
+CHUNK = 100  # rows at once: no request of the process waits longer for them
 PAUSE = 1.0  # after each piece, times as long as the piece took: other requests of the process have half of the time
 # Excel takes a file without it for one in an old code page, and Arabic becomes rubbish; others skip it.
 BOM = "\ufeff"

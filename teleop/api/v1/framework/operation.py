@@ -82,8 +82,11 @@ class ApiView(APIView):
 
     def robot(self, slug: str) -> Robot:
         """Return one of them. Raises `Problem`: not found."""
-        found = robots_visible_to(self.person).filter(slug=slug).first()
-        if found is None or (self.token is not None and not self.token.serves(found.id)):
+        try:
+            found = robots_visible_to(self.person).get(slug=slug)
+        except Robot.DoesNotExist:
+            raise Problem(NOT_FOUND) from None
+        if self.token is not None and not self.token.serves(found.id):
             raise Problem(NOT_FOUND)
         return found
 
