@@ -35,7 +35,7 @@ END_S = 5.0
 AGAIN_S = 0.5  # until it is started again
 READY_S = 30.0  # so long a request waits for a process that is just starting
 RETRY_S = 0.05
-MOST_KEPT = 16  # idle connections to the pages process
+MOST_KEPT = 50  # idle connections to the pages process
 KEPT_S = 5.0  # less than it keeps them: a request must not meet its end
 
 # For one hop only, or set again here.

@@ -104,6 +104,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             page.get_by_text("Online").nth(len(stack.robots) - 1).wait_for()
             page.wait_for_function(EVERY_THUMBNAIL)
             page.screenshot(path=PICTURES / "fleet.png")
+            send_to_a_place(page, stack)
             look_back(page, stack)
             page.screenshot(path=PICTURES / "session.png")
             show_bookings(page, stack)
@@ -162,6 +163,27 @@ def show_bookings(page: Page, stack: Stack) -> None:
         understood.click()
     page.locator(".ec-event").first.wait_for()
     page.screenshot(path=PICTURES / "bookings.png")
+
+
+def send_to_a_place(page: Page, stack: Stack) -> None:
+    """Take the map while the robot drives to a place, then cancel."""
+    page.goto(f"{stack.url}/robots/{ROBOT}/")
+    page.get_by_role("button", name="Take control").click()
+    page.get_by_role("button", name="Release").wait_for()
+    page.get_by_role("button", name="Map", exact=True).click()
+    page.get_by_role("button", name="Go there").click()
+    box = page.locator(".map-canvas").bounding_box()
+    assert box is not None  # noqa: S101 - it is visible
+    x, y = box["x"] + 0.35 * box["width"], box["y"] + 0.58 * box["height"]  # in the hall
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 40, y, steps=4)
+    page.mouse.up()
+    page.get_by_text("Drives to a place").wait_for()
+    page.wait_for_timeout(1000.0 * SETTLED_S)
+    page.screenshot(path=PICTURES / "map.png")
+    page.get_by_role("button", name="Cancel", exact=True).click()
+    page.get_by_role("button", name="Release").click()
 
 
 def drive_towards_the_parcel(page: Page, stack: Stack) -> None:

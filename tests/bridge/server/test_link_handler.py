@@ -18,7 +18,7 @@ from robots.bridge.lease.state_store import StateStore
 from robots.bridge.link_handler import DRIVES_AT_ONCE, OTHER_ROBOT, REFUSAL_GAP_S, LinkHandler
 from robots.bridge.tasks.holder_tasks import Tasks
 from robots.bridge.topics.inspector_client import InspectorClient
-from tests.bridge.lease.test_fencing import GRANT
+from tests.bridge.lease.test_fence_store import GRANT
 from tests.bridge.support import Bench, Wire
 
 FLOOD = 2000

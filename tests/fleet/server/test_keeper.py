@@ -2,7 +2,7 @@
 
 import threading
 
-from fleet.server.command import pages  # imported through Daphne, which chooses the reactor
+from fleet.server.command import pages_process  # imported through Daphne, which chooses the reactor
 
 
 class Started:
@@ -26,9 +26,9 @@ def test_a_process_that_cannot_be_started_is_tried_again(tmp_path, monkeypatch):
         started.set()
         return Started(over)
 
-    monkeypatch.setattr(pages, "AGAIN_S", 0.0)
-    monkeypatch.setattr(pages.subprocess, "Popen", popen)
-    keeper = pages.Keeper(tmp_path, "fleet.site.asgi:application")
+    monkeypatch.setattr(pages_process, "AGAIN_S", 0.0)
+    monkeypatch.setattr(pages_process.subprocess, "Popen", popen)
+    keeper = pages_process.Keeper(tmp_path, "fleet.site.asgi:application")
     try:
         assert started.wait(10)
     finally:
