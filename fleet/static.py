@@ -32,6 +32,8 @@ class HashedStaticFiles(CompressedManifestStaticFilesStorage):  # type: ignore[m
         self, paths: MutableMapping[str, Any], dry_run: bool = False, **options: Any
     ) -> Iterator[Any]:
         """Join what pages load with what it imports, then hash all files."""
+        if dry_run:
+            return
         with tempfile.TemporaryDirectory() as directory:
             sources, joined = Path(directory, "sources"), Path(directory, "joined")
             for name, (storage, path) in paths.items():

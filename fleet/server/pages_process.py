@@ -36,7 +36,9 @@ AGAIN_S = 0.5  # until it is started again
 READY_S = 30.0  # so long a request waits for a process that is just starting
 RETRY_S = 0.05
 MOST_KEPT = 50  # idle connections to the pages process
-KEPT_S = 5.0  # less than it keeps them: a request must not meet its end
+KEPT_S = (
+    5.0  # less than it keeps them: a request seldom meets their end. Twisted repeats one that may be repeated
+)
 
 # For one hop only, or set again here.
 NOT_FORWARDED = {
@@ -163,6 +165,10 @@ class Forward:
 
     async def _answer(self, request: Any, headers: Headers, body: bytes) -> Any:
         """The answer's head. A process that is just starting is waited for."""
+        if not request.uri.startswith(
+            b"/"
+        ):  # else a part of it would name another host, with connections of its own
+            raise ValueError("The address is none.")
         until_s = time.monotonic() + READY_S
         while True:
             sent = FileBodyProducer(BytesIO(body)) if body or request.method == b"POST" else None

@@ -35,30 +35,25 @@ class OneThreadHandler(ASGIHandler):
         super().load_middleware(is_async=False)
 
     async def handle(self, scope: Any, receive: Any, send: Any) -> None:
-        """Answer, unless the client leaves before."""
+        """Answer. When the client leaves, a request that waits for its thread is dropped, and a stream ends."""
         try:
             body = await self.read_body(receive)
         except RequestAborted:
             return
         with body:
-            response = await self._on_a_thread(self._answer)(scope, body)
-            if response.streaming or isinstance(response, LongPoll):
-                await self._respond_while_there(response, receive, send)
-            else:
-                await self.send_response(response, send)
-
-    async def _respond_while_there(self, response: Any, receive: Any, send: Any) -> None:
-        """Send an answer that takes time, until the client leaves."""
-        answering = asyncio.ensure_future(self._respond(response, send))
-        leaving = asyncio.ensure_future(self.listen_for_disconnect(receive))
-        await asyncio.wait({answering, leaving}, return_when=asyncio.FIRST_COMPLETED)
-        answering.cancel()
-        leaving.cancel()
-        await asyncio.gather(answering, leaving, return_exceptions=True)
+            answering = asyncio.ensure_future(self._respond(scope, body, send))
+            leaving = asyncio.ensure_future(self.listen_for_disconnect(receive))
+            try:
+                await asyncio.wait({answering, leaving}, return_when=asyncio.FIRST_COMPLETED)
+            finally:  # also when the server ends: an export records its end
+                answering.cancel()
+                leaving.cancel()
+                await asyncio.gather(answering, leaving, return_exceptions=True)
         if not answering.cancelled():
             answering.result()
 
-    async def _respond(self, response: Any, send: Any) -> None:
+    async def _respond(self, scope: Any, body: Any, send: Any) -> None:
+        response = await self._on_a_thread(self._answer)(scope, body)
         if isinstance(response, LongPoll):
             await response.wait()
             await self._on_a_thread(_renew)(response)

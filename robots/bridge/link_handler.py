@@ -186,8 +186,7 @@ class LinkHandler:
         link.greeted = True
         link.report(wire.Status(self._core.state(now_s, [])))
         link.report(self._core.tasks.capabilities.now())
-        if (path := self._core.tasks.going.shown_path).path_cm:
-            link.report(path)
+        link.report(self._core.tasks.going.shown_path)
 
     def _refuse(self, link: Link, refused: wire.Refused, now_s: float) -> None:
         """Answer a refused message, but not thirty times a second."""

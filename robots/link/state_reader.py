@@ -1,4 +1,4 @@
-"""A robot's state for code without an event loop: REST, metrics, the fleet supervisor.
+"""A robot's state for code without an event loop: REST, metrics, housekeeping.
 
 A connection is kept for the next question: opening one takes ten times as long. It is quiet meanwhile, because a bridge
 reports by itself only after a hello.
@@ -29,10 +29,11 @@ MOST_KEPT = 2  # connections to one bridge
 class _Connection:
     """An open connection to the bridge of a robot; `figures` of its hello."""
 
-    def __init__(self, robot_id: UUID, address: LinkAddress) -> None:
+    def __init__(self, robot_id: UUID, address: LinkAddress, end_s: float) -> None:
+        self.address = address
         with ExitStack() as stack:
             self._socket = stack.enter_context(open_sync(address))
-            hello = self._socket.recv(timeout=ANSWER_S)
+            hello = self._socket.recv(timeout=max(end_s - time.monotonic(), 0.0))
             require_robot(hello, robot_id, address)
             greeting = wire.link_report(hello)
             if not isinstance(greeting, wire.BridgeHello) or greeting.protocol != wire.PROTOCOL:
@@ -51,26 +52,38 @@ class _Connection:
                 raise LinkRefused(report.refusal)
 
 
-_kept: defaultdict[tuple[UUID, LinkAddress], list[_Connection]] = defaultdict(list)
+_kept: defaultdict[UUID, list[_Connection]] = defaultdict(list)
 
 
 def state_once(robot_id: UUID, address: LinkAddress) -> State:
-    """Get the robot's current state from its bridge. Raises LinkRefused, after `ANSWER_S` at the latest."""
+    """Get the robot's current state from its bridge. Raises LinkRefused, after `ANSWER_S` and the time to connect."""
     end_s = time.monotonic() + ANSWER_S
-    kept = _kept[robot_id, address]
+    kept = _kept[robot_id]
     with _refused_in_words():
-        with suppress(IndexError):  # none is kept
-            while True:
-                with suppress(ConnectionClosed):  # the bridge has ended since
-                    return _ask_and_keep(kept.pop(), kept, end_s)
-        return _ask_and_keep(_Connection(robot_id, address), kept, end_s)
+        while (connection := _taken(kept, address)) is not None:
+            with suppress(ConnectionClosed):  # the bridge has ended since
+                return _ask_and_keep(connection, kept, end_s)
+        return _ask_and_keep(_Connection(robot_id, address, end_s), kept, end_s)
 
 
 def figures_once(robot_id: UUID, address: LinkAddress) -> tuple[BridgeFigures | None, State]:
-    """Get the bridge's counts, too (None: an old bridge), by a new connection. Raises LinkRefused."""
+    """Get the bridge's counts, too (None: it has none), by a new connection. Raises LinkRefused."""
     end_s = time.monotonic() + ANSWER_S
-    with _refused_in_words(), closing(_Connection(robot_id, address)) as connection:
+    with _refused_in_words(), closing(_Connection(robot_id, address, end_s)) as connection:
         return connection.figures, connection.ask(end_s)
+
+
+def _taken(kept: list[_Connection], address: LinkAddress) -> _Connection | None:
+    """Take one of the kept connections; those to an earlier address of the robot are closed."""
+    while kept:
+        try:
+            connection = kept.pop()
+        except IndexError:  # another thread was quicker
+            return None
+        if connection.address == address:
+            return connection
+        connection.close()
+    return None
 
 
 def _ask_and_keep(connection: _Connection, kept: list[_Connection], end_s: float) -> State:

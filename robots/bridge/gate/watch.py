@@ -2,8 +2,9 @@
 
 While it may still brake clear of everything that the gate knows, it drives on. Two plays must be clear, until zeros
 take effect and it has braked: it keeps its measured velocity; it follows what navigation sends to the base. A robot
-that stands close to something shows by its velocity too late where it is about to go. The latency is the profile's with
-its spare: a measured one says how late commands of people take effect, and there are none here.
+that stands close to something shows by its velocity too late where it is about to go. The zeros that would brake it
+take as long as commands of people were measured to take, at least the profile's latency with its spare, and longer
+while the robot's messages come late.
 
 One source counts less than for a person's command: an echo of a sonar that is remembered and no longer heard, at a
 place ahead that the laser or a fresh depth picture covers. A sonar tells the distance of an echo only, its place may be
@@ -17,6 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.bridge.gate import words
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.motion.rollout import Sent
 from robots.bridge.gate.motion.safe_twist import is_finite, is_still
@@ -24,6 +26,7 @@ from robots.bridge.gate.obstacles.sonar_memory import SonarMemory
 from robots.bridge.gate.timing.freshness import DEPTH_STALE_S
 from robots.bridge.gate.values import STILL, Obstacles, Velocity, Verdict
 
+DEPTH_LOST_S = 2.0
 LONG_AGO_S = 10.0  # the measured velocity is in effect for longer than any latency
 ECHOES = SonarMemory.name
 AHEAD_RAD = math.radians(75.0)  # bearings from the base's middle: a sonar behind hears no place ahead of this
@@ -41,7 +44,13 @@ def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
     if all(map(is_still, expected)):
         return Verdict(moving, moving, "free", "")
     parameters = gate.profile.parameters
-    profile = gate._with_latency_of(parameters.latency_s + parameters.latency_spare_s)
+    if (lost := depth_lost(gate, now_s)) is not None and math.hypot(
+        moving.vx, moving.vy
+    ) > gate.profile.blind_mps:
+        return Verdict(STILL, moving, "depth_stale", f"stopped: {lost}")
+    usual_s = parameters.latency_s + parameters.latency_spare_s
+    measured_s = gate.latency.measured_s or 0.0
+    profile = gate._with_latency_of(max(usual_s, measured_s) + gate.latency.lateness_s(now_s))
     obstacles = _without_old_echoes(gate, gate.obstacles(now_s), now_s)
     for hull, near in gate._hulls(obstacles):
         for velocity in expected:
@@ -49,6 +58,16 @@ def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
             if rolled.cause is not None:
                 return gate._restrained(velocity, velocity, STILL, rolled.cause)
     return Verdict(moving, moving, "free", "")
+
+
+def depth_lost(gate: Gate, now_s: float) -> str | None:
+    """Return in words that the depth camera is lost: silent for longer than a turn of the head hides its pictures."""
+    if not gate.profile.has_depth:
+        return None
+    age_s = None if gate._depth is None else gate._depth.freshness.age_s(now_s)
+    if age_s is None:
+        return "no picture of the depth camera has come"
+    return f"the depth camera’s picture is {words.age(age_s)} old" if age_s > DEPTH_LOST_S else None
 
 
 def spare_m(gate: Gate, now_s: float) -> float:

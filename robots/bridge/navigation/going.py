@@ -30,11 +30,12 @@ CONFIRMED_S = 2.0  # without a sign of the holder's client for so long, nobody m
 ANSWERS_S = 5.0  # navigation that is silent while the robot stands has this long to say something
 LEAST_SPARE_M = 0.03  # to anything seen, when navigation may start: zeros take effect some centimetres later
 SENDS_S = 0.5  # as long a velocity of navigation counts, as for twist_mux
+REPORTS_S = 2.0  # a report of running goals is true for so long
 OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
 PATIENCE_S = 5.0  # from the begin of control: map and localisation may still come
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # What may still come in the first seconds of control.
-_MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old"})
+_MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old", "depth_stale"})
 
 NO_NAVIGATION = Refusal(
     "no_navigation", "This robot has no navigation of its own that the console knows.", "robot"
@@ -103,7 +104,8 @@ class Going(Goals[Target]):
         self._sent, self._sent_s = STILL, -math.inf  # by navigation, and when
         self._fence: int | None = None
         self._fence_s = -math.inf  # since when this fence has control
-        self._strays: dict[str, float] = {}  # goals of an earlier bridge: last cancel
+        self._strays: dict[str, float] = {}  # goals of ours that have ended and still run: last cancel
+        self._reported_s = -math.inf  # when navigation last told which goals run
         self.last: wire.GoEnd | None = None  # how the last one ended, for pages
 
     # --- rules ----------------------------------------------------------------------------------------
@@ -126,6 +128,8 @@ class Going(Goals[Target]):
         if self._has_arm and now_s - self._at_home_s > KNOWN_S:
             text = "The robot’s arm is not at home, or where it is is not known: bring it home first."
             return Refusal("arm_away", text, "robot")
+        if (lost := watch.depth_lost(self._gate, now_s)) is not None:
+            return Refusal("depth_stale", f"The gate does not see table tops: {lost}.", "gate")
         if (spare_m := watch.spare_m(self._gate, now_s)) < LEAST_SPARE_M:
             text = "Something is within 3 cm of the robot: drive it away from there by the stick first."
             return Refusal("too_close", text, "gate", {"gap_m": round(spare_m, 3), "limit_m": LEAST_SPARE_M})
@@ -182,6 +186,11 @@ class Going(Goals[Target]):
         goal = self._current
         sent = goal is not None and goal.id is not None and goal.cancelled is None
         return goal.requester if goal is not None and sent else None
+
+    @property
+    def _ending(self) -> bool:
+        """Return whether the goal is cancelled, and navigation has not confirmed it."""
+        return self._current is not None and self._current.cancelled is not None
 
     @property
     def under_way(self) -> list[str]:
@@ -252,7 +261,10 @@ class Going(Goals[Target]):
         super().tick(now_s)
         if goal is not None and goal.cancel_sent_s is not None and now_s - goal.what.ending_s > OBEYS_S:
             self._end("cancelled", "", now_s)  # the hold goes on
-        self.hold.tick(still, bool(self._busy(now_s)) and fence is None, now_s)
+        if self.drives and self._has_arm and now_s - self._at_home_s > KNOWN_S:
+            self.end("arm_away", "Where the robot’s arm is is not known any more.", now_s)
+        runs_on = bool(self._strays) and now_s - self._reported_s < REPORTS_S
+        self.hold.tick(still, bool(self._busy(now_s)) and fence is None, runs_on or self._ending, now_s)
 
     def controlled(self, fence: int | None, now_s: float) -> None:
         """Note the fence that has control now."""
@@ -309,6 +321,7 @@ class Going(Goals[Target]):
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """Take navigation's report of active goals; goals that a killed bridge left are cancelled."""
+        self._reported_s = now_s
         current = self._current.id if self._current else None
         strays = {goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id != current}
         self._find_own(action, [goal_id for goal_id in goal_ids if goal_id not in strays], now_s)

@@ -52,14 +52,19 @@ class Hold:
         if moves:
             self._drove_s = now_s
 
-    def tick(self, still: bool | None, others_drive: bool, now_s: float) -> None:
-        """Cancel again while navigation drives; end when all is quiet, or when others use it and nobody has control."""
+    def tick(self, still: bool | None, others_drive: bool, runs_on: bool, now_s: float) -> None:
+        """Cancel again while navigation drives; end when all is quiet, or when others use it and nobody has control.
+
+        `runs_on`: navigation has not confirmed the end of the goal. It may pause, and drive on later.
+        """
         if self._goal_id is None:
             return
         if still is not True:
             self._moved_s = now_s
         drives = self._drove_s > self._since_s and now_s - self._drove_s < QUIET_S
-        if others_drive or (not drives and now_s - max(self._moved_s, self._since_s) >= QUIET_S):
+        if others_drive or (
+            not drives and not runs_on and now_s - max(self._moved_s, self._since_s) >= QUIET_S
+        ):
             self._end("released", now_s)
             return
         if drives and now_s - self._since_s > GOES_ON_S and not self.why:

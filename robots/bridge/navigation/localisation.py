@@ -12,6 +12,7 @@ import numpy as np
 from msgspec import Struct
 
 from robots import wire
+from robots.bridge.gate.gate import BEYOND_REASON
 from robots.bridge.gate.geometry.planar import ORIGIN, put, seen_from, wrapped
 from robots.bridge.gate.values import Pose
 from robots.wire import Refusal
@@ -49,6 +50,11 @@ class Spread(Struct, frozen=True):
         return math.sqrt(max(self.yaw, 0.0))
 
 
+def is_reasonable(*numbers: float) -> bool:
+    """Return whether all of them are finite, and small enough to compute with."""
+    return all(abs(number) < BEYOND_REASON for number in numbers)
+
+
 class Localisation:
     """Takes what localisation says. Times are monotonic seconds."""
 
@@ -67,7 +73,7 @@ class Localisation:
 
     def transformed(self, stamp_s: float, frame: Pose, now_s: float) -> bool:
         """Take the newest transform; one with the last stamp is no news. Return whether the robot jumped on its map."""
-        if stamp_s == self._stamp_s or not all(map(math.isfinite, frame)):
+        if stamp_s == self._stamp_s or not is_reasonable(*frame):
             return False
         before = self._frame if now_s - self._transformed_s < OLD_S else None
         self._stamp_s, self._frame = stamp_s, frame
@@ -83,8 +89,8 @@ class Localisation:
         return True
 
     def posed(self, pose: Pose, spread: Spread, now_s: float) -> None:
-        """Take a message of the pose topic; numbers that are not finite are ignored."""
-        if not all(map(math.isfinite, (*pose, spread.xx, spread.xy, spread.yy, spread.yaw))):
+        """Take a message of the pose topic; one with numbers beyond reason is ignored."""
+        if not is_reasonable(*pose, spread.xx, spread.xy, spread.yy, spread.yaw):
             return
         self._spread, self._heard_s = spread, now_s
         if self._odometry is not None and now_s - self._transformed_s > OLD_S:

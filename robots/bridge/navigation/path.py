@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.bridge.gate.gate import BEYOND_REASON
 from robots.bridge.gate.geometry.planar import NO_POINTS, Points
 from robots.bridge.gate.values import Pose
 from robots.wire import MOST_PATH
@@ -20,8 +21,8 @@ class PlannedPath:
         self._after_m: NDArray[np.float64] = np.empty(0)  # way from each place to the end
 
     def take(self, places: Points) -> None:
-        """Take a new path; one with numbers that are not finite is ignored."""
-        if not np.isfinite(places).all():
+        """Take a new path; one with numbers beyond reason is ignored."""
+        if not (np.abs(places) < BEYOND_REASON).all():
             return
         if len(places) > MOST_PATH:
             places = places[np.linspace(0, len(places) - 1, MOST_PATH).round().astype(int)]

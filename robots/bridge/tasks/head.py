@@ -76,6 +76,10 @@ class Head:
         self._turned_s = -math.inf
         return Aim(0.0, self._source.look_tilt, AHEAD_TAKES_S)
 
+    def stay(self) -> None:
+        """Drop the rest of looking ahead: who asked for it has no control any more."""
+        self._next.clear()
+
     def onward(self, now_s: float) -> Aim | None:
         """Return the next aim of looking ahead when it is time for it, once."""
         if not self._next or now_s < self._next[0][0]:
@@ -115,7 +119,7 @@ class Head:
             return self._again(now_s)
         step = FOLLOW_RADPS * FOLLOW_EVERY_S
         self._pan += min(max(wanted - self._pan, -step), step)
-        self._tilt, self._sent_s = self._source.look_tilt, now_s + AHEAD_TAKES_S
+        self._tilt, self._sent_s = self._source.look_tilt, now_s
         return Aim(self._pan, self._source.look_tilt, FOLLOW_EVERY_S)
 
     def _again(self, now_s: float) -> Aim | None:

@@ -248,6 +248,8 @@ class Tasks:
 
     def page_left(self, now_s: float) -> None:
         """Drop tasks that have not begun: their page is gone. `tick` handles running tasks."""
+        if self._head is not None:
+            self._head.stay()
         self._deny_asked(now_s, LEFT)
         self.drives_by.deny(LEFT.code, LEFT, now_s)
         self.going.deny(LEFT, now_s)
@@ -258,6 +260,8 @@ class Tasks:
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """Cancel running tasks: their owner lost control. A text being spoken is spoken to its end."""
+        if self._head is not None:
+            self._head.stay()
         self._deny_asked(now_s)
         self.drives_by.halt("control_lost", HALTED, now_s)
         self.going.end("control_lost", reason, now_s)
@@ -328,7 +332,7 @@ class Tasks:
         if self.motions.refuse(now_s):
             text = "The robot performs a motion, which may move its head."
             return Refusal("motion_running", text, "robot")
-        return None
+        return self.going.busy()
 
     def _turn_head(self, order: wire.TurnHead, requester: Requester, now_s: float) -> None:
         """Turn the head. A drag in the camera's picture is many turns: the first is recorded, and stands for all."""

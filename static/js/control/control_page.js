@@ -347,6 +347,7 @@ class ControlPage {
         this.#pending = message.stop;
         this.#seen = message.seen_at ?? this.#seen;
         this.#taskPanel.away();
+        this.#map.path = [];
         return this.#look();
     }
   }

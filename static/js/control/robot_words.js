@@ -147,6 +147,13 @@ export function banner({
     const text = sentences(state.text, isSeen(state) ? "" : lastSeen(seenAt(state)), waits());
     return { level: "warning", title: phaseTitle(state.phase), text };
   }
+  if (state.navigation_held) {
+    return {
+      level: "warning",
+      title: gettext("The robot is held"),
+      text: state.navigation_held,
+    };
+  }
   if (asksNeutral && !state.motion) {
     return {
       level: "info",

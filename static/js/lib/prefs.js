@@ -2,6 +2,7 @@
 
 const KEY = "fleet-console";
 let chosen = null;
+const unsaved = {};
 
 function tried(act) {
   try {
@@ -26,8 +27,12 @@ export function recall(name, fallback) {
 
 /** A choice that cannot be stored holds until the page closes. Choices of other scripts and tabs stay. */
 export function remember(name, value) {
-  chosen = { ...all(), ...stored(), [name]: value };
-  tried(() => localStorage.setItem(KEY, JSON.stringify(chosen)));
+  unsaved[name] = value;
+  chosen = { ...all(), ...stored(), ...unsaved };
+  tried(() => {
+    localStorage.setItem(KEY, JSON.stringify(chosen));
+    for (const saved of Object.keys(unsaved)) delete unsaved[saved];
+  });
 }
 
 /** @returns {string | null} null: nothing is kept */

@@ -59,6 +59,10 @@ export class MapView extends EventTarget {
     on("pointermove", (event) => this.#dragged(event));
     on("pointerup", (event) => this.#released(event));
     on("pointercancel", (event) => this.#dropped(event));
+    on(
+      "lostpointercapture",
+      (event) => this.#pointers.has(event.pointerId) && this.#dropped(event),
+    );
     on("keydown", (event) => this.#typed(event));
   }
 
@@ -133,6 +137,7 @@ export class MapView extends EventTarget {
   }
 
   #pressed(event) {
+    if (event.button > 0) return; // a context menu sends no robot
     this.#element.setPointerCapture?.(event.pointerId);
     this.#pointers.set(event.pointerId, this.#pixel(event));
     if (this.#chooses && this.#pointers.size === 1) {

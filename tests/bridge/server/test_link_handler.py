@@ -221,7 +221,7 @@ async def test_web_process_gets_capabilities_at_once_and_on_request(door, bench)
     door.opened(link)
     assert [type(report) for report in link.reports] == [wire.BridgeHello]
     await door.received(link, wire.encode(wire.LinkHello(wire.PROTOCOL, "web 1")))
-    assert [type(report) for report in link.reports[1:]] == [wire.Status, wire.Offers]
+    assert [type(report) for report in link.reports[1:]] == [wire.Status, wire.Offers, wire.GoPath]
     await door.received(link, wire.encode(wire.Refresh(seq=4)))
     assert link.reports[-1] == wire.Accepted("refresh", 4)
     assert bench.base.readings == 1

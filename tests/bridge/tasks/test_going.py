@@ -8,17 +8,20 @@ import numpy as np
 import pytest
 
 from robots import wire
-from robots.bridge.config import NavigationSource, Topic
+from robots.bridge.config import HeadSource, NavigationSource, Topic
 from robots.bridge.gate import watch
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.path import PlannedPath
-from robots.wire import Go, GoCancel
+from robots.wire import Go, GoCancel, LookAhead
 from tests.bridge.support import CONFIG, Bench
 
 SOURCE = NavigationSource("/move_base", "/nav_vel", "/amcl_pose", set_pose="/initialpose")
 TOPICS = msgspec.structs.replace(
-    CONFIG.topics, navigation=SOURCE, map=Topic("/map", "nav_msgs/OccupancyGrid")
+    CONFIG.topics,
+    navigation=SOURCE,
+    map=Topic("/map", "nav_msgs/OccupancyGrid"),
+    head=HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68),
 )
 GO = Go(1, 3.0, 1.0, 0.5, seq=7)
 
@@ -37,6 +40,8 @@ def bench(monkeypatch):
     bench = Bench(config=msgspec.structs.replace(CONFIG, topics=TOPICS)).online().granted()
     bench.says = Verdict(STILL, STILL, "free", "")
     monkeypatch.setattr(watch, "judge", lambda gate, commanded, now_s: bench.says)
+    bench.lost = None
+    monkeypatch.setattr(watch, "depth_lost", lambda gate, now_s: bench.lost)
     bench.core.mapped(FreeMap(), bench.now_s)
     bench.going = bench.core.tasks.going
     bench.going.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)
@@ -132,6 +137,30 @@ def test_a_cancel_is_over_even_if_navigation_reports_the_goal_for_ever(bench):
     bench.recorded()
     passed(bench, 0.2)
     assert answers == [None] and bench.base.goals[-1][0] != goal_id
+
+
+def test_the_base_is_held_while_navigation_reports_the_ended_goal(bench):
+    gone(bench)
+    assert bench.order(GoCancel(1)) is None
+    passed(bench, 6.0)  # `passed` reports it
+    assert bench.going.hold.holds
+    bench.going.running("/move_base", [], bench.now_s)
+    bench.pass_time(1.5)
+    assert not bench.going.hold.holds
+
+
+def test_no_drive_without_the_depth_camera(bench):
+    bench.lost = "its picture is 3 s old"
+    passed(bench, 6.0)  # it may still come, just after control began
+    assert bench.order(GO).code == "depth_stale"
+
+
+def test_the_head_does_not_look_elsewhere_during_a_drive(bench):
+    gone(bench)
+    answers = bench.ask(LookAhead(1))
+    bench.recorded()
+    passed(bench, 0.1)
+    assert [answer.code for answer in answers] == ["going"]
 
 
 def test_a_goal_of_an_earlier_bridge_is_cancelled_and_the_base_is_held(bench):

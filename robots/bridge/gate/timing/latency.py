@@ -139,13 +139,13 @@ class Latency:
 
         It is longer while the robot's answer takes longer, and while its messages come later than at best.
         """
-        return max(self._expected_s(now_s), min(self._waited_s(now_s), LONGEST_S)) + self._lateness_s(now_s)
+        return max(self._expected_s(now_s), min(self._waited_s(now_s), LONGEST_S)) + self.lateness_s(now_s)
 
     def worst_s(self, now_s: float) -> float:
         """Return the latency to brake with: the longest that fits the observations, at least `in_force_s`."""
         if self._answered and now_s >= self._doubtful_until_s:
             return self.in_force_s(now_s)
-        return max(LONGEST_S + self._lateness_s(now_s), self.in_force_s(now_s))
+        return max(LONGEST_S + self.lateness_s(now_s), self.in_force_s(now_s))
 
     def _waited_s(self, now_s: float) -> float:
         return max(axis.waited_s(now_s) for axis in self._axes)
@@ -154,7 +154,8 @@ class Latency:
         """Decide by the earlier behaviour."""
         return max(self._from_measurements(now_s), self._answer_s)
 
-    def _lateness_s(self, now_s: float) -> float:
+    def lateness_s(self, now_s: float) -> float:
+        """Return how much later than at best the robot's messages come now, and so zeros would reach it."""
         age_s = self._odometry.age_s(now_s)
         return max(self._later_s, age_s, BOTH_WAYS * age_s - HICCUP_S)
 

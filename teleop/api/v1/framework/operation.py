@@ -116,7 +116,7 @@ class Operation:
     examples: Sequence[OpenApiExample] = ()
 
     def __call__(self, method: View) -> View:
-        """Return the method with its door before it, documented."""
+        """Return the method behind checks of scope, body and rate, documented."""
 
         @functools.wraps(method)
         def call(view: ApiView, request: Request, *args: Any, **kwargs: Any) -> HttpResponseBase:
