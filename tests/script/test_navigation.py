@@ -78,6 +78,9 @@ async def test_a_page_sees_the_way_and_takes_over_by_its_stick(stack: Stack) -> 
         assert isinstance(answer, wire.Accepted), answer
         await driver.until(lambda: driver.path.path_cm)
         await driver.until(lambda: driver.state.going and driver.odometry.vx > 0.1)
-        await driver.hold_stick(-0.2, 0.0, until=lambda: driver.state.going_ended)
-        assert driver.state.going_ended.outcome == "replaced"
+        await driver.hold_stick(
+            -0.2,
+            0.0,
+            until=lambda: driver.state.going_ended and driver.state.going_ended.outcome == "replaced",
+        )
         await driver.until(lambda: not driver.path.path_cm)

@@ -61,10 +61,13 @@ def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
 
 
 def depth_lost(gate: Gate, now_s: float) -> str | None:
-    """Return in words that the depth camera is lost: silent for longer than a turn of the head hides its pictures."""
-    if not gate.profile.has_depth:
+    """Return in words that the depth camera is lost: silent for longer than a turn of the head hides its pictures.
+
+    None also for a robot whose profile uses none.
+    """
+    if gate._depth is None:
         return None
-    age_s = None if gate._depth is None else gate._depth.freshness.age_s(now_s)
+    age_s = gate._depth.freshness.age_s(now_s)
     if age_s is None:
         return "no picture of the depth camera has come"
     return f"the depth camera’s picture is {words.age(age_s)} old" if age_s > DEPTH_LOST_S else None

@@ -32,6 +32,7 @@ LEAST_SPARE_M = 0.03  # to anything seen, when navigation may start: zeros take 
 SENDS_S = 0.5  # as long a velocity of navigation counts, as for twist_mux
 REPORTS_S = 2.0  # a report of running goals is true for so long
 OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
+STANDS_S = 2.0  # from the end of a drive until the robot stands
 PATIENCE_S = 5.0  # from the begin of control: map and localisation may still come
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # What may still come in the first seconds of control.
@@ -102,6 +103,7 @@ class Going(Goals[Target]):
         self._map_problem = NO_MAP
         self._at_home_s = -math.inf  # when the arm was last at home
         self._sent, self._sent_s = STILL, -math.inf  # by navigation, and when
+        self._ended_s = -math.inf  # when the last drive ended
         self._fence: int | None = None
         self._fence_s = -math.inf  # since when this fence has control
         self._strays: dict[str, float] = {}  # goals of ours that have ended and still run: last cancel
@@ -151,7 +153,9 @@ class Going(Goals[Target]):
         return Refusal("going", text, "robot", {"who": who})
 
     def may_come(self, refusal: Refusal, now_s: float) -> bool:
-        """Return whether the cause of this refusal may end by itself: control has just begun."""
+        """Return whether the refusal's cause may end by itself: control has just begun, or a drive just ended."""
+        if refusal.code == "base_moving":
+            return now_s - self._ended_s < STANDS_S
         return refusal.code in _MAY_COME and now_s - self._fence_s < PATIENCE_S
 
     # --- a goal ---------------------------------------------------------------------------------------
@@ -391,6 +395,7 @@ class Going(Goals[Target]):
 
     def _record(self, goal: Goal[Target], outcome: str, text: str, now_s: float) -> None:
         if goal.id is not None:
+            self._ended_s = now_s
             self.hold.begin(goal.id, now_s)
         figures: dict[str, str | float | None] = {
             "duration_s": round(now_s - goal.since_s, 2),

@@ -49,6 +49,8 @@ WHO = ("staff", "supervisor", "teacher", "operator", "observer", "stranger", "no
 AWAY = {
     "waiting_join",
     "events",
+    "map_read",  # of a bridge
+    "map_picture",
     *(name for name, row in TABLE.items() if row.ends in (NO_LEASE, NO_PROGRAMS)),
 }
 BOOKINGS = {name for name in TABLE if name.startswith("bookings_")}  # whose version is that of a new one
