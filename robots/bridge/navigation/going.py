@@ -267,7 +267,7 @@ class Going(Goals[Target]):
             self._end("cancelled", "", now_s)  # the hold goes on
         if self.drives and self._has_arm and now_s - self._at_home_s > KNOWN_S:
             self.end("arm_away", "Where the robot’s arm is is not known any more.", now_s)
-        runs_on = bool(self._strays) and now_s - self._reported_s < REPORTS_S
+        runs_on = self.hold.goal_id in self._strays and now_s - self._reported_s < REPORTS_S
         self.hold.tick(still, bool(self._busy(now_s)) and fence is None, runs_on or self._ending, now_s)
 
     def controlled(self, fence: int | None, now_s: float) -> None:

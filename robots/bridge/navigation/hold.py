@@ -14,6 +14,7 @@ from robots.bridge.audit.records import Records
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 
 QUIET_S = 1.0  # without a velocity of navigation, and at standstill: then the hold ends
+RUNS_ON_S = 30.0  # a goal that is reported for longer is forgotten, not driven to
 GOES_ON_S = 1.5  # navigation that still drives so long after a cancel does not obey
 UNHEARD = "The robot’s navigation drives on though its goal has ended: the bridge holds the base."
 
@@ -24,7 +25,7 @@ class Hold:
     def __init__(self, records: Records, cancel: Callable[[str], None]) -> None:
         self._records = records
         self._cancel = cancel
-        self._goal_id: str | None = None
+        self.goal_id: str | None = None  # of the goal that has ended
         self._since_s = -math.inf
         self._drove_s = -math.inf  # when navigation last sent a velocity that is not zero
         self._moved_s = -math.inf  # when the base last moved, or its motion was unknown
@@ -35,17 +36,17 @@ class Hold:
     @property
     def holds(self) -> bool:
         """Return whether the bridge must keep the base."""
-        return self._goal_id is not None
+        return self.goal_id is not None
 
     def begin(self, goal_id: str, now_s: float) -> None:
         """Hold from now on: this goal has ended, or is cancelled."""
-        if self._goal_id is None:
+        if self.goal_id is None:
             self._since_s = now_s
-        self._goal_id, self._moved_s, self._cancelled_s = goal_id, now_s, now_s
+        self.goal_id, self._moved_s, self._cancelled_s = goal_id, now_s, now_s
 
     def drop(self) -> None:
         """End it: navigation drives to a new goal."""
-        self._goal_id = None
+        self.goal_id = None
 
     def drove(self, moves: bool, now_s: float) -> None:
         """Take a velocity that navigation sent."""
@@ -57,10 +58,11 @@ class Hold:
 
         `runs_on`: navigation has not confirmed the end of the goal. It may pause, and drive on later.
         """
-        if self._goal_id is None:
+        if self.goal_id is None:
             return
         if still is not True:
             self._moved_s = now_s
+        runs_on = runs_on and now_s - self._since_s < RUNS_ON_S
         drives = self._drove_s > self._since_s and now_s - self._drove_s < QUIET_S
         if others_drive or (
             not drives and not runs_on and now_s - max(self._moved_s, self._since_s) >= QUIET_S
@@ -69,17 +71,17 @@ class Hold:
             return
         if drives and now_s - self._since_s > GOES_ON_S and not self.why:
             self.why = UNHEARD
-            what = {"goal": self._goal_id, "text": UNHEARD}
+            what = {"goal": self.goal_id, "text": UNHEARD}
             self._record = self._records.keep(
                 lambda: self._records.sink.request(None, "go.hold", what), now_s
             )
         if self.why and now_s - self._cancelled_s >= CANCEL_AGAIN_S:
             self._cancelled_s = now_s
-            self._cancel(self._goal_id)
+            self._cancel(self.goal_id)
 
     def _end(self, outcome: str, now_s: float) -> None:
         record, self._record = self._record, None
-        self._goal_id, self.why = None, ""
+        self.goal_id, self.why = None, ""
         if record is not None:
             self._records.keep(
                 lambda: self._records.sink.outcome(record.result(), None, "go.hold", outcome, {}),

@@ -50,6 +50,9 @@ class MoveBaseServer:
                 self._cancel(handle, "")
             elif not self._robot.faults.navigation_silent:  # a goal of which nothing is left but its status
                 handle.set_canceled(MoveBaseResult(), "")
+        if self._going is None and self._navigator.going and not self._robot.faults.navigation_goes_on:
+            self._navigator.cancel()  # the fault is over: a robot without a goal stands
+            self._drive(BaseTwist())
         twist = self._navigator.step(now)
         if twist is not None:
             self._drive(twist)
