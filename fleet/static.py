@@ -16,7 +16,7 @@ from django.core.exceptions import ImproperlyConfigured
 from django.core.files.storage import FileSystemStorage
 from whitenoise.storage import CompressedManifestStaticFilesStorage
 
-# What templates load, as they write it, and our modules and style sheets among it.
+# The files that templates load, as templates write them; then our own modules and style sheets among them.
 _LOADED = re.compile(r"{% static '([^']+)' %}")
 _JOINED = re.compile(r"""(?:type="module" src|rel="stylesheet" href)="{% static '((?:js|css)/[^']+)' %}">""")
 

@@ -214,7 +214,7 @@ def loop_of(seed: int, *, blind: bool = False) -> NavigationLoop:
 
 
 class _Nobody:
-    """Nobody holds the stick."""
+    """A stick at rest: navigation drives."""
 
     def hold(self, _seen: object) -> None:
         return None

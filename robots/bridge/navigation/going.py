@@ -35,7 +35,7 @@ OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
 STANDS_S = 2.0  # from the end of a drive until the robot stands
 PATIENCE_S = 5.0  # from the begin of control: map and localisation may still come
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
-# What may still come in the first seconds of control.
+# Refusals whose cause may end by itself in the first seconds of control.
 _MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old", "depth_stale"})
 
 NO_NAVIGATION = Refusal(
