@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -10,6 +11,8 @@ import numpy as np
 
 from robots.bridge.gate.geometry.arc import Metres
 from robots.bridge.gate.geometry.planar import Points
+
+GUESSES = 3  # a decision tries three boxes
 
 
 class Box(NamedTuple):
@@ -25,11 +28,24 @@ class Box(NamedTuple):
 
 
 class Corridors:
-    """The points (base frame) along all ways straight ahead and back. Most decisions ask for no more than one box."""
+    """The points (base frame) along all ways straight ahead and back. Most decisions ask for no more than one box.
 
-    def __init__(self, points: Points) -> None:
+    `guesses`: rows that were in boxes of earlier points. They are tried first, since most boxes hold the same point.
+    A wrong guess costs time only.
+    """
+
+    def __init__(self, points: Points, guesses: Sequence[int] = ()) -> None:
         self._points = points
-        self._met: tuple[float, float] | None = None  # x and |y| of a point that was in the last box
+        self._tried = [self._at(row) for row in guesses if row < len(points)]
+
+    @property
+    def met(self) -> list[int]:
+        """Rows of points that were in boxes, the newest first."""
+        return [row for row, _, _ in self._tried]
+
+    def _at(self, row: int) -> tuple[int, float, float]:
+        x, y = self._points[row].tolist()
+        return row, x, abs(y)
 
     @cached_property
     def _aside(self) -> Metres:
@@ -42,11 +58,12 @@ class Corridors:
         """
         ahead, behind = (box.behind, box.ahead) if reverse else (box.ahead, box.behind)
         aside, rounded = box.aside, box.rounded
-        if self._met is not None:  # most boxes of a decision hold the same point
-            x, y = self._met
+        for _, x, y in self._tried:
             off_x, off_y = max(x - ahead, -behind - x) + rounded, y - aside + rounded
-            if max(off_x, off_y) <= rounded and (
-                min(off_x, off_y) <= 0.0 or math.hypot(off_x, off_y) <= rounded
+            if (
+                off_x <= rounded
+                and off_y <= rounded
+                and (off_x <= 0.0 or off_y <= 0.0 or math.hypot(off_x, off_y) <= rounded)
             ):
                 return False
         xs = self._points[:, 0]
@@ -64,5 +81,5 @@ class Corridors:
         row = int(squares.argmin())
         if rounded and squares[row] > rounded * rounded:
             return True
-        self._met = float(x_in[row]), float(y_in[row])
+        self._tried = [self._at(int(rows[row])), *self._tried[: GUESSES - 1]]
         return False

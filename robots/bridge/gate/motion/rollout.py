@@ -130,7 +130,7 @@ def safe_share(
     drift = None if drift is None else drift[met]
     margins = _margins(len(met), drift, profile)
     spare = footprint.least_gaps(first, points, drift)[0] - margins
-    if spare.min() >= 0.0:
+    if np.minimum.reduce(spare) >= 0.0:
         return CLEAR
     worst = int(met[spare.argmin()])
     onward = [whole, *(_moved(onset[-1], candidate.scaled(share), rates, period_s) for share in SHARES[1:])]
@@ -195,8 +195,7 @@ def _played(queue: Sequence[Sent], velocity: Velocity, rates: _Rates, latency_s:
     states = [_State(0.0, 0.0, 0.0, 0.0, velocity)]
     obeyed = velocity
     for sent in queue:
-        effective_s = max(latency_s - sent.age_s, 0.0)
-        _obey(obeyed, effective_s, states, rates)
+        _obey(obeyed, max(latency_s - sent.age_s, 0.0), states, rates)
         obeyed = sent.velocity
     _obey(obeyed, latency_s, states, rates)
     return states
@@ -204,12 +203,14 @@ def _played(queue: Sequence[Sent], velocity: Velocity, rates: _Rates, latency_s:
 
 def _obey(command: Velocity, until_s: float, states: list[_State], rates: _Rates) -> None:
     """Go on with one command until a moment, in short pieces."""
-    left_s = until_s - states[-1].time_s
+    state = states[-1]
+    left_s = until_s - state.time_s
     if left_s <= 0.0:
         return
     pieces = math.ceil(left_s / PIECE_S - 1e-9)
     for _ in range(pieces):
-        states.append(_moved(states[-1], command, rates, left_s / pieces))
+        state = _moved(state, command, rates, left_s / pieces)
+        states.append(state)
 
 
 def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _State:
@@ -220,10 +221,12 @@ def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _S
     forward, turned = half * (vx + vx_after), half * (w + w_after)
     heading = yaw + turned / 2.0
     cos, sin = math.cos(heading), math.sin(heading)
-    x, y = x + cos * forward, y + sin * forward
+    x += cos * forward
+    y += sin * forward
     if vy or vy_after:
         left = half * (vy + vy_after)
-        x, y = x - sin * left, y + cos * left
+        x -= sin * left
+        y += cos * left
     return _State(x, y, yaw + turned, time_s + span_s, after)
 
 
@@ -232,17 +235,19 @@ def _followed_up(before: Velocity, command: Velocity, rates: _Rates, span_s: flo
     (vx, vy, w), (vx_asked, vy_asked, w_asked) = before, command
     linear_up, linear_down, angular_up, angular_down = rates
     return Velocity(
-        vx if vx == vx_asked else _changed(vx, vx_asked, linear_up * span_s, linear_down * span_s),
+        _changed(vx, vx_asked, linear_up * span_s, linear_down * span_s),
         vy if vy == vy_asked else _changed(vy, vy_asked, linear_up * span_s, linear_down * span_s),
-        w if w == w_asked else _changed(w, w_asked, angular_up * span_s, angular_down * span_s),
+        _changed(w, w_asked, angular_up * span_s, angular_down * span_s),
     )
 
 
 def _changed(speed: float, command: float, up: float, down: float) -> float:
     """A speed on its way to the commanded one, quicker away from zero than towards it."""
-    step = up if speed * command >= 0.0 and abs(command) > abs(speed) else down
-    reached = speed + step if command > speed else speed - step
-    return command if (command < reached) == (command > speed) else reached
+    if command > speed:
+        reached = speed + (up if speed >= 0.0 else down)
+        return reached if reached < command else command
+    reached = speed - (up if speed <= 0.0 else down)
+    return reached if reached > command else command
 
 
 def _stopped(
@@ -334,7 +339,7 @@ def _near(
     margin_m = footprint.sharpness * (profile.parameters.hard_margin_m + _EXACT_M)
     gaps = footprint.gaps_about(Pose(whole.x, whole.y, whole.yaw), spread, points, margin_m + elsewhere_m)
     near: Rows = (gaps <= margin_m + elsewhere_m).nonzero()[0]
-    return near if len(near) and gaps.take(near).min() <= margin_m else near[:0]
+    return near if len(near) and np.minimum.reduce(gaps.take(near)) <= margin_m else near[:0]
 
 
 def _spread(onset: list[_State], whole: _State, rates: _Rates) -> Spread:

@@ -109,7 +109,7 @@ def restrain(
             row = limit.row
             point = float(some[row, 0]), float(some[row, 1])
             cause = Cause(limit.rule, point, float(gaps[row]), int(source[near[row]]))
-            return Restraint(_give_rotation_back(wanted, limit.share, surroundings), cause)
+            return Restraint(_give_rotation_back(wanted, limit, surroundings), cause)
     return Restraint(wanted)
 
 
@@ -120,8 +120,8 @@ def way_out(gaps: Metres, lateral_margin_m: float, demanded_share: float) -> Gro
     does not shrink below the hull itself, except for points that are inside already: only then it is not the same
     for all points, but each has its own.
     """
-    narrowest = gaps.min(initial=math.inf)
-    least = min(float(min(narrowest, demanded_share * narrowest) - WAY_OUT_M), lateral_margin_m)
+    narrowest = float(np.minimum.reduce(gaps, initial=math.inf))
+    least = min(narrowest - WAY_OUT_M, demanded_share * narrowest - WAY_OUT_M, lateral_margin_m)
     if least >= 0.0:
         return least
     return np.minimum(np.minimum(gaps, demanded_share * gaps) - WAY_OUT_M, 0.0)
@@ -141,21 +141,23 @@ def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
     return limit
 
 
-def _first_whole(twists: Sequence[Velocity], surroundings: Surroundings) -> Velocity | None:
+def _first_whole(twists: Sequence[Velocity], row: int, surroundings: Surroundings) -> Velocity | None:
     """Return the first of these twists, which differ in their turn, that is safe as it is; None if none is.
 
-    The point that is in the way of one turn is mostly in the way of the others, too: then no other is looked at.
+    The point that is in the way of one turn is mostly in the way of the others, too, which costs little to find out.
+    `row` is the point in the way of the whole twist.
     """
-    some, others = twists[:1], twists[1:]
-    while some:
-        courses = arc.courses(surroundings.points, surroundings.way, some)
-        shares = _braking_shares(some, courses, surroundings)
-        for number, (twist, braked) in enumerate(zip(some, shares, strict=True)):
-            if braked.share > _WHOLE and _passes(twist, number, courses, surroundings):
-                return twist
-        row = shares[0].row
-        some = [twist for twist in others if row < 0 or not _is_stopped_by(row, twist, surroundings)]
-        others = ()
+    left = [twist for twist in twists if not _is_stopped_by(row, twist, surroundings)]
+    while left:
+        twist, others = left[0], left[1:]
+        courses = arc.courses(surroundings.points, surroundings.way, [twist])
+        (braked,) = _braking_shares([twist], courses, surroundings)
+        if braked.share > _WHOLE and _passes(twist, 0, courses, surroundings):
+            return twist
+        row = braked.row
+        left = (
+            others if row < 0 else [twist for twist in others if not _is_stopped_by(row, twist, surroundings)]
+        )
     return None
 
 
@@ -247,18 +249,20 @@ def _passing_share(
     return Share(share, NEAR_MISS, int(rows[slowest])) if share < 1.0 else FREE
 
 
-def _give_rotation_back(wanted: Velocity, share: float, surroundings: Surroundings) -> Velocity:
+def _give_rotation_back(wanted: Velocity, limit: Share, surroundings: Surroundings) -> Velocity:
     """The scaled twist with the largest safe part of the wanted turn (method 5).
 
     So, nose at the wall and the stick held diagonally, the robot still turns.
     """
-    scaled = wanted.scaled(share)
+    scaled = wanted.scaled(limit.share)
     if arc.speed(scaled) < STANDING_MPS:
         scaled = Velocity(0.0, 0.0, scaled.w)
     if wanted.w == 0.0:
         return scaled
-    candidates = [Velocity(scaled.vx, scaled.vy, turn * wanted.w) for turn in TURN_SHARES if turn > share]
-    return _first_whole(candidates, surroundings) or scaled
+    candidates = [
+        Velocity(scaled.vx, scaled.vy, turn * wanted.w) for turn in TURN_SHARES if turn > limit.share
+    ]
+    return _first_whole(candidates, limit.row, surroundings) or scaled
 
 
 def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
@@ -282,10 +286,11 @@ def _reach(share: float, arcs: Sequence[Velocity], footprint: Footprint, profile
     v = arc.speed(widest)
     lateral_m = parameters.lateral_margin_m
     braking_m = footprint.reach(lateral_m) + parameters.front_margin_m
-    whole_m = braking_m + v * braking.horizon(widest, profile)
+    stopping_m = v * braking.horizon(widest, profile)
+    whole_m = braking_m + stopping_m
     if share == 1.0:
         return whole_m
-    braking_m += share * v * braking.horizon(widest, profile)
+    braking_m += share * stopping_m
     linear, _ = braking.deceleration(profile)
     slower = share * v
     passing_m = slower * (parameters.latency_s + slower / (2.0 * linear) + parameters.near_miss_s) + lateral_m

@@ -33,6 +33,7 @@ class ObstacleCache:
         self._trail_revision = -1
         self._newest: Obstacles | None = None
         self._corridors: Corridors | None = None
+        self._met: list[int] = []  # rows of the last corridors that were in a box
 
     def obstacles(self, now_s: float) -> Obstacles:
         """All points, base frame of the newest odometry."""
@@ -45,6 +46,8 @@ class ObstacleCache:
                 self._counts, self._rows = counts, self._numbers.repeat(counts)
         if self._newest is None or self._trail_revision != self._trail.revision:
             self._trail_revision = self._trail.revision
+            if self._corridors is not None:
+                self._met = self._corridors.met
             self._newest, self._corridors = self._at(self._trail.newest or ORIGIN), None
         return self._newest
 
@@ -52,7 +55,7 @@ class ObstacleCache:
         """Return the same with corridors, which only decisions need."""
         obstacles = self.obstacles(now_s)
         if self._corridors is None:
-            self._corridors = Corridors(obstacles.points)
+            self._corridors = Corridors(obstacles.points, self._met)
         return obstacles, self._corridors
 
     def _at(self, base: Pose) -> Obstacles:
