@@ -23,7 +23,7 @@ from robots.bridge.drive.drive_input import DriveInput
 from robots.bridge.drive.drive_log import WAITING, DriveLog
 from robots.bridge.drive.holder_inputs import HolderInputs
 from robots.bridge.drive.input_filters import COMMAND_LIFE_S
-from robots.bridge.gate import watch
+from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Posture
 from robots.bridge.gate.obstacles.depth_camera import Frame
@@ -195,7 +195,7 @@ class Core:
 
     def drive(self, drive: Drive, link: int, now_s: float) -> Refusal | None:
         """Take a stick position and publish the twist that the gate allows at once. Return the refusal, if any."""
-        refusal = self.lease.refuse_drive(drive.fence, link, now_s) or self._inputs.stick.take(drive, now_s)
+        refusal = self.lease.refuse_command(drive.fence, link, now_s) or self._inputs.stick.take(drive, now_s)
         if refusal is None:
             refusal = self._decide(now_s)
         if refusal is not None:
@@ -481,7 +481,7 @@ class Core:
 
     def why_not_begin(self, requester: Requester, now_s: float) -> Refusal | None:
         """Return why a requested task may not begin now: control lost, page gone, or the robot takes no request."""
-        refusal = self.lease.refuse_drive(requester.holder.fence, requester.link, now_s)
+        refusal = self.lease.refuse_command(requester.holder.fence, requester.link, now_s)
         if refusal is None and self._page_gone_s is not None:
             refusal = Refusal("link_lost", "The console lost its link to the robot.", "lease")
         return refusal or self.why_closed(now_s)
@@ -579,7 +579,7 @@ class Core:
 
     def _watch(self, now_s: float) -> None:
         """Judge the velocity at which the robot drives itself; take over where the gate's promise would be broken."""
-        verdict = watch.judge(self._gate, self.tasks.going.commanded(now_s), now_s)
+        verdict = navigation_watch.judge(self._gate, self.tasks.going.commanded(now_s), now_s)
         if verdict.code == "free":
             return
         self._verdict = verdict

@@ -113,21 +113,21 @@ def test_a_command_by_another_link_than_the_grants_is_refused(bench):
 
 def test_a_grant_below_the_highest_number_ever_seen_is_refused():
     bench = Bench(left=SavedState(False, "", "", 9))
-    refusal = bench.core.lease.check(Grant(8, 3, "s", "Bob", "b", 1.0))
+    refusal = bench.core.lease.refuse_grant(Grant(8, 3, "s", "Bob", "b", 1.0))
     assert refusal.code == "old_fence"
     assert refusal.figures["highest"] == 9
 
 
 def test_one_number_does_not_serve_two_control_sessions(bench):
     bench.granted(3)
-    assert bench.core.lease.check(Grant(3, 3, "another", "Bob", "b", 1.0)).code == "fence_taken"
+    assert bench.core.lease.refuse_grant(Grant(3, 3, "another", "Bob", "b", 1.0)).code == "fence_taken"
 
 
 def test_fence_belongs_to_its_session_after_control_ended(bench):
     bench.granted(3)
     bench.core.revoke(3, "released", bench.now_s)
-    assert bench.core.lease.check(Grant(3, 3, "another", "Bob", "b", 1.0)).code == "fence_taken"
-    assert bench.core.lease.check(Grant(3, 3, "session-3", "Ann", "ann-id", 1.0)) is None
+    assert bench.core.lease.refuse_grant(Grant(3, 3, "another", "Bob", "b", 1.0)).code == "fence_taken"
+    assert bench.core.lease.refuse_grant(Grant(3, 3, "session-3", "Ann", "ann-id", 1.0)) is None
 
 
 def test_control_ends_by_the_bridges_own_clock(bench):

@@ -18,7 +18,7 @@ from benchmarks.world.loop import STARTS_S, WARM_UP_S, Case, Conditions, Loop
 from benchmarks.world.play import SCAN, played
 from benchmarks.world.robot import tiago_profile
 from benchmarks.world.witness import Contact, first_contact
-from robots.bridge.gate import watch
+from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity, Verdict
 from robots.bridge.navigation.going import LEAST_SPARE_M
 from robots.simulator.faults import Faults
@@ -93,7 +93,7 @@ class NavigationLoop(Loop):
         going = self._navigator.going
         if going is None or going.phase is not Phase.DRIVING or now_s < self._held_until_s:
             return
-        verdict = watch.judge(self._watched.gate, self._commanded, now_s)
+        verdict = navigation_watch.judge(self._watched.gate, self._commanded, now_s)
         if verdict.code != "free":
             self._intervene(verdict, now_s)
 
@@ -130,7 +130,9 @@ class NavigationLoop(Loop):
         self._navigator.cancel()
         if now_s - STARTS_S < WARM_UP_S:
             return
-        if not self._goals or watch.spare_m(gate, now_s) < LEAST_SPARE_M:  # then a person must drive it away
+        if (
+            not self._goals or navigation_watch.spare_m(gate, now_s) < LEAST_SPARE_M
+        ):  # then a person must drive it away
             self._done = True
             return
         self._goal_s = now_s

@@ -54,7 +54,7 @@ class FenceStore:
     def handle(self, link: Link, message: Message) -> None:
         """Apply `message` now, or when its fence is on disk."""
         if isinstance(message, Grant):
-            refusal = self._core.lease.check(message)
+            refusal = self._core.lease.refuse_grant(message)
             if refusal is not None:
                 link.report(Refused("grant", refusal, fence=message.fence))
                 return

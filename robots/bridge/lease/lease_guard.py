@@ -17,7 +17,7 @@ class LeaseGuard:
     link: int | None = None  # the link of the grant: only commands from it count
     ends_s: float = float("-inf")
 
-    def check(self, grant: Grant) -> Refusal | None:
+    def refuse_grant(self, grant: Grant) -> Refusal | None:
         """Return why `grant` is refused; None if it may be taken."""
         if grant.fence < self.highest:
             return Refusal(
@@ -59,7 +59,7 @@ class LeaseGuard:
         """Return whether the grant in force has expired by the bridge's own clock."""
         return self.current is not None and now_s >= self.ends_s
 
-    def refuse_drive(self, fence: int, link: int, now_s: float) -> Refusal | None:
+    def refuse_command(self, fence: int, link: int, now_s: float) -> Refusal | None:
         """Return why a command under `fence` is refused; None if it counts."""
         if self.current is None or self.expired(now_s):
             return Refusal(

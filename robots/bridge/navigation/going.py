@@ -14,7 +14,7 @@ from typing import Protocol
 from robots import wire
 from robots.bridge.audit.records import Records, Requester
 from robots.bridge.config import BridgeConfig
-from robots.bridge.gate import watch
+from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import KNOWN_S
 from robots.bridge.gate.geometry.planar import NO_POINTS, Points
@@ -130,9 +130,9 @@ class Going(Goals[Target]):
         if self._has_arm and now_s - self._at_home_s > KNOWN_S:
             text = "The robot’s arm is not at home, or where it is is not known: bring it home first."
             return Refusal("arm_away", text, "robot")
-        if (lost := watch.depth_lost(self._gate, now_s)) is not None:
+        if (lost := navigation_watch.depth_lost(self._gate, now_s)) is not None:
             return Refusal("depth_stale", f"The gate does not see table tops: {lost}.", "gate")
-        if (spare_m := watch.spare_m(self._gate, now_s)) < LEAST_SPARE_M:
+        if (spare_m := navigation_watch.spare_m(self._gate, now_s)) < LEAST_SPARE_M:
             text = "Something is within 3 cm of the robot: drive it away from there by the stick first."
             return Refusal("too_close", text, "gate", {"gap_m": round(spare_m, 3), "limit_m": LEAST_SPARE_M})
         return self.refuse_place(now_s) or self._refuse_goal(goal)

@@ -129,7 +129,7 @@ class Tasks:
 
     def take(self, order: wire.TaskRequest, link: int, now_s: float, answer: Reply) -> None:
         """Begin a task. `answer` is called once, now or later: with a refusal, or None."""
-        refusal = self._rules.lease.refuse_drive(order.fence or 0, link, now_s)
+        refusal = self._rules.lease.refuse_command(order.fence or 0, link, now_s)
         grant = self._rules.lease.current
         if refusal is not None or grant is None:
             answer(refusal)

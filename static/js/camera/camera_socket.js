@@ -2,7 +2,7 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { CLOSED_FOR_GOOD, LiveSocket } from "../connection/socket.js";
-import { CameraClock } from "./camera_clock.js";
+import { ConsoleClock } from "./console_clock.js";
 import { unpacked } from "./frame.js";
 
 const RATE_HZ = 30; // at most: the console sends what the network carries
@@ -19,7 +19,7 @@ export class CameraSocket extends EventTarget {
   #video = false;
   #socket = null;
   #heartbeat = null;
-  #clock = new CameraClock();
+  #clock = new ConsoleClock();
   #watched = new Map(); // sizes by camera
   #isOver = false; // the console closed it for good
   #listening = null; // ignore messages of a closed socket

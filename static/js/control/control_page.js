@@ -9,7 +9,7 @@ import { DrivingOptions } from "../drive/driving_options.js";
 import { listenToGamepad } from "../drive/gamepad.js";
 import { Joystick } from "../drive/joystick.js";
 import { listenToKeys } from "../drive/keyboard.js";
-import { keysMap } from "../drive/keys_map.js";
+import { keysHelp } from "../drive/keys_help.js";
 import { PlanView } from "../drive/plan_view.js";
 import { SpeedChart } from "../drive/speed_chart.js";
 import { isNeutral, Stick } from "../drive/stick.js";
@@ -256,7 +256,7 @@ class ControlPage {
     this.#endings.push(
       listenToKeys(host),
       listenToGamepad(host),
-      keysMap(this.#parts["keys-dialog"], this.#parts["keys-open"]),
+      keysHelp(this.#parts["keys-dialog"], this.#parts["keys-open"]),
     );
     this.#timer = setInterval(() => this.#look(), LOOK_MS);
   }

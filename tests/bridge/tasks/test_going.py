@@ -9,7 +9,7 @@ import pytest
 
 from robots import wire
 from robots.bridge.config import HeadSource, NavigationSource, Topic
-from robots.bridge.gate import watch
+from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.path import PlannedPath
@@ -39,9 +39,9 @@ class FreeMap:
 def bench(monkeypatch):
     bench = Bench(config=msgspec.structs.replace(CONFIG, topics=TOPICS)).online().granted()
     bench.says = Verdict(STILL, STILL, "free", "")
-    monkeypatch.setattr(watch, "judge", lambda gate, commanded, now_s: bench.says)
+    monkeypatch.setattr(navigation_watch, "judge", lambda gate, commanded, now_s: bench.says)
     bench.lost = None
-    monkeypatch.setattr(watch, "depth_lost", lambda gate, now_s: bench.lost)
+    monkeypatch.setattr(navigation_watch, "depth_lost", lambda gate, now_s: bench.lost)
     bench.core.mapped(FreeMap(), bench.now_s)
     bench.going = bench.core.tasks.going
     bench.going.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it } from "vitest";
-import { keysMap } from "../../../static/js/drive/keys_map.js";
+import { keysHelp } from "../../../static/js/drive/keys_help.js";
 
 describe("the map of the keys", () => {
   let dialog;
@@ -15,7 +15,7 @@ describe("the map of the keys", () => {
     dialog.append(close);
     opener = document.createElement("button");
     document.body.replaceChildren(dialog, opener);
-    end = keysMap(dialog, opener);
+    end = keysHelp(dialog, opener);
   });
   afterEach(() => end());
 

@@ -1,8 +1,8 @@
-/** Age of a picture: its time is by the console's clock, which each ping reads. */
+/** Time of the console as time of this page, by the round trips of pings. */
 
 const KEPT = 10;
 
-export class CameraClock {
+export class ConsoleClock {
   #trips = [];
 
   /** A new connection: another web process has another clock. */

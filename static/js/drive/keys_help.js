@@ -8,7 +8,7 @@ import { isEditing } from "./keyboard.js";
  * @param {HTMLElement} opener
  * @returns {() => void} ends it
  */
-export function keysMap(dialog, opener) {
+export function keysHelp(dialog, opener) {
   const listening = new AbortController();
   const { signal } = listening;
   const toggle = () => (dialog.open ? dialog.close() : dialog.show());
