@@ -58,6 +58,8 @@ KINDS: dict[str, Kind] = {
     "go.start": _motion(_("drive to a place")),
     "go.end": _motion(_("end of a drive to a place")),
     "go.hold": _motion(_("navigation held back after its goal")),
+    "limb.start": _motion(_("move of gripper or torso")),
+    "limb.end": _motion(_("end of a move of gripper or torso")),
     "pose.set": _motion(_("pose on the map set")),
     "motion.start": _motion(_("motion asked for")),
     "motion.end": _motion(_("end of motion")),

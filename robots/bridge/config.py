@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from robots.bridge.drive.input_filters import StickStep
 from robots.bridge.gate.values import GateProfile
-from robots.wire import ReverseSteering, Role, Use
+from robots.wire import Limb, ReverseSteering, Role, Use
 
 CLOCK_SKEW_S = 0.5  # above it, the robot's and the console's clocks disagree: this is only reported
 
@@ -101,6 +101,18 @@ class ArmSource(Struct, frozen=True):
     postures: dict[str, list[tuple[float, float, float]]] = {}
 
 
+class LimbSource(Struct, frozen=True):
+    """A limb that people move by one number: joints behind a `FollowJointTrajectory` action, moved alike.
+
+    The number is the sum of the joints' positions: the distance of two fingers, or the height of a torso.
+    """
+
+    action: str  # such as /gripper_controller/follow_joint_trajectory
+    joints: list[str]  # `Topics.joint_states` gives their positions
+    range_m: tuple[float, float]  # of each joint
+    speed_mps: float  # of each joint
+
+
 class NavigationSource(Struct, frozen=True):
     """The robot's own navigation. It drives by a topic with a lower priority than `Topics.drive`.
 
@@ -135,13 +147,22 @@ class Topics(Struct, frozen=True):
     cameras: list[CameraSource] = []
     map: Topic | None = None  # nav_msgs/OccupancyGrid in the frame "map", latched
     navigation: NavigationSource | None = None
+    gripper: LimbSource | None = None
+    torso: LimbSource | None = None
     cancel_on_stop: list[str] = []  # names of actions; an emergency stop cancels all their goals
 
     @property
+    def limbs(self) -> dict[Limb, LimbSource]:
+        """The limbs that people can move."""
+        both: dict[Limb, LimbSource | None] = {"gripper": self.gripper, "torso": self.torso}
+        return {limb: source for limb, source in both.items() if source is not None}
+
+    @property
     def cancelled(self) -> list[str]:
-        """Names of all actions whose goals an emergency stop cancels: also the head's, and navigation's."""
+        """Names of all actions whose goals an emergency stop cancels: also those of head, navigation and limbs."""
         point_head = self.head.point_head if self.head else None
         others = [point_head, self.navigation.action if self.navigation else None]
+        others += [limb.action for limb in self.limbs.values()]
         return [*self.cancel_on_stop, *(name for name in others if name and name not in self.cancel_on_stop)]
 
 

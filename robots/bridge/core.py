@@ -52,6 +52,7 @@ _IDLE = Verdict(STILL, STILL, "idle", "")
 # itself when the cause ends.
 _HALTING = {
     "motion_running": "nothing drives during a motion",
+    "limb_moving": "nothing drives while gripper or torso move",
     "not_recorded": "what the robot did could not be recorded",
 }
 
@@ -375,6 +376,7 @@ class Core:
         """Take the arm's posture."""
         self._gate.observe_posture(arm, arrival_s)
         self.tasks.going.arm(arm.at_home, arrival_s)
+        self.tasks.limbs.arm(arm.at_home, arrival_s)
 
     def bad_depth(self, why: str) -> None:
         """Note why a frame of the depth camera cannot be used."""
@@ -436,6 +438,7 @@ class Core:
             (going := tasks.going.view(now_s)) and (going.number, going.ending),
             tasks.going.last,
             tasks.going.hold.why,
+            *tasks.limbs.headline,
             tasks.routing.chosen,
             dict(tasks.routing.gone),
             tasks.publications.view,

@@ -78,6 +78,7 @@ def state(
         going=tasks.going.view(now_s),
         going_ended=tasks.going.last,
         navigation_held=tasks.going.hold.why,
+        limbs=tasks.limbs.view(now_s),
         chosen=tasks.routing.chosen,
         choice_ended=dict(tasks.routing.gone),
         publishing=tasks.publications.view,

@@ -61,6 +61,7 @@ ENDS = {
     "go.start": ("go.end", "unknown"),
     "go.hold": ("go.hold", "unknown"),
     "pose.set": ("pose.set", "unknown"),
+    "limb.start": ("limb.end", "unknown"),
     "topic.choose": ("topic.choose", "unknown"),
     "head.look_ahead": ("head.look_ahead", "unknown"),
     "head.turn": ("head.turn", "unknown"),

@@ -19,6 +19,7 @@ from robots.bridge.config import (
     CameraSource,
     DepthSource,
     HeadSource,
+    LimbSource,
     NavigationSource,
     ScanSource,
     SonarSource,
@@ -197,6 +198,10 @@ def topic_problems(topics: Topics) -> Iterator[str]:
     yield from _camera_problems(topics.cameras)
     if topics.navigation:
         yield from _navigation_problems(topics.navigation)
+    for limb, joints in topics.limbs.items():
+        yield from _limb_problems(joints, limb)
+        if topics.arm is None or topics.joint_states is None:
+            yield f"{limb}: needs joint_states and arm, from which its position is known"
     for index, action in enumerate(topics.cancel_on_stop):
         yield from _name_problem(action, f"cancel_on_stop[{index}]")
     for index, language in enumerate(topics.languages):
@@ -276,6 +281,18 @@ def _arm_problems(arm: ArmSource) -> Iterator[str]:
         for index, (_, _, radius_m) in enumerate(discs):
             if radius_m <= 0.0:
                 yield f"arm.postures.{motion}[{index}]: its radius must be above zero"
+
+
+def _limb_problems(limb: LimbSource, path: str) -> Iterator[str]:
+    yield from _name_problem(limb.action, f"{path}.action")
+    low, high = limb.range_m
+    if not -1.0 <= low < high <= 1.0:
+        yield f"{path}.range_m: must be two places from -1 to 1 m, the lower one first"
+    if not 0.005 <= limb.speed_mps <= 0.5:
+        yield f"{path}.speed_mps: must be between 0.005 and 0.5 m/s, not {limb.speed_mps:g}"
+    if not 1 <= len(limb.joints) <= 4 or not all(limb.joints):
+        yield f"{path}.joints: must name one to four joints"
+    yield from _doublets(limb.joints, path, "joints")
 
 
 NAVIGATION_TYPES = ("move_base_msgs/MoveBaseAction",)

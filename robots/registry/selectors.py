@@ -13,7 +13,7 @@ from django.utils.text import slugify
 
 from fleet.audit.models import Record
 from robots import wire
-from robots.bridge.config import Allowed, BridgeConfig, LinkAddress, Topics, What
+from robots.bridge.config import Allowed, BridgeConfig, LimbSource, LinkAddress, Topics, What
 from robots.bridge.drive.input_filters import describe
 from robots.bridge.gate.values import GateProfile
 from robots.bridge.tasks.denylist import admissible
@@ -21,7 +21,7 @@ from robots.registry import robot_config
 from robots.registry.models import Allowance, Phrase, Robot, RobotProfile
 from robots.registry.phrases import FALLBACK_LANGUAGE
 from robots.registry.profile_schema import Problems
-from robots.wire import CameraEntry, Limits, ReverseSteering, RobotFacts, SonarPose, Use
+from robots.wire import CameraEntry, LimbRange, Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
 DISC_CORNERS = 32  # of the polygon that a disc is drawn as
 
@@ -142,9 +142,16 @@ def robot_facts(robot: Robot) -> RobotFacts:
         drive_topic=robot.drive_topic or robot.profile.drive_topic,
         has_head=known is not None and known.topics.head is not None,
         cameras=_cameras(known.topics) if known else [],
+        limbs={limb: limb_range(source) for limb, source in known.topics.limbs.items()} if known else {},
         sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],
         stick=describe(known.stick if known else ()),
     )
+
+
+def limb_range(limb: LimbSource) -> LimbRange:
+    """Return the places to which a limb can be sent."""
+    low, high = (round(len(limb.joints) * end, 4) for end in limb.range_m)
+    return LimbRange(low, high)
 
 
 def _cameras(topics: Topics) -> list[CameraEntry]:

@@ -31,6 +31,8 @@ class Faults:
     camera_rate_hz: float = 0.0  # at most so many pictures a second; 0: as usual
     camera_info_wrong: bool = False  # in turn: zeros, another size, not numbers
     motion_fails: bool = False  # motions are aborted half-way
+    joints_stuck: bool = False  # joints stay where they are, whatever their controllers do
+    controllers_silent: bool = False  # trajectory controllers take goals and never answer
     navigation_blind: bool = False  # drives straight at the goal, whatever stands there
     navigation_fails: bool = False  # finds no plan
     navigation_silent: bool = False  # takes goals and never answers: no status, feedback or result

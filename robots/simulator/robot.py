@@ -89,6 +89,7 @@ class Robot:
         self.odometry.step(rolled, TICK_S)
         if self.wheels is not None:
             self.wheels.step(rolled, TICK_S)
+        self.player.stuck = self.faults.joints_stuck
         self.player.step(now)
         self._lay_arm()
         self.battery.step(moved, TICK_S)

@@ -1,9 +1,9 @@
 """Every message between browser, web process and bridge, split by who speaks.
 
 Units are SI unless a name says otherwise; angles are radians; base frame: x forward, y left (REP 103). Joystick axes
-run from -1 to 1. The modules: `page`, `tasks`, `navigation`, `state`, `topics`, `camera`, `link`; `base` has the
-shared parts; `codec` and `doors` decode and validate. A message that does not fit raises `WireError` with the `Refusal`
-to answer.
+run from -1 to 1. The modules: `page`, `tasks`, `limbs`, `navigation`, `state`, `topics`, `camera`, `link`; `base` has
+the shared parts; `codec` and `doors` decode and validate. A message that does not fit raises `WireError` with the
+`Refusal` to answer.
 
 A view (`View`) is encoded once by the bridge and passes the web process without being decoded: on the link it is the
 only binary frame.
@@ -90,6 +90,12 @@ from robots.wire.doors import link_report as link_report
 from robots.wire.doors import link_request as link_request
 from robots.wire.doors import topics_message as topics_message
 from robots.wire.doors import topics_report as topics_report
+from robots.wire.limbs import Limb as Limb
+from robots.wire.limbs import LimbCancel as LimbCancel
+from robots.wire.limbs import LimbEnd as LimbEnd
+from robots.wire.limbs import LimbRange as LimbRange
+from robots.wire.limbs import LimbState as LimbState
+from robots.wire.limbs import MoveLimb as MoveLimb
 from robots.wire.link import BridgeFigures as BridgeFigures
 from robots.wire.link import BridgeHello as BridgeHello
 from robots.wire.link import CameraAt as CameraAt

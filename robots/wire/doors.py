@@ -15,6 +15,7 @@ from robots.wire.camera import (
     CameraState,
 )
 from robots.wire.codec import Door
+from robots.wire.limbs import LimbCancel, MoveLimb
 from robots.wire.link import (
     BridgeHello,
     CameraAt,
@@ -90,6 +91,8 @@ BrowserMessage = (
     | Go
     | GoCancel
     | SetPose
+    | MoveLimb
+    | LimbCancel
     | Choose
     | Publish
     | PublishStop

@@ -19,6 +19,7 @@ from robots.wire.base import (
     TabToken,
 )
 from robots.wire.camera import CameraEntry
+from robots.wire.limbs import Limb, LimbRange
 from robots.wire.state import State
 
 
@@ -159,6 +160,7 @@ class RobotFacts(Struct, frozen=True):
     stick: str  # steps from stick to gate, in words
     has_head: bool = False  # one that can be asked to look ahead
     cameras: list[CameraEntry] = []  # that can be watched
+    limbs: dict[Limb, LimbRange] = {}  # that people can move
 
 
 class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):

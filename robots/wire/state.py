@@ -7,6 +7,7 @@ from typing import Literal
 from msgspec import Struct
 
 from robots.wire.base import Refusal, Role, Use
+from robots.wire.limbs import Limb, LimbState
 from robots.wire.navigation import GoEnd, GoProgress, Location
 
 # The gate's words (bridge/gate/values.py), which knows no wire: mypy sees in bridge/view.py that none is missing here.
@@ -229,6 +230,7 @@ class State(Struct, frozen=True):
     going: GoProgress | None = None
     going_ended: GoEnd | None = None  # the last one
     navigation_held: str = ""  # why the bridge holds the base though no goal is under way
+    limbs: dict[Limb, LimbState] = {}  # that the robot has
     chosen: dict[Use, str] = {}  # the topic where input goes instead of the default
     choice_ended: dict[Use, ChoiceEnd] = {}  # the last that ended by itself, until the next choice
     publishing: list[Publishing] = []

@@ -1,4 +1,4 @@
-"""Tasks: motions, speech, publishing, head, drives by a distance or an angle or to a place. Page to bridge."""
+"""Tasks: motions, speech, publishing, head, limbs, drives by a distance or an angle or to a place. Page to bridge."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from robots.wire.base import (
     Use,
     _require_shallow,
 )
+from robots.wire.limbs import LimbCancel, MoveLimb
 from robots.wire.navigation import Go, GoCancel, SetPose
 
 
@@ -161,6 +162,8 @@ TaskRequest = (
     | Go
     | GoCancel
     | SetPose
+    | MoveLimb
+    | LimbCancel
     | Choose
     | Publish
     | PublishStop

@@ -17,6 +17,8 @@ _NEEDED: dict[type, tuple[Scope, ...]] = {
     wire.Go: (Scope.DRIVE,),
     wire.GoCancel: (Scope.DRIVE,),
     wire.SetPose: (Scope.DRIVE,),
+    wire.MoveLimb: (Scope.DRIVE,),
+    wire.LimbCancel: (Scope.DRIVE,),
     wire.LookAhead: (Scope.DRIVE,),
     wire.TurnHead: (Scope.DRIVE,),
     wire.CameraView: (Scope.DRIVE,),

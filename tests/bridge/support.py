@@ -148,6 +148,9 @@ class MemoryBase:
     goals: list[tuple[str, Pose]] = field(default_factory=list)  # of navigation
     poses: list[Pose] = field(default_factory=list)  # that were set
     transform: tuple[float, Pose] | None = None  # of localisation
+    limbs: dict[str, float] = field(default_factory=dict)  # where they are
+    limbs_heard: bool = True
+    moves: list[tuple[str, str, float, float]] = field(default_factory=list)
     attended: list[tuple[str, frozenset[str]]] = field(default_factory=list)
     switched: list[tuple[str, int]] = field(default_factory=list)  # topic, and number of twists before
     readings: int = 0  # how often its motions were read
@@ -208,6 +211,18 @@ class MemoryBase:
 
     def located(self) -> tuple[float, Pose] | None:
         return self.transform
+
+    def limb_at(self, limb: str) -> float | None:
+        return self.limbs.get(limb)
+
+    def limb_heard(self, limb: str) -> bool:
+        return self.limbs_heard
+
+    def move_limb(self, limb: str, goal_id: str, to_m: float, seconds: float) -> None:
+        self.moves.append((limb, goal_id, to_m, seconds))
+
+    def cancel_limb(self, limb: str, goal_id: str) -> None:
+        self.cancelled_goals.append(goal_id)
 
     def attend(self, use: str, topics: frozenset[str]) -> None:
         self.attended.append((use, topics))

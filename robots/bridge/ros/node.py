@@ -46,6 +46,7 @@ from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
 from robots.bridge.ros.tasks.head import HeadTopics
+from robots.bridge.ros.tasks.limbs import LimbTopics
 from robots.bridge.ros.tasks.motions import MotionTopics
 from robots.bridge.ros.tasks.navigation import NavigationTopics
 from robots.bridge.ros.tasks.publishing import heard_by, immediate_publisher, publish
@@ -55,7 +56,7 @@ from robots.bridge.tasks.head import Aim
 from robots.bridge.tasks.holder_tasks import Swept
 from robots.bridge.tasks.input_routing import goal_topic
 from robots.bridge.tasks.speech import Utterance
-from robots.wire import MotionOffer, Use
+from robots.wire import Limb, MotionOffer, Use
 
 log = logging.getLogger(__name__)
 
@@ -92,6 +93,7 @@ class RosBase:
         self._motions: MotionTopics | None = None
         self._speech: SpeechTopics | None = None
         self._navigation: NavigationTopics | None = None
+        self._limbs: dict[Limb, LimbTopics] = {}
         self._names = HostNames()
         self._is_unconnected = False  # a listener of the drive topic did not connect
         self._listened: dict[str, str] = {}  # topics with listeners at the last survey, and their types
@@ -132,7 +134,7 @@ class RosBase:
         cancels: list[Callable[[], None]] = [
             partial(publish, publisher, GoalID()) for publisher in self._cancels
         ]
-        for part in (self._motions, self._speech, self._navigation):
+        for part in (self._motions, self._speech, self._navigation, *self._limbs.values()):
             cancels += part.cancels if part is not None else []
         for cancel in cancels:
             try:
@@ -153,6 +155,29 @@ class RosBase:
         now_s = time.monotonic()
         pan, tilt = (self._arm.joint(name, now_s) for name in (head.pan_joint, head.tilt_joint))
         return None if pan is None or tilt is None else (pan, tilt)
+
+    def limb_at(self, limb: Limb) -> float | None:
+        """Return where a limb is by joint states (metres); None: unknown."""
+        if self._arm is None:
+            return None
+        now_s = time.monotonic()
+        places = [self._arm.joint(name, now_s) for name in self._config.topics.limbs[limb].joints]
+        known = [place for place in places if place is not None]
+        return sum(known) if len(known) == len(places) else None
+
+    def limb_heard(self, limb: Limb) -> bool:
+        """Return whether a node of the robot takes goals for this limb."""
+        return limb in self._limbs and self._limbs[limb].heard
+
+    def move_limb(self, limb: Limb, goal_id: str, to_m: float, seconds: float) -> None:
+        """Send a goal."""
+        if limb in self._limbs:
+            self._limbs[limb].move(goal_id, to_m, seconds)
+
+    def cancel_limb(self, limb: Limb, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+        if limb in self._limbs:
+            self._limbs[limb].cancel(goal_id)
 
     def play(self, goal_id: str, motion: str, action: str) -> None:
         """Send a motion's goal."""
@@ -335,6 +360,8 @@ class RosBase:
             self._speech = SpeechTopics(topics.speech, self._mail, self._core.tasks.speech)
         if topics.navigation:
             self._navigation = NavigationTopics(topics.navigation, self._mail, self._core.tasks.going)
+        for limb, source in topics.limbs.items():
+            self._limbs[limb] = LimbTopics(source, self._mail, self._core.tasks.limbs.move(limb))
         if topics.arm and topics.joint_states:
             self._arm = ArmPosture(topics.arm)
             self._describe()

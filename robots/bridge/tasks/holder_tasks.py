@@ -1,4 +1,4 @@
-"""Tasks of the holder: look, perform, speak, publish, choose topics, drive by a distance or an angle.
+"""Tasks of the holder: look, perform, move limbs, speak, publish, choose topics, drive without a stick.
 
 Each task passes the same checks as a stick position (lease, stop, robot online), is recorded, and only then sent to the
 robot. This module never blocks, and an ended task never begins again by itself.
@@ -22,6 +22,8 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Disc
 from robots.bridge.gate.values import STILL, Pose, Velocity
 from robots.bridge.lease.lease_guard import LeaseGuard
+from robots.bridge.limbs.limb_move import LimbMover
+from robots.bridge.limbs.limbs import Limbs
 from robots.bridge.navigation.going import NO_NAVIGATION, Going, Navigator
 from robots.bridge.tasks import input_routing
 from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
@@ -61,7 +63,7 @@ class TaskRules(input_routing.RoutingRules, Protocol):
         """Take a velocity from a program of the holder. It passes the same rules as a stick position."""
 
 
-class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Navigator, Protocol):
+class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Navigator, LimbMover, Protocol):
     """The robot, as tasks use it."""
 
     def aim_head(self, aim: Aim) -> None:
@@ -99,6 +101,7 @@ class Tasks:
         self.publications = Publications(publisher, records)
         self.drives_by = DrivesBy(config.gate.limits, gate, records)
         self.going = Going(config, performer, gate, records)
+        self.limbs = Limbs(config, performer, records)
         self._config = config
         self._publisher = publisher
         self._performer = performer
@@ -146,6 +149,8 @@ class Tasks:
                 self._go(order, requester, now_s)
             case wire.SetPose():
                 self._set_pose(order, requester, now_s)
+            case wire.MoveLimb():
+                self.limbs.take(order, requester, self._why_no_limb, now_s)
             case wire.LookAhead():
                 self._ask("head.look_ahead", requester, now_s)
             case wire.TurnHead():
@@ -170,6 +175,8 @@ class Tasks:
                 return self.drives_by.cancel("Its holder cancelled it.", now_s)
             case wire.GoCancel():
                 return self.going.withdraw(now_s)
+            case wire.LimbCancel(limb=limb):
+                return self.limbs.cancel(limb)
             case wire.PublishStop(topic=topic):
                 return self.publications.stop(topic, now_s)
             case _:
@@ -189,8 +196,8 @@ class Tasks:
             self.capabilities.report(anyway=True)
 
     def why_stand(self, now_s: float) -> Refusal | None:
-        """Return why the base must stand: a motion runs."""
-        return self.motions.refuse(now_s)
+        """Return why the base must stand: a motion runs, or a limb moves."""
+        return self.motions.refuse(now_s) or self.limbs.busy()
 
     @property
     def under_way(self) -> list[str]:
@@ -199,6 +206,7 @@ class Tasks:
             self.drives_by.under_way
             + self.going.under_way
             + self.motions.under_way
+            + self.limbs.under_way
             + self.publications.under_way
         )
 
@@ -212,12 +220,14 @@ class Tasks:
         if page_gone_s is not None and now_s - page_gone_s > LINK_PATIENCE_S:
             why = f"The requester’s page was out of reach for {LINK_PATIENCE_S:.0f} s."
             self.motions.cancel("link_lost", why)
+            self.limbs.end(Refusal("link_lost", why, "lease"), now_s)
             self.publications.halt("link_lost", now_s)
         self.publications.tick(self._rules.why_not_begin, now_s)
         if requester := self.drives_by.waiting:
             self.drives_by.start(self._why_no_drive(requester, now_s), now_s)
         self._watch_going(now_s)
         self._watch_motion(now_s)
+        self.limbs.tick(self._why_no_limb, now_s)
         self._watch_speech(now_s)
         self.routing.tick({"speech": self.speech.topics(now_s)}, now_s)
         self.capabilities.report()
@@ -234,6 +244,7 @@ class Tasks:
         self.going.end("stopped", f"The robot was stopped by {by}.", now_s)
         self.publications.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
+        self.limbs.end(Refusal("stopped", f"The robot was stopped by {by}.", "stop"), now_s)
         self.speech.cancel("stopped", f"The robot was stopped by {by}.")
 
     def unrecorded(self, refusal: Refusal, now_s: float) -> None:
@@ -243,6 +254,7 @@ class Tasks:
         self.going.end(refusal.code, refusal.text, now_s)
         self.publications.halt(refusal.code, now_s, refusal)
         self.motions.halt(refusal, now_s)
+        self.limbs.end(refusal, now_s)
         self.speech.deny(refusal, now_s)
         self.routing.withdraw(refusal, now_s)
 
@@ -255,6 +267,7 @@ class Tasks:
         self.going.deny(LEFT, now_s)
         self.publications.deny(LEFT.code, now_s, LEFT)
         self.motions.deny(LEFT, now_s)
+        self.limbs.deny(LEFT, now_s)
         self.speech.deny(LEFT, now_s)
         self.routing.withdraw(LEFT, now_s)
 
@@ -267,6 +280,7 @@ class Tasks:
         self.going.end("control_lost", reason, now_s)
         self.publications.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
+        self.limbs.end(Refusal("control_ended", reason, "lease"), now_s)
         if self.speech.waiting:
             self.speech.cancel("cancelled", reason)
         self.routing.control_ended(reason, now_s)
@@ -278,6 +292,7 @@ class Tasks:
         self.going.close(ENDED, now_s)
         self.publications.halt(ENDED.code, now_s, ENDED)
         self.motions.close(ENDED, now_s)
+        self.limbs.close(ENDED, now_s)
         self.speech.close(ENDED, now_s)
         self.routing.close(ENDED, now_s)
 
@@ -437,6 +452,16 @@ class Tasks:
         """Return the first rule that forbids to begin a drive. The core judges each velocity afterwards."""
         return (
             self._rules.why_not_begin(requester, now_s)
+            or self.why_stand(now_s)
+            or self._rules.why_not_still(now_s)
+        )
+
+    # --- gripper and torso ------------------------------------------------------------------------------
+
+    def _why_no_limb(self, requester: Requester, now_s: float) -> Refusal | None:
+        """Return the first rule of all tasks that forbids to move a limb: as for a motion, the base must stand."""
+        return (
+            self._rules.why_not_begin(requester, now_s)
             or self.motions.refuse(now_s)
             or self._rules.why_not_still(now_s)
         )
@@ -455,7 +480,7 @@ class Tasks:
         """Return the first rule that forbids to begin a drive to a place, apart from another one."""
         return (
             self._rules.why_not_begin(requester, now_s)
-            or self.motions.refuse(now_s)
+            or self.why_stand(now_s)
             or self._rules.why_not_still(now_s)
             or self.going.refuse(Pose(order.x, order.y, order.heading), self.routing.topic("drive"), now_s)
         )
@@ -520,6 +545,7 @@ class Tasks:
         return (
             self._rules.why_not_begin(requester, now_s)
             or self.routing.refuse("motions", action)
+            or self.limbs.busy()
             or self._rules.why_not_still(now_s)
         )
 

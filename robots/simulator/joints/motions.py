@@ -143,6 +143,7 @@ class Player:
         self.motions = motions
         self.positions = dict(HOME)
         self.velocities = dict.fromkeys(HOME, 0.0)
+        self.stuck = False  # joints stay where they are
         self._stepped_at = -math.inf
         self._running: list[Run] = []
 
@@ -190,7 +191,9 @@ class Player:
         """Move the joints of all runs to their positions at `now`."""
         before = dict(self.positions)
         for run in self._running[:]:
-            self.positions.update(run.positions(now))
+            wanted = run.positions(now)
+            if not self.stuck:
+                self.positions.update(wanted)
             if run.phase is not Phase.MOVING:
                 self._running.remove(run)
         passed = now - self._stepped_at

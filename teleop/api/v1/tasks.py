@@ -42,6 +42,7 @@ _KINDS = {
     "motion": ("motion.start", "motion.end"),
     "drive_by": ("drive.by", "drive.by"),
     "go": ("go.start", "go.end"),
+    "limb": ("limb.start", "limb.end"),
 }
 _NOT_RECORDED = Refusal("not_recorded", "The console took the request, and has no record of it yet.", "audit")
 _NOT_CLEARED = Refusal("not_cleared", "The stop is not cleared: look at the robot’s state.", "stop")
@@ -65,7 +66,7 @@ class TaskEntry(Struct, frozen=True):
     """A task that somebody asked a robot for. `outcome` null: it is not over."""
 
     number: int
-    kind: str  # speech, motion, drive_by, go
+    kind: str  # speech, motion, drive_by, go, limb
     robot: str
     by: str
     asked_at: Time

@@ -33,6 +33,8 @@ OPERATIONS: dict[type, tuple[str, str]] = {
     wire.Go: ("post", f"{ROBOT}/go"),
     wire.GoCancel: ("delete", f"{ROBOT}/go"),
     wire.SetPose: ("put", f"{ROBOT}/pose"),
+    wire.MoveLimb: ("post", f"{ROBOT}/gripper"),
+    wire.LimbCancel: ("delete", f"{ROBOT}/gripper"),
     wire.TurnHead: ("post", f"{ROBOT}/head"),
     wire.LookAhead: ("post", f"{ROBOT}/look-ahead"),
     wire.Forget: ("post", f"{ROBOT}/forget"),

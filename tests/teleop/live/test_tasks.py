@@ -25,6 +25,8 @@ ORDERS = {
     "go": {"x": 1.0, "y": 2.0, "heading": 0.5},
     "go_cancel": {},
     "set_pose": {"x": 1.0, "y": 2.0, "heading": 0.5},
+    "move_limb": {"limb": "gripper", "to_m": 0.05},
+    "limb_cancel": {"limb": "gripper"},
     "choose": {"use": "drive"},
     "publish_stop": {"topic": "/notes"},
 }

@@ -30,6 +30,7 @@ class TrajectoryController:
     """One controller: `command`, `state` and `follow_joint_trajectory`. A trajectory begins at once."""
 
     def __init__(self, robot: Robot, name: str) -> None:
+        self._robot = robot
         self._player = robot.player
         self._name = name
         self._joints = joints_of(name)
@@ -45,6 +46,8 @@ class TrajectoryController:
         """Take requests since the last tick, then report whether the goal ended."""
         while not self._commands.empty():
             self._command(self._commands.get(), now)
+        if self._robot.faults.controllers_silent:
+            return
         for is_goal, handle in self._goals.arrived():
             if is_goal:
                 self._begin(handle, now)

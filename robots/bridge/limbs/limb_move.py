@@ -1,0 +1,235 @@
+"""One limb's move: request, record, goal, watch by joint states, end, record of the end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Protocol
+
+from robots import wire
+from robots.bridge.audit.record_sink import Parameters
+from robots.bridge.audit.records import Records, Requester
+from robots.bridge.config import LimbSource
+from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
+from robots.wire import Limb, MoveLimb, Refusal
+
+EASED = 1.5  # a controller that begins and ends at rest is so much faster in the middle
+LEAST_S = 0.5  # of a move
+MOVED_M = 0.001  # less is noise of joint states
+STILL_S = 3.0  # without moving so much on its way, it has stopped
+SILENT_S = 1.0  # joint states that are missing for longer end the move
+THERE_M = 0.01  # from the goal
+OBEYS_S = 5.0  # a cancelled goal that the controller still reports is given up, if the limb stands
+
+
+class LimbMover(Protocol):
+    """The robot's limbs."""
+
+    def limb_at(self, limb: Limb) -> float | None:
+        """Return where a limb is by joint states (metres); None: unknown."""
+
+    def limb_heard(self, limb: Limb) -> bool:
+        """Return whether a node of the robot takes goals for this limb."""
+
+    def move_limb(self, limb: Limb, goal_id: str, to_m: float, seconds: float) -> None:
+        """Send a goal."""
+
+    def cancel_limb(self, limb: Limb, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+
+
+@dataclass
+class Target:
+    """The place to which a limb goes, and what is known of its way."""
+
+    order: MoveLimb
+    seconds: float = LEAST_S
+    known_s: float = math.inf  # when its place was last known
+    moved_s: float = math.inf  # when it last moved
+    ending_s: float = math.inf  # when it was cancelled
+    moved_m: float | None = None  # where it was then
+
+
+class LimbMove(Goals[Target]):
+    """The move of one limb in progress, if any."""
+
+    def __init__(self, limb: Limb, source: LimbSource, mover: LimbMover, records: Records) -> None:
+        super().__init__(records, lambda goal_id, _: mover.cancel_limb(limb, goal_id))
+        self._limb = limb
+        self._source = source
+        self._mover = mover
+        self._range = [len(source.joints) * end for end in source.range_m]
+        self._strays: dict[str, float] = {}  # goals that nobody watches: time of the last cancel
+        self.last: wire.LimbEnd | None = None
+
+    @property
+    def at_m(self) -> float | None:
+        """Where it is; None: not known."""
+        return self._mover.limb_at(self._limb)
+
+    @property
+    def runs(self) -> bool:
+        """Return whether a move is asked for or under way."""
+        return self._current is not None
+
+    @property
+    def under_way(self) -> list[str]:
+        """The move, in words."""
+        return [f"the move of the {self._limb}"] if self.runs else []
+
+    def refuse(self, to_m: float, now_s: float) -> Refusal | None:
+        """Return why this limb cannot be sent there now."""
+        limb, (low, high) = self._limb, self._range
+        if not low - 1e-6 <= to_m <= high + 1e-6:  # also what is no number
+            text = f"The {limb} goes from {low:g} to {high:g} m."
+            return Refusal("out_of_range", text, "robot", {"least_m": low, "most_m": high})
+        if not self._mover.limb_heard(limb):
+            text = f"Nothing on the robot takes goals for its {limb} ({self._source.action})."
+            return Refusal("no_listener", text, "robot", {"topic": self._source.action})
+        if self.at_m is None:
+            text = f"Where the {limb} is is not known: its joint states are missing."
+            return Refusal("limb_unknown", text, "robot")
+        if self._busy(now_s):
+            return Refusal("limb_busy", f"Something else on the robot moves the {limb}.", "robot")
+        return None
+
+    def begin(self, order: MoveLimb, requester: Requester, now_s: float) -> None:
+        """Record the request; `start` sends it when that is done. It replaces a move in progress."""
+        self.halt(Refusal("replaced", "A new request replaced it.", "robot"), now_s)
+        self._end("cancelled", "", now_s)
+        what = {"limb": self._limb, "to_m": round(order.to_m, 4)}
+        number = self._records.request(requester.holder, "limb.start", what, now_s)
+        self._current = Goal(requester, number, now_s, Target(order), self._limb)
+
+    @property
+    def due(self) -> Requester | None:
+        """The requester of a move whose record is written."""
+        goal = self._current
+        return self.waiting if goal is not None and goal.number.done() else None
+
+    @property
+    def to_m(self) -> float | None:
+        """Where it goes now; None: nowhere."""
+        return self._current.what.order.to_m if self._current else None
+
+    def start(self, now_s: float) -> None:
+        """Send the goal whose record is written. Drop it if its record failed or if it was cancelled meanwhile."""
+        goal, at_m = self._recorded(now_s), self.at_m
+        if goal is None:
+            return
+        target = goal.what
+        way_m = abs(target.order.to_m - (self._range[0] if at_m is None else at_m)) / len(self._source.joints)
+        target.seconds = max(LEAST_S, EASED * way_m / self._source.speed_mps)
+        target.known_s = target.moved_s = now_s
+        target.moved_m = at_m
+        low, high = self._range
+        to_m = min(max(target.order.to_m, low), high)
+        self._mover.move_limb(self._limb, goal.sent(now_s), to_m, target.seconds)
+
+    def halt(self, refusal: Refusal, now_s: float) -> None:
+        """Cancel a move that runs; drop one that has not begun."""
+        if self.begun:
+            self.cancel(refusal.code, refusal.text)
+        else:
+            self.deny(refusal, now_s)
+
+    def close(self, refusal: Refusal, now_s: float) -> None:
+        """End it: the bridge ends, and nobody else watches the limb."""
+        self.halt(refusal, now_s)
+        self._end("cancelled", "", now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Watch the move by joint states; give up a goal that the controller does not answer."""
+        goal = self._current
+        if goal is not None and goal.id is not None and goal.cancelled is None:
+            self._watch(goal.what, now_s)
+        super().tick(now_s)
+        if goal is not None and goal is self._current and goal.cancelled is not None:
+            self._give_up(goal.what, now_s)
+
+    def _give_up(self, target: Target, now_s: float) -> None:
+        """End a cancelled move whose controller does not say so, once the limb stands; it is cancelled further."""
+        target.ending_s = min(target.ending_s, now_s)
+        self._follow(target, now_s)
+        if now_s - max(target.ending_s, target.moved_s) > OBEYS_S:
+            self._end("cancelled", "", now_s)
+
+    def _follow(self, target: Target, now_s: float) -> None:
+        at_m = self.at_m
+        if at_m is None:
+            return
+        target.known_s = now_s
+        if target.moved_m is None or abs(at_m - target.moved_m) >= MOVED_M:
+            target.moved_m, target.moved_s = at_m, now_s
+
+    def _watch(self, target: Target, now_s: float) -> None:
+        at_m = self.at_m
+        if at_m is None:
+            if now_s - target.known_s > SILENT_S:
+                text = f"Where the {self._limb} is is not known any more: its joint states ended."
+                self.cancel("not_watched", text)
+            return
+        self._follow(target, now_s)
+        if now_s - target.moved_s > STILL_S and abs(at_m - target.order.to_m) > THERE_M:
+            self.cancel("no_progress", self._stuck(at_m))
+
+    def _stuck(self, at_m: float) -> str:
+        text = f"The {self._limb} stopped at {at_m:.3f} m."
+        return f"{text} Perhaps it holds something." if self._limb == "gripper" else text
+
+    def running(self, goal_ids: Collection[str], now_s: float) -> None:
+        """Take the controller's report of active goals; goals that nobody watches any more are cancelled."""
+        current = self._current.id if self._current else None
+        strays = {goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id != current}
+        self._find_own(self._limb, [goal_id for goal_id in goal_ids if goal_id not in strays], now_s)
+        self._strays = {goal_id: self._strays.get(goal_id, -math.inf) for goal_id in strays}
+        for goal_id, cancelled_s in self._strays.items():
+            if now_s - cancelled_s >= CANCEL_AGAIN_S:
+                self._strays[goal_id] = now_s
+                self._mover.cancel_limb(self._limb, goal_id)
+
+    def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
+        """Take the controller's report that a goal has ended; joint states must agree with success."""
+        goal = self._current
+        if goal is None or goal.id != goal_id:
+            return
+        at_m = self.at_m
+        if outcome == "succeeded":
+            there = at_m is not None and abs(at_m - goal.what.order.to_m) <= THERE_M
+            where = "unknown" if at_m is None else f"{at_m:.3f} m"
+            said = f"The controller says done, and joint states say {where}."
+            outcome, text = ("done", "") if there else ("not_there", said)
+        elif outcome == "cancelled" and goal.cancelled is None:
+            outcome, text = "taken_over", f"Something else on the robot took the {self._limb} over."
+        self._end(outcome, text, now_s)
+
+    def view(self, now_s: float) -> wire.LimbState:
+        """Return the limb for pages."""
+        at_m, goal = self.at_m, self._current
+        at_m = None if at_m is None else round(at_m, 3)
+        if goal is None:
+            return wire.LimbState(at_m, ended=self.last)
+        return wire.LimbState(
+            at_m=at_m,
+            to_m=goal.what.order.to_m,
+            who=goal.requester.holder.holder,
+            since_s=round(now_s - goal.since_s, 1),
+            ending=goal.cancelled.text if goal.cancelled else "",
+            ended=self.last,
+        )
+
+    def _report_end(self, goal: Goal[Target], outcome: str, text: str) -> None:
+        done, order, at_m = goal.number, goal.what.order, self.at_m
+        number = done.result() if done.done() and done.exception() is None else None
+        at_m = None if at_m is None else round(at_m, 3)
+        self.last = wire.LimbEnd(number, order.seq, order.fence, outcome, text, at_m)
+
+    def _record(self, goal: Goal[Target], outcome: str, text: str, now_s: float) -> None:
+        at_m = self.at_m
+        figures: Parameters = {"limb": self._limb, "duration_s": round(now_s - goal.since_s, 2)}
+        if at_m is not None:
+            figures = {**figures, "at_m": round(at_m, 3)}
+        if text:
+            figures = {**figures, "text": text}
+        self._records.outcome(goal, "limb.end", outcome, figures, now_s)

@@ -1,0 +1,122 @@
+"""Gripper and torso of one robot: which rules forbid a move, and what ends it.
+
+A move is one bounded goal, so nothing goes on when input ends. The base stands meanwhile, as during a motion. The torso
+carries the arm up and down: what is above and below an arm that reaches out is not known, so the arm must be at home.
+There it lies within the footprint, where nothing can be.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from robots import wire
+from robots.bridge.audit.records import Records, Requester
+from robots.bridge.config import BridgeConfig
+from robots.bridge.gate.geometry.arm_discs import KNOWN_S
+from robots.bridge.limbs.limb_move import LimbMove, LimbMover
+from robots.wire import Limb, MoveLimb, Refusal
+
+WhyNot = Callable[[Requester, float], Refusal | None]
+
+
+class Limbs:
+    """The limbs of one robot that people can move."""
+
+    def __init__(self, config: BridgeConfig, mover: LimbMover, records: Records) -> None:
+        self._moves = {
+            limb: LimbMove(limb, source, mover, records) for limb, source in config.topics.limbs.items()
+        }
+        self._at_home_s = -math.inf
+
+    def take(self, order: MoveLimb, requester: Requester, why_not: WhyNot, now_s: float) -> None:
+        """Begin a move, or answer with the rule that forbids it; `why_not` has the rules of all tasks."""
+        refusal = self._why_not(order.limb, order.to_m, requester, why_not, now_s)
+        if refusal is not None:
+            requester.answer(refusal)
+            return
+        self._moves[order.limb].begin(order, requester, now_s)
+
+    def _why_not(
+        self, limb: Limb, to_m: float, requester: Requester, why_not: WhyNot, now_s: float
+    ) -> Refusal | None:
+        if limb not in self._moves:
+            return Refusal("no_limb", f"This robot has no {limb} that people can move.", "robot")
+        return (
+            why_not(requester, now_s)
+            or (self._arm_away(now_s) if limb == "torso" else None)
+            or self._moves[limb].refuse(to_m, now_s)
+        )
+
+    def _arm_away(self, now_s: float) -> Refusal | None:
+        if now_s - self._at_home_s <= KNOWN_S:
+            return None
+        text = "The torso carries the arm: bring the arm home first. What is above and below it is not known."
+        return Refusal("arm_away", text, "robot")
+
+    def arm(self, at_home: bool, now_s: float) -> None:
+        """Take whether the arm is at home."""
+        if at_home:
+            self._at_home_s = now_s
+        elif torso := self._moves.get("torso"):
+            torso.halt(Refusal("arm_away", "The robot’s arm left its home.", "robot"), now_s)
+
+    def busy(self) -> Refusal | None:
+        """Return why the base must stand and no motion may begin: a limb moves."""
+        for limb, move in self._moves.items():
+            if move.runs:
+                text = f"The robot moves its {limb}: wait until it is there, or cancel the move."
+                return Refusal("limb_moving", text, "robot", {"limb": limb})
+        return None
+
+    def cancel(self, limb: Limb) -> Refusal | None:
+        """Cancel a move for the holder."""
+        if limb in self._moves and self._moves[limb].cancel("cancelled", "Its holder cancelled it."):
+            return None
+        return Refusal("no_move", f"The {limb} is not moved by this console.", "robot")
+
+    @property
+    def under_way(self) -> list[str]:
+        """Moves in progress, in words."""
+        return [words for move in self._moves.values() for words in move.under_way]
+
+    def tick(self, why_not: WhyNot, now_s: float) -> None:
+        """Send moves whose record is written; follow those under way."""
+        for limb, move in self._moves.items():
+            requester, to_m = move.due, move.to_m
+            if requester is not None and to_m is not None:
+                refusal = self._why_not(limb, to_m, requester, why_not, now_s)
+                if refusal is not None:
+                    move.deny(refusal, now_s)
+            move.start(now_s)
+            move.tick(now_s)
+        if now_s - self._at_home_s > KNOWN_S and (torso := self._moves.get("torso")) and torso.begun:
+            torso.cancel("arm_away", "Where the robot’s arm is is not known any more.")
+
+    def end(self, refusal: Refusal, now_s: float) -> None:
+        """Cancel moves that run, and drop those that have not begun."""
+        for move in self._moves.values():
+            move.halt(refusal, now_s)
+
+    def deny(self, refusal: Refusal, now_s: float) -> None:
+        """Drop moves that have not begun: their page is gone."""
+        for move in self._moves.values():
+            move.deny(refusal, now_s)
+
+    def close(self, refusal: Refusal, now_s: float) -> None:
+        """End all moves: the bridge ends."""
+        for move in self._moves.values():
+            move.close(refusal, now_s)
+
+    def move(self, limb: Limb) -> LimbMove:
+        """Return the move of a limb, for what the robot reports about it."""
+        return self._moves[limb]
+
+    def view(self, now_s: float) -> dict[Limb, wire.LimbState]:
+        """Return the limbs for pages."""
+        return {limb: move.view(now_s) for limb, move in self._moves.items()}
+
+    @property
+    def headline(self) -> tuple[object, ...]:
+        """The part of the state whose changes are reported at once."""
+        return tuple((move.to_m, move.runs, move.last) for move in self._moves.values())

@@ -1,0 +1,73 @@
+"""Goals of gripper and torso, and what their controllers say."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rospy
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from robots.bridge.config import LimbSource, Topic
+from robots.bridge.limbs.limb_move import LimbMove
+from robots.bridge.ros.bounds.mailboxes import Mailboxes
+from robots.bridge.ros.bounds.texts import SENTENCE, cut
+from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
+
+TYPE = "control_msgs/FollowJointTrajectoryAction"
+
+
+class LimbTopics:
+    """The action of one limb. What it says goes to `move` through `mail`, on the event loop."""
+
+    def __init__(self, source: LimbSource, mail: Mailboxes, move: LimbMove) -> None:
+        self._source = source
+        self._mail = mail
+        self._move = move
+        self._action = ActionTopics(Topic(source.action, TYPE), self)
+
+    @property
+    def heard(self) -> bool:
+        """Return whether a node of the robot takes goals."""
+        return self._action.heard
+
+    def move(self, goal_id: str, to_m: float, seconds: float) -> None:
+        """Send a goal: all joints alike."""
+        joints = self._source.joints
+        message = self._action.goal_class()
+        message.goal_id.id = goal_id
+        message.header.stamp = message.goal_id.stamp = rospy.Time.from_sec(time.time())
+        point = JointTrajectoryPoint(
+            positions=[to_m / len(joints)] * len(joints), time_from_start=rospy.Duration.from_sec(seconds)
+        )
+        # Its stamp is zero: it begins when it arrives. The base's own clock may be ahead.
+        message.goal.trajectory = JointTrajectory(joint_names=joints, points=[point])
+        self._action.send(message)
+
+    def cancel(self, goal_id: str) -> None:
+        """Cancel this goal and no other."""
+        self._action.cancel(goal_id)
+
+    @property
+    def cancels(self) -> list[Callable[[], None]]:
+        """For the emergency stop: cancel the goals of all senders."""
+        return [self._action.cancel_all]
+
+    # --- on rospy's threads ---------------------------------------------------------------------------
+
+    def running(self, action: str, goals: dict[str, int]) -> None:
+        """Report the running goals of all senders."""
+        self._mail.post((action, "goals"), lambda: self._move.running(goals.keys(), time.monotonic()))
+
+    def feedback(self, goal_id: str, feedback: Any) -> None:
+        """Ignore it: joint states say where the limb is."""
+
+    def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
+        """Report the end of a goal, with the controller's text."""
+        said = text or cut(result.error_string, SENTENCE)
+        self._mail.post(
+            (self._source.action, "ended"),
+            lambda: self._move.ended(goal_id, outcome, said, time.monotonic()),
+            EVENTS_WAIT,
+        )

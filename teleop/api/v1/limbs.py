@@ -1,0 +1,110 @@
+"""Gripper and torso by a program."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from asgiref.sync import async_to_sync
+from drf_spectacular.utils import OpenApiExample
+from msgspec import Meta, Struct
+from rest_framework.request import Request
+from rest_framework.response import Response
+
+from fleet.accounts.tokens.models import Scope
+from robots import wire
+from robots.registry.selectors import robot_facts
+from robots.wire import Limb, Refusal
+from robots.wire.limbs import LimbPlace
+from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.problems import Problem
+from teleop.api.v1.tasks import TaskEntry, TasksBase
+
+
+class GripperRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """Either a distance of the fingers in metres, or one of their ends."""
+
+    width_m: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
+    to: Literal["open", "closed"] | None = None
+
+
+class TorsoRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """A height above the torso's lowest place, metres."""
+
+    height_m: LimbPlace
+
+
+class LimbView(TasksBase):
+    """Base of the views of limbs."""
+
+    limb: Limb
+
+    def move(self, slug: str, to_m: float) -> Response:
+        """Ask for a move; answer 202 with its status and its address."""
+        return self.start(
+            self.robot(slug), lambda fence, seq: wire.MoveLimb(fence, self.limb, to_m, seq), "limb"
+        )
+
+    def stay(self, slug: str) -> None:
+        """End the move."""
+        connection = self.connected(self.robot(slug))
+        async_to_sync(connection.request)(lambda fence, seq: wire.LimbCancel(fence, self.limb, seq))
+
+
+class GripperView(LimbView):
+    """`/robots/{slug}/gripper`."""
+
+    limb = "gripper"
+
+    @operation(
+        "gripper_move",
+        "Open or close the gripper",
+        scope=Scope.DRIVE,
+        body=GripperRequest,
+        answer=TaskEntry,
+        keyed=True,
+        status=202,
+        refuses=(404, 409),
+        tag="tasks",
+        examples=[OpenApiExample("Open", value={"to": "open"}, request_only=True)],
+    )
+    def post(self, _request: Request, slug: str, body: GripperRequest) -> Response:
+        """Needs control, and a base that stands. The answer’s header Location is the address of its status."""
+        if (body.width_m is None) == (body.to is None):
+            raise Problem(Refusal("invalid", "Give either width_m or to.", "wire"))
+        if body.width_m is not None:
+            return self.move(slug, body.width_m)
+        ends = robot_facts(self.robot(slug)).limbs.get(self.limb)
+        if ends is None:
+            return self.move(slug, 0.0)  # the bridge says that there is none
+        return self.move(slug, ends.most_m if body.to == "open" else ends.least_m)
+
+    @operation("gripper_cancel", "End the gripper’s move", scope=Scope.DRIVE, refuses=(404, 409), tag="tasks")
+    def delete(self, _request: Request, slug: str) -> None:
+        """The fingers stay where they are."""
+        self.stay(slug)
+
+
+class TorsoView(LimbView):
+    """`/robots/{slug}/torso`."""
+
+    limb = "torso"
+
+    @operation(
+        "torso_move",
+        "Raise or lower the torso",
+        scope=Scope.DRIVE,
+        body=TorsoRequest,
+        answer=TaskEntry,
+        keyed=True,
+        status=202,
+        refuses=(404, 409),
+        tag="tasks",
+    )
+    def post(self, _request: Request, slug: str, body: TorsoRequest) -> Response:
+        """Needs control, a base that stands, and the arm at home. Location is the address of its status."""
+        return self.move(slug, body.height_m)
+
+    @operation("torso_cancel", "End the torso’s move", scope=Scope.DRIVE, refuses=(404, 409), tag="tasks")
+    def delete(self, _request: Request, slug: str) -> None:
+        """The torso stays where it is."""
+        self.stay(slug)

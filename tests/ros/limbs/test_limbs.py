@@ -1,0 +1,136 @@
+"""Gripper and torso of a simulated TIAGo, moved through a real bridge."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from std_msgs.msg import String
+
+from robots import wire
+from robots.bridge.config import ArmSource, LimbSource, Topic
+from tests.processes import until
+from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+
+FINGERS = ["gripper_left_finger_joint", "gripper_right_finger_joint"]
+TOPICS = {
+    "gripper": LimbSource("/gripper_controller/follow_joint_trajectory", FINGERS, (0.0, 0.045), 0.05),
+    "torso": LimbSource("/torso_controller/follow_joint_trajectory", ["torso_lift_joint"], (0.0, 0.35), 0.07),
+    "joint_states": Topic("/joint_states", "sensor_msgs/JointState"),
+    "arm": ArmSource(
+        home={
+            "arm_1_joint": 0.20,
+            "arm_2_joint": -1.34,
+            "arm_3_joint": -0.20,
+            "arm_4_joint": 1.94,
+            "arm_5_joint": -1.57,
+            "arm_6_joint": 1.37,
+            "arm_7_joint": 0.0,
+        },
+        links=[*(f"arm_{number}_link" for number in range(1, 8)), "gripper_grasping_frame"],
+    ),
+    "motions": Topic("/play_motion", "play_motion_msgs/PlayMotionAction"),
+}
+_numbers = itertools.count(1)
+
+
+class Holder:
+    """The holder of a robot, who moves its limbs."""
+
+    def __init__(self, process, hand) -> None:
+        self.process, self.hand = process, hand
+
+    def asks(self, limb: str, to_m: float) -> wire.Refusal | None:
+        return self.hand.ask(wire.MoveLimb(1, limb, to_m, next(_numbers)))
+
+    def moves(self, limb: str, to_m: float) -> wire.LimbEnd:
+        """Ask for a move and wait for its end."""
+        assert self.asks(limb, to_m) is None
+        return self.ended(limb)
+
+    def ended(self, limb: str) -> wire.LimbEnd:
+        state = self.hand.state_until(
+            lambda state: state.limbs[limb].to_m is None and state.limbs[limb].ended, f"the end of the {limb}"
+        )
+        return state.limbs[limb].ended
+
+    def until(self, condition, what: str) -> wire.State:
+        return self.hand.state_until(condition, what)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot(ros, simulator):
+    return simulator(pose="2,1.8,0", seed=1)
+
+
+@pytest.fixture
+def holder(rosmaster, robot, tmp_path):
+    with running_bridge(tiago_config(rosmaster, tmp_path, topics=TOPICS), rosmaster, tmp_path) as (
+        process,
+        hand,
+    ):
+        hand.state_until(drivable, "a robot that can be driven")
+        hand.state_until(lambda state: state.limbs["gripper"].at_m is not None, "joint states")
+        hand.take_control(1)
+        hand.let_go()
+        yield Holder(process, hand)
+
+
+@pytest.fixture
+def fault(ros):
+    """``fault(names)`` sets faults; they end with the test."""
+    with (
+        ros.listen("/ground_truth/faults", String) as faults,
+        ros.speak("/ground_truth/fault", String) as setter,
+    ):
+
+        def begin(names: str) -> None:
+            setter.publish(String(names))
+            faults.until(lambda message: message.data == names)
+
+        yield begin
+        begin("none")
+
+
+def test_the_gripper_opens_and_closes(holder):
+    end = holder.moves("gripper", 0.09)
+    assert (end.outcome, end.at_m) == ("done", pytest.approx(0.09, abs=0.005))
+    assert holder.moves("gripper", 0.0).outcome == "done"
+    assert holder.hand.state.limbs["gripper"].at_m < 0.005
+    assert holder.moves("gripper", 0.03).at_m == pytest.approx(0.03, abs=0.005)
+    until(lambda: "limb.end done" in holder.process.recorded(), "the end on record")
+    kinds = [line.split()[0] for line in holder.process.recorded()]
+    assert kinds.index("limb.start") < kinds.index("limb.end")
+
+
+def test_the_torso_rises_and_a_stop_holds_it(holder):
+    assert holder.asks("torso", 0.35) is None
+    holder.until(lambda state: state.limbs["torso"].at_m > 0.2, "a torso that rises")
+    holder.hand.send(wire.LinkStop("Bob", "enough", seq=7))
+    end = holder.ended("torso")
+    assert end.outcome == "stopped" and 0.2 < end.at_m < 0.3
+    assert holder.asks("torso", 0.1).code == "stopped"
+
+
+def test_the_arm_must_be_at_home_for_the_torso(holder):
+    assert holder.hand.ask(wire.Play(1, "offer", next(_numbers))) is None
+    holder.until(lambda state: state.motion_ended, "the end of the motion")
+    assert holder.asks("torso", 0.2).code == "arm_away"
+    assert holder.moves("gripper", 0.05).outcome == "done"
+    assert holder.hand.ask(wire.Play(1, "home", next(_numbers))) is None
+    holder.until(lambda state: state.motion is None and state.motion_ended.name == "home", "the arm at home")
+    assert holder.moves("torso", 0.15).outcome == "done"
+
+
+def test_joints_that_do_not_move_are_told(holder, fault):
+    fault("joints_stuck")
+    at_m = holder.hand.state.limbs["torso"].at_m
+    end = holder.moves("torso", 0.30 if at_m < 0.2 else 0.0)
+    assert end.outcome in {"no_progress", "failed"} and end.text
+
+
+def test_a_controller_that_never_answers_is_given_up(holder, fault):
+    fault("controllers_silent")
+    end = holder.moves("gripper", 0.09 if holder.hand.state.limbs["gripper"].at_m < 0.05 else 0.0)
+    assert end.outcome == "no_progress"  # the goal stays pending, and the fingers do not move
+    assert holder.hand.ask(wire.DriveBy(1, distance_m=0.1, seq=next(_numbers))) is None
