@@ -19,6 +19,8 @@ import { mark, parts } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 import { tabClock, tabToken } from "../lib/tab.js";
 import { Tabs } from "../lib/tabs.js";
+import { HeadStick } from "../limbs/head_stick.js";
+import { LimbPanel } from "../limbs/limb_panel.js";
 import { MapPanel } from "../navigation/map_panel.js";
 import { Notices } from "../page/notices.js";
 import { TaskPanel } from "../tasks/task_panel.js";
@@ -42,6 +44,7 @@ const SHOWN_ELSEWHERE = new Set([
   "stopped",
   "neutral_needed",
   "motion_running",
+  "limb_moving",
   "robot_offline",
 ]);
 
@@ -68,6 +71,8 @@ class ControlPage {
   #picture;
   #camera = null; // a robot may have none
   #map;
+  #limbs;
+  #headStick;
   #chart;
   #statusBar;
   #notices;
@@ -137,6 +142,15 @@ class ControlPage {
       order: (order) => this.#taskPanel.order(order),
       tell: (notice) => this.#notices.add(notice),
     });
+    this.#limbs = new LimbPanel(this.#parts, {
+      order: (order) => this.#taskPanel.order(order),
+      tell: (notice) => this.#notices.add(notice),
+    });
+    this.#headStick = new HeadStick(
+      this.#parts,
+      (order) => this.#taskPanel.order(order),
+      () => this.#drives && this.#joystick.isShown,
+    );
     this.#tabs = new Tabs(root, this.#parts.tabs, this.#parts.panel);
     this.#drawers = new Drawers(root);
     const choices = new Choices(root.dataset);
@@ -184,6 +198,8 @@ class ControlPage {
       this.#options,
       this.#picture,
       this.#map,
+      this.#limbs,
+      this.#headStick,
       this.#chart,
       this.#statusBar,
       this.#tabs,
@@ -334,6 +350,7 @@ class ControlPage {
         return this.#onWelcome(message);
       case "offers":
         this.#taskPanel.offers = message;
+        this.#limbs.offers = message;
         return;
       case "go_path":
         this.#map.path = message.path_cm;
@@ -361,6 +378,7 @@ class ControlPage {
     this.#picture.facts = robot;
     if (this.#camera) this.#camera.facts = robot;
     this.#statusBar.facts = robot;
+    this.#limbs.facts = robot;
     this.#taskPanel.welcome = welcome;
   }
 
@@ -403,6 +421,8 @@ class ControlPage {
     }
     this.#turn.mayAct = drives;
     this.#map.drives = drives;
+    this.#limbs.mayAct = drives;
+    this.#headStick.mayAct = drives;
     if (this.#camera) this.#camera.drives = drives;
     this.#screen.keep(drives);
     mark(this.#root, "drives", drives);
@@ -432,6 +452,7 @@ class ControlPage {
     this.#picture.view = view;
     if (this.#camera) this.#camera.view = view;
     this.#map.view = view;
+    this.#limbs.state = view.state;
     this.#chart.add(view.state);
     this.#taskPanel.state = view.state;
     this.#turn.state = view.state;
@@ -458,6 +479,7 @@ class ControlPage {
     this.#stick.neutralise(reason);
     this.#sender.zero();
     this.#taskPanel.zero();
+    this.#headStick.release();
   }
 
   // --- what is shown ---------------------------------------------------------------------------

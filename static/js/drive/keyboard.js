@@ -55,7 +55,9 @@ export function listenToKeys({ stick, holonomic, drives, mayStop, stop }) {
   const feed = () => stick.feed("keyboard", axesOf(held, holonomic()));
 
   const down = (event) => {
-    if (isEditing(event.target)) return;
+    // Arrow keys belong to a slider; a space means nothing to it, and stops.
+    const slides = event.code === "Space" && event.target?.type === "range";
+    if (isEditing(event.target) && !slides) return;
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     if (event.code === "Space" && mayStop()) {
       event.preventDefault();

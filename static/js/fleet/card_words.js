@@ -12,6 +12,7 @@ import {
   unknownText,
   verdictText,
 } from "../control/robot_words.js";
+import { movingText } from "../limbs/words.js";
 import { shortened } from "../tasks/tasks.js";
 
 const MOVES_MPS = 0.02;
@@ -98,6 +99,8 @@ export function doingText(state) {
   if (stop.state === "stopped") return gettext("Stopped");
   if (state.phase !== "online") return phaseTitle(state.phase);
   if (motion) return interpolate(gettext("Moves its arm: %s"), [motion.name.replaceAll("_", " ")]);
+  const moves = movingText(state.limbs);
+  if (moves) return moves;
   if (going) return interpolate(gettext("Drives to a place, for %s"), [going.who]);
   if (driveBy) return interpolate(gettext("Drives by itself, for %s"), [driveBy.who]);
   if (speech) return interpolate(gettext("Says “%s”"), [shortened(speech.text)]);

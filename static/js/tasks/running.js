@@ -2,6 +2,7 @@
 
 import { make, makeButton, say, show } from "../lib/dom.js";
 import { inLanguage } from "../lib/languages.js";
+import { movingText } from "../limbs/words.js";
 import { goingText } from "../navigation/words.js";
 import { useLabel, usesOf } from "./uses.js";
 
@@ -45,6 +46,7 @@ export class Running {
   #chosen = {}; // where input goes, by use, if not to the default
   #tab = null;
   #mayAct = false;
+  #limbs = {};
   #listening = new AbortController();
 
   /**
@@ -64,15 +66,20 @@ export class Running {
       ["speech-cancel", "say_cancel"],
     ])
       parts[button].addEventListener("click", () => send({ t }), { signal });
+    parts["limb-cancel"].addEventListener("click", () => this.#cancelLimbs(), { signal });
   }
 
   /** @param {object} state of the robot */
-  set state({ drive_by: drive = null, going = null, motion = null, speech = null, chosen = {} }) {
+  set state({ drive_by: drive = null, going = null, motion = null, ...more }) {
+    const { speech = null, chosen = {}, limbs = {} } = more;
+    this.#limbs = limbs;
+    const moves = movingText(limbs);
+    show(this.#parts["limb-runs"], moves !== "");
     show(this.#parts["go-runs"], going !== null);
     show(this.#parts["drive-runs"], drive !== null);
     show(this.#parts["motion-runs"], motion !== null);
     show(this.#parts["speech-runs"], speech !== null);
-    this.#busy = drive !== null || going !== null || motion !== null || speech !== null;
+    this.#busy = moves !== "" || [drive, going, motion, speech].some((task) => task !== null);
     this.#chosen = chosen;
     this.#showElsewhere();
     if (drive) {
@@ -82,6 +89,11 @@ export class Running {
     if (going) {
       say(this.#parts["go-words"], goingText(going));
       say(this.#parts["go-who"], interpolate(gettext("for %s"), [going.who]));
+    }
+    if (moves) {
+      const { who } = Object.values(limbs).find(({ to_m: to = null }) => to !== null);
+      say(this.#parts["limb-words"], moves);
+      say(this.#parts["limb-who"], interpolate(gettext("for %s"), [who]));
     }
     if (motion) {
       say(this.#parts["motion-name"], this.#titleOf(motion.name));
@@ -107,11 +119,17 @@ export class Running {
     this.#mayAct = may;
     show(this.#parts["drive-cancel"], may === true);
     show(this.#parts["go-cancel"], may === true);
+    show(this.#parts["limb-cancel"], may === true);
     this.#showElsewhere();
   }
 
   close() {
     this.#listening.abort();
+  }
+
+  #cancelLimbs() {
+    for (const [limb, { to_m: to = null }] of Object.entries(this.#limbs))
+      if (to !== null) this.#send({ t: "limb_cancel", limb });
   }
 
   #showElsewhere() {

@@ -1,6 +1,7 @@
 /** Tasks for the robot except driving: each has a number, one answer, and one notice. */
 
 import { isolated } from "../lib/languages.js";
+import { limbName } from "../limbs/words.js";
 import { useLabel } from "./uses.js";
 
 export const PATIENCE_MS = 750;
@@ -34,6 +35,10 @@ function orderText(order) {
       return gettext("Cancel the drive to a place");
     case "set_pose":
       return gettext("I am here");
+    case "move_limb":
+      return limbName(order.limb);
+    case "limb_cancel":
+      return gettext("Cancel the move of gripper or torso");
     case "choose":
       return interpolate(gettext("Change where %s goes"), [useLabel(order.use)]);
     case "publish":

@@ -356,6 +356,10 @@ describe("what is being said", () => {
   it("is shown with its status and its Cancel, as is a motion", () => {
     const parts = made({
       running: "section",
+      "limb-runs": "div",
+      "limb-words": "strong",
+      "limb-who": "span",
+      "limb-cancel": "button",
       "go-runs": "div",
       "go-words": "strong",
       "go-who": "span",
@@ -405,7 +409,14 @@ describe("what is being said", () => {
       part,
       part.replace("drive", "go"),
     ]);
-    const others = ["motion-runs", "speech-runs", "motion-cancel", "speech-cancel"];
+    const others = [
+      "motion-runs",
+      "speech-runs",
+      "motion-cancel",
+      "speech-cancel",
+      "limb-runs",
+      "limb-cancel",
+    ];
     const parts = made(
       Object.fromEntries(["running", "elsewhere", ...runs, ...others].map((p) => [p, "div"])),
     );
@@ -434,7 +445,14 @@ describe("what is being said", () => {
   });
 
   it("shows redirected input of the tab, and a way back", () => {
-    const drives = ["drive-runs", "drive-cancel", "go-runs", "go-cancel"];
+    const drives = [
+      "drive-runs",
+      "drive-cancel",
+      "go-runs",
+      "go-cancel",
+      "limb-runs",
+      "limb-cancel",
+    ];
     const runs = [...drives, "motion-runs", "motion-cancel", "speech-runs", "speech-cancel"];
     const parts = made(
       Object.fromEntries(["running", "elsewhere", ...runs].map((p) => [p, "div"])),

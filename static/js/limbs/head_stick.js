@@ -1,0 +1,151 @@
+/**
+ * The second stick: it pans and tilts the robot's head while it is held, by finger, mouse or the keys I J K L.
+ *
+ * Each request turns the head by a bounded angle and takes 0.2 s. When input ends, no further one is sent: the head stands
+ * within 0.3 s. A request waits for the answers to earlier ones, so that none piles up in a slow network.
+ */
+
+import { isEditing } from "../drive/keyboard.js";
+import { dim, mark, show } from "../lib/dom.js";
+
+const PERIOD_MS = 150;
+const FASTEST_RADPS = 0.9;
+const MOST_WAITING = 2; // requests without an answer
+const REST = 0.12; // a thumb in the middle rests
+const KEYS = { KeyI: [0, 1], KeyK: [0, -1], KeyJ: [1, 0], KeyL: [-1, 0] };
+const AHEAD = "KeyO";
+
+/** Share of the fastest turn for a deflection from -1 to 1: fine near the middle. Pure. */
+export function shaped(deflection) {
+  const size = Math.min(Math.abs(deflection), 1);
+  if (size < REST) return 0;
+  return Math.sign(deflection) * ((size - REST) / (1 - REST)) ** 2;
+}
+
+export class HeadStick {
+  #pad;
+  #knob;
+  #order;
+  #may = false;
+  #pointer = null; // its id
+  #held = new Set(); // keys
+  #way = { pan: 0, tilt: 0 }; // -1 to 1; positive: left, up
+  #waiting = 0;
+  #timer = null;
+  #parts;
+  #listening = new AbortController();
+
+  /**
+   * @param {Record<string, HTMLElement>} parts head-open, head-box, head-pad, head-knob, head-ahead
+   * @param {(order: object) => Promise<?object>} order returns why it was refused
+   * @param {() => boolean} steers keys belong to the robot now
+   */
+  constructor(parts, order, steers) {
+    this.#parts = parts;
+    this.#pad = parts["head-pad"];
+    this.#knob = parts["head-knob"];
+    this.#order = order;
+    const { signal } = this.#listening;
+    const on = (target, type, act) => target.addEventListener(type, act, { signal });
+    on(parts["head-open"], "click", () => this.#open(parts["head-box"].hidden));
+    on(parts["head-ahead"], "click", () => this.#ahead());
+    on(this.#pad, "pointerdown", (event) => this.#down(event));
+    on(this.#pad, "pointermove", (event) => event.pointerId === this.#pointer && this.#drag(event));
+    for (const type of ["pointerup", "pointercancel", "lostpointercapture"])
+      on(this.#pad, type, ({ pointerId }) => pointerId === this.#pointer && this.release());
+    on(this.#pad, "contextmenu", (event) => event.preventDefault());
+    on(window, "blur", () => this.release());
+    on(document, "visibilitychange", () => this.release());
+    on(window, "keydown", (event) => steers() && this.#key(event));
+    on(window, "keyup", ({ code }) => this.#held.delete(code) && this.#byKeys());
+    on(document, "focusin", ({ target }) => isEditing(target) && this.release());
+    this.mayAct = false;
+  }
+
+  /** @param {boolean} may this tab has control of a robot */
+  set mayAct(may) {
+    this.#may = may;
+    dim(this.#parts["head-ahead"], !may);
+    mark(this.#pad, "idle", !may);
+    if (!may) this.release();
+  }
+
+  /** Input ends now, whatever is still held. */
+  release() {
+    this.#pointer = null;
+    this.#held.clear();
+    this.#turn(0, 0);
+  }
+
+  close() {
+    this.release();
+    this.#listening.abort();
+  }
+
+  #open(opens) {
+    show(this.#parts["head-box"], opens);
+    this.#parts["head-open"].setAttribute("aria-pressed", String(opens));
+    if (!opens) this.release();
+  }
+
+  #ahead() {
+    this.release();
+    this.#order({ t: "look_ahead" });
+  }
+
+  #down(event) {
+    if (!this.#may || event.button || this.#pointer !== null) return;
+    event.preventDefault();
+    this.#pad.setPointerCapture?.(event.pointerId);
+    this.#held.clear();
+    this.#pointer = event.pointerId;
+    this.#drag(event);
+  }
+
+  #drag({ clientX, clientY }) {
+    const { left, top, width, height } = this.#pad.getBoundingClientRect();
+    const right = (2 * (clientX - left)) / width - 1;
+    const down = (2 * (clientY - top)) / height - 1;
+    const size = Math.max(1, Math.hypot(right, down));
+    this.#turn(-right / size, -down / size);
+  }
+
+  #key(event) {
+    if (isEditing(event.target) || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.code === AHEAD && !event.repeat && this.#may) this.#ahead();
+    if (!(event.code in KEYS) || !this.#may || this.#pointer !== null) return;
+    event.preventDefault();
+    this.#held.add(event.code);
+    this.#byKeys();
+  }
+
+  #byKeys() {
+    const sum = [0, 0];
+    for (const code of this.#held) for (const axis of [0, 1]) sum[axis] += KEYS[code][axis];
+    this.#turn(0.8 * sum[0], 0.8 * sum[1]);
+  }
+
+  #turn(pan, tilt) {
+    this.#way = { pan, tilt };
+    this.#knob.style.setProperty("--right", String(-pan));
+    this.#knob.style.setProperty("--down", String(-tilt));
+    if (pan === 0 && tilt === 0) {
+      clearInterval(this.#timer);
+      this.#timer = null;
+    } else if (this.#timer === null) {
+      this.#timer = setInterval(() => this.#step(), PERIOD_MS);
+      this.#step();
+    }
+  }
+
+  async #step() {
+    const most = (FASTEST_RADPS * PERIOD_MS) / 1000;
+    const pan = shaped(this.#way.pan) * most;
+    const tilt = shaped(this.#way.tilt) * most;
+    if (this.#waiting >= MOST_WAITING || (pan === 0 && tilt === 0)) return;
+    this.#waiting += 1;
+    const refusal = await this.#order({ t: "turn_head", pan, tilt, quiet: true });
+    this.#waiting -= 1;
+    if (refusal) this.release(); // the next one would be refused, too
+  }
+}

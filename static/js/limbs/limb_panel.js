@@ -1,0 +1,149 @@
+/**
+ * The drawer "Robot": the arm's way home, gripper and torso. A slider sends one bounded goal when it is released, so
+ * nothing goes on when input ends.
+ */
+
+import { dim, say, show } from "../lib/dom.js";
+import { centimetres, endNotice } from "./words.js";
+
+const HOME = "home"; // the motion that brings the arm home
+const KEYS_REST_MS = 400; // after the last press of an arrow key on a slider
+
+export class LimbPanel {
+  #parts;
+  #order;
+  #tell;
+  #ranges = {};
+  #home = null;
+  #pressed = new Set(); // limbs whose slider is under a finger
+  #held = new Set(); // and those that arrow keys move, too
+  #timers = {};
+  #ended = null; // ends that are known, by limb; null before the first state
+  #listening = new AbortController();
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {{order: (order: object) => Promise<?object>, tell: (notice: object) => void}} page
+   */
+  constructor(parts, { order, tell }) {
+    this.#parts = parts;
+    this.#order = order;
+    this.#tell = tell;
+    const { signal } = this.#listening;
+    const on = (part, type, act) => parts[part].addEventListener(type, act, { signal });
+    on("arm-home", "click", () => order({ t: "play", motion: HOME, title: this.#home?.title }));
+    on("gripper-open", "click", () => this.#move("gripper", this.#ranges.gripper.most_m));
+    on("gripper-close", "click", () => this.#move("gripper", this.#ranges.gripper.least_m));
+    for (const limb of ["gripper", "torso"]) {
+      on(`${limb}-to`, "pointerdown", () => {
+        this.#pressed.add(limb);
+        this.#held.add(limb);
+      });
+      on(`${limb}-to`, "input", () => this.#slid(limb));
+      on(`${limb}-to`, "change", (event) => this.#released(limb, event.target));
+      for (const type of ["pointerup", "pointercancel"])
+        on(`${limb}-to`, type, () => setTimeout(() => this.#letGo(limb)));
+    }
+    this.mayAct = false;
+  }
+
+  /** @param {object} facts of the robot */
+  set facts({ limbs = {}, has_head: hasHead = false }) {
+    this.#ranges = limbs;
+    for (const limb of ["gripper", "torso"]) {
+      const range = limbs[limb];
+      show(this.#parts[`${limb}-row`], range !== undefined);
+      if (!range) continue;
+      const slider = this.#parts[`${limb}-to`];
+      slider.min = range.least_m;
+      slider.max = range.most_m;
+      slider.step = 0.005;
+    }
+    show(this.#parts["head-open"], hasHead);
+    this.#showOpener();
+  }
+
+  /** @param {object} offers of the robot */
+  set offers({ motions = [] }) {
+    this.#home = motions.find(({ name }) => name === HOME) ?? null;
+    show(this.#parts["arm-home"], this.#home !== null);
+    this.#showOpener();
+  }
+
+  /** @param {object} state of the robot */
+  set state({ limbs = {} }) {
+    for (const [limb, { at_m: atM = null, to_m: toM = null }] of Object.entries(limbs)) {
+      if (!this.#ranges[limb] || this.#held.has(limb)) continue;
+      const slider = this.#parts[`${limb}-to`];
+      if (atM !== null) slider.value = toM ?? atM;
+      this.#label(limb, atM);
+    }
+    this.#followEnds(limbs);
+  }
+
+  /** @param {boolean} may this tab has control */
+  set mayAct(may) {
+    for (const part of ["arm-home", "gripper-open", "gripper-close"]) dim(this.#parts[part], !may);
+    for (const limb of ["gripper", "torso"]) this.#parts[`${limb}-to`].disabled = !may;
+  }
+
+  close() {
+    this.#listening.abort();
+    for (const timer of Object.values(this.#timers)) clearTimeout(timer);
+  }
+
+  #showOpener() {
+    const any = Object.keys(this.#ranges).length > 0 || this.#home !== null;
+    show(this.#parts["robot-open"], any);
+  }
+
+  #label(limb, metres) {
+    const text = metres === null ? gettext("unknown") : centimetres(metres);
+    say(this.#parts[`${limb}-at`], text);
+    this.#parts[`${limb}-to`].setAttribute("aria-valuetext", text);
+  }
+
+  #slid(limb) {
+    clearTimeout(this.#timers[limb]);
+    this.#label(limb, Number(this.#parts[`${limb}-to`].value));
+  }
+
+  /** A finger that lets go sends at once; arrow keys send when they rest, since each press is a change. */
+  #released(limb, slider) {
+    const to = Number(slider.value);
+    clearTimeout(this.#timers[limb]);
+    if (this.#pressed.has(limb)) {
+      slider.blur(); // keys drive the base again
+      this.#move(limb, to);
+      return;
+    }
+    this.#held.add(limb);
+    this.#timers[limb] = setTimeout(() => this.#move(limb, to), KEYS_REST_MS);
+  }
+
+  #move(limb, to) {
+    this.#letGo(limb);
+    this.#order({ t: "move_limb", limb, to_m: Math.round(to * 1000) / 1000, quiet: true });
+  }
+
+  #letGo(limb) {
+    this.#pressed.delete(limb);
+    this.#held.delete(limb);
+  }
+
+  #followEnds(limbs) {
+    const known = this.#ended;
+    this.#ended = Object.fromEntries(
+      Object.entries(limbs).map(([limb, { ended = null }]) => [
+        limb,
+        ended ? `${ended.fence} ${ended.seq}` : "",
+      ]),
+    );
+    if (known === null) return;
+    for (const [limb, { ended = null }] of Object.entries(limbs)) {
+      if (!ended || known[limb] === this.#ended[limb]) continue;
+      const notice = endNotice(limb, ended);
+      if (notice) this.#tell(notice);
+    }
+  }
+}

@@ -1,0 +1,48 @@
+/** Gripper and torso in words. Pure. */
+
+/** A length in centimetres: people think of a hand's width so. */
+export function centimetres(metres) {
+  return interpolate(gettext("%s cm"), [(metres * 100).toFixed(metres < 0.1 ? 1 : 0)]);
+}
+
+export function limbName(limb) {
+  return limb === "gripper" ? gettext("Gripper") : gettext("Torso");
+}
+
+/** The moves that run, in words; empty if none does. @param {object} limbs of the robot's state */
+export function movingText(limbs = {}) {
+  return Object.entries(limbs)
+    .filter(([, { to_m: toM = null }]) => toM !== null)
+    .map(([limb, { at_m: atM, to_m: toM, ending = "" }]) => {
+      const now = atM === null ? "?" : centimetres(atM);
+      const moves = interpolate(gettext("%s: %s, to %s"), [limbName(limb), now, centimetres(toM)]);
+      return ending ? `${moves}. ${ending}` : moves;
+    })
+    .join("; ");
+}
+
+const QUIET = new Set(["done", "cancelled", "replaced", "stopped"]);
+
+/** Notice of a move's end; null if nothing has to be told. */
+export function endNotice(limb, { outcome, text, at_m: atM }) {
+  if (QUIET.has(outcome)) return null;
+  const outcomes = {
+    no_progress: gettext("%s: stopped on its way."),
+    not_there: gettext("%s: not where it should be."),
+    rejected: gettext("%s: the robot did not accept it."),
+    failed: gettext("%s: failed."),
+    taken_over: gettext("%s: taken over."),
+    control_ended: gettext("%s: cancelled, because control ended."),
+    link_lost: gettext("%s: cancelled, because the page was out of reach."),
+    not_watched: gettext("%s: cancelled, because joint states ended."),
+    arm_away: gettext("%s: cancelled, because the arm is not at home."),
+    unheard: gettext("%s: its controller does not answer."),
+  };
+  const words = interpolate(outcomes[outcome] ?? gettext("%s: ended."), [limbName(limb)]);
+  const where = atM === null ? "" : interpolate(gettext("It is at %s."), [centimetres(atM)]);
+  return {
+    level: "warning",
+    code: `limb ${limb} ${outcome}`,
+    text: [words, text, text.includes(" m") ? "" : where].filter(Boolean).join(" "),
+  };
+}

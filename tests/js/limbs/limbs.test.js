@@ -1,0 +1,187 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { parts } from "../../../static/js/lib/dom.js";
+import { HeadStick, shaped } from "../../../static/js/limbs/head_stick.js";
+import { LimbPanel } from "../../../static/js/limbs/limb_panel.js";
+import { endNotice, movingText } from "../../../static/js/limbs/words.js";
+
+const RANGES = { gripper: { least_m: 0, most_m: 0.09 }, torso: { least_m: 0, most_m: 0.35 } };
+const BUTTONS = ["robot-open", "head-open", "arm-home", "gripper-open", "gripper-close"];
+const PAGE = `${BUTTONS.map((name) => `<button data-part="${name}"></button>`).join("")}
+  <div data-part="gripper-row"><output data-part="gripper-at"></output><input type="range" data-part="gripper-to"></div>
+  <div data-part="torso-row"><output data-part="torso-at"></output><input type="range" data-part="torso-to"></div>
+  <div data-part="head-box" hidden><button data-part="head-ahead"></button>
+  <div data-part="head-pad"><span data-part="head-knob"></span></div></div>`;
+const END = { fence: 1, seq: 7, outcome: "no_progress", text: "", at_m: 0.02 };
+
+let page;
+let order;
+
+beforeEach(() => {
+  vi.useFakeTimers();
+  document.body.innerHTML = PAGE;
+  page = parts(document.body);
+  order = vi.fn(() => Promise.resolve(null));
+});
+
+afterEach(() => vi.useRealTimers());
+
+describe("the drawer of arm, gripper and torso", () => {
+  let panel;
+  let tell;
+
+  beforeEach(() => {
+    tell = vi.fn();
+    panel = new LimbPanel(page, { order, tell });
+    panel.facts = { limbs: RANGES, has_head: true };
+    panel.mayAct = true;
+  });
+
+  afterEach(() => panel.close());
+
+  it("opens and closes the gripper", () => {
+    page["gripper-open"].click();
+    page["gripper-close"].click();
+    expect(order.mock.calls.map(([{ to_m }]) => to_m)).toEqual([0.09, 0]);
+  });
+
+  it("sends one bounded goal when a slider is let go", () => {
+    const slider = page["torso-to"];
+    slider.dispatchEvent(new Event("pointerdown"));
+    for (const value of [0.1, 0.2, 0.25]) {
+      slider.value = value;
+      slider.dispatchEvent(new Event("input"));
+    }
+    expect(order).not.toHaveBeenCalled();
+    slider.dispatchEvent(new Event("change"));
+    expect(order.mock.calls).toEqual([
+      [{ t: "move_limb", limb: "torso", to_m: 0.25, quiet: true }],
+    ]);
+  });
+
+  it("waits until arrow keys rest", () => {
+    const slider = page["gripper-to"];
+    for (const value of [0.01, 0.02, 0.03]) {
+      slider.value = value;
+      slider.dispatchEvent(new Event("input"));
+      slider.dispatchEvent(new Event("change"));
+      vi.advanceTimersByTime(100);
+    }
+    expect(order).not.toHaveBeenCalled();
+    vi.advanceTimersByTime(400);
+    expect(order).toHaveBeenCalledOnce();
+    expect(order.mock.calls[0][0].to_m).toBe(0.03);
+  });
+
+  it("shows where limbs are, but not under a finger", () => {
+    panel.state = { limbs: { gripper: { at_m: 0.04 }, torso: { at_m: 0.15 } } };
+    expect(page["torso-at"].textContent).toBe("15 cm");
+    expect(page["gripper-to"].value).toBe("0.04");
+    page["torso-to"].dispatchEvent(new Event("pointerdown"));
+    panel.state = { limbs: { gripper: { at_m: 0.05 }, torso: { at_m: 0.3 } } };
+    expect(page["torso-at"].textContent).toBe("15 cm");
+  });
+
+  it("offers the way home only if the robot has that motion", () => {
+    panel.offers = { motions: [{ name: "wave" }] };
+    expect(page["arm-home"].hidden).toBe(true);
+    panel.offers = { motions: [{ name: "home", title: "Home" }] };
+    page["arm-home"].click();
+    expect(order).toHaveBeenCalledWith({ t: "play", motion: "home", title: "Home" });
+  });
+
+  it("hides what the robot has not", () => {
+    panel.facts = { limbs: {}, has_head: false };
+    expect(page["robot-open"].hidden && page["head-open"].hidden).toBe(true);
+    expect(page["torso-row"].hidden).toBe(true);
+  });
+
+  it("tells an end that nobody wished, once, and none from before the page", () => {
+    panel.state = { limbs: { gripper: { at_m: 0.02, ended: END } } };
+    expect(tell).not.toHaveBeenCalled();
+    const later = { ...END, seq: 8 };
+    panel.state = { limbs: { gripper: { at_m: 0.02, ended: later } } };
+    panel.state = { limbs: { gripper: { at_m: 0.02, ended: later } } };
+    expect(tell).toHaveBeenCalledOnce();
+    expect(tell.mock.calls[0][0].text).toBe("Gripper: stopped on its way. It is at 2.0 cm.");
+  });
+});
+
+describe("the head's stick", () => {
+  let stick;
+  const press = (type, x = 0, y = 0) =>
+    Object.assign(new Event(type, { bubbles: true, cancelable: true }), {
+      clientX: x,
+      clientY: y,
+      pointerId: 1,
+      button: 0,
+    });
+
+  beforeEach(() => {
+    page["head-pad"].getBoundingClientRect = () => ({ left: 0, top: 0, width: 100, height: 100 });
+    stick = new HeadStick(page, order, () => true);
+    stick.mayAct = true;
+  });
+
+  afterEach(() => stick.close());
+
+  it("turns the head while it is held, and not a moment longer", async () => {
+    page["head-pad"].dispatchEvent(press("pointerdown", 0, 50));
+    await vi.advanceTimersByTimeAsync(450);
+    const count = order.mock.calls.length;
+    expect(count).toBe(4);
+    expect(order.mock.calls[0][0].pan).toBeCloseTo(0.135);
+    window.dispatchEvent(press("pointerup"));
+    page["head-pad"].dispatchEvent(press("pointerup"));
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(order.mock.calls.length).toBe(count);
+  });
+
+  it("goes by keys, and ends when the window loses them", async () => {
+    const key = (type, code) => window.dispatchEvent(Object.assign(new Event(type), { code }));
+    key("keydown", "KeyI");
+    await vi.advanceTimersByTimeAsync(300);
+    const count = order.mock.calls.length;
+    expect(order.mock.calls[0][0].tilt).toBeGreaterThan(0);
+    window.dispatchEvent(new Event("blur"));
+    await vi.advanceTimersByTimeAsync(500);
+    expect(order.mock.calls.length).toBe(count);
+    key("keydown", "KeyO");
+    expect(order).toHaveBeenLastCalledWith({ t: "look_ahead" });
+  });
+
+  it("sends no more than two requests without an answer", async () => {
+    order.mockImplementation(() => new Promise(() => {}));
+    page["head-pad"].dispatchEvent(press("pointerdown", 50, 0));
+    await vi.advanceTimersByTimeAsync(2000);
+    expect(order.mock.calls.length).toBe(2);
+  });
+
+  it("ends at a refusal and without control", async () => {
+    order.mockImplementation(() => Promise.resolve({ code: "stopped" }));
+    page["head-pad"].dispatchEvent(press("pointerdown", 50, 0));
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(order.mock.calls.length).toBe(1);
+    stick.mayAct = false;
+    page["head-pad"].dispatchEvent(press("pointerdown", 50, 0));
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(order.mock.calls.length).toBe(1);
+  });
+
+  it("rests in the middle", () => {
+    expect([shaped(0.1), shaped(1), shaped(-1)]).toEqual([0, 1, -1]);
+    expect(shaped(0.5)).toBeLessThan(0.3);
+  });
+});
+
+describe("words", () => {
+  it("says which limb goes where", () => {
+    const limbs = { gripper: { at_m: 0.04, to_m: 0.09 }, torso: { at_m: 0.15 } };
+    expect(movingText(limbs)).toBe("Gripper: 4.0 cm, to 9.0 cm");
+    expect(movingText({})).toBe("");
+  });
+
+  it("is silent about what a person wished", () => {
+    expect(endNotice("torso", { ...END, outcome: "done" })).toBeNull();
+    expect(endNotice("torso", { ...END, outcome: "arm_away" }).level).toBe("warning");
+  });
+});
