@@ -69,6 +69,7 @@ INSTALLED_APPS = [
     "fleet.accounts",
     "robots.registry",
     "robots.access",
+    "robots.places",
     "fleet.bookings",
     "teleop",
 ]

@@ -93,7 +93,7 @@ def read(content: bytes, default_language: str = FALLBACK_LANGUAGE) -> list[Line
     if len(phrases) > MOST_PHRASES:
         problems.append(f"There are {len(phrases)} phrases; a file has at most {MOST_PHRASES}.")
     if problems:
-        raise Problems(_shortened(problems))
+        raise Problems(shortened(problems))
     return list(phrases.values())
 
 
@@ -131,6 +131,7 @@ def _phrase(line: str, default_language: str) -> Line | str:
     return Line(text, in_usual_case(language), tags)
 
 
-def _shortened(problems: list[str]) -> list[str]:
+def shortened(problems: list[str]) -> list[str]:
+    """Return the first faults of a file, and how many more there are."""
     more = len(problems) - MOST_NAMED
     return [*problems[:MOST_NAMED], f"and {more} more."] if more > 0 else problems

@@ -11,6 +11,7 @@ from django.conf import settings
 from django.db.models import Q, QuerySet
 from django.utils import timezone
 
+from robots.places.models import SharedMap
 from robots.registry.maps import CLOCKS
 from robots.registry.models import Robot, RobotMap
 from teleop.models import ControlSession
@@ -29,7 +30,7 @@ def maps_of(session: ControlSession) -> QuerySet[RobotMap]:
 
 
 def remove_unneeded(now: datetime) -> Iterator[None]:
-    """Remove maps that belong to no control session whose paths are kept. One step per robot."""
+    """Remove maps that belong to no control session whose paths are kept, and have no places. One step per robot."""
     for robot_id in Robot.objects.filter(maps__isnull=False).distinct().values_list("pk", flat=True):
         RobotMap.objects.filter(pk__in=_unneeded(robot_id, now)).delete()
         yield
@@ -39,10 +40,13 @@ def _unneeded(robot_id: UUID, now: datetime) -> list[int]:
     kept_since = now - timedelta(days=settings.FLEET_AUDIT_KEEP_DAYS["driving"] + 1)
     sessions = ControlSession.objects.filter(robot=robot_id).exclude(ended_at__lt=kept_since)
     maps = list(RobotMap.objects.filter(robot=robot_id).defer("picture").order_by("first_seen_at"))
+    shared = set(SharedMap.objects.values_list("digest", flat=True))
     return [
         found.pk
         for found, following in zip_longest(maps, maps[1:])
-        if found.last_seen_at < now - RECENT and not _shown_with(sessions, found, following).exists()
+        if found.last_seen_at < now - RECENT
+        and found.digest not in shared
+        and not _shown_with(sessions, found, following).exists()
     ]
 
 

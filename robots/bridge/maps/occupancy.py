@@ -60,7 +60,15 @@ class _Geometry(NamedTuple):
 
 def taken(raw: bytes) -> TakenMap:
     """Return the map of a message, cropped to its known part. Raises `BadMap`."""
-    geometry, cells = _read(raw)
+    return _reduced(*_read(raw))
+
+
+def of_percents(resolution_m: float, origin: Pose, percent: NDArray[np.int8]) -> TakenMap:
+    """Return the map with these cells, row 0 at the lower edge: the one that `taken` makes of its message."""
+    return _reduced(_Geometry(resolution_m, origin), _classified(percent))
+
+
+def _reduced(geometry: _Geometry, cells: Cells) -> TakenMap:
     geometry, cells = _cut(geometry, cells)
     geometry, cells = _thinned(geometry, cells)
     height, width = cells.shape

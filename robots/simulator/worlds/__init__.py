@@ -71,6 +71,14 @@ class Person(Struct, frozen=True, forbid_unknown_fields=True):
     height: Positive = 1.75
 
 
+class Place(Struct, frozen=True, forbid_unknown_fields=True):
+    """A named place to which robots can be sent, with their heading in degrees."""
+
+    name: str
+    at: Point
+    heading: float = 0.0
+
+
 class World(Struct, frozen=True, forbid_unknown_fields=True):
     """All objects around the robot. Metres and degrees."""
 
@@ -83,6 +91,7 @@ class World(Struct, frozen=True, forbid_unknown_fields=True):
     decoration: list[Box] = []  # seen by colour cameras only
     people: list[Person] = []
     starts: list[tuple[float, float, float]] = []
+    places: list[Place] = []
 
 
 def load_world(name: str) -> World:

@@ -12,6 +12,8 @@ from django.core.management import call_command
 
 from fleet.accounts.models import User
 from robots.access.selectors import role_on
+from robots.places.models import Place
+from robots.places.selectors import place_of_robot
 from robots.registry.models import Robot, Role
 from robots.registry.selectors import allowed_on, phrases_of
 
@@ -62,3 +64,13 @@ def test_a_second_start_keeps_peoples_changes(seed: Any) -> None:
     robot.refresh_from_db()
     assert robot.master_uri == "http://127.0.0.1:22622"
     assert allowed_on(robot) == ()
+
+
+def test_the_practice_robots_know_the_kitchen_and_deleted_places_stay_deleted(seed: Any) -> None:
+    seed()
+    robot = Robot.objects.get(slug="p-1")
+    kitchen = place_of_robot(robot, "kitchen")
+    assert {place.name for place in kitchen.map.places.all()} >= {"kitchen", "charging dock"}
+    kitchen.delete()
+    seed()
+    assert not Place.objects.filter(name="kitchen").exists()

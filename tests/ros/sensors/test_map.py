@@ -24,6 +24,8 @@ from robots.bridge.ros.ros_worker import RosWorker
 from robots.bridge.ros.sensors.map import take
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.recording.bridge_records import AuditSink
+from robots.places.selectors import place_of_robot
+from robots.registry.management.commands.seed_demo import seed_map
 from robots.registry.models import RobotMap
 from tests.processes import until
 from tests.ros.bridge_support import running_bridge, tiago_config
@@ -58,6 +60,9 @@ def test_the_simulated_map_is_stored_with_its_walls(rosmaster, robot):
     # The hall, its west wall, the cupboard's side and its unseen inside.
     places = [(2.0, 1.8), (0.03, 3.0), (0.58, 1.0), (0.35, 1.0)]
     assert [opacity(shown, *place) for place in places] == [34, 255, 255, 0]
+    seed_map([robot])  # the map to which script/demo gives places
+    assert place_of_robot(robot, "kitchen").map_id == taken.digest
+    assert RobotMap.objects.filter(robot=robot).count() == 1
 
 
 def hears_tf(master):

@@ -9,12 +9,14 @@ updates only the robots' masters. Prints {slug: path of the bridge's socket}.
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 from django.core.management import call_command
 from django.core.management.base import BaseCommand, CommandParser
 from django.db import transaction
+from django.utils import timezone
 from msgspec import Struct, structs
 from msgspec.json import decode
 
@@ -22,11 +24,23 @@ from fleet.accounts.models import User
 from fleet.audit.command_line import here
 from robots.access.services import role_set
 from robots.bridge.config import Allowed
+from robots.bridge.gate.values import Pose
+from robots.bridge.maps.occupancy import of_percents
+from robots.places.entries import entry_of
+from robots.places.models import SharedMap
+from robots.places.services import map_name, places_import
+from robots.registry.maps import map_store
 from robots.registry.models import Allowance, Robot, RobotProfile, Role
 from robots.registry.selectors import link_address
 from robots.registry.services import entry_save, robot_save
+from robots.simulator.physics.mujoco_world import Physics
+from robots.simulator.physics.mujoco_world import Pose as Start
+from robots.simulator.sensors.body import BODIES
+from robots.simulator.sensors.survey import RESOLUTION_M, surveyed
+from robots.simulator.worlds import load_world
 
 PROFILE = "tiago"
+WORLD = "office"  # as script/stack starts the simulators
 ALLOWED = (
     Allowed("choose", "/phone_vel", use="drive"),
     Allowed("publish", "/fleet_demo/notes", "std_msgs/String"),
@@ -89,6 +103,7 @@ class Command(BaseCommand):
             robots = [seed_robot(robot) for robot in plan.robots]
             for account in plan.accounts:
                 seed_account(account, robots)
+            seed_map(robots)
         if plan.students:
             call_command("seed_demo_week", options["file"])
         self.stdout.write(json.dumps({robot.slug: link_address(robot).unix_path for robot in robots}))
@@ -119,6 +134,21 @@ def seed_robot(planned: PracticeRobot) -> Robot:
     for allowed in ALLOWED:
         entry_save(entry=Allowance(robot=robot, **structs.asdict(allowed)), actor=here())
     return robot
+
+
+def seed_map(robots: list[Robot]) -> None:
+    """Store the map that the practice robots have of their world, and its places, unless people changed them."""
+    world, body = load_world(WORLD), BODIES[PROFILE]
+    x, y, _ = world.starts[0]
+    survey = surveyed(Physics(world, body, Start(x, y, 0.0)), world.size, body.laser.pose[2])
+    taken = of_percents(RESOLUTION_M, Pose(survey.west_m, survey.south_m, 0.0), survey.cells)
+    for robot in robots:
+        map_store(robot.id, taken, timezone.now())
+    if SharedMap.objects.filter(digest=taken.digest).exists():
+        return
+    places = [entry_of(place.name, *place.at, math.radians(place.heading)) for place in world.places]
+    map_name(digest=taken.digest, name=world.name.capitalize(), actor=here())
+    places_import(digest=taken.digest, entries=dict(enumerate(places, start=1)), actor=here())
 
 
 def seed_account(planned: Account, robots: list[Robot]) -> None:

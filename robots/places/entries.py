@@ -1,0 +1,139 @@
+"""A place as people enter it: its name and pose, and files of places. Pure.
+
+A file is CSV with the columns name, x, y (metres) and heading (radians, 0 if it is empty), in UTF-8.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import unicodedata
+from collections.abc import Iterable
+
+from msgspec import Struct
+
+from robots.bridge.gate.geometry.planar import wrapped
+from robots.bridge.gate.values import Pose
+from robots.registry.phrases import shortened
+from robots.registry.profile_schema import Problems
+from robots.wire.navigation import FARTHEST_PLACE_M
+
+LONGEST_NAME = 60  # characters
+MOST_PLACES = 200  # on one map
+LARGEST_FILE = 100_000  # characters
+COLUMNS = ("name", "x", "y", "heading")
+_SEPARATORS = ",;\t"
+_MILLIMETRES = 3  # decimals
+
+
+class PlaceEntry(Struct, frozen=True):
+    """A place: metres and radians in the frame of the map."""
+
+    name: str
+    x: float
+    y: float
+    heading: float = 0.0
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot stands."""
+        return Pose(self.x, self.y, self.heading)
+
+    @property
+    def key(self) -> str:
+        """The name as it is compared."""
+        return key_of(self.name)
+
+
+def key_of(name: str) -> str:
+    """Return a name as it is compared: without regard to case, spaces and how letters are composed."""
+    return " ".join(unicodedata.normalize("NFKC", name).casefold().split())
+
+
+def why_no_name(name: str) -> str | None:
+    """Return why this is no name of a place or map; None if it is one."""
+    if not name:
+        return "It has no name."
+    if len(name) > LONGEST_NAME:
+        return f"The name has {len(name)} characters; there is room for {LONGEST_NAME}."
+    if not name.isprintable():
+        return "The name has a control character."
+    if not name[0].isalnum():  # a spreadsheet would take =, +, - or @ for the begin of a formula
+        return "A name begins with a letter or a digit."
+    return None
+
+
+def entry_of(name: str, x: float, y: float, heading: float) -> PlaceEntry:
+    """Return a place, its name without needless spaces, its pose in millimetres. Raises `Problems`."""
+    name = " ".join(unicodedata.normalize("NFC", name).split(" ")).strip()
+    if why := why_no_name(name):
+        raise Problems([why])
+    for coordinate in (x, y):
+        if not abs(coordinate) <= FARTHEST_PLACE_M:
+            raise Problems([f"{coordinate} is no place: a number of metres, at most {FARTHEST_PLACE_M:.0f}."])
+    if not abs(heading) <= math.tau:
+        raise Problems([f"{heading} is no heading: a number of radians between -6.28 and 6.28."])
+    return PlaceEntry(name, *(round(part, _MILLIMETRES) for part in (x, y, wrapped(heading))))
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def read(text: str) -> dict[int, PlaceEntry]:
+    """Return the places of a file, by the numbers of their lines. Raises `Problems` with the numbers of wrong lines."""
+    if len(text) > LARGEST_FILE:
+        raise Problems([f"The file has more than {LARGEST_FILE // 1000} kB."])
+    text = text.removeprefix("\ufeff")
+    head = text.lstrip().split("\n", 1)[0]
+    separator = next((one for one in _SEPARATORS if one in head), ",")
+    if tuple(key_of(column) for column in head.split(separator)) != COLUMNS:
+        raise Problems([f"line 1: The first line names the columns: {','.join(COLUMNS)}"])
+    found: dict[int, PlaceEntry] = {}
+    lines: dict[str, int] = {}  # by key
+    problems: list[str] = []
+    rows = csv.reader(io.StringIO(text.lstrip()), delimiter=separator)
+    try:
+        for row in rows:
+            if rows.line_num == 1 or not any(map(str.strip, row)):
+                continue
+            try:
+                entry = _entry(row)
+            except Problems as faults:
+                problems.append(f"line {rows.line_num}: {' '.join(faults.lines)}")
+                continue
+            found[rows.line_num] = entry
+            first = lines.setdefault(entry.key, rows.line_num)
+            if first != rows.line_num:
+                problems.append(f"line {rows.line_num}: Line {first} has a place named “{entry.name}”, too.")
+    except csv.Error as error:
+        problems.append(f"line {rows.line_num}: {error}.")
+    if not found and not problems:
+        problems.append("There is no place in the file.")
+    if len(found) > MOST_PLACES:
+        problems.append(f"There are {len(found)} places; a map has at most {MOST_PLACES}.")
+    if problems:
+        raise Problems(shortened(problems))
+    return found
+
+
+def _entry(row: list[str]) -> PlaceEntry:
+    if not 3 <= len(row) <= len(COLUMNS):
+        raise Problems([f"A line has {len(COLUMNS)} fields: {','.join(COLUMNS)}; this one has {len(row)}."])
+    name, *numbers = (field.strip() for field in row)
+    try:
+        x, y, heading = (float(number) if number else 0.0 for number in [*numbers, ""][:3])
+    except ValueError as error:
+        raise Problems([f"“{', '.join(numbers)}” are not numbers such as 3.4."]) from error
+    if "" in numbers[:2]:
+        raise Problems(["x or y is empty."])
+    return entry_of(name, x, y, heading)
+
+
+def written(places: Iterable[PlaceEntry]) -> str:
+    """Return the content of a file from which `read` makes these places."""
+    text = io.StringIO()
+    lines = csv.writer(text, lineterminator="\n")
+    lines.writerow(COLUMNS)
+    lines.writerows((place.name, place.x, place.y, place.heading) for place in places)
+    return text.getvalue()

@@ -1,0 +1,134 @@
+"""Reading maps that robots share, their places, and where a robot would have room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+from uuid import UUID
+
+from django.db.models import Max
+from msgspec import Struct
+
+from robots.access.selectors import roles_of
+from robots.bridge.audit.record_sink import TakenMap
+from robots.bridge.gate.geometry.footprint import footprint_of
+from robots.bridge.gate.values import Pose
+from robots.bridge.navigation.goal_map import GoalMap
+from robots.places.entries import key_of
+from robots.places.models import Place, SharedMap
+from robots.registry import robot_config
+from robots.registry.models import Robot, RobotMap, Role
+from robots.registry.profile_schema import Problems
+from robots.wire import NotDone, Refusal
+
+if TYPE_CHECKING:
+    from fleet.accounts.models import User
+
+NO_PICTURE = Refusal(
+    "no_map", "The console has no picture of this map any more, so no place can be added.", "robot"
+)
+
+
+class MapOfRobots(Struct, frozen=True):
+    """A map, the robots that have it now, and those that had it before: of the robots that were asked for."""
+
+    drawn: RobotMap  # without its picture
+    robots: list[Robot]
+    earlier: list[Robot]
+
+    @property
+    def digest(self) -> str:
+        """What identifies it."""
+        return self.drawn.digest
+
+
+def maps_of(robots: Iterable[Robot]) -> list[MapOfRobots]:
+    """Return the present maps of these robots, and their earlier ones that have places or a name.
+
+    Maps that more robots have come first; robots by name. Three queries.
+    """
+    by_id = {robot.id: robot for robot in sorted(robots, key=lambda robot: robot.name)}
+    present = newest_maps(by_id)
+    kept = SharedMap.objects.values("digest")
+    before = RobotMap.objects.filter(robot__in=by_id, digest__in=kept).defer("picture").order_by("-pk")
+    drawn: dict[str, RobotMap] = {}
+    for one in [*present.values(), *before]:
+        drawn.setdefault(one.digest, one)
+    had = {(one.robot_id, one.digest) for one in before}
+    found = []
+    for digest, one in drawn.items():
+        now = [robot for key, robot in by_id.items() if key in present and present[key].digest == digest]
+        earlier = [robot for key, robot in by_id.items() if (key, digest) in had and robot not in now]
+        found.append(MapOfRobots(one, now, earlier))
+    return sorted(found, key=lambda one: (-len(one.robots), -one.drawn.pk))
+
+
+def newest_maps(robots: Iterable[UUID]) -> dict[UUID, RobotMap]:
+    """Return the newest map of each robot that has one, without pictures. One query."""
+    newest = RobotMap.objects.filter(robot__in=list(robots)).values("robot").annotate(newest=Max("pk"))
+    found = RobotMap.objects.filter(pk__in=newest.values("newest")).defer("picture")
+    return {one.robot_id: one for one in found}
+
+
+def may_change(user: User, robots: Sequence[Robot]) -> bool:
+    """Return whether a person supervises one of the robots that have a map, so that its places are theirs, too."""
+    return any(role >= Role.SUPERVISOR for role in roles_of(user, robots).values())
+
+
+def names_of(digests: Iterable[str]) -> dict[str, str]:
+    """Return the names of maps that have one."""
+    return dict(
+        SharedMap.objects.filter(digest__in=list(digests)).exclude(name="").values_list("digest", "name")
+    )
+
+
+def places_of(digests: Iterable[str]) -> dict[str, list[Place]]:
+    """Return the places of these maps, by name. One query."""
+    found: dict[str, list[Place]] = {}
+    for place in Place.objects.filter(map__in=list(digests)):
+        found.setdefault(place.map_id, []).append(place)
+    return found
+
+
+def place_of_robot(robot: Robot, name: str) -> Place:
+    """Return a place of the robot's present map. Raises `NotDone`, with the names that there are."""
+    newest = newest_maps([robot.id]).get(robot.id)
+    places = places_of([newest.digest]).get(newest.digest, []) if newest else []
+    for place in places:
+        if place.key == key_of(name):
+            return place
+    if newest is None:
+        text = "The console knows no map of this robot yet, and so no place: it is read while somebody has control."
+    elif not places:
+        text = "The robot’s map has no named places. A new map begins without any, also of the same building."
+    else:
+        names = ", ".join(place.name for place in places)
+        text = f"The robot’s map has no place named “{name[:60]}”. It has: {names}."
+    raise NotDone(Refusal("place_unknown", text, "robot"))
+
+
+class Room:
+    """Where on a map the robots that have it could stand."""
+
+    def __init__(self, digest: str) -> None:
+        """Raises `NotDone` if the map's picture is not kept any more."""
+        drawn = RobotMap.objects.filter(digest=digest).order_by("pk").last()
+        if drawn is None:
+            raise NotDone(NO_PICTURE)
+        origin = Pose(drawn.origin_x_m, drawn.origin_y_m, drawn.origin_yaw)
+        picture = bytes(drawn.picture)
+        self._map = GoalMap(
+            TakenMap(drawn.resolution_m, origin, drawn.width, drawn.height, picture, drawn.digest)
+        )
+        robots = Robot.objects.filter(maps__digest=digest).select_related("profile").distinct()
+        self._footprints = []
+        for robot in robots:
+            try:
+                self._footprints.append(footprint_of(robot_config.of(robot).gate))
+            except (Problems, ValueError):
+                continue  # the entry of this robot is wrong: its page says so
+
+    def refuse(self, pose: Pose) -> Refusal | None:
+        """Return why no robot of this map can stand there."""
+        refusals = [self._map.refuse(pose, footprint) for footprint in self._footprints]
+        return None if not refusals or None in refusals else refusals[0]

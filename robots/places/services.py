@@ -1,0 +1,161 @@
+"""Writing names and places of maps. Every change is checked, written and recorded in one transaction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from django.db import transaction
+from msgspec import Struct
+
+from fleet.audit.command_line import SystemAccount
+from fleet.audit.services import record
+from robots.places.entries import MOST_PLACES, PlaceEntry, entry_of, why_no_name
+from robots.places.models import Place, SharedMap
+from robots.places.selectors import Room
+from robots.registry.phrases import shortened
+from robots.registry.profile_schema import Problems
+from robots.wire import NotDone, Refusal
+
+if TYPE_CHECKING:
+    from fleet.accounts.models import User
+
+    Actor = User | SystemAccount | None
+
+_FULL = Refusal("too_many", f"A map has at most {MOST_PLACES} places: delete one first.", "wire")
+
+
+class Imported(Struct, frozen=True):
+    """What an import did; places that are not in the file stay."""
+
+    added: int
+    changed: int
+    unchanged: int
+
+
+@transaction.atomic
+def map_name(*, digest: str, name: str, actor: Actor) -> None:
+    """Name a map; an empty name takes the name away. Raises `NotDone`."""
+    if name and (why := why_no_name(name)):
+        raise NotDone(Refusal("invalid", why, "wire"))
+    found = _locked(digest)
+    if found.name != name:
+        record("map.name", actor=actor, parameters={"map": digest, "from": found.name, "to": name})
+        found.name = name
+        found.save()
+
+
+@transaction.atomic
+def place_add(*, digest: str, entry: PlaceEntry, actor: Actor) -> Place:
+    """Add a place. Raises `NotDone`: its name, or where it is."""
+    entry = _checked(entry)
+    found = _locked(digest)
+    _require_free(found, entry)
+    if found.places.count() >= MOST_PLACES:
+        raise NotDone(_FULL)
+    if refusal := Room(digest).refuse(entry.pose):
+        raise NotDone(refusal)
+    place = _made(found, entry)
+    place.save(force_insert=True)
+    record("place.create", actor=actor, parameters=_facts(place))
+    return place
+
+
+@transaction.atomic
+def place_change(*, place: Place, entry: PlaceEntry, actor: Actor) -> Place:
+    """Rename or move a place. Raises `NotDone`."""
+    entry = _checked(entry)
+    found = _locked(place.map_id)
+    if entry.key != place.key:
+        _require_free(found, entry)
+    before = entry_from(place)
+    if entry.pose != before.pose and (refusal := Room(found.digest).refuse(entry.pose)):
+        raise NotDone(refusal)
+    if entry != before:
+        _fill(place, entry)
+        place.save()
+        was = {"name": before.name, "x_m": before.x, "y_m": before.y, "heading_rad": before.heading}
+        record("place.change", actor=actor, parameters={**_facts(place), "from": was})
+    return place
+
+
+@transaction.atomic
+def place_delete(*, place: Place, actor: Actor) -> None:
+    """Delete a place."""
+    record("place.delete", actor=actor, parameters=_facts(place))
+    place.delete()
+
+
+@transaction.atomic
+def places_import(*, digest: str, entries: dict[int, PlaceEntry], actor: Actor) -> Imported:
+    """Add the places of a file, by line; one that has the name of a place moves it. All of them, or `Problems`.
+
+    The same file again changes nothing.
+    """
+    found = _locked(digest)
+    held = {place.key: place for place in found.places.all()}
+    room = Room(digest)
+    problems, added, changed = [], [], []
+    for line, entry in entries.items():
+        place = held.get(entry.key)
+        if place is not None and entry_from(place) == entry:
+            continue
+        if refusal := room.refuse(entry.pose):
+            problems.append(f"line {line}, “{entry.name}”: {refusal.text}")
+        elif place is None:
+            added.append(_made(found, entry))
+        else:
+            _fill(place, entry)
+            changed.append(place)
+    if len(held) + len(added) > MOST_PLACES:
+        problems.append(f"The map would have {len(held) + len(added)} places; it may have {MOST_PLACES}.")
+    if problems:
+        raise Problems(shortened(problems))
+    Place.objects.bulk_create(added)
+    Place.objects.bulk_update(changed, ["name", "x_m", "y_m", "heading_rad"])
+    if added or changed:
+        lists = {"added": [_pose(one) for one in added], "changed": [_pose(one) for one in changed]}
+        record("place.import", actor=actor, parameters={"map": digest, **lists})
+    return Imported(len(added), len(changed), len(entries) - len(added) - len(changed))
+
+
+def entry_from(place: Place) -> PlaceEntry:
+    """Return a stored place as it is entered."""
+    return PlaceEntry(place.name, place.x_m, place.y_m, place.heading_rad)
+
+
+def _checked(entry: PlaceEntry) -> PlaceEntry:
+    try:
+        return entry_of(entry.name, entry.x, entry.y, entry.heading)
+    except Problems as problems:
+        raise NotDone(Refusal("invalid", " ".join(problems.lines), "wire")) from problems
+
+
+def _locked(digest: str) -> SharedMap:
+    """Return the map's row, made if it is missing; nobody else changes its places until the transaction ends."""
+    SharedMap.objects.get_or_create(digest=digest)
+    return SharedMap.objects.select_for_update().get(pk=digest)
+
+
+def _require_free(found: SharedMap, entry: PlaceEntry) -> None:
+    taken = found.places.filter(key=entry.key).first()
+    if taken is not None:
+        raise NotDone(Refusal("name_taken", f"This map has a place named “{taken.name}” already.", "wire"))
+
+
+def _made(found: SharedMap, entry: PlaceEntry) -> Place:
+    place = Place(map=found)
+    _fill(place, entry)
+    return place
+
+
+def _fill(place: Place, entry: PlaceEntry) -> None:
+    place.name, place.key = entry.name, entry.key
+    place.x_m, place.y_m, place.heading_rad = entry.pose
+
+
+def _pose(place: Place) -> dict[str, Any]:
+    return {"name": place.name, "x_m": place.x_m, "y_m": place.y_m, "heading_rad": place.heading_rad}
+
+
+def _facts(place: Place) -> dict[str, Any]:
+    return {"map": place.map_id, **_pose(place)}
