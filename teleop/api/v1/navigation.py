@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from asgiref.sync import async_to_sync
 from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiExample
-from msgspec import Struct
+from msgspec import Meta, Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
 from robots import wire
+from robots.places.entries import LONGEST_NAME
+from robots.places.selectors import place_of_robot
 from robots.registry.models import Robot, RobotMap
 from robots.wire import Refusal
 from robots.wire.navigation import Coordinate, Heading
@@ -23,10 +27,20 @@ from teleop.api.v1.tasks import TaskEntry, TasksBase
 NO_MAP = Refusal(
     "not_found", "The console knows no map of this robot yet: it is read while somebody has control.", "robot"
 )
+_ONE_PLACE = Refusal("invalid", "Name a place, or give x and y.", "wire")
 
 
 class GoRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """A place of the robot's map: metres, radians."""
+    """A place of the robot's map: by its name, or by x and y, with a heading. Metres, radians."""
+
+    place: Annotated[str, Meta(min_length=1, max_length=LONGEST_NAME)] | None = None
+    x: Coordinate | None = None
+    y: Coordinate | None = None
+    heading: Heading | None = None  # null: that of the named place, or 0
+
+
+class PoseRequest(Struct, frozen=True, forbid_unknown_fields=True):
+    """Where the robot is on its map: metres, radians."""
 
     x: Coordinate
     y: Coordinate
@@ -64,15 +78,18 @@ class GoView(TasksBase):
         status=202,
         refuses=(404, 409),
         tag="control",
-        examples=[OpenApiExample("A place", value={"x": 3.4, "y": 1.8, "heading": 1.57}, request_only=True)],
+        examples=[
+            OpenApiExample("A named place", value={"place": "kitchen"}, request_only=True),
+            OpenApiExample("A place", value={"x": 3.4, "y": 1.8, "heading": 1.57}, request_only=True),
+        ],
     )
     def post(self, _request: Request, slug: str, body: GoRequest) -> Response:
         """The robot’s own navigation drives; the gate watches, and takes over where it would touch something. Outcomes:
         arrived, failed, held_back, cancelled, stopped, replaced by a stick, and others. Needs control. While it drives,
         ask for something at least every 10 s, such as its status."""
-        return self.start(
-            self.robot(slug), lambda fence, seq: wire.Go(fence, body.x, body.y, body.heading, seq), "go"
-        )
+        robot = self.robot(slug)
+        x, y, heading = _asked(robot, body)
+        return self.start(robot, lambda fence, seq: wire.Go(fence, x, y, heading, seq), "go")
 
     @operation(
         "go_cancel",
@@ -94,11 +111,11 @@ class PoseView(TasksBase):
         "pose_set",
         "Tell the robot where it is on its map",
         scope=Scope.DRIVE,
-        body=GoRequest,
+        body=PoseRequest,
         refuses=(404, 409),
         tag="control",
     )
-    def put(self, _request: Request, slug: str, body: GoRequest) -> None:
+    def put(self, _request: Request, slug: str, body: PoseRequest) -> None:
         """Needs control, and a robot that stands. Localisation then looks for its exact place nearby."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(
@@ -141,6 +158,16 @@ class MapPictureView(ProgramView):
     def get(self, _request: Request, slug: str) -> HttpResponse:
         """PNG: obstacles are opaque, the floor is faint, the unknown is transparent."""
         return HttpResponse(bytes(newest_map(self.robot(slug), whole=True).picture), content_type="image/png")
+
+
+def _asked(robot: Robot, body: GoRequest) -> tuple[float, float, float]:
+    """Return where the robot shall drive. Raises `NotDone` or `Problem`."""
+    if body.place is not None and body.x is None and body.y is None:
+        place = place_of_robot(robot, body.place)
+        return place.x_m, place.y_m, place.heading_rad if body.heading is None else body.heading
+    if body.place is not None or body.x is None or body.y is None:
+        raise Problem(_ONE_PLACE)
+    return body.x, body.y, body.heading or 0.0
 
 
 def newest_map(robot: Robot, *, whole: bool = False) -> RobotMap:

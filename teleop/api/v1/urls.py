@@ -18,6 +18,7 @@ from teleop.api.v1 import (
     unknown_address,
     views,
 )
+from teleop.api.v1.maps import maps, places
 from teleop.api.v1.setup import (
     groups,
     invitations,
@@ -79,6 +80,13 @@ urlpatterns = [
     path("robots/<slug:slug>/pose", navigation.PoseView.as_view()),
     path("robots/<slug:slug>/map", navigation.MapView.as_view()),
     path("robots/<slug:slug>/map/picture", navigation.MapPictureView.as_view()),
+    path("maps", maps.MapsView.as_view()),
+    path("maps/<slug:digest>", maps.OneMapView.as_view()),
+    path("maps/<slug:digest>/picture", maps.PictureView.as_view()),
+    path("maps/<slug:digest>/places", places.PlacesView.as_view()),
+    path("maps/<slug:digest>/places/export", places.ExportView.as_view()),
+    path("maps/<slug:digest>/places/import", places.ImportView.as_view()),
+    path("maps/<slug:digest>/places/<int:number>", places.PlaceView.as_view()),
     path("robots/<slug:slug>/forget", topics.ForgetView.as_view()),
     path("robots/<slug:slug>/topics", topics.TopicsView.as_view()),
     path("robots/<slug:slug>/topics/definition", topics.DefinitionView.as_view()),

@@ -23,8 +23,8 @@ from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.ros_worker import RosWorker
 from robots.bridge.ros.sensors.map import take
 from robots.bridge.ros.sensors.tf import TfTopics
-from robots.recording.bridge_records import AuditSink
 from robots.places.selectors import place_of_robot
+from robots.recording.bridge_records import AuditSink
 from robots.registry.management.commands.seed_demo import seed_map
 from robots.registry.models import RobotMap
 from tests.processes import until

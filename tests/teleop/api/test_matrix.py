@@ -31,6 +31,8 @@ from robots.access.enrolment import invitation_make
 from robots.access.models import Course, Enrolment, Qualification, RobotGroup
 from robots.access.selectors import lab_date, role_on
 from robots.access.services import qualification_grant, role_set
+from robots.places.entries import PlaceEntry
+from robots.places.services import place_add
 from robots.registry.models import Robot, RobotProfile, Role
 from robots.wire import StopState
 from script.stack.messages import openapi
@@ -39,6 +41,7 @@ from teleop.models import ControlSession
 from teleop.recording import refusals
 from teleop.stop import emergency_stop
 from teleop.webhooks.services import webhook_make
+from tests.robots.places.maps import map_of
 from tests.teleop.api.conftest import Caller
 from tests.teleop.api.test_bookings import hour, words
 
@@ -87,6 +90,15 @@ def robot_managed(done: str) -> Ends:
     return (
         f"permission_denied permission_denied not_found {done} {done}",
         f"permission_denied permission_denied permission_denied not_found {done}",
+        f"not_found not_found not_found not_found {done}",
+    )
+
+
+def supervised(done: str) -> Ends:
+    """A supervisor of the robot, also by a course, or staff."""
+    return (
+        f"permission_denied permission_denied not_found {done} {done}",
+        f"permission_denied permission_denied {done} not_found {done}",
         f"not_found not_found not_found not_found {done}",
     )
 
@@ -155,8 +167,24 @@ TABLE: dict[str, Row] = {
     "go": Row(DRIVE, "/robots/{robot}/go", NO_LEASE, {"x": 1.0, "y": 2.0}),
     "go_cancel": Row(DRIVE, "/robots/{robot}/go", NO_LEASE),
     "pose_set": Row(DRIVE, "/robots/{robot}/pose", NO_LEASE, {"x": 1.0, "y": 2.0}),
-    "map_read": Row(READ, "/robots/{robot}/map", seen("not_found")),
-    "map_picture": Row(READ, "/robots/{robot}/map/picture", seen("not_found")),
+    "map_read": Row(READ, "/robots/{robot}/map", seen("200")),
+    "map_picture": Row(READ, "/robots/{robot}/map/picture", seen("200")),
+    # maps and places
+    "maps_list": Row(READ, "/maps?robot={robot}", seen("200")),
+    "maps_read": Row(READ, "/maps/{map}", seen("200")),
+    "maps_picture": Row(READ, "/maps/{map}/picture", seen("200")),
+    "maps_name": Row(MANAGE, "/maps/{map}", supervised("changed"), {"name": "Hall"}, version=True),
+    "places_list": Row(READ, "/maps/{map}/places", seen("200")),
+    "places_add": Row(MANAGE, "/maps/{map}/places", supervised("201"), {"name": "hall", "x": 1.0, "y": 1.0}),
+    "places_read": Row(READ, "/maps/{map}/places/{place}", seen("200")),
+    "places_change": Row(
+        MANAGE, "/maps/{map}/places/{place}", supervised("changed"), {"name": "hall"}, version=True
+    ),
+    "places_delete": Row(MANAGE, "/maps/{map}/places/{place}", supervised("204")),
+    "places_export": Row(READ, "/maps/{map}/places/export", seen("200")),
+    "places_import": Row(
+        MANAGE, "/maps/{map}/places/import", supervised("200"), {"csv": "name,x,y,heading\nhall,1,1,0\n"}
+    ),
     "look_ahead": Row(DRIVE, "/robots/{robot}/look-ahead", NO_LEASE),
     "head_turn": Row(DRIVE, "/robots/{robot}/head", NO_LEASE, {"pan": 0.1, "tilt": 0.0}),
     "gripper_move": Row(DRIVE, "/robots/{robot}/gripper", NO_LEASE, {"width_m": 0.05}),
@@ -477,8 +505,10 @@ class Lab:
         mine = self._course("mine", "course", Role.OPERATOR, ["operator", "student"], ["teacher"])
         theirs = self._course("theirs", "other", Role.OPERATOR, ["stranger"], [])
         service_account_make(name="Night tests", project="Grasping", actor=staff)
-        self.groups, self.webhooks = {}, {}
+        self.groups, self.webhooks, self.places = {}, {}, {}
         for place, robot in self.robots.items():
+            kitchen = PlaceEntry("kitchen", 1.0, 1.0)
+            self.places[place] = place_add(digest=map_of(robot, mark=place), entry=kitchen, actor=staff)
             self.groups[place] = RobotGroup.objects.create(name=f"Robots {place}", slug=f"robots-{place}")
             self.groups[place].robots.add(robot)
             self.webhooks[place], _ = webhook_make(
@@ -542,6 +572,8 @@ class Lab:
         )
         return {
             "robot": place,
+            "map": self.places[place].map_id,
+            "place": str(self.places[place].pk),
             "group": self.groups[place].slug,
             "webhook": str(self.webhooks[place].pk),
             "period": str(period.pk),

@@ -1,0 +1,1 @@
+"""Maps that robots share, and their named places."""
