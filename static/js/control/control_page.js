@@ -138,7 +138,7 @@ class ControlPage {
         tell: (notice) => this.#notices.add(notice),
       });
     }
-    this.#map = new MapPanel(this.#parts["picture-area"], this.#parts, root.dataset.map, {
+    this.#map = new MapPanel(this.#parts["picture-area"], this.#parts, root.dataset.robot, {
       order: (order) => this.#taskPanel.order(order),
       tell: (notice) => this.#notices.add(notice),
     });

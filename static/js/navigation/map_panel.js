@@ -2,38 +2,43 @@
 
 import { make, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { MapView } from "./map_view.js";
+import { readMaps, readPicture } from "./places_api.js";
+import { PlacesPanel } from "./places_panel.js";
 import { endText } from "./words.js";
 
 const LOOK_MS = 2_000; // while it is open and there is no map yet
 const AGAIN_EVERY = 10; // looks: the map may be another one
 const ZOOM = 1.5;
+const MODES = ["go", "pose", "place"];
+const IN_CONTROL = ["go", "pose"];
 
 export class MapPanel {
   #root;
   #parts;
-  #address;
+  #robot;
+  #places;
   #order;
   #tell;
   #view = null; // made when it is first opened
-  #mode = null; // "go", "pose" or null
+  #mode = null; // one of MODES, or null
   #drives = false;
   #path = [];
   #newest = null;
   #ended; // number of the last end that is known; undefined before the first state
-  #loaded = null; // number of the map that is shown
+  #loaded = null; // the map that is shown
   #timer = null;
   #listening = new AbortController();
 
   /**
    * @param {HTMLElement} root the area of the picture
    * @param {Record<string, HTMLElement>} parts
-   * @param {string} address of the map
+   * @param {string} robot its slug
    * @param {{order: (order: object) => Promise<?object>, tell: (notice: object) => void}} page
    */
-  constructor(root, parts, address, { order, tell }) {
+  constructor(root, parts, robot, { order, tell }) {
     this.#root = root;
     this.#parts = parts;
-    this.#address = address;
+    this.#robot = robot;
     this.#order = order;
     this.#tell = tell;
     const { signal } = this.#listening;
@@ -41,9 +46,17 @@ export class MapPanel {
     on("map-open", () => this.#open(parts.map.hidden));
     on("map-go", () => this.#choose("go"));
     on("map-pose", () => this.#choose("pose"));
+    on("map-place", () => this.#choose("place"));
     on("map-in", () => this.#view.zoom(ZOOM));
     on("map-out", () => this.#view.zoom(1 / ZOOM));
     on("map-fit", () => this.#view.fit());
+    this.#places = new PlacesPanel(parts, {
+      go: (place) => this.#goTo(place),
+      choose: () => this.#choose("place"),
+      here: () => rounded(this.#newest?.state.location ?? null),
+      changed: () => this.#load(),
+      tell,
+    });
   }
 
   /** @param {{state: object, scan: ?object}} view of the robot */
@@ -65,13 +78,15 @@ export class MapPanel {
   /** @param {boolean} drives this tab has control */
   set drives(drives) {
     this.#drives = drives;
-    if (!drives) this.#choose(null);
+    this.#places.drives = drives;
+    if (!drives && IN_CONTROL.includes(this.#mode)) this.#choose(null);
   }
 
   close() {
     this.#listening.abort();
     clearInterval(this.#timer);
     this.#view?.close();
+    this.#places.close();
   }
 
   #open(opens) {
@@ -79,7 +94,10 @@ export class MapPanel {
     mark(this.#root, "mapped", opens);
     this.#parts["map-open"].setAttribute("aria-expanded", String(opens));
     clearInterval(this.#timer);
-    if (!opens) return this.#choose(null);
+    if (!opens) {
+      this.#places.open(false);
+      return this.#choose(null);
+    }
     if (!this.#view) this.#begin();
     if (this.#newest) this.view = this.#newest;
     this.#view.path = this.#path;
@@ -106,47 +124,59 @@ export class MapPanel {
 
   async #load() {
     try {
-      const answer = await fetch(this.#address, { signal: this.#listening.signal });
-      const map = await answer.json();
-      if (!answer.ok) return sayOrHide(this.#parts["map-none"], map.detail ?? "");
-      sayOrHide(this.#parts["map-none"], "");
-      if (map.number === this.#loaded) return;
-      const picture = new Image();
-      picture.src = `${map.picture}?${map.number}`;
-      await picture.decode();
-      this.#loaded = map.number;
-      this.#view.show(map, picture);
+      const maps = await readMaps(this.#robot);
+      const map = maps.find(({ robots }) => robots.length > 0) ?? null;
+      const earlier = maps.filter((one) => one !== map && one.places.length > 0);
+      if (this.#listening.signal.aborted) return;
+      sayOrHide(this.#parts["map-none"], map ? "" : unknownText());
+      this.#places.show(map, earlier);
+      if (map && map.map !== this.#loaded) {
+        this.#view.show(map, await readPicture(map));
+        this.#loaded = map.map;
+      }
+      this.#view.places = map?.places ?? [];
     } catch (error) {
-      if (error.name !== "AbortError")
-        sayOrHide(this.#parts["map-none"], gettext("The map could not be read."));
+      sayOrHide(this.#parts["map-none"], error.message);
     }
   }
 
   /** Choose a place for this from now on; the same again: no more. */
   #choose(mode) {
-    if (mode && !this.#drives) {
-      this.#tell({ level: "info", code: "map control", text: gettext("Take control first.") });
-      mode = null;
-    }
+    if (IN_CONTROL.includes(mode) && !this.#mayOrder()) mode = null;
     this.#mode = mode === this.#mode ? null : mode;
-    for (const name of ["go", "pose"])
+    mark(this.#parts.map, "chooses", this.#mode);
+    show(this.#parts["map-place"], this.#mode === "place");
+    for (const name of MODES)
       this.#parts[`map-${name}`].setAttribute("aria-pressed", String(name === this.#mode));
     if (this.#view) this.#view.chooses = this.#mode !== null;
     this.#speak();
   }
 
-  #chosen({ x, y, heading }) {
-    const t = this.#mode === "pose" ? "set_pose" : "go";
+  #mayOrder() {
+    if (!this.#drives)
+      this.#tell({ level: "info", code: "map control", text: gettext("Take control first.") });
+    return this.#drives;
+  }
+
+  #chosen(pose) {
+    const mode = this.#mode;
     this.#choose(null);
-    const rounded = (value) => Math.round(value * 1000) / 1000;
-    this.#order({ t, x: rounded(x), y: rounded(y), heading: rounded(heading) });
+    if (mode === "place") this.#places.add(rounded(pose));
+    else this.#order({ t: mode === "pose" ? "set_pose" : "go", ...rounded(pose) });
+  }
+
+  #goTo(place) {
+    if (!this.#mayOrder()) return;
+    this.#places.open(false);
+    this.#order({ t: "go", ...rounded(place) });
   }
 
   #speak() {
     const { location = null, navigation_held: held = "" } = this.#newest?.state ?? {};
     const modes = {
-      go: gettext("Press where the robot should go, and drag to where it should look."),
-      pose: gettext("Press where the robot is, and drag to where it looks."),
+      go: gettext("Press where the robot should go, drag to where it should look."),
+      pose: gettext("Press where the robot is, drag to where it looks."),
+      place: gettext("Press where the place is, drag to where a robot should look."),
     };
     const words = modes[this.#mode] ?? (held || location?.problem || "");
     say(this.#parts["map-words"], words);
@@ -163,4 +193,17 @@ export class MapPanel {
       : "warning";
     this.#tell({ level, code: `go ${number}`, text: endText(ended) });
   }
+}
+
+/** A pose in millimetres. */
+function rounded(pose) {
+  if (pose === null) return null;
+  const millimetres = (value) => Math.round(value * 1000) / 1000;
+  return { x: millimetres(pose.x), y: millimetres(pose.y), heading: millimetres(pose.heading) };
+}
+
+function unknownText() {
+  return gettext(
+    "The console knows no map of this robot yet: it is read while somebody has control.",
+  );
 }

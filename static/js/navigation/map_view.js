@@ -21,11 +21,13 @@ const COLOURS = [
   "path",
   "path-body",
   "hold",
+  "place",
 ];
 const ZOOM_STEP = 1.4;
 const PAN_STEP = 60; // pixels
 const TURN_STEP = Math.PI / 12;
 const WHEEL = 0.0015;
+const FONT = "600 13px system-ui, sans-serif";
 
 export class MapView extends EventTarget {
   #element;
@@ -36,6 +38,7 @@ export class MapView extends EventTarget {
   #robot = null;
   #scan = [];
   #path = [];
+  #places = [];
   #goal = null;
   #chooses = false;
   #chosen = null; // place and heading that are being chosen
@@ -84,6 +87,12 @@ export class MapView extends EventTarget {
   /** @param {number[]} path flat x, y in centimetres */
   set path(path) {
     this.#path = path;
+    this.#canvas.redraw();
+  }
+
+  /** @param {{name: string, x: number, y: number, heading: number}[]} places */
+  set places(places) {
+    this.#places = places;
     this.#canvas.redraw();
   }
 
@@ -256,6 +265,7 @@ export class MapView extends EventTarget {
     pen.setTransform(pixels, 0, 0, -pixels, x, y); // metres, y up
     const pixel = density / pixels;
     this.#drawMap(pen);
+    for (const place of this.#places) this.#drawPlace(pen, place, pixel);
     this.#line(pen, this.#path, colour.path, 2.5 * pixel);
     if (this.#goal) this.#arrow(pen, this.#goal, colour.path, pixel);
     if (this.#robot) {
@@ -277,6 +287,42 @@ export class MapView extends EventTarget {
     pen.imageSmoothingEnabled = false;
     const [w, h] = [this.#map.width * side, this.#map.height * side];
     pen.drawImage(this.#picture, 0, -h, w, h);
+    pen.restore();
+  }
+
+  /** A diamond with its name below, which has the same size at each zoom. */
+  #drawPlace(pen, { name, x, y }, pixel) {
+    const { colour } = this.#canvas;
+    const half = 6 * pixel;
+    pen.save();
+    pen.translate(x, y);
+    pen.fillStyle = colour.place;
+    pen.beginPath();
+    for (const [dx, dy] of [
+      [half, 0],
+      [0, half],
+      [-half, 0],
+      [0, -half],
+    ])
+      pen.lineTo(dx, dy);
+    pen.fill();
+    pen.restore();
+    this.#write(pen, name, [x, y], 17, colour.place, pixel);
+  }
+
+  /** Write words so many pixels below a place, on a rim of the ground's colour. */
+  #write(pen, text, [x, y], below, colour, pixel) {
+    pen.save();
+    pen.translate(x, y);
+    pen.scale(pixel, -pixel);
+    pen.font = FONT;
+    pen.textAlign = "center";
+    pen.lineJoin = "round";
+    pen.lineWidth = 4;
+    pen.strokeStyle = this.#canvas.colour.surface;
+    pen.fillStyle = colour;
+    pen.strokeText(text, 0, below);
+    pen.fillText(text, 0, below);
     pen.restore();
   }
 

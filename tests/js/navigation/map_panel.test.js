@@ -3,8 +3,13 @@ import { parts } from "../../../static/js/lib/dom.js";
 import { MapPanel } from "../../../static/js/navigation/map_panel.js";
 import { endText, goingText } from "../../../static/js/navigation/words.js";
 
-const NAMES = ["map-none", "map-words"];
-const BUTTONS = ["map-open", "map-go", "map-pose", "map-in", "map-out", "map-fit"];
+const NAMES = ["map-none", "map-words", "places-none", "place-dialog-title", "place-refused"];
+const BUTTONS = [
+  ...["map-open", "map-go", "map-places", "map-pose", "map-place", "map-in", "map-out", "map-fit"],
+  ...["place-add", "place-here", "map-name", "places-import", "place-delete"],
+];
+const KITCHEN = { number: 7, name: "kitchen", x: 3, y: 1.5, heading: 0.5 };
+const MAP = { map: "abc", name: "Office", robots: ["tiago-1"], earlier: [], changeable: true };
 const LOCATION = {
   x: 1,
   y: 2,
@@ -27,6 +32,9 @@ describe("the map over the picture", () => {
   let page;
   let order;
   let tell;
+  let maps;
+  let answers; // by method, in place of the maps
+  let asked;
 
   beforeEach(() => {
     vi.stubGlobal(
@@ -37,19 +45,45 @@ describe("the map over the picture", () => {
       },
     );
     vi.stubGlobal("requestAnimationFrame", () => 1);
-    vi.stubGlobal("fetch", () =>
-      Promise.resolve({ ok: false, json: async () => ({ detail: "no map is known" }) }),
+    answers = {};
+    asked = [];
+    vi.stubGlobal("fetch", async (address, { method = "GET", body = null } = {}) => {
+      asked.push([method, address, body && JSON.parse(body)]);
+      const { status = 200, ...data } = answers[method] ?? { maps };
+      return {
+        ok: status < 300,
+        status,
+        headers: new Headers({ ETag: '"5"' }),
+        json: async () => data,
+      };
+    });
+    maps = [];
+    vi.stubGlobal(
+      "Image",
+      class {
+        async decode() {}
+      },
     );
+    HTMLDialogElement.prototype.show ??= function open() {
+      this.open = true;
+    };
+    HTMLDialogElement.prototype.close ??= function close() {
+      this.open = false;
+    };
     HTMLCanvasElement.prototype.getContext = () => PEN;
     const root = document.createElement("div");
-    root.innerHTML = `<section data-part="map" data-help="Map" hidden></section>${BUTTONS.map(
-      (name) => `<button data-part="${name}"></button>`,
-    ).join("")}${NAMES.map((name) => `<p data-part="${name}"></p>`).join("")}`;
+    root.innerHTML = `<section data-part="map" data-help="Map" hidden></section>
+      <section data-part="places" hidden><h2 data-part="places-title"></h2><ul data-part="places-list"></ul>
+      <ul data-part="places-earlier"></ul><div data-part="places-change"></div><a data-part="places-export"></a>
+      <input type="file" data-part="places-file"></section>
+      <dialog data-part="place-dialog"><form data-part="place-form"><input data-part="place-name"></form></dialog>${BUTTONS.map(
+        (name) => `<button data-part="${name}"></button>`,
+      ).join("")}${NAMES.map((name) => `<p data-part="${name}"></p>`).join("")}`;
     document.body.replaceChildren(root);
     page = parts(root);
     order = vi.fn(() => Promise.resolve(null));
     tell = vi.fn();
-    panel = new MapPanel(root, page, "/map", { order, tell });
+    panel = new MapPanel(root, page, "tiago-1", { order, tell });
     panel.view = { state: { location: LOCATION, going: null, going_ended: null }, scan: null };
   });
 
@@ -131,9 +165,92 @@ describe("the map over the picture", () => {
     expect(tell).toHaveBeenCalledTimes(1);
   });
 
-  it("says why there is no map", async () => {
+  it("says that no map is known yet, without an error in the console", async () => {
     opened();
-    await vi.waitFor(() => expect(page["map-none"].textContent).toBe("no map is known"));
+    await vi.waitFor(() => expect(page["map-none"].textContent).toContain("knows no map"));
+    expect(asked).toEqual([["GET", "/api/v1/maps?robot=tiago-1", null]]);
+    answers.GET = { status: 503, detail: "Not now." };
+    page["map-open"].click();
+    page["map-open"].click();
+    await vi.waitFor(() => expect(page["map-none"].textContent).toBe("Not now."));
+  });
+
+  async function openedWith(...known) {
+    maps = known;
+    const canvas = opened();
+    await vi.waitFor(() => expect(page["places-list"].children.length).toBeGreaterThan(0));
+    page["map-places"].click();
+    return canvas;
+  }
+
+  function rowButtons() {
+    return [...page["places-list"].querySelectorAll("button")];
+  }
+
+  it("sends the robot to a place of the list, in control only", async () => {
+    await openedWith({ ...MAP, places: [KITCHEN] });
+    const [kitchen] = rowButtons();
+    expect(page["places-title"].textContent).toContain("Office");
+    kitchen.click();
+    expect(tell).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
+    panel.drives = true;
+    kitchen.click();
+    expect(order).toHaveBeenCalledExactlyOnceWith({ t: "go", x: 3, y: 1.5, heading: 0.5 });
+    expect(page.places.hidden).toBe(true);
+  });
+
+  it("adds a place that is pressed on the map, without control, and says why one is refused", async () => {
+    const canvas = await openedWith({ ...MAP, places: [KITCHEN] });
+    page["place-add"].click();
+    expect(page.map.dataset.chooses).toBe("place");
+    canvas.dispatchEvent(pointer("pointerdown", 240, 150));
+    canvas.dispatchEvent(pointer("pointermove", 240, 110));
+    canvas.dispatchEvent(pointer("pointerup", 240, 110));
+    expect(order).not.toHaveBeenCalled();
+    answers.POST = { status: 409, detail: "The name is taken." };
+    page["place-name"].value = " lab ";
+    page["place-form"].dispatchEvent(new Event("submit", { cancelable: true }));
+    await vi.waitFor(() => expect(page["place-refused"].textContent).toBe("The name is taken."));
+    expect(page["place-dialog"].open).toBe(true);
+    answers.POST = { status: 201 };
+    page["place-form"].dispatchEvent(new Event("submit", { cancelable: true }));
+    await vi.waitFor(() => expect(page["place-dialog"].open).toBe(false));
+    const [method, address, body] = asked.findLast(([how]) => how === "POST");
+    expect([method, address]).toEqual(["POST", "/api/v1/maps/abc/places"]);
+    expect(body).toMatchObject({ name: "lab", heading: 1.571 });
+  });
+
+  it("changes no place that somebody else changed meanwhile", async () => {
+    await openedWith({ ...MAP, places: [KITCHEN] });
+    rowButtons()[1].click();
+    expect(page["place-name"].value).toBe("kitchen");
+    answers.GET = { ...KITCHEN, x: 4 };
+    page["place-form"].dispatchEvent(new Event("submit", { cancelable: true }));
+    await vi.waitFor(() => expect(page["place-refused"].textContent).toContain("Somebody"));
+    answers.GET = KITCHEN;
+    answers.PATCH = KITCHEN;
+    page["place-form"].dispatchEvent(new Event("submit", { cancelable: true }));
+    await vi.waitFor(() => expect(page["place-dialog"].open).toBe(false));
+    answers.DELETE = { status: 204 };
+    rowButtons()[1].click();
+    page["place-delete"].click();
+    await vi.waitFor(() =>
+      expect(tell).toHaveBeenCalledWith(
+        expect.objectContaining({ text: "The place “kitchen” was deleted." }),
+      ),
+    );
+  });
+
+  it("takes no place of an earlier map over, and says so", async () => {
+    maps = [
+      { ...MAP, places: [], changeable: false },
+      { ...MAP, map: "old", robots: [], earlier: ["tiago-1"], places: [KITCHEN] },
+    ];
+    opened();
+    await vi.waitFor(() => expect(page["places-none"].textContent).toContain("This map is new"));
+    expect(page["places-list"].children.length).toBe(0);
+    expect(page["places-earlier"].textContent).toBe("Office, 1 place");
+    expect(page["places-change"].hidden).toBe(true);
   });
 });
 

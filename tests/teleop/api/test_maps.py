@@ -89,7 +89,7 @@ def test_places_are_added_renamed_moved_and_deleted(program: Program, supervisor
 @pytest.mark.parametrize(
     ("body", "status", "code"),
     [
-        (b'{"name": "lab", "x": NaN, "y": 1}', 400, "invalid"),
+        (b'{"name": "lab", "x": NaN, "y": 1}', 400, "not_json"),
         ({"name": "lab", "x": 1e300, "y": 1.0}, 400, "invalid"),
         ({"name": "x" * 61, "x": 1.0, "y": 1.0}, 400, "invalid"),
         ({"name": "@home", "x": 1.0, "y": 1.0}, 400, "invalid"),

@@ -1,0 +1,79 @@
+/** Maps and their places: the console's REST API, by this person's sign-in. */
+
+import { readJson } from "../connection/read.js";
+
+const MAPS = "/api/v1/maps";
+
+/** Present and earlier maps, of one robot or of all that this person may see. @returns {Promise<object[]>} */
+export async function readMaps(robot = null) {
+  const query = robot === null ? "" : `?robot=${encodeURIComponent(robot)}`;
+  return (await readJson(MAPS + query, gettext("The map could not be read."))).maps;
+}
+
+/** @param {object} map @returns {Promise<HTMLImageElement>} its picture, which the browser keeps */
+export async function readPicture(map) {
+  const picture = new Image();
+  picture.src = map.picture;
+  await picture.decode();
+  return picture;
+}
+
+export function addPlace(map, place) {
+  return send("POST", `${MAPS}/${map.map}/places`, place);
+}
+
+export function deletePlace(map, place) {
+  return send("DELETE", placeAddress(map, place));
+}
+
+/** @param {object} place as it was read @param {object} changes */
+export function changePlace(map, place, changes) {
+  const unchanged = (now) =>
+    now.name === place.name && ["x", "y", "heading"].every((part) => now[part] === place[part]);
+  return edit(placeAddress(map, place), changes, unchanged);
+}
+
+export function nameMap(map, name) {
+  return edit(`${MAPS}/${map.map}`, { name }, (now) => now.name === map.name);
+}
+
+/** @param {string} csv the content of a file */
+export function importPlaces(map, csv) {
+  return send("POST", `${MAPS}/${map.map}/places/import`, { csv });
+}
+
+export function exportAddress(map) {
+  return `${MAPS}/${map.map}/places/export`;
+}
+
+function placeAddress(map, place) {
+  return `${MAPS}/${map.map}/places/${place.number}`;
+}
+
+/** Changes what is still as this person saw it. */
+async function edit(address, changes, unchanged) {
+  const answer = await fetch(address).catch(() => null);
+  const now = await answer?.json().catch(() => null);
+  if (!answer?.ok || now === null) throw new Error(now?.detail ?? silent());
+  if (!unchanged(now))
+    throw new Error(gettext("Somebody changed it meanwhile. Look at it again, then change it."));
+  return send("PATCH", address, changes, { "If-Match": answer.headers.get("ETag") });
+}
+
+/** @throws {Error} with words for a person */
+async function send(method, address, body = null, headers = {}) {
+  const token = document.querySelector('input[name="csrfmiddlewaretoken"]')?.value ?? "";
+  const answer = await fetch(address, {
+    method,
+    headers: { "Content-Type": "application/json", "X-CSRFToken": token, ...headers },
+    body: body === null ? null : JSON.stringify(body),
+  }).catch(() => null);
+  if (answer?.status === 204) return null;
+  const data = await answer?.json().catch(() => null);
+  if (!answer?.ok || data === null) throw new Error(data?.detail ?? silent());
+  return data;
+}
+
+function silent() {
+  return gettext("The console does not answer. Nothing was changed; try again.");
+}

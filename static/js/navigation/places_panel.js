@@ -1,0 +1,224 @@
+/** The list of named places over the map: people send the robot there; supervisors and staff change the places. */
+
+import { closable } from "../lib/dialog.js";
+import { dim, make, makeButton, say, sayOrHide, show } from "../lib/dom.js";
+import {
+  addPlace,
+  changePlace,
+  deletePlace,
+  exportAddress,
+  importPlaces,
+  nameMap,
+} from "./places_api.js";
+
+export class PlacesPanel {
+  #parts;
+  #page;
+  #map = null;
+  #earlier = [];
+  #asked = null; // what the dialog's name is for: {title, name, yes, remove}
+  #drives = false;
+  #listening = new AbortController();
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {{go: (place: object) => void, choose: () => void, here: () => ?object, changed: () => void,
+   *   tell: (notice: object) => void}} page `choose`: a place on the map is pressed next; `here`: the robot's pose
+   */
+  constructor(parts, page) {
+    this.#parts = parts;
+    this.#page = page;
+    const { signal } = this.#listening;
+    const on = (part, act) => parts[part].addEventListener("click", act, { signal });
+    on("map-places", () => this.open(parts.places.hidden));
+    on("place-add", () => {
+      this.open(false);
+      page.choose();
+    });
+    on("place-here", () => this.#addHere());
+    on("map-name", () => this.#askMapName());
+    on("places-import", () => parts["places-file"].click());
+    on("place-delete", () => this.#answered(this.#asked?.remove));
+    parts["places-file"].addEventListener("change", () => this.#import(), { signal });
+    parts["place-form"].addEventListener("submit", (event) => this.#named(event), { signal });
+    parts.places.addEventListener("keydown", (event) => this.#typed(event), { signal });
+    closable(parts["place-dialog"], signal);
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#parts["place-dialog"].close();
+  }
+
+  open(opens) {
+    show(this.#parts.places, opens);
+    this.#parts["map-places"].setAttribute("aria-expanded", String(opens));
+  }
+
+  set drives(drives) {
+    this.#drives = drives;
+    for (const button of this.#parts["places-list"].querySelectorAll(".place-go"))
+      dim(button, !drives);
+  }
+
+  /** @param {?object} map as the API describes it @param {object[]} earlier maps of the robot that have places */
+  show(map, earlier) {
+    if (JSON.stringify([map, earlier]) === JSON.stringify([this.#map, this.#earlier])) return;
+    this.#map = map;
+    this.#earlier = earlier;
+    const places = map?.places ?? [];
+    say(this.#parts["places-title"], titleOf(map));
+    sayOrHide(this.#parts["places-none"], places.length > 0 ? "" : noneText(map, earlier));
+    this.#parts["places-list"].replaceChildren(...places.map((place) => this.#row(place)));
+    this.#parts["places-earlier"].replaceChildren(
+      ...(places.length > 0 ? [] : earlier.map((one) => make("li", { children: [fileLink(one)] }))),
+    );
+    show(this.#parts["places-change"], map?.changeable ?? false);
+    if (map) this.#parts["places-export"].href = exportAddress(map);
+    this.drives = this.#drives;
+  }
+
+  /** Ask for the name of a place that was pressed on the map. @param {{x: number, y: number, heading: number}} pose */
+  add(pose) {
+    const map = this.#map;
+    this.#ask({
+      title: gettext("Add this place"),
+      name: "",
+      yes: async (name) => {
+        await addPlace(map, { name, ...pose });
+        return interpolate(gettext("The place “%s” is on the map."), [name]);
+      },
+    });
+  }
+
+  #row(place) {
+    const go = makeButton({ className: "button place-go", text: place.name }, () =>
+      this.#page.go(place),
+    );
+    const children = [go];
+    if (this.#map.changeable) {
+      const change = makeButton({ className: "button", text: gettext("Change") }, () =>
+        this.#change(place),
+      );
+      change.append(make("span", { className: "only-read", text: ` ${place.name}` }));
+      children.push(change);
+    }
+    return make("li", { children });
+  }
+
+  #change(place) {
+    const map = this.#map;
+    this.#ask({
+      title: interpolate(gettext("Change “%s”"), [place.name]),
+      name: place.name,
+      yes: async (name) => {
+        await changePlace(map, place, { name });
+        return interpolate(gettext("The place is now “%s”."), [name]);
+      },
+      remove: async () => {
+        await deletePlace(map, place);
+        return interpolate(gettext("The place “%s” was deleted."), [place.name]);
+      },
+    });
+  }
+
+  #addHere() {
+    const here = this.#page.here();
+    if (here === null) return this.#tell("info", gettext("The robot does not know where it is."));
+    this.add(here);
+  }
+
+  #askMapName() {
+    const map = this.#map;
+    this.#ask({
+      title: gettext("Name of this map"),
+      name: map.name,
+      yes: async (name) => {
+        await nameMap(map, name);
+        return interpolate(gettext("The map is now “%s”."), [name]);
+      },
+    });
+  }
+
+  // --- dialog and file -----------------------------------------------------------------------------
+
+  #ask(asked) {
+    this.#asked = asked;
+    say(this.#parts["place-dialog-title"], asked.title);
+    sayOrHide(this.#parts["place-refused"], "");
+    show(this.#parts["place-delete"], "remove" in asked);
+    this.#parts["place-name"].value = asked.name;
+    this.#parts["place-dialog"].show();
+    this.#parts["place-name"].focus();
+  }
+
+  #named(event) {
+    event.preventDefault();
+    const name = this.#parts["place-name"].value.trim();
+    this.#answered((asked) => asked.yes(name));
+  }
+
+  /** Do it; a refusal leaves the dialog as it is, with the reason. */
+  async #answered(act) {
+    const asked = this.#asked;
+    if (!asked || !act) return;
+    try {
+      this.#tell("success", await act(asked));
+      if (this.#asked === asked) this.#parts["place-dialog"].close();
+    } catch (error) {
+      sayOrHide(this.#parts["place-refused"], error.message);
+    }
+    this.#page.changed();
+  }
+
+  async #import() {
+    const { files } = this.#parts["places-file"];
+    if (files.length === 0) return;
+    try {
+      const done = await importPlaces(this.#map, await files[0].text());
+      const text = gettext("Places of the file: %s added, %s moved, %s already there.");
+      this.#tell("success", interpolate(text, [done.added, done.changed, done.unchanged]));
+    } catch (error) {
+      this.#tell("error", error.message);
+    }
+    this.#parts["places-file"].value = "";
+    this.#page.changed();
+  }
+
+  #typed(event) {
+    if (event.key !== "Escape") return;
+    this.open(false);
+    this.#parts["map-places"].focus();
+  }
+
+  #tell(level, text) {
+    this.#page.tell({ level, code: "places", text });
+  }
+}
+
+function titleOf(map) {
+  return map?.name
+    ? interpolate(gettext("Places on the map “%s”"), [map.name])
+    : gettext("Places on this map");
+}
+
+/** Why there is no place. */
+function noneText(map, earlier) {
+  if (map === null) return gettext("There is no map yet, and so no place.");
+  if (earlier.length > 0)
+    return gettext(
+      "This map is new: it has no places. Those of an earlier map may lie elsewhere on it, so they are not taken over. Their files:",
+    );
+  return map.changeable
+    ? gettext("This map has no places yet. Add the first one.")
+    : gettext("This map has no places yet. Supervisors add them.");
+}
+
+function fileLink(map) {
+  const text = ngettext("%s, %s place", "%s, %s places", map.places.length);
+  const name = map.name || gettext("map without a name");
+  const link = make("a", { text: interpolate(text, [name, map.places.length]) });
+  link.href = exportAddress(map);
+  link.download = "";
+  return link;
+}
