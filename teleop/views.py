@@ -1,4 +1,4 @@
-"""The fleet page and the control page."""
+"""The fleet page, the fleet plan and the control page."""
 
 from __future__ import annotations
 
@@ -24,6 +24,12 @@ def fleet(request: HttpRequest) -> HttpResponse:
         return render(request, "teleop/fleet.html", {"robots": robots})
     only_watches = set(roles_of(person, robots).values()) <= {Role.OBSERVER} and not person.is_staff
     return render(request, "teleop/wall.html", {"robots": robots, "stays": only_watches})
+
+
+@require_safe
+def plan(request: HttpRequest) -> HttpResponse:
+    """Show the robots that this person may see on their maps; the page's script knows where they are."""
+    return render(request, "teleop/plan.html", {"robots": robots_visible_to(person_of(request))})
 
 
 @require_safe

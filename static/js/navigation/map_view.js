@@ -36,6 +36,7 @@ export class MapView extends EventTarget {
   #picture = null;
   #frame = null; // null: the whole map
   #robot = null;
+  #robots = []; // of a fleet, with their names
   #scan = [];
   #path = [];
   #places = [];
@@ -81,6 +82,12 @@ export class MapView extends EventTarget {
     this.#robot = state.location ?? null;
     this.#goal = state.going ?? null;
     this.#scan = scan?.laser_cm ?? [];
+    this.#canvas.redraw();
+  }
+
+  /** @param {{name: string, location: object, going: ?object}[]} robots of a fleet */
+  set robots(robots) {
+    this.#robots = robots;
     this.#canvas.redraw();
   }
 
@@ -272,6 +279,7 @@ export class MapView extends EventTarget {
       this.#drawLaser(pen, colour.laser, pixel);
       this.#drawRobot(pen, this.#robot, pixel);
     }
+    for (const robot of this.#robots) this.#drawOneOfMany(pen, robot, pixel);
     if (this.#chosen) this.#arrow(pen, this.#chosen, colour.hold, pixel);
     else if (this.#chooses && document.activeElement === this.#element)
       this.#arrow(pen, this.#middlePlace, colour.hold, pixel);
@@ -363,6 +371,20 @@ export class MapView extends EventTarget {
     pen.fill();
     pen.stroke();
     this.#arrow(pen, robot, colour["robot-edge"], pixel);
+  }
+
+  /** A robot of a fleet with its name, and a straight line to its goal: its planned path is known to its own page only. */
+  #drawOneOfMany(pen, { name, location, going }, pixel) {
+    const { colour } = this.#canvas;
+    if (going) {
+      pen.setLineDash([6 * pixel, 5 * pixel]);
+      const line = [location.x, location.y, going.x, going.y].map((metres) => 100 * metres);
+      this.#line(pen, line, colour.path, 2 * pixel);
+      pen.setLineDash([]);
+      this.#arrow(pen, going, colour.path, pixel);
+    }
+    this.#drawRobot(pen, location, pixel);
+    this.#write(pen, name, [location.x, location.y], -18, colour.laser, pixel);
   }
 
   #arrow(pen, { x, y, heading }, colour, pixel) {

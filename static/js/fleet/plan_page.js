@@ -1,0 +1,202 @@
+/** The fleet plan: each map with all robots that have it now, live; the others beside, with the reason. */
+
+import { Heartbeat } from "../connection/heartbeat.js";
+import { LiveSocket, socketUrl } from "../connection/socket.js";
+import { connectionFact } from "../control/robot_words.js";
+import { make, makeButton, mark, parts, say, sayOrHide, show } from "../lib/dom.js";
+import { MapView } from "../navigation/map_view.js";
+import { readMaps, readPicture } from "../navigation/places_api.js";
+import { cardOf } from "./card_words.js";
+import { planDoing, whereText, whyNowhere } from "./plan_words.js";
+
+const STALE_MS = 3000;
+const LOOK_MS = 500;
+const MAPS_MS = 20_000;
+const SIGNED_OUT = 4401;
+const ZOOM = 1.5;
+
+/** One map: its picture, and the list of robots on it. */
+class PlanMap {
+  element;
+  list = make("ul", { className: "plan-robots" });
+  #title = make("h2");
+  #view;
+  #map = null;
+
+  constructor(help) {
+    const canvas = make("canvas");
+    canvas.tabIndex = 0;
+    canvas.dir = "ltr";
+    canvas.setAttribute("role", "application");
+    canvas.setAttribute("aria-label", help);
+    const buttons = [
+      ["+", gettext("Zoom in"), () => this.#view.zoom(ZOOM)],
+      ["−", gettext("Zoom out"), () => this.#view.zoom(1 / ZOOM)],
+      [gettext("All"), null, () => this.#view.fit()],
+    ].map(([text, label, press]) => {
+      const button = makeButton({ className: "toggle", text }, press);
+      if (label) button.setAttribute("aria-label", label);
+      return button;
+    });
+    const zoom = make("div", { className: "plan-zoom", children: buttons });
+    zoom.setAttribute("role", "group");
+    zoom.setAttribute("aria-label", gettext("Zoom"));
+    const view = make("div", { className: "plan-view", children: [canvas, zoom] });
+    this.element = make("section", {
+      className: "plan-map",
+      children: [this.#title, view, this.list],
+    });
+    this.#view = new MapView(canvas);
+  }
+
+  get places() {
+    return this.#map?.places ?? [];
+  }
+
+  /** @param {object} map as the API describes it; its content never changes, but its name and places do */
+  async take(map) {
+    const isNew = this.#map === null;
+    this.#map = map;
+    say(this.#title, map.name || gettext("Map without a name"));
+    this.#view.places = map.places;
+    if (isNew) this.#view.show(map, await readPicture(map));
+  }
+
+  /** @param {{name: string, location: object, going: ?object}[]} robots */
+  set robots(robots) {
+    this.#view.robots = robots;
+  }
+
+  close() {
+    this.#view.close();
+    this.element.remove();
+  }
+}
+
+export class PlanPage {
+  #root;
+  #parts;
+  #socket;
+  #heartbeat;
+  #rows = new Map(); // by robot: its entry in a list
+  #maps = new Map(); // by the map's name in the API
+  #mapOf = new Map(); // by robot
+  #robots = {};
+  #heardMs = -Infinity;
+  #timers;
+
+  constructor(root) {
+    this.#root = root;
+    this.#parts = parts(document);
+    for (const row of root.querySelectorAll("[data-robot]"))
+      this.#rows.set(row.dataset.robot, { row, own: parts(row), name: nameIn(row) });
+    this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
+    this.#heartbeat = new Heartbeat(this.#socket);
+    this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
+    this.#socket.addEventListener("open", () => this.#heartbeat.begin());
+    this.#socket.addEventListener("down", ({ detail }) => {
+      if (detail.code === SIGNED_OUT) location.reload(); // the server leads to the sign-in page
+    });
+    this.#timers = [
+      setInterval(() => this.#look(), LOOK_MS),
+      setInterval(() => this.#loadMaps(), MAPS_MS),
+    ];
+    this.#loadMaps();
+    this.#socket.connect();
+  }
+
+  close() {
+    for (const timer of this.#timers) clearInterval(timer);
+    for (const map of this.#maps.values()) map.close();
+    this.#heartbeat.close();
+    this.#socket.close();
+  }
+
+  async #loadMaps() {
+    try {
+      const present = (await readMaps()).filter(({ robots }) => robots.length > 0);
+      this.#mapOf = new Map(present.flatMap((one) => one.robots.map((slug) => [slug, one.map])));
+      for (const [key, map] of this.#maps)
+        if (!present.some((one) => one.map === key)) this.#end(key, map);
+      for (const one of present) {
+        if (!this.#maps.has(one.map)) {
+          const map = new PlanMap(this.#root.dataset.help);
+          this.#maps.set(one.map, map);
+          this.#parts.maps.append(map.element);
+        }
+        await this.#maps.get(one.map).take(one);
+      }
+      sayOrHide(this.#parts["maps-failed"], "");
+    } catch (error) {
+      sayOrHide(this.#parts["maps-failed"], error.message);
+    }
+    this.#show();
+  }
+
+  #end(key, map) {
+    this.#parts["rest-list"].append(...map.list.children);
+    map.close();
+    this.#maps.delete(key);
+  }
+
+  #heard(message) {
+    this.#heartbeat.heard(message);
+    if (message.t !== "fleet") return;
+    this.#heardMs = performance.now();
+    this.#robots = message.robots;
+    this.#show();
+    requestAnimationFrame(() => this.#socket.send({ t: "ack" }));
+  }
+
+  #show() {
+    const drawn = new Map([...this.#maps.values()].map((map) => [map, []]));
+    if (this.#heardMs > -Infinity)
+      for (const [slug, held] of this.#rows) this.#showRobot(held, this.#robots[slug], slug, drawn);
+    for (const [map, robots] of drawn) map.robots = robots;
+    show(
+      this.#parts.rest,
+      this.#parts["rest-list"].querySelector(":scope > :not([hidden])") !== null,
+    );
+  }
+
+  #showRobot({ row, own, name }, robot, slug, drawn) {
+    show(row, robot !== undefined); // one that this person may not see any more is not told of
+    if (!robot) return;
+    const map = this.#maps.get(this.#mapOf.get(slug)) ?? null;
+    const shown = cardOf(robot);
+    const why = whyNowhere(map, robot);
+    mark(row, "level", shown.level);
+    mark(own.status, "level", shown.level);
+    say(own.status, shown.status);
+    say(own.doing, robot.state ? planDoing(robot.state, map?.places ?? []) : shown.doing);
+    say(own.where, why || whereText(robot.state.location, map.places));
+    say(own.driver, shown.driver);
+    say(own.battery, shown.battery);
+    const list = why ? this.#parts["rest-list"] : map.list;
+    if (row.parentElement !== list) list.append(row);
+    if (!why) drawn.get(map).push({ name, ...robot.state });
+  }
+
+  #look() {
+    const live = this.#socket.open && performance.now() - this.#heardMs < STALE_MS;
+    const { level, text } = connectionFact({
+      connected: this.#socket.open,
+      heard: this.#heardMs > -Infinity,
+      stale: !live,
+    });
+    mark(this.#parts.connection, "level", level);
+    say(this.#parts.connection, text);
+    for (const { row } of this.#rows.values()) mark(row, "stale", !live);
+  }
+}
+
+function nameIn(row) {
+  return row.querySelector("h3 a").textContent;
+}
+
+const root = document.querySelector("[data-page=plan]");
+if (root) {
+  const page = new PlanPage(root);
+  window.addEventListener("pagehide", () => page.close());
+  window.addEventListener("pageshow", ({ persisted }) => persisted && location.reload());
+}

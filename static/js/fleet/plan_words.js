@@ -1,0 +1,39 @@
+/** Where a robot is and what it does on the fleet plan, in words. Pure. */
+
+import { doingText } from "./card_words.js";
+
+const THERE_M = 0.5;
+const NEAR_M = 2;
+const SAME_M = 0.01; // a goal is a named place within rounding
+
+/** Why a robot is on no map; empty: it is on one. @param {?object} map that it has @param {object} robot as it was heard */
+export function whyNowhere(map, { state, refusal }) {
+  if (!state) return refusal?.text ?? gettext("Nothing is heard of it.");
+  if (!map)
+    return gettext("The console knows no map of it: it is read while somebody has control.");
+  if (!state.location) return gettext("It does not know where it is on its map.");
+  return "";
+}
+
+/** "Near “kitchen”", or the coordinates. @param {object} location @param {object[]} places */
+export function whereText(location, places) {
+  if (location.problem) return location.problem;
+  const apart = (place) => Math.hypot(place.x - location.x, place.y - location.y);
+  const nearest = [...places].sort((one, other) => apart(one) - apart(other))[0];
+  if (nearest && apart(nearest) <= NEAR_M)
+    return interpolate(apart(nearest) <= THERE_M ? gettext("At “%s”") : gettext("Near “%s”"), [
+      nearest.name,
+    ]);
+  return interpolate(gettext("At %s m, %s m of the map"), [
+    location.x.toFixed(1),
+    location.y.toFixed(1),
+  ]);
+}
+
+/** What it does; of a drive to a named place, to which. @param {object} state @param {object[]} places */
+export function planDoing(state, places) {
+  const { going } = state;
+  const place = going && places.find(({ x, y }) => Math.hypot(x - going.x, y - going.y) <= SAME_M);
+  if (!place || state.stop.state !== "clear" || state.phase !== "online") return doingText(state);
+  return interpolate(gettext("Drives to “%s”, for %s"), [place.name, going.who]);
+}

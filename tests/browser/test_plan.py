@@ -1,0 +1,51 @@
+"""The fleet plan: all robots of a map on one page, live, as far as a person may see them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.browser.people import Person
+from tests.browser.test_pages import found_by_axe
+
+Arrive = Callable[..., Person]
+
+
+def test_the_plan_shows_robots_on_their_map_who_drives_and_where_to(person: Arrive) -> None:
+    operator, staff = person("operator", apart=True), person("staff")
+    staff.open("/")
+    staff.page.get_by_role("link", name="Fleet plan").click()
+    on_map = staff.page.locator(".plan-map")
+    expect(on_map.get_by_role("heading", name="Office")).to_be_visible()
+    one, two = (on_map.locator(f"[data-robot={slug}]") for slug in ("tiago-1", "tiago-2"))
+    expect(one).to_be_visible()
+    expect(two.locator("[data-part=driver]")).to_have_text("Nobody")
+    expect(two.locator("[data-part=battery]")).to_contain_text("%")
+    expect(staff.part("rest")).to_be_hidden()
+
+    operator.take("tiago-2")
+    expect(two.locator("[data-part=driver]")).to_have_text("Operator")
+    operator.part("map-open").click()
+    operator.part("map-places").click()
+    operator.part("places-list").get_by_role("button", name="meeting room", exact=True).click()
+    expect(two.locator("[data-part=doing]")).to_have_text("Drives to “meeting room”, for Operator")
+    operator.part("go-cancel").click()
+    operator.until(lambda: not operator.state.get("going"), "the end of the drive")
+    operator.until_still()
+    operator.release()
+
+    two.get_by_role("link", name="TIAGo Two").click()
+    staff.page.wait_for_url("**/robots/tiago-2/")
+
+
+@pytest.mark.parametrize(("width", "height"), [(360, 640), (844, 390), (1440, 900)])
+def test_axe_accepts_the_plan_which_fits_the_screen(person: Arrive, width: int, height: int) -> None:
+    observer = person("observer", width=width, height=height)
+    observer.open("/plan/")
+    expect(observer.page.locator(".plan-map [data-robot=tiago-1] [data-part=where]")).not_to_be_empty()
+    for theme in ("light", "dark"):
+        observer.page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
+        assert found_by_axe(observer) == [], theme
+    assert observer.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
