@@ -22,8 +22,10 @@ class PlanMap {
   #title = make("h2");
   #view;
   #map = null;
+  #drawn = false;
 
-  constructor(help) {
+  /** @param {HTMLElement} into the map is put there at once: its colours are those of where it stands */
+  constructor(into, help) {
     const canvas = make("canvas");
     canvas.tabIndex = 0;
     canvas.dir = "ltr";
@@ -46,6 +48,7 @@ class PlanMap {
       className: "plan-map",
       children: [this.#title, view, this.list],
     });
+    into.append(this.element);
     this.#view = new MapView(canvas);
   }
 
@@ -55,11 +58,12 @@ class PlanMap {
 
   /** @param {object} map as the API describes it; its content never changes, but its name and places do */
   async take(map) {
-    const isNew = this.#map === null;
     this.#map = map;
     say(this.#title, map.name || gettext("Map without a name"));
     this.#view.places = map.places;
-    if (isNew) this.#view.show(map, await readPicture(map));
+    if (this.#drawn) return;
+    this.#view.show(map, await readPicture(map));
+    this.#drawn = true;
   }
 
   /** @param {{name: string, location: object, going: ?object}[]} robots */
@@ -120,9 +124,7 @@ export class PlanPage {
         if (!present.some((one) => one.map === key)) this.#end(key, map);
       for (const one of present) {
         if (!this.#maps.has(one.map)) {
-          const map = new PlanMap(this.#root.dataset.help);
-          this.#maps.set(one.map, map);
-          this.#parts.maps.append(map.element);
+          this.#maps.set(one.map, new PlanMap(this.#parts.maps, this.#root.dataset.help));
         }
         await this.#maps.get(one.map).take(one);
       }

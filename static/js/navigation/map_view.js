@@ -27,6 +27,7 @@ const ZOOM_STEP = 1.4;
 const PAN_STEP = 60; // pixels
 const TURN_STEP = Math.PI / 12;
 const WHEEL = 0.0015;
+const RIM = 4; // pixels
 const FONT = "600 13px system-ui, sans-serif";
 
 export class MapView extends EventTarget {
@@ -318,15 +319,20 @@ export class MapView extends EventTarget {
     this.#write(pen, name, [x, y], 17, colour.place, pixel);
   }
 
-  /** Write words so many pixels below a place, on a rim of the ground's colour. */
+  /** Write words so many pixels below a place, on a rim of the ground's colour; at an edge they move in. */
   #write(pen, text, [x, y], below, colour, pixel) {
+    const [width] = this.#size;
+    const [left] = toPixels(this.#seen, [x, y], ...this.#size);
+    if (left < 0 || left > width) return;
     pen.save();
     pen.translate(x, y);
     pen.scale(pixel, -pixel);
     pen.font = FONT;
+    const half = pen.measureText(text).width / 2 + RIM;
+    pen.translate(Math.max(half, Math.min(left, width - half)) - left, 0);
     pen.textAlign = "center";
     pen.lineJoin = "round";
-    pen.lineWidth = 4;
+    pen.lineWidth = RIM;
     pen.strokeStyle = this.#canvas.colour.surface;
     pen.fillStyle = colour;
     pen.strokeText(text, 0, below);
