@@ -35,6 +35,7 @@ PAGES = [
     "/tokens/",
     "/service-accounts/",
     "/",
+    "/plan/",
     "/robots/tiago-1/",
     "/robots/tiago-1/check/",
     "/accounts/",
