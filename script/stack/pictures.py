@@ -166,24 +166,34 @@ def show_bookings(page: Page, stack: Stack) -> None:
 
 
 def send_to_a_place(page: Page, stack: Stack) -> None:
-    """Take the map while the robot drives to a place, then cancel."""
+    """Take the map and the fleet plan while the robot drives to a named place, then cancel."""
     page.goto(f"{stack.url}/robots/{ROBOT}/")
     page.get_by_role("button", name="Take control").click()
     page.get_by_role("button", name="Release").wait_for()
     page.get_by_role("button", name="Map", exact=True).click()
-    page.get_by_role("button", name="Go there").click()
-    box = page.locator(".map-canvas").bounding_box()
-    assert box is not None  # noqa: S101 - it is visible
-    x, y = box["x"] + 0.35 * box["width"], box["y"] + 0.58 * box["height"]  # in the hall
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x + 40, y, steps=4)
-    page.mouse.up()
+    page.get_by_role("button", name="Places").click()
+    page.wait_for_timeout(1000.0 * SETTLED_S)  # until the bridge knows that the robot stands
+    page.get_by_role("button", name="charging dock", exact=True).click()
     page.get_by_text("Drives to a place").wait_for()
     page.wait_for_timeout(1000.0 * SETTLED_S)
     page.screenshot(path=PICTURES / "map.png")
+    look_at_the_plan(page, stack)
     page.get_by_role("button", name="Cancel", exact=True).click()
     page.get_by_role("button", name="Release").click()
+
+
+def look_at_the_plan(page: Page, stack: Stack) -> None:
+    """Take the fleet plan in another window: in another tab the robot's page would be hidden, and the drive end."""
+    browser = page.context.browser
+    assert browser is not None  # noqa: S101 - it opened the page
+    window = browser.new_context(
+        viewport={"width": 1440, "height": 700}, storage_state=page.context.storage_state()
+    )
+    plan = window.new_page()
+    plan.goto(f"{stack.url}/plan/")
+    plan.get_by_text("Drives to “charging dock”").wait_for()
+    plan.screenshot(path=PICTURES / "plan.png")
+    window.close()
 
 
 def drive_towards_the_parcel(page: Page, stack: Stack) -> None:

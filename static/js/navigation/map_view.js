@@ -273,13 +273,11 @@ export class MapView extends EventTarget {
     pen.setTransform(pixels, 0, 0, -pixels, x, y); // metres, y up
     const pixel = density / pixels;
     this.#drawMap(pen);
-    for (const place of this.#places) this.#drawPlace(pen, place, pixel);
     this.#line(pen, this.#path, colour.path, 2.5 * pixel);
     if (this.#goal) this.#arrow(pen, this.#goal, colour.path, pixel);
-    if (this.#robot) {
-      this.#drawLaser(pen, colour.laser, pixel);
-      this.#drawRobot(pen, this.#robot, pixel);
-    }
+    if (this.#robot) this.#drawLaser(pen, colour.laser, pixel);
+    for (const place of this.#places) this.#drawPlace(pen, place, pixel);
+    if (this.#robot) this.#drawRobot(pen, this.#robot, pixel);
     for (const robot of this.#robots) this.#drawOneOfMany(pen, robot, pixel);
     if (this.#chosen) this.#arrow(pen, this.#chosen, colour.hold, pixel);
     else if (this.#chooses && document.activeElement === this.#element)
