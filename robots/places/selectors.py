@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 NO_PICTURE = Refusal(
     "no_map", "The console has no picture of this map any more, so no place can be added.", "robot"
 )
+NO_OUTLINE = Refusal(
+    "no_outline",
+    "The entries of all robots with this map are wrong: mend one, so that its outline is known.",
+    "robot",
+)
 
 
 class MapOfRobots(Struct, frozen=True):
@@ -127,8 +132,10 @@ class Room:
                 self._footprints.append(footprint_of(robot_config.of(robot).gate))
             except (Problems, ValueError):
                 continue  # the entry of this robot is wrong: its page says so
+        if not self._footprints:
+            raise NotDone(NO_OUTLINE)
 
     def refuse(self, pose: Pose) -> Refusal | None:
         """Return why no robot of this map can stand there."""
         refusals = [self._map.refuse(pose, footprint) for footprint in self._footprints]
-        return None if not refusals or None in refusals else refusals[0]
+        return None if None in refusals else refusals[0]

@@ -30,7 +30,10 @@ def maps_of(session: ControlSession) -> QuerySet[RobotMap]:
 
 
 def remove_unneeded(now: datetime) -> Iterator[None]:
-    """Remove maps that belong to no control session whose paths are kept, and have no places. One step per robot."""
+    """Remove maps that belong to no control session whose paths are kept. One step per robot.
+
+    Of a map that has places the newest row stays.
+    """
     for robot_id in Robot.objects.filter(maps__isnull=False).distinct().values_list("pk", flat=True):
         RobotMap.objects.filter(pk__in=_unneeded(robot_id, now)).delete()
         yield
@@ -40,12 +43,14 @@ def _unneeded(robot_id: UUID, now: datetime) -> list[int]:
     kept_since = now - timedelta(days=settings.FLEET_AUDIT_KEEP_DAYS["driving"] + 1)
     sessions = ControlSession.objects.filter(robot=robot_id).exclude(ended_at__lt=kept_since)
     maps = list(RobotMap.objects.filter(robot=robot_id).defer("picture").order_by("first_seen_at"))
-    shared = set(SharedMap.objects.values_list("digest", flat=True))
+    shared = SharedMap.objects.filter(digest__in={found.digest for found in maps})
+    newest = {found.digest: found.pk for found in maps}
+    kept = {newest[digest] for digest in shared.values_list("digest", flat=True)}
     return [
         found.pk
         for found, following in zip_longest(maps, maps[1:])
         if found.last_seen_at < now - RECENT
-        and found.digest not in shared
+        and found.pk not in kept
         and not _shown_with(sessions, found, following).exists()
     ]
 

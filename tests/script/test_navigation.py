@@ -24,7 +24,7 @@ def stack() -> Iterator[Stack]:
 def test_a_program_sends_a_robot_to_a_place_and_back(stack: Stack) -> None:
     api = Api(stack, token(stack, "operator", "read", "drive"))
     robot = f"/robots/{ROBOT}"
-    assert api("GET", f"{robot}/map")[1]["code"] == "not_found"
+    [known] = api("GET", "/maps")[1]["maps"]  # that of the demo
     assert api("POST", f"{robot}/control", {})[0] == 200
     here = api("GET", robot)[1]["state"]["location"]
     place = {"x": here["x"] + 1.0, "y": here["y"], "heading": here["heading"]}
@@ -40,6 +40,16 @@ def test_a_program_sends_a_robot_to_a_place_and_back(stack: Stack) -> None:
     assert _end(api, task["number"])["outcome"] == "arrived"
     there = api("GET", robot)[1]["state"]["location"]
     assert math.dist((there["x"], there["y"]), (place["x"], place["y"])) < 0.25
+
+    status, task = api("POST", f"{robot}/go", {"place": "Kitchen"})
+    assert status == 202, task
+    assert _end(api, task["number"])["outcome"] == "arrived"
+    there = api("GET", robot)[1]["state"]["location"]
+    [kitchen] = [one for one in known["places"] if one["name"] == "kitchen"]
+    assert math.dist((there["x"], there["y"]), (kitchen["x"], kitchen["y"])) < 0.25
+    unknown = api("POST", f"{robot}/go", {"place": "cellar"})
+    assert (unknown[0], unknown[1]["code"]) == (409, "place_unknown")
+    assert api("GET", "/maps")[1]["maps"] == [known]  # the bridge has read the same map from the robot
 
     status, task = api("POST", f"{robot}/go", {"x": here["x"], "y": here["y"], "heading": 0.0})
     assert status == 202, task
@@ -74,7 +84,7 @@ async def test_a_page_sees_the_way_and_takes_over_by_its_stick(stack: Stack) -> 
             lambda: driver.state and driver.state.location and not driver.state.location.problem
         )
         here = driver.state.location
-        answer = await driver.order(wire.Go(driver.fence or 1, here.x + 3.0, here.y, 0.0))
+        answer = await driver.order(wire.Go(driver.fence or 1, here.x + 3.0, 2.1, 0.0))
         assert isinstance(answer, wire.Accepted), answer
         await driver.until(lambda: driver.path.path_cm)
         await driver.until(lambda: driver.state.going and driver.odometry.vx > 0.1)

@@ -61,6 +61,8 @@ def test_a_new_map_has_no_places_and_the_earlier_one_keeps_its_own(
     assert newer != digest
     with pytest.raises(NotDone, match="A new map begins without any"):
         place_of_robot(robot, "kitchen")
+    map_of(robot)
+    newer = map_of(robot, mark="x")  # to and fro: only the newest row of a map is kept
     present, before = maps_of([robot])
     assert (present.digest, before.digest, before.robots, before.earlier) == (newer, digest, [], [robot])
     list(remove_unneeded(timezone.now() + timedelta(days=900)))
@@ -121,6 +123,11 @@ def test_what_is_no_place_is_refused(digest: str, staff: User, entry: PlaceEntry
     other = place_add(digest=digest, entry=PlaceEntry("other", 5.0, 3.0), actor=staff)
     assert refusal_of(place_change, place=other, entry=entry, actor=staff) == code
     assert list(Place.objects.values_list("name", flat=True)) == ["hall", "other"]
+
+
+def test_without_the_outline_of_any_robot_no_place_is_taken(robot: Robot, digest: str, staff: User) -> None:
+    Robot.objects.filter(pk=robot.pk).update(overrides={"nonsense": 1})
+    assert refusal_of(place_add, digest=digest, entry=KITCHEN, actor=staff) == "no_outline"
 
 
 def test_a_map_has_room_for_so_many_places(digest: str, staff: User) -> None:
