@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.browser.people import Person
+from tests.browser.test_map import sent_to
 from tests.browser.test_pages import found_by_axe
 
 Arrive = Callable[..., Person]
@@ -28,8 +29,7 @@ def test_the_plan_shows_robots_on_their_map_who_drives_and_where_to(person: Arri
     operator.take("tiago-2")
     expect(two.locator("[data-part=driver]")).to_have_text("Operator")
     operator.part("map-open").click()
-    operator.part("map-places").click()
-    operator.part("places-list").get_by_role("button", name="meeting room", exact=True).click()
+    sent_to(operator, "meeting room")
     expect(two.locator("[data-part=doing]")).to_have_text("Drives to “meeting room”, for Operator")
     operator.part("go-cancel").click()
     operator.until(lambda: not operator.state.get("going"), "the end of the drive")
