@@ -27,6 +27,9 @@ TOPICS = {"navigation": NAVIGATION, "map": Topic("/map", "nav_msgs/OccupancyGrid
 _numbers = itertools.count(1)
 
 
+CONTROL_S = 10.0  # longer than the product's 3 s: a busy computer sets a fault in more than that
+
+
 class Traveller:
     """The holder of a robot that navigates: a program without a stick, which renews control."""
 
@@ -34,7 +37,7 @@ class Traveller:
         self.process, self.hand, self.fence = process, hand, 1
 
     def renew(self) -> None:
-        self.hand.send(wire.Grant(self.fence, 3.0, f"session-{self.fence}", "Ann", "ann", 1.0))
+        self.hand.send(wire.Grant(self.fence, CONTROL_S, f"session-{self.fence}", "Ann", "ann", 1.0))
 
     def refused(self, x: float, y: float, heading: float = 0.0) -> wire.Refusal | None:
         self.renew()

@@ -86,7 +86,7 @@ class CameraPublisher:
 
     def take(self, thread: DrawingThread, moment: Moment) -> None:
         """Draw and publish, on the drawing thread."""
-        if not self._faults.camera_frozen or not self._last:
+        if not self._repeats():
             pixels = thread.colour(moment, self._make.lens)
             if pixels is None:
                 return
@@ -96,6 +96,13 @@ class CameraPublisher:
             self._last = self._messages(pixels, moment)
         for publisher, message in self._last:
             publisher.publish(message)
+
+    def _repeats(self) -> bool:
+        """A frozen camera repeats its last picture, once all who listen have a message of it."""
+        sent = [publisher for publisher, _ in self._last]
+        return self._faults.camera_frozen and all(
+            publisher in sent for publisher in self._publishers if publisher.get_num_connections()
+        )
 
     @property
     def _faults(self) -> Faults:
