@@ -89,6 +89,18 @@ class Environment:
             )
         return int(value)
 
+    def folders(self, name: str, otherwise: str) -> list[Path]:
+        """Absolute folders, separated by colons, of this variable or else of `otherwise`."""
+        named = self.text(name) or self.text(otherwise) or ""
+        folders = [Path(folder).expanduser() for folder in named.split(":") if folder]
+        if self.text(name):
+            for folder in folders:
+                if not folder.is_absolute() or not folder.is_dir():
+                    raise ImproperlyConfigured(
+                        f"{name}: {folder} is no folder. Name absolute folders, separated by colons."
+                    )
+        return folders
+
     def directory(self, name: str, default: Path) -> Path:
         """A directory for its owner only: who reads the database in it may be anybody, by their session keys.
 

@@ -30,6 +30,9 @@ FLEET_LINK_CA = _env.file("FLEET_LINK_CA")
 FLEET_LINK_CERT = _env.file("FLEET_LINK_CERT")
 FLEET_LINK_KEY = _env.file("FLEET_LINK_KEY")
 
+# Folders of ROS packages with the meshes of robots' descriptions.
+FLEET_MESHES = _env.folders("FLEET_MESHES", otherwise="ROS_PACKAGE_PATH")
+
 FLEET_CONTROL_TERM_S = _env.seconds("FLEET_CONTROL_TERM_S", 900, least=10)  # control without renewing it
 
 # Days that the audit log keeps what may expire, by the classes of fleet.audit.kinds, and whole records.
@@ -257,6 +260,7 @@ SILENCED_SYSTEM_CHECKS = [f"security.W{number}" for number in ("004", "005", "00
 # Where npm puts the browser libraries that pages load, by the folder under /static/ that they appear in.
 NPM_DISTRIBUTIONS = [
     ("vendor/event-calendar", BASE_DIR / "node_modules/@event-calendar/build/dist"),
+    ("vendor/scene", BASE_DIR / "node_modules/.scene"),  # made by npm: see script/scene_library.js
     ("vendor/nipplejs", BASE_DIR / "node_modules/nipplejs/dist"),
     ("vendor/swagger-ui", BASE_DIR / "node_modules/swagger-ui-dist"),
     ("vendor/uplot", BASE_DIR / "node_modules/uplot/dist"),

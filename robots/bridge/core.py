@@ -17,6 +17,7 @@ from msgspec import Struct
 
 from robots import wire
 from robots.bridge import state_view
+from robots.bridge.audit.record_sink import TakenDescription
 from robots.bridge.audit.records import Records, Requester, unrecorded
 from robots.bridge.config import BridgeConfig
 from robots.bridge.drive.drive_input import DriveInput
@@ -389,6 +390,10 @@ class Core:
     def unmapped(self, why: str, now_s: float) -> None:
         """Note that the robot's map cannot be fetched."""
         self.tasks.going.unmapped(why, now_s)
+
+    def described(self, taken: TakenDescription) -> None:
+        """Take the robot's description: the console keeps it for pages."""
+        self._records.keep_description(taken)
 
     def battery(self, percent: float) -> None:
         """Take the battery's charge in percent."""

@@ -87,18 +87,31 @@ def state(
     )
 
 
-def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float) -> wire.Scan:
+def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float, with_heights: bool = False) -> wire.Scan:
     """Return obstacles and sonar ranges for pictures."""
     obstacles = gate.obstacles(now_s)
     x, y = obstacles.points.T
     near = np.flatnonzero(x * x + y * y < VIEW_RADIUS_M**2)
+    depth_cm = _centimetres(obstacles, near, {"depth"}, DRAWN_GRAIN_CM)
     return wire.Scan(
         laser_cm=_centimetres(obstacles, near, {"scan"}),
         sonar_cm=[_range_cm(gate, sonar, now_s) for sonar in sonars],
-        depth_cm=_centimetres(obstacles, near, {"depth"}, DRAWN_GRAIN_CM),
+        depth_cm=depth_cm,
         remembered_cm=_centimetres(obstacles, near, {"memory", "depth memory"}, DRAWN_GRAIN_CM),
         unseen=[(round(start, 2), round(end, 2)) for start, end in gate.unseen(now_s)],
+        heights_cm=_heights_cm(gate, depth_cm) if with_heights else [],
     )
+
+
+def _heights_cm(gate: Gate, depth_cm: list[int]) -> list[int]:
+    """Return low and high of each of these points, flat, centimetres; nothing if they are not known."""
+    found = gate.depth_heights(np.array(depth_cm, dtype=np.float64).reshape(-1, 2) / 100.0)
+    if found is None:
+        return []
+    heights = np.stack(found, axis=1)
+    heights = np.where(np.isfinite(heights), heights, 0.0)  # of a cell that was forgotten meanwhile
+    flat: list[int] = np.rint(heights * 100.0).astype(np.int32).ravel().tolist()
+    return flat
 
 
 def _centimetres(

@@ -140,6 +140,7 @@ class BridgeLink:
         # the one listener that gets pictures and samples
         self._viewer: Listener | None = None
         self._names: frozenset[str] = frozenset()  # of the viewers
+        self._draw_joints = False  # one of them does
         self._topics: dict[str, float] = {}  # subscribed topics and their rates (Hz)
         self._camera_listener: Callable[[wire.CameraAt], None] | None = None
         self._subscriptions_timer: asyncio.TimerHandle | None = (
@@ -184,11 +185,14 @@ class BridgeLink:
             self._linger_timer.cancel()
             self._linger_timer = self._start_linger()
 
-    def set_viewers(self, viewer: Listener, names: Collection[str]) -> None:
-        """Set the names of people who view through `viewer`; the bridge draws pictures only for viewers."""
+    def set_viewers(self, viewer: Listener, names: Collection[str], joints: bool = False) -> None:
+        """Set the names of people who view through `viewer`; the bridge draws pictures only for viewers.
+
+        `joints`: one of them draws the robot's joints.
+        """
         self._viewer = viewer
-        if self._names != set(names):
-            self._names = frozenset(names)
+        if self._names != set(names) or self._draw_joints != joints:
+            self._names, self._draw_joints = frozenset(names), joints
             self._send_viewers()
 
     def set_subscriptions(self, viewer: Listener, topics: Mapping[str, float]) -> None:
@@ -388,7 +392,7 @@ class BridgeLink:
     def _send_viewers(self) -> None:
         names = sorted(self._names)
         named = [name[:_NAME_LENGTH] for name in names[:_NAMES]]
-        self.send(wire.Viewers(named, len(names) - len(named)))
+        self.send(wire.Viewers(named, len(names) - len(named), self._draw_joints))
 
     def _schedule_subscriptions(self) -> None:
         self._subscriptions_timer = asyncio.get_running_loop().call_later(

@@ -40,9 +40,11 @@ from robots.bridge.audit.record_sink import (
     Parameters,
     Place,
     RecordError,
+    TakenDescription,
     TakenMap,
 )
 from robots.bridge.gate.values import Pose, Velocity, Verdict
+from robots.description.store import description_store
 from robots.registry.maps import map_store
 from robots.registry.models import BridgePulse
 
@@ -257,6 +259,11 @@ class AuditSink:
     def keep_map(self, taken: TakenMap) -> None:
         """Commit that this is the robot's map now."""
         map_store(self._robot_id, taken, timezone.now())
+
+    @_or_record_error
+    def keep_description(self, taken: TakenDescription) -> None:
+        """Commit that this is the robot's description now."""
+        description_store(self._robot_id, taken, timezone.now())
 
     def _without_end(self, after: int) -> list[Record]:
         """This robot's records without end, the newest first."""

@@ -149,6 +149,7 @@ from robots.wire.page import Release as Release
 from robots.wire.page import Renew as Renew
 from robots.wire.page import Request as Request
 from robots.wire.page import RobotFacts as RobotFacts
+from robots.wire.page import ShowJoints as ShowJoints
 from robots.wire.page import SonarPose as SonarPose
 from robots.wire.page import Stop as Stop
 from robots.wire.page import StopAll as StopAll

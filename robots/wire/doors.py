@@ -44,6 +44,7 @@ from robots.wire.page import (
     Refresh,
     Release,
     Renew,
+    ShowJoints,
     Stop,
     StopAll,
     StopRobot,
@@ -79,6 +80,7 @@ BrowserMessage = (
     | HandOver
     | Drive
     | CameraView
+    | ShowJoints
     | LookAhead
     | TurnHead
     | Forget

@@ -122,10 +122,14 @@ class LinkState(Struct, frozen=True, tag_field="t", tag="link_state"):
 
 
 class Viewers(Struct, frozen=True, tag_field="t", tag="watch"):
-    """People who view the robot through this web process, and how many `more`. Without viewers: `Status`, no views."""
+    """People who view the robot through this web process, and how many `more`. Without viewers: `Status`, no views.
+
+    `joints`: one of them draws the robot in 3D: views have its joints, and heights.
+    """
 
     watchers: Annotated[list[ShortText], Meta(max_length=20)]
     more: Annotated[int, Meta(ge=0)] = 0
+    joints: bool = False
 
 
 LinkRequest = (

@@ -87,6 +87,12 @@ class CameraView(Struct, frozen=True, tag_field="t", tag="camera_view"):
     age_ms: Milliseconds | None = None
 
 
+class ShowJoints(Struct, frozen=True, tag_field="t", tag="show_joints"):
+    """The page draws the robot in 3D from now on, or no more. While it does, views have joints and heights."""
+
+    wanted: bool
+
+
 class Stop(Struct, frozen=True, tag_field="t", tag="stop"):
     """Emergency stop: latched. Anybody signed in who may see the robot."""
 

@@ -278,10 +278,15 @@ class Scan(Struct, frozen=True):
     remembered_cm: list[int] = []  # seen before, and not to be seen from here and now
     # where round the base neither laser nor sonar looks: counter-clockwise from one bearing to the other, radians
     unseen: list[tuple[float, float]] = []
+    # between which heights each of `depth_cm` was seen, while a page draws the robot in 3D: flat [low0, high0, ...]
+    heights_cm: list[int] = []
 
 
-class View(Struct, frozen=True, tag_field="t", tag="view"):
+class View(Struct, frozen=True, omit_defaults=True, tag_field="t", tag="view"):
     """One picture of the robot for its viewers. The next one comes after `Ack`."""
 
     state: State
     scan: Scan | None  # None: nothing is drawn
+    joints: dict[
+        str, float
+    ] = {}  # positions (rad, m) of joints of the description, while a page draws the robot

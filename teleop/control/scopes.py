@@ -31,7 +31,7 @@ _NEEDED: dict[type, tuple[Scope, ...]] = {
     wire.Choose: (Scope.TOPICS,),
     wire.Publish: (Scope.TOPICS,),
     wire.PublishStop: (Scope.TOPICS,),
-    **dict.fromkeys((wire.Hello, wire.Ack, wire.Ping, wire.Refresh), (Scope.READ, *ACTING)),
+    **dict.fromkeys((wire.Hello, wire.Ack, wire.Ping, wire.Refresh, wire.ShowJoints), (Scope.READ, *ACTING)),
 }
 
 

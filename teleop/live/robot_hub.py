@@ -50,6 +50,7 @@ class Member(Protocol):
     person: SignIn
     name: str
     wants_pictures: bool
+    draws_joints: bool  # of the robot in 3D
     heard_s: float  # monotonic time of its last message
 
     @property
@@ -127,9 +128,10 @@ class RobotHub:
         await self.pictures.close()
 
     def viewers_changed(self) -> None:
-        """Tell the bridge the names of the viewers."""
+        """Tell the bridge the names of the viewers, and whether one draws the robot's joints."""
+        viewers = [member for member in self.members.values() if member.wants_pictures]
         self.link.set_viewers(
-            self, {member.name for member in self.members.values() if member.wants_pictures}
+            self, {member.name for member in viewers}, any(member.draws_joints for member in viewers)
         )
 
     def refresh_offers(self, member: Member) -> Refusal | None:

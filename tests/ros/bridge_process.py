@@ -14,6 +14,7 @@ from robots.bridge.audit.record_sink import (
     Holder,
     Parameters,
     Place,
+    TakenDescription,
     TakenMap,
 )
 from robots.bridge.config import BridgeConfig
@@ -58,6 +59,9 @@ class FileSink:
 
     def keep_map(self, taken: TakenMap) -> None:
         self._record(f"map {taken.width} x {taken.height}")
+
+    def keep_description(self, taken: TakenDescription) -> None:
+        self._record(f"description {taken.problem}".rstrip())
 
 
 if __name__ == "__main__":

@@ -208,6 +208,7 @@ class Hand:
         self._sending = threading.Lock()  # keeps numbers in order between the test and the driving thread
         self.fence = 0
         self.state: wire.State | None = None
+        self.view: Any = None  # the newest one
         threading.Thread(target=self._read, daemon=True).start()
         threading.Thread(target=self._drive, daemon=True).start()
         self.send(wire.LinkHello(wire.PROTOCOL, "test"))
@@ -300,7 +301,9 @@ class Hand:
         with suppress(ConnectionClosed):
             while True:
                 raw = self._socket.recv()
-                if isinstance(raw, str):
+                if isinstance(raw, bytes):
+                    self.view = wire.browser_report(raw)
+                else:
                     report = wire.link_report(raw)
                     with self._news:
                         if isinstance(report, wire.Status):

@@ -87,6 +87,14 @@ class TakenMap(Struct, frozen=True, tag=True):
     digest: str  # of picture and position
 
 
+class TakenDescription(Struct, frozen=True):
+    """The robot's description (URDF), compressed by zlib. `problem`: why there is no usable one."""
+
+    digest: str  # of the text
+    packed: bytes
+    problem: str = ""
+
+
 class RecordSink(Protocol):
     """The audit log, as the bridge uses it. Tokens are opaque to the bridge."""
 
@@ -124,3 +132,6 @@ class RecordSink(Protocol):
 
     def keep_map(self, taken: TakenMap) -> None:
         """Commit the robot's present map. The robot does not wait for it."""
+
+    def keep_description(self, taken: TakenDescription) -> None:
+        """Commit the robot's present description. The robot does not wait for it."""

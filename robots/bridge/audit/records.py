@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple, TypeVar
 
-from robots.bridge.audit.record_sink import Holder, Parameters, RecordSink, TakenMap
+from robots.bridge.audit.record_sink import Holder, Parameters, RecordSink, TakenDescription, TakenMap
 from robots.bridge.audit.record_writer import RecordWriter
 from robots.wire import Refusal
 
@@ -96,6 +96,10 @@ class Records(RecordWriter):
     def keep_map(self, taken: TakenMap) -> None:
         """Store the robot's map between two records."""
         self.run_in_background(partial(self.sink.keep_map, taken))
+
+    def keep_description(self, taken: TakenDescription) -> None:
+        """Store the robot's description between two records."""
+        self.run_in_background(partial(self.sink.keep_description, taken))
 
 
 def unrecorded(why: str, ended: Sequence[str] = ()) -> Refusal:

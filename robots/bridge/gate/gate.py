@@ -36,6 +36,7 @@ import math
 
 import numpy as np
 from msgspec import structs
+from numpy.typing import NDArray
 
 from robots.bridge.gate import words
 from robots.bridge.gate.geometry import arm_discs
@@ -264,6 +265,16 @@ class Gate:
         ):  # a restart also explains unpaired scans
             return Fault("odometry_anew", "the robot’s odometry restarted", "odometry")
         return fault
+
+    def depth_heights(self, points: Points) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
+        """Return between which heights (m) the depth camera saw something at obstacles of its own, base frame.
+
+        None: there is no camera, or no pose.
+        """
+        base = self._trail.newest
+        if self._depth is None or base is None:
+            return None
+        return self._depth.heights(placed(points, base))
 
     def unseen(self, now_s: float) -> list[Sector]:
         """Return the sectors around the base without laser and sonar."""

@@ -21,6 +21,7 @@ from actionlib_msgs.msg import GoalID
 from geometry_msgs.msg import Twist, TwistStamped
 from msgspec import structs
 
+from robots.bridge.audit.description import taken_description
 from robots.bridge.config import BridgeConfig, Topic
 from robots.bridge.core import Core, RosStatus
 from robots.bridge.gate.geometry.arm_discs import Disc, Posture
@@ -110,6 +111,10 @@ class RosBase:
         self._core: Core
         self._run_on_loop: Callable[[Callable[[], None]], None]
         self._on_lost: Callable[[bool], None]
+
+    def joints(self, now_s: float) -> dict[str, float]:
+        """Return the positions (rad or m) of joints of the robot's description, as far as they are known."""
+        return self._arm.shown(now_s) if self._arm else {}
 
     # --- called by Core ----------------------------------------------------------------------------
 
@@ -364,9 +369,9 @@ class RosBase:
             self._limbs[limb] = LimbTopics(source, self._mail, self._core.tasks.limbs.move(limb))
         if topics.arm and topics.joint_states:
             self._arm = ArmPosture(topics.arm)
-            self._describe()
             posture = PostureTopics(self._arm, self._on_posture)
             posture.subscribe(topics.joint_states, topics.motions if topics.arm.postures else None)
+        self._describe()
         depth, view = topics.depth, self._config.gate.depth
         if depth and view:
             self._tf = TfTopics(depth.base_frame)
@@ -405,15 +410,20 @@ class RosBase:
         self._post(lambda: self._on_lost(name_taken))
 
     def _describe(self) -> None:
-        """Give the robot's description to the arm's posture as soon as the robot has one."""
-        if self._arm and not self._described:
-            master = Master(self._config.master_uri, BRIDGE, DESCRIPTION_S)
-            try:
-                description = master.parameter("/robot_description")
-            except MasterError:
-                description = None  # the next survey asks again
-            self._described = description is not None
+        """Give the robot's description to the arm's posture and to the console as soon as the robot has one."""
+        if self._described:
+            return
+        master = Master(self._config.master_uri, BRIDGE, DESCRIPTION_S)
+        try:
+            description = master.parameter("/robot_description")
+        except MasterError:
+            description = None  # the next survey asks again
+        self._described = description is not None
+        if self._arm:
             self._arm.describe(description)
+        if self._described:
+            taken = taken_description(description)
+            self._post(lambda: self._core.described(taken))
 
     def _drive_publisher(self, name: str) -> rospy.Publisher:
         return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)

@@ -16,6 +16,7 @@ log = logging.getLogger(__name__)
 
 MAX_JOINTS = 4000  # of which positions are kept
 MOST_LINKS = 80  # of the arm that are placed; a hand with five fingers has 40
+MOST_DRAWN = 200  # joints whose positions pages get
 MOVED = 0.02  # rad or m: less is noise
 END_M = 0.10  # fingers and what they hold reach so far beyond the last link's origin
 HAND_M = 0.25  # the reach of a hand that the description leaves out
@@ -35,6 +36,7 @@ class ArmPosture:
         self._lacking: list[str] = []  # links of the profile that the description lacks
         self._was: dict[str, float] | None = None  # the arm's joints when they moved last
         self._joints: dict[str, tuple[float, float]] = {}  # position and arrival
+        self._drawn: frozenset[str] = frozenset()  # joints of the description that pages draw
         self._newest: tuple[str, str] | None = None  # goal id and motion of the newest goal, until it ends
         self._after: str | None = None  # the motion that succeeded last
 
@@ -44,9 +46,12 @@ class ArmPosture:
         A link that it lacks is left out; the hand's reach is then guessed from the last known link.
         """
         self._tree = None
+        self._drawn = frozenset()
         if isinstance(description, str):
             try:
-                self._take_tree(Tree(description))
+                tree = Tree(description)
+                self._drawn = frozenset(sorted(tree.joints)[:MOST_DRAWN])
+                self._take_tree(tree)
             except BadDescription as error:
                 log.warning("%s: the arm's posture is known by its motions only", error)
 
@@ -81,6 +86,11 @@ class ArmPosture:
         """Return the position (rad or m) of any joint; None if it was not reported lately."""
         position, arrival_s = self._joints.get(name, (0.0, -math.inf))
         return position if now_s - arrival_s <= KNOWN_S else None
+
+    def shown(self, now_s: float) -> dict[str, float]:
+        """Return the positions of joints of the description, for pages."""
+        positions = self._positions(now_s)
+        return {name: round(positions[name], 4) for name in self._drawn & positions.keys()}
 
     def posture(self, now_s: float) -> Posture:
         """Return the posture for the gate."""

@@ -33,24 +33,39 @@ class _Joint(NamedTuple):
     axis: Matrix  # (3,)
 
 
+def parsed(text: str) -> Element:
+    """Return the root element of a description. Raises BadDescription if it is no XML, or no harmless one."""
+    if len(text) > LARGEST or "<!" in text.replace("<!--", ""):
+        raise BadDescription("the robot’s description is too large or contains declarations")
+    try:
+        return ElementTree.fromstring(text)  # noqa: S314 - no declarations, see above
+    except (ElementTree.ParseError, ValueError, RecursionError) as error:
+        raise BadDescription(f"the robot’s description cannot be parsed: {error}") from error
+
+
 class Tree:
     """Links and the joints between them."""
 
     def __init__(self, text: str) -> None:
         """Parse `text`. Raises BadDescription if it is not a URDF."""
-        if len(text) > LARGEST or "<!" in text.replace("<!--", ""):
-            raise BadDescription("the robot’s description is too large or contains declarations")
         try:
-            elements = ElementTree.fromstring(text).findall("joint")  # noqa: S314 - no declarations, see above
+            elements = parsed(text).findall("joint")
             if len(elements) > MAX_JOINTS:
                 raise BadDescription(f"the robot’s description has more than {MAX_JOINTS} joints")
             self._above = dict(map(_joint, elements))
-        except (ElementTree.ParseError, KeyError, ValueError) as error:
+        except BadDescription:
+            raise
+        except (KeyError, ValueError) as error:
             raise BadDescription(f"the robot’s description cannot be parsed: {error}") from error
 
     def moving(self, links: Sequence[str]) -> set[str]:
         """Return the joints that move any of `links`. Raises BadDescription if a link has no parent."""
         return {joint.name for link in links for joint in self._chain(link) if joint.kind != "fixed"}
+
+    @property
+    def joints(self) -> set[str]:
+        """The joints that move something."""
+        return {joint.name for joint in self._above.values() if joint.kind != "fixed"}
 
     def __contains__(self, link: object) -> bool:
         """Return whether this link has a parent."""

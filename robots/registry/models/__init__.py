@@ -1,6 +1,6 @@
 """The registry: profiles, robots, roles, phrases, allow-lists, and the state of bridges."""
 
-from robots.registry.models.bridges import BridgePulse, BridgeStatus, RobotMap
+from robots.registry.models.bridges import BridgePulse, BridgeStatus, RobotDescription, RobotMap
 from robots.registry.models.entries import (
     Allowance,
     OfProfileOrRobot,
@@ -25,6 +25,7 @@ __all__ = [
     "Phrase",
     "ReverseSteering",
     "Robot",
+    "RobotDescription",
     "RobotMap",
     "RobotProfile",
     "RobotRole",

@@ -1,4 +1,4 @@
-"""Data that the console's processes write about a robot: status of its bridge, and its maps."""
+"""Data that the console's processes write about a robot: status of its bridge, its maps and its description."""
 
 from __future__ import annotations
 
@@ -54,6 +54,21 @@ class RobotMap(models.Model):
 
     def __str__(self) -> str:
         return f"map of {self.robot} from {self.first_seen_at}"
+
+
+class RobotDescription(models.Model):
+    """The newest description (URDF) of a robot, from which pages draw it."""
+
+    robot = models.OneToOneField(
+        Robot, on_delete=models.CASCADE, primary_key=True, related_name="description"
+    )
+    digest = models.CharField(max_length=64)  # of the text
+    seen_at = models.DateTimeField()
+    packed = models.BinaryField()  # the text, compressed by zlib
+    problem = models.CharField(max_length=200, blank=True)  # why there is no usable one
+
+    def __str__(self) -> str:
+        return f"description of {self.robot} from {self.seen_at}"
 
 
 class BridgePulse(models.Model):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import rospy
 
-from robots.simulator.joints.frames import urdf
+from robots.simulator.joints.looks import description
 from robots.simulator.robot import TICK_HZ, TICK_S, Robot
 from robots.simulator.ros.actions.controllers import CONTROLLERS, TrajectoryController
 from robots.simulator.ros.actions.gripper import GripperServer
@@ -112,7 +112,7 @@ class SimulatorNode:
 
     def set_parameters(self) -> None:
         """Set the robot's parameters on its master."""
-        rospy.set_param("/robot_description", urdf(self._robot.body, self._name))
+        rospy.set_param("/robot_description", description(self._robot.body, self._name))
         for name, motion in self._robot.player.motions.items():
             rospy.set_param(f"/play_motion/motions/{name}", motion.parameters())
 

@@ -8,6 +8,7 @@ from teleop.api.v1 import (
     bookings,
     control,
     courses,
+    description,
     events,
     limbs,
     navigation,
@@ -80,6 +81,8 @@ urlpatterns = [
     path("robots/<slug:slug>/pose", navigation.PoseView.as_view()),
     path("robots/<slug:slug>/map", navigation.MapView.as_view()),
     path("robots/<slug:slug>/map/picture", navigation.MapPictureView.as_view()),
+    path("robots/<slug:slug>/description", description.DescriptionView.as_view()),
+    path("robots/<slug:slug>/meshes/<str:package>/<path:path>", description.MeshView.as_view()),
     path("maps", maps.MapsView.as_view()),
     path("maps/<slug:digest>", maps.OneMapView.as_view()),
     path("maps/<slug:digest>/picture", maps.PictureView.as_view()),
@@ -131,5 +134,5 @@ urlpatterns = [
     # A stop is not led elsewhere because of a slash.
     path("robots/<slug:slug>/stop/", stop_views.rest_stop),
     path("stop/", stop_views.rest_stop_all),
-    re_path(r"^(?P<address>.*)$", unknown_address.UnknownAddress.as_view(schema=None)),
+    re_path(r"^(?P<address>[\s\S]*)$", unknown_address.UnknownAddress.as_view(schema=None)),
 ]

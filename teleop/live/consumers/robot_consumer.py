@@ -101,6 +101,9 @@ class RobotConsumer(RobotSocket):
         elif isinstance(message, wire.CameraView):
             if self.camera_view.take(message.age_ms) and self.control:
                 self.control.renew_soon()
+        elif isinstance(message, wire.ShowJoints):
+            self.draws_joints = message.wanted
+            self.hub.viewers_changed()
         elif isinstance(message, wire.TaskRequest):
             await self.tasks.start(message)
         elif isinstance(message, wire.Ack):

@@ -34,6 +34,7 @@ class RobotSocket(MessageSocket):
         self.id = uuid4().hex
         self.name = ""
         self.wants_pictures = False
+        self.draws_joints = False
 
     async def find_robot(self) -> RobotEntry | None:
         """Return the entry of the robot in the address; close the connection if this person may not see it."""

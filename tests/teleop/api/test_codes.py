@@ -41,6 +41,7 @@ OF_WEBHOOKS = {"paused"}
 # What only one operation answers is tested with that operation.
 WITH_THEIR_OPERATIONS = {
     *("too_many", "more_than_own", "other_robots", "paused", "name_taken", "password_needed"),
+    "bad_description",
     "other_process",
 }
 OF_THE_LIBRARY = {"method_not_allowed", "not_acceptable", "unsupported_media_type"}

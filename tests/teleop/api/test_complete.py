@@ -147,7 +147,9 @@ FOR_PEOPLE: dict[str, str] = {
 }
 SECOND_FACTOR = "mfa_"  # how the names of its pages begin: for people, too
 OTHER_DOORS = ("api/", "admin/")  # the API itself; the admin, whose people and log stay with people
-OF_THE_CONNECTION = {wire.Hello, wire.Ack, wire.Ping, wire.Refresh, wire.Unsubscribe, wire.CameraView}
+OF_THE_CONNECTION = {
+    *(wire.Hello, wire.Ack, wire.Ping, wire.Refresh, wire.Unsubscribe, wire.CameraView, wire.ShowJoints)
+}
 MESSAGES = {*get_args(wire.BrowserMessage), *get_args(wire.TopicsMessage), *get_args(wire.FleetMessage)}
 
 

@@ -167,6 +167,8 @@ TABLE: dict[str, Row] = {
     "go": Row(DRIVE, "/robots/{robot}/go", NO_LEASE, {"x": 1.0, "y": 2.0}),
     "go_cancel": Row(DRIVE, "/robots/{robot}/go", NO_LEASE),
     "pose_set": Row(DRIVE, "/robots/{robot}/pose", NO_LEASE, {"x": 1.0, "y": 2.0}),
+    "description_read": Row(READ, "/robots/{robot}/description", seen("not_found")),
+    "mesh_read": Row(READ, "/robots/{robot}/meshes/tiago/base.stl", seen("not_found")),
     "map_read": Row(READ, "/robots/{robot}/map", seen("200")),
     "map_picture": Row(READ, "/robots/{robot}/map/picture", seen("200")),
     # maps and places

@@ -51,6 +51,8 @@ AWAY = {
     "events",
     "map_read",  # of a bridge
     "map_picture",
+    "description_read",
+    "mesh_read",
     *(name for name, row in TABLE.items() if row.ends in (NO_LEASE, NO_PROGRAMS)),
 }
 BOOKINGS = {name for name in TABLE if name.startswith("bookings_")}  # whose version is that of a new one

@@ -26,6 +26,7 @@ class Program:
     """A program that controls a robot: a member of the robot's hub that owns a ControlHolder."""
 
     wants_pictures = False
+    draws_joints = False
     checked_often = True
 
     def __init__(self, user, session_key):

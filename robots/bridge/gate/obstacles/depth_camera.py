@@ -322,6 +322,10 @@ class DepthCamera:
             self._unseen = revision, known, doubts_m
         return self._unseen[1:]
 
+    def heights(self, points: Points) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return between which heights (m) something was seen at points of this source, odometry frame."""
+        return self._spans.heights(points)
+
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(DEPTH_STALE_S, now_s, self.complaint)
         return SensorHealth(self.name, "depth", not text, self.freshness.age_s(now_s), text)
@@ -553,6 +557,11 @@ class _Spans:
         """Return the columns of these remembered points, at `from_base` (base frame)."""
         entries = self._memory.entries(points)
         return Columns(from_base, self._low[entries], self._high[entries], self._levels[entries])
+
+    def heights(self, points: Points) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the lowest and the highest height at which something was seen at these points, metres."""
+        entries = self._memory.entries(points)
+        return self._low[entries], self._high[entries]
 
     def share_cells(self, points: Points, theirs: NDArray[np.intp]) -> Flags:
         """Return which of `points` lie in one of these cells."""

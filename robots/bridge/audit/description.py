@@ -1,0 +1,23 @@
+"""The robot's description (URDF) as the bridge hands it to the console's database."""
+
+from __future__ import annotations
+
+import hashlib
+import zlib
+
+from robots.bridge.audit.record_sink import TakenDescription
+from robots.bridge.tasks.urdf import LARGEST
+
+
+def taken_description(found: object) -> TakenDescription:
+    """Return what is kept of the parameter `robot_description`. A text that is too large is named, and not kept."""
+    if not isinstance(found, str):
+        return _problem("the parameter /robot_description of the robot is no text")
+    if len(found) >= LARGEST:  # a longer one was cut while it was read
+        return _problem(f"the robot’s description has {LARGEST // 1_000_000} million characters or more")
+    text = found.encode(errors="replace")
+    return TakenDescription(hashlib.sha256(text).hexdigest(), zlib.compress(text))
+
+
+def _problem(words: str) -> TakenDescription:
+    return TakenDescription("", b"", words)

@@ -1,0 +1,92 @@
+"""Finds the meshes of a robot's description: files of ROS packages on this computer, and nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+LARGEST_MESH = 25_000_000  # bytes
+FORMATS = (".stl", ".dae", ".obj")
+_PACKAGE = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,99}")
+_PACKAGE_ADDRESS, _FILE_ADDRESS = "package://", "file://"
+
+
+class NoMesh(Exception):
+    """There is no mesh at this address; the text says why."""
+
+
+class Mesh(NamedTuple):
+    """A mesh that can be read: `package` and `path` name it to people and pages."""
+
+    package: str
+    path: str
+    file: Path
+    version: str  # another one when the file changes
+
+
+def mesh_at(address: str, folders: Sequence[Path]) -> Mesh:
+    """Return the mesh with this address in a description (`package://…`, or `file://…` in a known package).
+
+    `folders` hold ROS packages, one or two levels down, or are one. Raises `NoMesh`.
+    """
+    package, path = _split(address, folders)
+    parts = path.split("/")
+    if not _PACKAGE.fullmatch(package):
+        raise NoMesh(f"{_short(address)} names no package")
+    if any(part in ("", ".", "..") for part in parts) or "\\" in path or not path.isprintable():
+        raise NoMesh(f"{_short(address)} leads out of its package")
+    if Path(path).suffix.lower() not in FORMATS:
+        raise NoMesh(f"{_short(address)} is neither STL nor Collada nor OBJ, which pages draw")
+    for folder in _packages(package, folders):
+        file = (folder / path).resolve()
+        if not file.is_relative_to(folder.resolve()):
+            raise NoMesh(f"{_short(address)} leads out of its package")
+        if file.is_file():
+            return _mesh(package, path, file, address)
+    raise NoMesh(f"{_short(address)} is not on the console’s computer")
+
+
+def _mesh(package: str, path: str, file: Path, address: str) -> Mesh:
+    try:
+        status = file.stat()
+    except OSError as error:
+        raise NoMesh(f"{_short(address)} cannot be read: {error.strerror}") from error
+    if status.st_size > LARGEST_MESH:
+        megabytes, most = status.st_size / 1e6, LARGEST_MESH / 1e6
+        raise NoMesh(f"{_short(address)} has {megabytes:.0f} MB; at most {most:.0f} are drawn")
+    facts = f"{file} {status.st_size} {status.st_mtime_ns}"
+    return Mesh(package, path, file, hashlib.sha256(facts.encode()).hexdigest()[:16])
+
+
+def _split(address: str, folders: Sequence[Path]) -> tuple[str, str]:
+    """Return package and path in it."""
+    if address.startswith(_PACKAGE_ADDRESS):
+        package, _, path = address.removeprefix(_PACKAGE_ADDRESS).partition("/")
+        return package, path
+    if address.startswith(_FILE_ADDRESS):
+        # Such an address holds for the robot's computer: here the package with that name counts.
+        file = address.removeprefix(_FILE_ADDRESS)
+        if ".." not in file.split("/"):
+            for folder in Path(file).parents:
+                if next(_packages(folder.name, folders), None) is not None:
+                    return folder.name, Path(file).relative_to(folder).as_posix()
+        raise NoMesh(f"{_short(address)} lies in no package on the console’s computer")
+    raise NoMesh(f"{_short(address)} is no address of a package")
+
+
+def _packages(name: str, folders: Sequence[Path]) -> Iterator[Path]:
+    """Yield the folders of packages with this name."""
+    if not _PACKAGE.fullmatch(name):
+        return
+    for folder in folders:
+        candidates = [folder] if folder.name == name else []
+        for candidate in (*candidates, folder / name, *sorted(folder.glob(f"*/{name}"))):
+            if (candidate / "package.xml").is_file():
+                yield candidate
+
+
+def _short(address: str) -> str:
+    return f"“{address if len(address) <= 200 else address[:199] + '…'}”"

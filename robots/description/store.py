@@ -1,0 +1,22 @@
+"""The newest description of each robot."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from uuid import UUID
+
+from robots.bridge.audit.record_sink import TakenDescription
+from robots.registry.models import RobotDescription
+
+
+def description_store(robot_id: UUID, taken: TakenDescription, now: datetime) -> None:
+    """Store the robot's present description. Only the robot's one bridge calls this."""
+    RobotDescription.objects.update_or_create(
+        robot_id=robot_id,
+        defaults={
+            "digest": taken.digest,
+            "seen_at": now,
+            "packed": taken.packed,
+            "problem": taken.problem,
+        },
+    )

@@ -1,0 +1,158 @@
+"""The robot's description and its meshes, from which a page or a program draws the robot."""
+
+from __future__ import annotations
+
+import zlib
+from functools import lru_cache
+from urllib.parse import quote
+
+from django.conf import settings
+from django.http import HttpResponse, HttpResponseBase, HttpResponseNotModified
+from msgspec import Struct
+from rest_framework.request import Request
+
+from fleet.accounts.tokens.models import Scope
+from robots.bridge.tasks.urdf import BadDescription
+from robots.description.drawable import Drawable, drawable
+from robots.description.meshes import Mesh, NoMesh, mesh_at
+from robots.registry.models import Robot, RobotDescription
+from robots.wire import Refusal
+from teleop.api.v1.control import ProgramView
+from teleop.api.v1.framework.operation import operation
+from teleop.api.v1.framework.parameters import Time
+from teleop.api.v1.framework.problems import Problem
+
+NO_DESCRIPTION = Refusal(
+    "not_found",
+    "The console knows no description of this robot yet: its bridge reads /robot_description when the robot is there.",
+    "robot",
+)
+NO_MESH = Refusal("not_found", "The robot’s description names no such mesh.", "robot")
+_YEAR_S = 365 * 24 * 60 * 60
+
+
+class MeshEntry(Struct, frozen=True):
+    """A mesh of the description. `address` null: it cannot be had, and `problem` says why."""
+
+    filename: str  # as in the description
+    address: str | None
+    problem: str = ""
+
+
+class DescriptionEntry(Struct, frozen=True):
+    """What can be drawn of the robot's description: links with their shapes and colours, and joints.
+
+    `problems` name what was left out of `urdf`.
+    """
+
+    digest: str  # of the robot's own text
+    seen_at: Time
+    urdf: str
+    meshes: list[MeshEntry]
+    problems: list[str]
+
+
+class DescriptionView(ProgramView):
+    """`/robots/{slug}/description`."""
+
+    @operation(
+        "description_read",
+        "Read the robot’s description",
+        scope=Scope.READ,
+        answer=DescriptionEntry,
+        refuses=(404, 409),
+    )
+    def get(self, _request: Request, slug: str) -> DescriptionEntry:
+        """The newest one that its bridge has read from /robot_description, without collision, inertia and plug-ins."""
+        robot = self.robot(slug)
+        kept = _kept(robot)
+        found = _drawable(kept)
+        return DescriptionEntry(
+            digest=kept.digest,
+            seen_at=kept.seen_at,
+            urdf=found.urdf,
+            meshes=[_entry(robot, filename) for filename in found.meshes],
+            problems=found.problems,
+        )
+
+
+class MeshView(ProgramView):
+    """`/robots/{slug}/meshes/{package}/{path}`."""
+
+    @operation(
+        "mesh_read",
+        "Read a mesh of the robot",
+        scope=Scope.READ,
+        content_type="application/octet-stream",
+        refuses=(404, 409),
+    )
+    def get(self, request: Request, slug: str, package: str, path: str) -> HttpResponseBase:
+        """STL, Collada or OBJ, one that the robot's description names. With its present version as the query, as
+        `GET …/description` gives it, it may be kept for good."""
+        mesh = _named(_drawable(_kept(self.robot(slug))), package, path)
+        if request.headers.get("If-None-Match") == f'"{mesh.version}"':
+            response: HttpResponseBase = HttpResponseNotModified()
+        else:
+            response = HttpResponse(_read(mesh), content_type="application/octet-stream")
+        is_fixed = request.META.get("QUERY_STRING") == mesh.version
+        response["Cache-Control"] = (
+            f"private, max-age={_YEAR_S}, immutable" if is_fixed else "private, no-cache"
+        )
+        response["ETag"] = f'"{mesh.version}"'
+        return response
+
+
+def _kept(robot: Robot) -> RobotDescription:
+    """Return the robot's description. Raises `Problem`: there is none that can be used."""
+    kept = RobotDescription.objects.filter(robot=robot).first()
+    if kept is None:
+        raise Problem(NO_DESCRIPTION)
+    if kept.problem:
+        raise _bad(kept.problem)
+    return kept
+
+
+def _drawable(kept: RobotDescription) -> Drawable:
+    try:
+        return _reduced(bytes(kept.packed))
+    except BadDescription as bad:
+        raise _bad(str(bad)) from bad
+
+
+@lru_cache(maxsize=16)
+def _reduced(packed: bytes) -> Drawable:
+    return drawable(zlib.decompress(packed).decode())
+
+
+def _bad(why: str) -> Problem:
+    return Problem(Refusal("bad_description", f"The robot cannot be drawn: {why}.", "robot"))
+
+
+def _entry(robot: Robot, filename: str) -> MeshEntry:
+    try:
+        mesh = mesh_at(filename, settings.FLEET_MESHES)
+    except NoMesh as no_mesh:
+        return MeshEntry(filename, None, f"{no_mesh}.")
+    path = quote(f"{mesh.package}/{mesh.path}")
+    return MeshEntry(filename, f"/api/v1/robots/{robot.slug}/meshes/{path}?{mesh.version}")
+
+
+def _named(found: Drawable, package: str, path: str) -> Mesh:
+    """Return the mesh of the description with this package and path. Raises `Problem`."""
+    for filename in found.meshes:
+        try:
+            mesh = mesh_at(filename, settings.FLEET_MESHES)
+        except NoMesh:
+            continue
+        if (mesh.package, mesh.path) == (package, path):
+            return mesh
+    raise Problem(NO_MESH)
+
+
+def _read(mesh: Mesh) -> bytes:
+    try:
+        return mesh.file.read_bytes()
+    except OSError as error:
+        raise Problem(
+            Refusal("not_found", f"The mesh {mesh.path} cannot be read: {error.strerror}.", "robot")
+        ) from error
