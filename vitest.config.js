@@ -12,6 +12,9 @@ export default defineConfig({
   },
   resolve: {
     // The pages import third-party modules from where Django serves them: static/vendor/NAME is NAME's dist folder.
-    alias: [{ find: /^.*\/vendor\/([^/]+)\//, replacement: `${modules}/$1/dist/` }],
+    alias: [
+      { find: /^.*\/vendor\/scene\//, replacement: `${modules}/.scene/` },
+      { find: /^.*\/vendor\/([^/]+)\//, replacement: `${modules}/$1/dist/` },
+    ],
   },
 });

@@ -16,9 +16,12 @@ from django.core.exceptions import ImproperlyConfigured
 from django.core.files.storage import FileSystemStorage
 from whitenoise.storage import CompressedManifestStaticFilesStorage
 
-# The files that templates load, as templates write them; then our own modules and style sheets among them.
+# The files that templates load, as templates write them; then our own modules and style sheets among them. A module
+# that a page loads only when it needs it stands in an attribute data-…-module.
 _LOADED = re.compile(r"{% static '([^']+)' %}")
-_JOINED = re.compile(r"""(?:type="module" src|rel="stylesheet" href)="{% static '((?:js|css)/[^']+)' %}">""")
+_JOINED = re.compile(
+    r"""(?:type="module" src|rel="stylesheet" href|data-[a-z]+-module)="{% static '((?:js|css)/[^']+)' %}">"""
+)
 
 
 class HashedStaticFiles(CompressedManifestStaticFilesStorage):  # type: ignore[misc]  # WhiteNoise is untyped

@@ -6,13 +6,14 @@ import asyncio
 import math
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import PIL.Image
 from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import TimeoutError as NotYet
 
 from robots import wire
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
@@ -55,6 +56,12 @@ EVERY_THUMBNAIL = (
     """() => [...document.querySelectorAll("[data-thumbnail]")].every((one) => one.width !== 300)"""
 )
 
+SCENE = "document.querySelector('[data-part=scene]').scene"
+ROBOT_IS_DRAWN = (
+    f"() => {SCENE}?.figures.links > 15 && {SCENE}.figures.hasMap && {SCENE}.figures.points > 100"
+)
+HOLD_IS_DRAWN = f"() => {SCENE}.figures.holds && {SCENE}.figures.points > 500"
+
 LOOKING_AROUND = "Inspect surroundings"
 HEAD = ("head_1_joint", "head_2_joint")
 PLOTTED_S = 7.0  # until there is a curve to show
@@ -86,7 +93,8 @@ def take_pictures(stack: Stack, cookie: str) -> None:
     """Take all screenshots, into `PICTURES`."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
-            executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"]
+            executable_path="/usr/bin/chromium",
+            args=["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"],
         )
         with page_of(stack, browser, cookie, 1440, 900, "light") as page:
             drive_towards_the_parcel(page, stack)
@@ -105,6 +113,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             page.wait_for_function(EVERY_THUMBNAIL)
             page.screenshot(path=PICTURES / "fleet.png")
             send_to_a_place(page, stack)
+            look_in_3d(page, stack)
             look_back(page, stack)
             page.screenshot(path=PICTURES / "session.png")
             show_bookings(page, stack)
@@ -179,6 +188,25 @@ def send_to_a_place(page: Page, stack: Stack) -> None:
     page.screenshot(path=PICTURES / "map.png")
     look_at_the_plan(page, stack)
     page.get_by_role("button", name="Cancel", exact=True).click()
+    page.get_by_role("button", name="Release").click()
+
+
+def look_in_3d(page: Page, stack: Stack) -> None:
+    """Drive at something until the gate slows the robot down, and show that in space."""
+    page.goto(f"{stack.url}/robots/{ROBOT}/")
+    page.get_by_role("button", name="Take control").click()
+    page.get_by_role("button", name="Release").wait_for()
+    page.get_by_role("button", name="3D").click()
+    page.wait_for_function(ROBOT_IS_DRAWN)
+    for _ in range(TRIES):
+        page.keyboard.down("w")
+        with suppress(NotYet):
+            page.wait_for_function(HOLD_IS_DRAWN, timeout=1000.0 * DRIVEN_S)
+            break
+        page.keyboard.up("w")
+    page.screenshot(path=PICTURES / "scene.png")
+    page.keyboard.up("w")
+    page.get_by_role("button", name="Plan").click()
     page.get_by_role("button", name="Release").click()
 
 

@@ -24,6 +24,7 @@ export class CameraPanel {
   #views;
   #fullScreen;
   #report;
+  #showScene;
   #facts = null;
   #drives = false;
   #reported = false;
@@ -42,10 +43,12 @@ export class CameraPanel {
    * @param {(order: object) => Promise<?object>} page.order sends a task; returns why it was refused
    * @param {(ageMs: ?number) => void} page.report the age of the picture by which somebody drives; null: by none
    * @param {(notice: object) => void} page.tell
+   * @param {(shown: boolean) => void} page.showScene the robot in 3D is shown instead, or no more
    */
-  constructor(root, parts, { order, report, tell }) {
+  constructor(root, parts, { order, report, tell, showScene = () => {} }) {
     this.#area = parts["picture-area"];
     this.#report = report;
+    this.#showScene = showScene;
     this.#socket = new CameraSocket(socketUrl(root.dataset.camera), decodesVideo());
     this.#main = new CameraView(parts.camera);
     this.#second = new CameraView(parts.second);
@@ -60,7 +63,8 @@ export class CameraPanel {
     this.#observer = new ResizeObserver(() => this.#follow());
     this.#observer.observe(this.#area);
     this.#timer = setInterval(() => this.#look(), LOOK_MS);
-    if (root.dataset.hasCameras && recall("camera-view") !== "plan") this.#socket.open();
+    if (root.dataset.hasCameras && !["plan", "scene"].includes(recall("camera-view")))
+      this.#socket.open();
   }
 
   /** @param {object} facts of the robot; they come again when it was edited */
@@ -141,6 +145,7 @@ export class CameraPanel {
   /** Watch what is shown, and nothing else. */
   #follow() {
     const isShown = this.#area.clientWidth > 0; // not on every tab
+    this.#showScene(isShown && this.#views.view === "scene");
     const before = [this.#main, this.#second].map((view) => view.camera?.name);
     const main = isShown ? this.#views.main : null;
     const second = isShown ? this.#views.second : null;

@@ -1,9 +1,10 @@
-/** The choice of a person: plan, camera or both; which camera, and which one small beside it. Kept per browser. */
+/** The choice of a person: plan, camera, both or 3D; which camera, and which one small beside it. Kept per browser. */
 
 import { make, mark, show } from "../lib/dom.js";
 import { recall, remember } from "../lib/prefs.js";
 
-const VIEWS = ["plan", "camera", "both"];
+const VIEWS = ["plan", "camera", "both", "scene"];
+const WITHOUT_CAMERA = ["plan", "scene"];
 const ROOMY_PX = 560; // a smaller picture is not divided, unless somebody wants it so
 
 /** The view to begin with: the chosen one, else whatever there is room for. */
@@ -51,14 +52,14 @@ export class Views extends EventTarget {
     this.#show();
   }
 
-  /** @returns {"plan" | "camera" | "both"} */
+  /** @returns {"plan" | "camera" | "both" | "scene"} */
   get view() {
     return this.#view;
   }
 
   /** The camera that is shown large, or null. */
   get main() {
-    return this.#view === "plan" ? null : this.#main;
+    return WITHOUT_CAMERA.includes(this.#view) ? null : this.#main;
   }
 
   /** The camera that is shown small beside it, or null. */
@@ -74,10 +75,10 @@ export class Views extends EventTarget {
     const wanted = this.#main?.name ?? recall("camera-main", null);
     this.#main = cameras.find(({ name }) => name === wanted) ?? cameras[0] ?? null;
     const { clientWidth, clientHeight } = this.#area;
-    const isFirst = !this.#area.dataset.cameras;
-    if (!this.#main) this.#view = "plan";
-    else if (isFirst) this.#view = firstView(recall("camera-view"), clientWidth, clientHeight);
-    mark(this.#area, "cameras", cameras.length || null);
+    const isFirst = !Number(this.#area.dataset.cameras);
+    if (isFirst) this.#view = firstView(recall("camera-view"), clientWidth, clientHeight);
+    if (!this.#main && this.#view !== "scene") this.#view = "plan";
+    mark(this.#area, "cameras", String(cameras.length));
     this.#parts["camera-select"].replaceChildren(
       ...cameras.map(({ name, label }) => {
         const option = make("option", { text: label });
@@ -130,13 +131,16 @@ export class Views extends EventTarget {
 
   #show() {
     const { views, second, "view-bar": bar, "view-open": opener } = this.#parts;
-    const has = this.#cameras.length > 0;
-    show(bar, has);
-    show(opener, has);
+    const isKnown = Boolean(this.#area.dataset.cameras);
+    show(bar, isKnown);
+    show(opener, isKnown);
     mark(this.#area, "view", this.#view);
-    for (const button of views.querySelectorAll("[data-view]"))
-      button.setAttribute("aria-pressed", String(button.dataset.view === this.#view));
-    const many = this.#cameras.length > 1 && this.#view !== "plan";
+    for (const button of views.querySelectorAll("[data-view]")) {
+      const { view } = button.dataset;
+      button.setAttribute("aria-pressed", String(view === this.#view));
+      show(button, this.#main !== null || WITHOUT_CAMERA.includes(view));
+    }
+    const many = this.#cameras.length > 1 && this.main !== null;
     show(this.#parts["camera-pick"], many);
     show(this.#parts["second-toggle"], many);
     this.#parts["second-toggle"].setAttribute("aria-pressed", String(this.#hasSecond));

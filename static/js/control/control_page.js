@@ -23,6 +23,7 @@ import { HeadStick } from "../limbs/head_stick.js";
 import { LimbPanel } from "../limbs/limb_panel.js";
 import { MapPanel } from "../navigation/map_panel.js";
 import { Notices } from "../page/notices.js";
+import { ScenePanel } from "../scene/scene_panel.js";
 import { TaskPanel } from "../tasks/task_panel.js";
 import { Choices } from "./choices.js";
 import { ControlPanel } from "./control_panel.js";
@@ -71,6 +72,7 @@ class ControlPage {
   #picture;
   #camera = null; // a robot may have none
   #map;
+  #scene;
   #limbs;
   #headStick;
   #chart;
@@ -131,11 +133,20 @@ class ControlPage {
       notices: this.#notices,
       clock: this.#clock,
     });
+    const robot = `/api/v1/robots/${root.dataset.robot}`;
+    this.#scene = new ScenePanel(
+      this.#parts,
+      { description: `${robot}/description`, map: `${robot}/map` },
+      (message) => this.#socket.send(message),
+    );
     if (root.dataset.camera) {
       this.#camera = new CameraPanel(root, this.#parts, {
         order: (order) => this.#taskPanel.order(order),
         report: (age) => this.#socket.send({ t: "camera_view", age_ms: age }),
         tell: (notice) => this.#notices.add(notice),
+        showScene: (shown) => {
+          this.#scene.opens = shown;
+        },
       });
     }
     this.#map = new MapPanel(this.#parts["picture-area"], this.#parts, root.dataset.robot, {
@@ -198,6 +209,7 @@ class ControlPage {
       this.#options,
       this.#picture,
       this.#map,
+      this.#scene,
       this.#limbs,
       this.#headStick,
       this.#chart,
@@ -353,7 +365,7 @@ class ControlPage {
         this.#limbs.offers = message;
         return;
       case "go_path":
-        this.#map.path = message.path_cm;
+        this.#map.path = this.#scene.path = message.path_cm;
         return;
       case "notice":
         return this.#notices.add({ ...message, quiet: SHOWN_BY_PANEL.has(message.code) });
@@ -364,7 +376,7 @@ class ControlPage {
         this.#pending = message.stop;
         this.#seen = message.seen_at ?? this.#seen;
         this.#taskPanel.away();
-        this.#map.path = [];
+        this.#map.path = this.#scene.path = [];
         return this.#look();
     }
   }
@@ -376,6 +388,7 @@ class ControlPage {
     this.#facts = robot;
     this.#options.facts = robot;
     this.#picture.facts = robot;
+    this.#scene.facts = robot;
     if (this.#camera) this.#camera.facts = robot;
     this.#statusBar.facts = robot;
     this.#limbs.facts = robot;
@@ -452,6 +465,7 @@ class ControlPage {
     this.#picture.view = view;
     if (this.#camera) this.#camera.view = view;
     this.#map.view = view;
+    this.#scene.view = view;
     this.#limbs.state = view.state;
     this.#chart.add(view.state);
     this.#taskPanel.state = view.state;
@@ -489,7 +503,7 @@ class ControlPage {
     const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#state?.neutral_needed);
     if (!asksNeutral || !this.#drives) this.#freeMs = now;
     const cut = this.#isCut();
-    this.#picture.stale = cut;
+    this.#picture.stale = this.#scene.stale = cut;
     if (this.#camera && cut) this.#camera.view = null;
     if (document.hidden) this.#hiddenMs = now;
     const silent = this.#state !== null && isSilent(now - Math.max(this.#viewMs, this.#hiddenMs));

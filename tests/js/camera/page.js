@@ -15,7 +15,7 @@ const PARTS = `
     <button data-part="view-open" aria-expanded="false" hidden></button>
     <div data-part="view-bar" hidden>
       <div data-part="views">
-        <button data-view="plan"></button><button data-view="camera"></button><button data-view="both"></button>
+        <button data-view="plan"></button><button data-view="camera"></button><button data-view="both"></button><button data-view="scene"></button>
       </div>
       <label data-part="camera-pick" hidden><select data-part="camera-select"></select></label>
       <button data-part="second-toggle" aria-pressed="false" hidden></button>

@@ -37,10 +37,14 @@ describe("the views", () => {
 
   afterEach(() => views.close());
 
-  it("are hidden for a robot without a camera", () => {
+  it("are plan and 3D for a robot without a camera", () => {
     expect(found["view-bar"].hidden).toBe(true);
     views.cameras = [];
-    expect([views.view, views.main, found["view-bar"].hidden]).toEqual(["plan", null, true]);
+    expect([views.view, views.main, found["view-bar"].hidden]).toEqual(["plan", null, false]);
+    const offered = [...found.views.querySelectorAll("[data-view]")].filter((one) => !one.hidden);
+    expect(offered.map((one) => one.dataset.view)).toEqual(["plan", "scene"]);
+    press("scene");
+    expect([views.view, views.main, found.camera.hidden]).toEqual(["scene", null, true]);
   });
 
   it("show the camera of a robot that has one", () => {

@@ -1,0 +1,44 @@
+/**
+ * What the 3D view uses of three.js and urdf-loader, as one module: browsers cannot load those packages as they are.
+ * `npm ci` joins it into node_modules/.scene/library.js (package.json: postinstall), which Django serves as vendor/scene.
+ */
+
+export {
+  AmbientLight,
+  BufferAttribute,
+  BufferGeometry,
+  Color,
+  CylinderGeometry,
+  DirectionalLight,
+  DoubleSide,
+  DynamicDrawUsage,
+  ExtrudeGeometry,
+  Group,
+  HemisphereLight,
+  Line,
+  LineBasicMaterial,
+  LineSegments,
+  Mesh,
+  MeshBasicMaterial,
+  MeshLambertMaterial,
+  MOUSE,
+  NearestFilter,
+  PerspectiveCamera,
+  PlaneGeometry,
+  Points,
+  PointsMaterial,
+  RingGeometry,
+  Scene,
+  Shape,
+  SphereGeometry,
+  SRGBColorSpace,
+  Texture,
+  TOUCH,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+export { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+export { ColladaLoader } from "three/examples/jsm/loaders/ColladaLoader.js";
+export { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
+export { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
+export { default as URDFLoader } from "urdf-loader";

@@ -1,0 +1,85 @@
+/** Fetches a mesh and reads it: STL, Collada, OBJ. A mesh that is missing, huge or broken is an error with a sentence. */
+
+import { ColladaLoader, Mesh, OBJLoader, STLLoader } from "../../vendor/scene/library.js";
+
+const LARGEST_TEXT = 8_000_000; // bytes: what is read as text takes longer than the page may wait
+const FARTHEST_M = 1_000;
+
+const READERS = {
+  stl: (bytes) => geometryOf(new STLLoader().parse(bytes)),
+  dae: (bytes) => {
+    // Pictures are not fetched: an address in the file may lead anywhere.
+    const text = textOf(bytes).replace(/<library_images[\s\S]*?<\/library_images>/g, "");
+    return sceneOf(new ColladaLoader().parse(text, "").scene);
+  },
+  obj: (bytes) => sceneOf(new OBJLoader().parse(textOf(bytes)), true),
+};
+
+/**
+ * @param {{filename: string, address: string}} entry of the description @param {AbortSignal} signal
+ * @returns {Promise<{make: (material: object) => object, triangles: number}>} a part for each use of the mesh
+ */
+export async function readMesh({ filename, address }, signal) {
+  const answer = await fetch(address, { signal });
+  if (!answer.ok) throw new Error(sentence(gettext("“%s” could not be fetched."), filename));
+  const bytes = await answer.arrayBuffer();
+  try {
+    const kind = filename.toLowerCase().split(".").at(-1);
+    return READERS[kind](bytes);
+  } catch (error) {
+    if (error instanceof TooLarge)
+      throw new Error(
+        sentence(gettext("“%s” has more than 8 MB of text: too much to draw."), filename),
+      );
+    throw new Error(sentence(gettext("“%s” is broken and cannot be drawn."), filename));
+  }
+}
+
+class TooLarge extends Error {}
+
+function sentence(text, filename) {
+  return interpolate(text, [filename]);
+}
+
+function textOf(bytes) {
+  if (bytes.byteLength > LARGEST_TEXT) throw new TooLarge();
+  return new TextDecoder().decode(bytes);
+}
+
+function geometryOf(geometry) {
+  const triangles = checked(geometry);
+  return { make: (material) => new Mesh(geometry, material), triangles };
+}
+
+/** @param {object} scene with meshes @param {boolean} plain its materials are the description's */
+function sceneOf(scene, plain = false) {
+  let triangles = 0;
+  scene.traverse((part) => {
+    if (part.isMesh) triangles += checked(part.geometry);
+  });
+  if (triangles === 0) throw new Error("nothing in it");
+  const make = (material) => {
+    const copy = scene.clone();
+    copy.traverse((part) => {
+      if (!part.isMesh) return;
+      const own = Array.isArray(part.material) ? part.material[0] : part.material;
+      const hasColour = !plain && own?.color;
+      part.material = material.clone();
+      if (hasColour) part.material.color.copy(own.color);
+    });
+    return copy;
+  };
+  return { make, triangles };
+}
+
+/** How many triangles it has. Throws where it has none, or places that are no numbers. */
+function checked(geometry) {
+  const places = geometry.getAttribute("position");
+  if (!places?.count) throw new Error("nothing in it");
+  geometry.computeBoundingBox();
+  const { min, max } = geometry.boundingBox;
+  const ends = [min.x, min.y, min.z, max.x, max.y, max.z];
+  if (!ends.every((end) => Math.abs(end) < FARTHEST_M * 1000)) throw new Error("no places");
+  if (!geometry.getAttribute("normal")) geometry.computeVertexNormals();
+  return (geometry.index?.count ?? places.count) / 3;
+}

@@ -1,0 +1,242 @@
+/**
+ * The robot as its description says: links, joints, meshes. Where a mesh is missing, simple shapes stand for the link:
+ * the footprint for the base, rods from joint to joint for the rest. Metres; its group's origin is the base frame.
+ */
+
+import {
+  CylinderGeometry,
+  ExtrudeGeometry,
+  Group,
+  Mesh,
+  MeshLambertMaterial,
+  Shape,
+  SphereGeometry,
+  URDFLoader,
+  Vector3,
+} from "../../vendor/scene/library.js";
+import { readMesh } from "./meshes.js";
+
+const BASE_M = 0.3; // height of a base that nothing describes
+const ROD_M = 0.045; // radius of what stands for a link
+const AT_ONCE = 3; // meshes
+const MOST_TRIANGLES = 400_000; // of all meshes
+const AT_REST = 1e-3; // rad or m
+const UP = new Vector3(0, 1, 0); // axis of a cylinder
+
+export class RobotModel {
+  group = new Group();
+  #changed;
+  #note;
+  #model = null;
+  #base = null; // what stands for the base
+  #footprint = null;
+  #joints = {};
+  #wanted = {};
+  #plain = new MeshLambertMaterial(); // of shapes without a colour
+  #substitute = new MeshLambertMaterial();
+  #notes = [];
+  #triangles = 0;
+  #abort = new AbortController();
+
+  /** @param {() => void} changed @param {(notes: string[]) => void} note what is not drawn as it is */
+  constructor(changed, note) {
+    this.#changed = changed;
+    this.#note = note;
+  }
+
+  set colours(colours) {
+    this.#plain.color.set(colours.arm.colour);
+    this.#substitute.color.set(colours["robot-edge"].colour);
+  }
+
+  /** @param {number[][]} footprint of the base, metres */
+  set footprint(footprint) {
+    if (JSON.stringify(footprint) === JSON.stringify(this.#footprint)) return;
+    this.#footprint = footprint;
+    this.#showBase();
+  }
+
+  /** @param {Record<string, number>} joints rad or m */
+  set joints(joints) {
+    this.#wanted = joints;
+  }
+
+  joint(name) {
+    return this.#model?.joints[name]?.angle ?? null;
+  }
+
+  get links() {
+    return this.#model ? Object.keys(this.#model.links).length : 0;
+  }
+
+  /** How many meshes and shapes it has. */
+  get size() {
+    let count = 0;
+    for (const root of [this.#model, this.#base])
+      root?.traverse((part) => {
+        if (part.isMesh) count += 1;
+      });
+    return count;
+  }
+
+  /** Goes a share of the way to the joints' newest positions. @returns {boolean} it is not there yet */
+  glide(share) {
+    if (!this.#model) return false;
+    let moves = false;
+    for (const [name, wanted] of Object.entries(this.#wanted)) {
+      const joint = this.#model.joints[name];
+      if (!joint || joint.mimicJoint) continue;
+      const before = this.#joints[name] ?? wanted;
+      const isFar = Math.abs(wanted - before) > AT_REST;
+      const now = isFar ? before + share * (wanted - before) : wanted;
+      moves ||= now !== wanted;
+      this.#joints[name] = now;
+      joint.setJointValue(now);
+    }
+    return moves;
+  }
+
+  /** @param {?object} description as the API gives it; null: there is none */
+  async describe(description) {
+    this.#abort.abort();
+    this.#abort = new AbortController();
+    this.#clear();
+    this.#notes = [...(description?.problems ?? [])];
+    if (description) await this.#build(description, this.#abort.signal);
+    this.#showBase();
+    this.#note(this.#notes);
+    this.#changed();
+  }
+
+  async #build(description, signal) {
+    const jobs = [];
+    try {
+      const loader = new URDFLoader();
+      loader.packages = (name) => `package://${name}`;
+      loader.loadMeshCb = (filename, _manager, material, done) =>
+        jobs.push({ filename, material, done });
+      this.#model = loader.parse(description.urdf);
+    } catch (error) {
+      this.#model = null;
+      this.#notes.push(
+        interpolate(gettext("The description could not be drawn: %s"), [error.message]),
+      );
+      return;
+    }
+    for (const joint of Object.values(this.#model.joints)) joint.ignoreLimits = true; // the robot is where it is
+    this.group.add(this.#model);
+    this.#plainMaterials(this.#model);
+    this.#changed();
+    const entries = Object.fromEntries(description.meshes.map((mesh) => [mesh.filename, mesh]));
+    const found = new Map(); // by address: several links may share a mesh
+    const next = async () => {
+      for (let job = jobs.shift(); job && !signal.aborted; job = jobs.shift())
+        await this.#load(job, entries[job.filename], found, signal);
+    };
+    await Promise.all(Array.from({ length: AT_ONCE }, next));
+    if (!signal.aborted) this.#substitutes();
+  }
+
+  async #load({ filename, material, done }, entry, found, signal) {
+    if (!entry?.address) {
+      this.#once(entry?.problem ?? filename);
+      return;
+    }
+    try {
+      if (!found.has(entry.address)) found.set(entry.address, readMesh(entry, signal));
+      const { make, triangles } = await found.get(entry.address);
+      if (signal.aborted) return;
+      if (this.#triangles + triangles > MOST_TRIANGLES)
+        throw new Error(
+          interpolate(gettext("“%s” is too fine: the robot has more triangles than pages draw."), [
+            filename,
+          ]),
+        );
+      this.#triangles += triangles;
+      const part = make(this.#lambert(material));
+      done(part);
+      this.#changed();
+    } catch (error) {
+      if (!signal.aborted) this.#once(error.message);
+    }
+  }
+
+  #once(text) {
+    if (!this.#notes.includes(text)) this.#notes.push(text);
+  }
+
+  /** Cheaper materials than the loader's, and the page's colour where the description has none. */
+  #plainMaterials(root) {
+    root.traverse((part) => {
+      if (part.isMesh) part.material = this.#lambert(part.material);
+    });
+  }
+
+  #lambert(material) {
+    if (material.isMeshLambertMaterial) return material;
+    if (!material.name && material.color.getHex() === 0xffffff) return this.#plain;
+    const { color, opacity, transparent } = material;
+    return new MeshLambertMaterial({ color, opacity, transparent });
+  }
+
+  // --- what stands for links without a mesh ---------------------------------------------------------
+
+  #substitutes() {
+    for (const link of Object.values(this.#model.links)) {
+      const visuals = link.children.filter((child) => child.isURDFVisual);
+      const lacks = visuals.some((visual) => visual.children.length === 0);
+      if (lacks) this.#stand(link);
+    }
+  }
+
+  /** A rod from the link's origin to each joint that it carries; at the end of a limb a ball. */
+  #stand(link) {
+    const joints = link.children.filter((child) => child.isURDFJoint);
+    const ends = joints.map((joint) => joint.position).filter((end) => end.length() > ROD_M);
+    for (const end of ends) {
+      const rod = new Mesh(new CylinderGeometry(ROD_M, ROD_M, end.length(), 12), this.#substitute);
+      rod.position.copy(end).multiplyScalar(0.5);
+      rod.quaternion.setFromUnitVectors(UP, end.clone().normalize());
+      link.add(rod);
+    }
+    if (ends.length === 0 && joints.length === 0)
+      link.add(new Mesh(new SphereGeometry(ROD_M, 12, 8), this.#substitute));
+  }
+
+  /** The footprint stands for a base that has no shape of its own. */
+  #showBase() {
+    this.#base?.removeFromParent();
+    this.#base = null;
+    if (!this.#footprint || this.#hasLowShape) return;
+    const outline = new Shape();
+    for (const [i, [x, y]] of this.#footprint.entries())
+      if (i === 0) outline.moveTo(x, y);
+      else outline.lineTo(x, y);
+    const body = new ExtrudeGeometry(outline, { depth: BASE_M, bevelEnabled: false });
+    this.#base = new Mesh(body, this.#substitute);
+    this.group.add(this.#base);
+  }
+
+  /** Whether a shape of the description reaches down to where the base is. */
+  get #hasLowShape() {
+    if (!this.#model) return false;
+    const low = new Vector3();
+    let found = false;
+    this.#model.updateMatrixWorld(true);
+    this.#model.traverse((part) => {
+      if (found || !part.isMesh || part.material === this.#substitute) return;
+      part.geometry.computeBoundingSphere();
+      low.copy(part.geometry.boundingSphere.center).applyMatrix4(part.matrixWorld);
+      found = low.z < BASE_M + 0.2;
+    });
+    return found;
+  }
+
+  #clear() {
+    this.#triangles = 0;
+    this.#joints = {};
+    this.#model?.traverse((part) => part.geometry?.dispose());
+    this.#model?.removeFromParent();
+    this.#model = null;
+  }
+}

@@ -1,0 +1,198 @@
+/** The 3D view in the picture area: loads its module when it is first opened, and says in words where it cannot draw. */
+
+import { make, mark, sayOrHide, show } from "../lib/dom.js";
+
+const AGAIN_MS = 4_000; // while the console knows no description, or nothing answers
+
+export class ScenePanel {
+  #parts;
+  #addresses;
+  #send;
+  #load;
+  #scene = null; // made when it is first opened
+  #opens = false;
+  #facts = null;
+  #newest = null;
+  #path = [];
+  #isDescribed = false; // the newest description has been read
+  #digest = null; // of the description that is drawn
+  #map = null; // number of the map that is drawn
+  #timer = null;
+  #abort = null; // ends what is being fetched
+  #listening = new AbortController();
+
+  /**
+   * @param {Record<string, HTMLElement>} parts
+   * @param {{description: string, map: string}} addresses
+   * @param {(message: object) => void} send
+   * @param {(address: string) => Promise<object>} load the module
+   */
+  constructor(parts, addresses, send, load = (address) => import(address)) {
+    this.#parts = parts;
+    this.#addresses = addresses;
+    this.#send = send;
+    this.#load = load;
+    parts["scene-modes"].addEventListener(
+      "click",
+      ({ target }) => this.#choose(target.closest("[data-mode]")?.dataset.mode),
+      { signal: this.#listening.signal },
+    );
+  }
+
+  /** @param {boolean} opens it is shown from now on */
+  set opens(opens) {
+    if (opens === this.#opens) return;
+    this.#opens = opens;
+    show(this.#parts.scene, opens);
+    this.#tell();
+    clearTimeout(this.#timer);
+    this.#abort?.abort();
+    if (this.#scene) this.#scene.shown = opens;
+    this.#isDescribed = false;
+    if (opens) this.#begin();
+  }
+
+  /** Of the robot; they come again after each connection. */
+  set facts(facts) {
+    this.#facts = facts;
+    if (this.#scene) this.#scene.facts = facts;
+    if (this.#opens) this.#tell();
+  }
+
+  set view(view) {
+    this.#newest = view;
+    if (this.#opens && this.#scene) this.#scene.view = view;
+  }
+
+  /** @param {number[]} path flat x, y in centimetres, frame of the map */
+  set path(path) {
+    this.#path = path;
+    if (this.#scene) this.#scene.path = path;
+  }
+
+  /** What is shown is no longer true. */
+  set stale(stale) {
+    mark(this.#parts.scene, "old", stale);
+    if (stale) this.#isDescribed = false; // the robot may come back with another description
+  }
+
+  close() {
+    this.#listening.abort();
+    this.#abort?.abort();
+    clearTimeout(this.#timer);
+    this.#scene?.close();
+  }
+
+  #tell() {
+    if (this.#facts) this.#send({ t: "show_joints", wanted: this.#opens });
+  }
+
+  async #begin() {
+    const abort = new AbortController();
+    this.#abort = abort;
+    try {
+      if (!this.#scene) await this.#make(abort.signal);
+    } catch {
+      if (!abort.signal.aborted)
+        this.#say(gettext("The 3D view could not be loaded. Choose it again."));
+      return;
+    }
+    if (abort.signal.aborted || !this.#scene) return;
+    this.#scene.shown = true;
+    this.#feed();
+    this.#follow(abort.signal);
+  }
+
+  async #make(signal) {
+    this.#say(gettext("The 3D view is being loaded."));
+    const { SceneView } = await this.#load(this.#parts.scene.dataset.sceneModule);
+    if (signal.aborted || this.#scene) return;
+    const scene = new SceneView(this.#parts["scene-place"], this.#parts.scene.dataset.help);
+    scene.addEventListener("words", ({ detail }) => this.#say(detail));
+    scene.addEventListener("notes", ({ detail }) => this.#note(detail));
+    scene.addEventListener("mode", ({ detail }) => this.#show(detail));
+    this.#scene = scene;
+    this.#parts.scene.scene = scene; // for tests, and for the console of a browser
+    this.#say(scene.begin() ? gettext("The robot’s description is being read.") : scene.words);
+    this.#show(scene.mode);
+  }
+
+  #feed() {
+    if (this.#facts) this.#scene.facts = this.#facts;
+    if (this.#newest) this.#scene.view = this.#newest;
+    this.#scene.path = this.#path;
+  }
+
+  /** Reads description and map, and again while there is none. */
+  async #follow(signal) {
+    if (!this.#scene.draws) return;
+    if (!this.#isDescribed) this.#isDescribed = await this.#readDescription(signal);
+    const isOnMap = Boolean(this.#newest?.state.location);
+    if (isOnMap && this.#map === null) await this.#readMap(signal);
+    if (!signal.aborted) this.#timer = setTimeout(() => this.#follow(signal), AGAIN_MS);
+  }
+
+  async #readDescription(signal) {
+    try {
+      const answer = await fetch(this.#addresses.description, { signal });
+      const found = await answer.json();
+      if (signal.aborted) return false;
+      if (!answer.ok) {
+        this.#digest = null;
+        this.#scene.describe(null);
+        this.#say(found.detail ?? "");
+        return false;
+      }
+      if (found.digest === this.#digest) return true;
+      this.#say("");
+      this.#digest = found.digest;
+      this.#scene.describe(found);
+      return true;
+    } catch (error) {
+      if (error.name !== "AbortError")
+        this.#say(gettext("The robot’s description could not be read."));
+      return false;
+    }
+  }
+
+  async #readMap(signal) {
+    try {
+      const answer = await fetch(this.#addresses.map, { signal });
+      if (!answer.ok) return;
+      const map = await answer.json();
+      if (map.number === this.#map) return;
+      const picture = new Image();
+      picture.src = `${map.picture}?${map.number}`;
+      await picture.decode();
+      if (signal.aborted) return;
+      this.#map = map.number;
+      this.#scene.lay(map, picture);
+    } catch {
+      // the view goes without a map, and asks again
+    }
+  }
+
+  #choose(mode) {
+    if (mode && this.#scene) this.#scene.mode = mode;
+  }
+
+  #show(mode) {
+    for (const button of this.#parts["scene-modes"].querySelectorAll("[data-mode]"))
+      button.setAttribute("aria-pressed", String(button.dataset.mode === mode));
+  }
+
+  #say(words) {
+    sayOrHide(this.#parts["scene-words"], words);
+  }
+
+  /** @param {string[]} notes what is not drawn as it is, in words */
+  #note(notes) {
+    const { "scene-notes": list, "scene-more": more } = this.#parts;
+    show(more, notes.length > 0);
+    more.querySelector("summary").textContent = interpolate(
+      ngettext("%s note", "%s notes", notes.length),
+      [notes.length],
+    );
+    list.replaceChildren(...notes.map((text) => make("li", { text })));
+  }
+}

@@ -1,0 +1,129 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { parts } from "../../../static/js/lib/dom.js";
+import { ScenePanel } from "../../../static/js/scene/scene_panel.js";
+
+const PAGE = `<section data-part="scene" data-scene-module="/scene.js" data-help="Help" hidden>
+  <div data-part="scene-place"></div>
+  <div data-part="scene-modes"><button data-mode="orbit"></button><button data-mode="top"></button></div>
+  <details data-part="scene-more" hidden><summary></summary><ul data-part="scene-notes"></ul></details>
+  <p data-part="scene-words" hidden></p></section>`;
+const ADDRESSES = { description: "/description", map: "/map" };
+const DESCRIPTION = { digest: "a", urdf: "<robot/>", meshes: [], problems: [] };
+const view = (location = null) => ({ state: { location }, scan: null });
+
+class FakeScene extends EventTarget {
+  static made = [];
+  static draws = true;
+  draws = FakeScene.draws;
+  words = "No WebGL.";
+  mode = "orbit";
+  describe = vi.fn();
+  lay = vi.fn();
+  close = vi.fn();
+  begin = () => this.draws;
+  constructor() {
+    super();
+    FakeScene.made.push(this);
+  }
+}
+
+let found;
+let panel;
+let sent;
+let load;
+let answers;
+
+beforeEach(() => {
+  document.body.innerHTML = PAGE;
+  found = parts(document);
+  FakeScene.made = [];
+  FakeScene.draws = true;
+  sent = [];
+  answers = { "/description": [200, DESCRIPTION], "/map": [404, {}] };
+  vi.stubGlobal("fetch", async (address) => {
+    const [status, body] = answers[address];
+    return { ok: status === 200, json: async () => body };
+  });
+  load = vi.fn(async () => ({ SceneView: FakeScene }));
+  panel = new ScenePanel(found, ADDRESSES, (message) => sent.push(message), load);
+});
+
+afterEach(() => {
+  panel.close();
+  vi.unstubAllGlobals();
+});
+
+const until = (check) => vi.waitFor(check);
+
+describe("the 3D view of the page", () => {
+  it("loads nothing and asks for nothing before it is opened", () => {
+    panel.facts = { footprint: [] };
+    panel.view = view();
+    expect(load).not.toHaveBeenCalled();
+    expect(sent).toEqual([]);
+  });
+
+  it("loads once, reads the description, and tells when it is shown", async () => {
+    panel.facts = { footprint: [] };
+    panel.opens = true;
+    await until(() => expect(FakeScene.made[0]?.describe).toHaveBeenCalledWith(DESCRIPTION));
+    expect(found["scene-words"].hidden).toBe(true);
+    panel.opens = false;
+    panel.opens = true;
+    await until(() => expect(FakeScene.made[0].shown).toBe(true));
+    expect(load).toHaveBeenCalledTimes(1);
+    expect(FakeScene.made[0].describe).toHaveBeenCalledTimes(1);
+    expect(sent.map(({ wanted }) => wanted)).toEqual([true, false, true]);
+  });
+
+  it("tells it again after each connection", () => {
+    panel.opens = true;
+    expect(sent).toEqual([]);
+    panel.facts = { footprint: [] };
+    panel.facts = { footprint: [] };
+    expect(sent).toEqual(Array(2).fill({ t: "show_joints", wanted: true }));
+  });
+
+  it("says why the console has no description", async () => {
+    answers["/description"] = [404, { detail: "Not known yet." }];
+    panel.opens = true;
+    await until(() => expect(found["scene-words"].textContent).toBe("Not known yet."));
+    expect(FakeScene.made[0].describe).toHaveBeenCalledWith(null);
+  });
+
+  it("says that the browser cannot draw, and reads nothing", async () => {
+    FakeScene.draws = false;
+    panel.opens = true;
+    await until(() => expect(found["scene-words"].textContent).toBe("No WebGL."));
+    expect(FakeScene.made[0].describe).not.toHaveBeenCalled();
+  });
+
+  it("says that it could not be loaded, and tries again when chosen again", async () => {
+    load.mockRejectedValueOnce(new Error("offline"));
+    panel.opens = true;
+    await until(() => expect(found["scene-words"].textContent).toContain("could not be loaded"));
+    panel.opens = false;
+    panel.opens = true;
+    await until(() => expect(FakeScene.made).toHaveLength(1));
+  });
+
+  it("lists what is not drawn as it is", async () => {
+    panel.opens = true;
+    await until(() => expect(FakeScene.made).toHaveLength(1));
+    const notes = new CustomEvent("notes", { detail: ["“a.stl” is broken.", "“b.stl” is lost."] });
+    FakeScene.made[0].dispatchEvent(notes);
+    expect(found["scene-more"].hidden).toBe(false);
+    expect(found["scene-notes"].children).toHaveLength(2);
+  });
+
+  it("reads the description again after the robot was away", async () => {
+    vi.useFakeTimers();
+    panel.opens = true;
+    await vi.advanceTimersByTimeAsync(10);
+    panel.stale = true;
+    answers["/description"] = [200, { ...DESCRIPTION, digest: "b" }];
+    await vi.advanceTimersByTimeAsync(10_000);
+    expect(FakeScene.made[0].describe).toHaveBeenLastCalledWith({ ...DESCRIPTION, digest: "b" });
+    vi.useRealTimers();
+  });
+});
