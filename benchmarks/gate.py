@@ -23,6 +23,7 @@ from robots.bridge.audit.record_sink import (
     Holder,
     Parameters,
     Place,
+    TakenDescription,
     TakenMap,
 )
 from robots.bridge.audit.records import Records
@@ -326,6 +327,8 @@ class _NoRecords:
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None: ...
 
     def keep_map(self, taken: TakenMap) -> None: ...
+
+    def keep_description(self, taken: TakenDescription) -> None: ...
 
 
 def _drive_path() -> tuple[list[float], list[float]]:

@@ -78,7 +78,12 @@ async def signed_in(stack: Stack, cookie: str, mapped: Sequence[str] = ()) -> As
         playwright = await closing.enter_async_context(async_playwright())
         browser = await playwright.chromium.launch(
             executable_path=CHROMIUM,
-            args=["--no-sandbox", "--disable-gpu", *(f"--host-resolver-rules={rule}" for rule in mapped)],
+            args=[
+                "--no-sandbox",
+                "--disable-gpu",
+                "--enable-unsafe-swiftshader",
+                *(f"--host-resolver-rules={rule}" for rule in mapped),
+            ],
         )
         closing.push_async_callback(browser.close)
         context = await browser.new_context()
