@@ -17,7 +17,7 @@ def npm_packages_installed(**_: Any) -> list[CheckMessage]:
     return [
         Warning(
             f"The browser library for /static/{prefix}/ is not installed: there is no {folder}.",
-            hint="Run: npm ci --omit=dev",
+            hint="Run: script/setup web",
             id="fleet.W001",
         )
         for prefix, folder in settings.NPM_DISTRIBUTIONS

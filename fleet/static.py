@@ -67,7 +67,7 @@ def _join(sources: Path, into: Path, entries: set[str]) -> set[str]:
         settings.BASE_DIR.glob("node_modules/@esbuild/*/bin/esbuild")
     )  # npm installs the one that fits
     if not programs:
-        raise ImproperlyConfigured("esbuild is not installed. Run: npm ci --omit=dev")
+        raise ImproperlyConfigured("esbuild is not installed. Run: script/setup web")
     facts = sources / "facts"
     command: list[str | Path] = [
         *(programs[0], "--bundle", "--minify", "--format=esm", "--target=es2022", "--sourcemap"),

@@ -1,6 +1,6 @@
 /**
  * What the 3D view uses of three.js and urdf-loader, as one module: browsers cannot load those packages as they are.
- * `npm ci` joins it into node_modules/.scene/library.js (package.json: postinstall), which Django serves as vendor/scene.
+ * `script/setup` joins it into node_modules/.scene/library.js (package.json: scene), which Django serves as vendor/scene.
  */
 
 export {

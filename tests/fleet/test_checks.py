@@ -9,7 +9,7 @@ def test_missing_npm_packages_are_named_with_the_command(settings, tmp_path):
     settings.NPM_DISTRIBUTIONS = [("vendor/there", there), ("vendor/nipplejs", tmp_path / "nipplejs/dist")]
     (warning,) = checks.npm_packages_installed()
     assert "vendor/nipplejs" in warning.msg
-    assert "npm ci" in warning.hint
+    assert "script/setup web" in warning.hint
 
 
 def test_uncollected_static_files_are_noticed_in_production_only(settings, tmp_path):
