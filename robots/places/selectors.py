@@ -95,9 +95,9 @@ def places_of(digests: Iterable[str]) -> dict[str, list[Place]]:
     return found
 
 
-def place_of_robot(robot: Robot, name: str) -> Place:
+def place_of_robot(robot_id: UUID, name: str) -> Place:
     """Return a place of the robot's present map. Raises `NotDone`, with the names that there are."""
-    newest = newest_maps([robot.id]).get(robot.id)
+    newest = newest_maps([robot_id]).get(robot_id)
     places = places_of([newest.digest]).get(newest.digest, []) if newest else []
     for place in places:
         if place.key == key_of(name):

@@ -71,6 +71,7 @@ ENDS = {
 }
 _EXPIRING = (
     "fields",
+    "place",
     "x_m",
     "y_m",
     "heading_rad",

@@ -128,6 +128,11 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
         action = getattr(topics, what)
         if action and action.type.endswith("Action"):  # a plain topic for texts has no results
             yield Listened(what, f"{action.name}/result", f"{action.type}Result", stamped=True)
+    actions: dict[str, str] = {limb: source.action for limb, source in topics.limbs.items()}
+    if topics.navigation:
+        actions["navigation"] = topics.navigation.action
+    for what, action in actions.items():
+        yield Listened(what, f"{action}/status", "actionlib_msgs/GoalStatusArray", stamped=True)
 
 
 # --- results -------------------------------------------------------------------------------------
@@ -254,6 +259,7 @@ _KINDS = (
     *(gettext_noop("odometry"), gettext_noop("scan"), gettext_noop("sonars"), gettext_noop("depth")),
     *(gettext_noop("joint states"), gettext_noop("camera"), gettext_noop("battery")),
     *(gettext_noop("charging"), gettext_noop("speech"), gettext_noop("motions"), gettext_noop("map")),
+    *(gettext_noop("gripper"), gettext_noop("torso"), gettext_noop("navigation")),
 )
 _MISSING = gettext_noop(
     "Is the node running, and is the topic’s name in the robot’s profile right (rostopic list)?"

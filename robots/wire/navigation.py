@@ -12,13 +12,15 @@ from robots.wire.base import Fence, Seq
 FARTHEST_PLACE_M = 10_000.0
 MOST_PATH = 200  # places of a path
 Coordinate = Annotated[float, Meta(ge=-FARTHEST_PLACE_M, le=FARTHEST_PLACE_M)]  # metres
+PlaceName = Annotated[str, Meta(max_length=60)]  # of a place that people named
 Heading = Annotated[float, Meta(ge=-math.tau, le=math.tau)]  # radians
 
 
 class Go(Struct, frozen=True, tag_field="t", tag="go"):
     """Drive to a place of the map by the robot's own navigation, which the gate watches.
 
-    The robot must stand. `State.going` shows it, `State.going_ended` its end.
+    The robot must stand. `State.going` shows it, `State.going_ended` its end. `place` names a place of the map: then
+    the console reads x, y and heading from that place.
     """
 
     fence: Fence
@@ -26,6 +28,7 @@ class Go(Struct, frozen=True, tag_field="t", tag="go"):
     y: Coordinate
     heading: Heading
     seq: Seq = 0
+    place: PlaceName = ""
 
 
 class GoCancel(Struct, frozen=True, tag_field="t", tag="go_cancel"):
@@ -70,6 +73,7 @@ class GoProgress(Struct, frozen=True):
     left_m: float | None
     since_s: float
     ending: str = ""  # why it is being cancelled
+    place: PlaceName = ""
 
 
 class GoEnd(Struct, frozen=True):

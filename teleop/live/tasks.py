@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import logging
 from typing import Protocol
+from uuid import UUID
 
 from django.db import DatabaseError
+from msgspec import structs
 
 from fleet.accounts.models import User
 from fleet.audit import services as audit
@@ -16,11 +18,13 @@ from fleet.audit.errors import AuditUnavailable
 from robots import wire
 from robots.bridge.drive import twists
 from robots.link.client import LinkRefused
+from robots.places.selectors import place_of_robot
 from robots.registry.models import Role
-from robots.wire import Accepted, LinkCancel, Refusal, Refused, TaskRequest, kind_of
+from robots.wire import Accepted, LinkCancel, NotDone, Refusal, Refused, TaskRequest, kind_of
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.control.allow_list import check_role, required_role
+from teleop.control.changes import database_refusal
 from teleop.control.lease_checks import check_fence
 from teleop.control.selectors import lease_of
 from teleop.control.status import Rights
@@ -109,10 +113,15 @@ class TaskSender:
 
     async def _forward(self, request: TaskRequest) -> None:
         try:
+            if isinstance(request, wire.Go) and request.place:
+                request = await in_database(_to_place, request, self._owner.hub.robot_id)
             answer = await self._ask_bridge(request)
             refusal = answer.refusal if isinstance(answer, Refused) else None
-        except LinkRefused as refused:
+        except (LinkRefused, NotDone) as refused:
             refusal = refused.refusal
+        except DatabaseError as error:
+            log.error("The place of a drive for robot %s was not read: %s", self._owner.hub.robot_id, error)
+            refusal = database_refusal(error)
         finally:
             self._pending -= 1
         if refusal and refusal.code == "bridge_silent":  # the page shows that already
@@ -140,6 +149,12 @@ class TaskSender:
 
 def _is_default(offers: wire.Offers, use: str, topic: str) -> bool:
     return use in offers.uses and offers.uses[use].topic == topic
+
+
+def _to_place(request: wire.Go, robot_id: UUID) -> wire.Go:
+    """Return the request with the coordinates of the place that it names. Raises `NotDone`."""
+    place = place_of_robot(robot_id, request.place)
+    return structs.replace(request, x=place.x_m, y=place.y_m, heading=place.heading_rad, place=place.name)
 
 
 def _record_cancel(what: str, hub: RobotHub, user: User, answer: Accepted | Refused) -> None:

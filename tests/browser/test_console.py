@@ -401,6 +401,7 @@ def test_a_silent_robot_is_shown_and_inputs_give_way(person: Arrive, stack: Stac
         os.kill(bridge, signal.SIGCONT)
     motions.wait_for()
     operator.until_in_control()
+    operator.fold_arm()  # the robot may have waved
     operator.release()
 
 

@@ -28,6 +28,7 @@ def test_the_plan_shows_robots_on_their_map_who_drives_and_where_to(person: Arri
 
     operator.take("tiago-2")
     expect(two.locator("[data-part=driver]")).to_have_text("Operator")
+    operator.fold_arm()
     operator.part("map-open").click()
     sent_to(operator, "meeting room")
     expect(two.locator("[data-part=doing]")).to_have_text("Drives to “meeting room”, for Operator")

@@ -71,17 +71,6 @@ def opened(person: Person) -> None:
     person.until(lambda: joint(person, "arm_2_joint") is not None, "the arm’s joints")
 
 
-def homeward(person: Person) -> None:
-    """Fold the arm for the next test. A busy machine may end a motion: then again."""
-    for _ in range(5):
-        person.press("Play Home")
-        person.until(lambda: person.state["motion"] is not None, "the motion")
-        person.until(lambda: person.state["motion"] is None, "its end")
-        if not person.state["arm"]:
-            return
-    raise AssertionError("the arm is not at home")
-
-
 def test_the_arm_moves_in_3d_as_the_robot_moves_it(person: Draw) -> None:
     operator = person("operator")
     loaded: list[str] = []
@@ -89,10 +78,11 @@ def test_the_arm_moves_in_3d_as_the_robot_moves_it(person: Draw) -> None:
     operator.take("tiago-2")
     assert not any("/scene_view" in url or "/description" in url for url in loaded)
     assert "joints" not in operator.heard["view"]
+    operator.fold_arm()
     opened(operator)
     assert sum("/scene_view" in url for url in loaded) == 1
     home = joint(operator, "arm_1_joint")
-    operator.press("Play Offer")
+    operator.press("Play Wave")
     operator.until(lambda: abs(joint(operator, "arm_1_joint") - home) > 0.5, "an arm that moves in 3D")
     operator.until(lambda: operator.state["motion"] is None, "the end of the motion")
     reported = operator.heard["view"]["joints"]["arm_4_joint"]
@@ -106,7 +96,7 @@ def test_the_arm_moves_in_3d_as_the_robot_moves_it(person: Draw) -> None:
     expect(operator.part("scene")).to_be_hidden()
     operator.until(lambda: "joints" not in operator.heard["view"], "views without joints")
     drawn = figures(operator)["frames"]
-    homeward(operator)
+    operator.fold_arm()
     assert figures(operator)["frames"] == drawn
     operator.release()
     assert [said for said in operator.complaints if "404" not in said] == []  # it has no map at first

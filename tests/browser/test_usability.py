@@ -113,7 +113,7 @@ def do_tasks(stack: Stack, browser: Browser, contacts: Path) -> tuple[float, int
             person.until(lambda: person.state["speech"], "the sentence")
         tasks.presses += 1
         person.page.get_by_role("tab", name="Centre").click()
-        fold_arm(tasks)  # a wave leaves the arm stretched out, too wide for the door
+        person.fold_arm()  # a wave leaves the arm stretched out, too wide for the door
         person.until(lambda: person.state["speech"] is None, "silence")
         without_gate_s = by_keys.result()
         print(f"the course by keys, without gate: {without_gate_s:.1f} s")
@@ -130,23 +130,6 @@ def do_tasks(stack: Stack, browser: Browser, contacts: Path) -> tuple[float, int
             tasks.press("Release")
             person.until(lambda: person.control["state"] == "free", "control to be free")
     return tasks.seconds["drive the course through the door"] / without_gate_s, seized
-
-
-def fold_arm(tasks: Tasks) -> None:
-    """Retry, since late laser data on a busy machine blocks arm motions."""
-    person = tasks.person
-
-    def answered() -> bool:
-        # A press right after an end counts as a cancel and is refused.
-        return bool(person.state["motion"]) or person.heard["refused"]["of"] in ("play", "play_cancel")
-
-    deadline = time.monotonic() + PATIENCE_S
-    while person.state["arm"]:
-        assert time.monotonic() < deadline, f"not folded: {person.heard['refused']}"
-        person.heard["refused"] = {"of": None}
-        tasks.press("Play Home")
-        person.until(answered, "the motion, or why not")
-        person.until(lambda: person.state["motion"] is None, "its end")
 
 
 def driven_by_keys(robot: SimulatedRobot) -> float:

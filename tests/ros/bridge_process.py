@@ -26,6 +26,7 @@ class FileSink:
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("a", buffering=1)
+        self._descriptions = path.with_suffix(".description")  # its time among the records is not known
         self._count = 0
 
     def _record(self, kind: str) -> int:
@@ -61,7 +62,7 @@ class FileSink:
         self._record(f"map {taken.width} x {taken.height}")
 
     def keep_description(self, taken: TakenDescription) -> None:
-        self._record(f"description {taken.problem}".rstrip())
+        self._descriptions.write_text(taken.problem or "read")
 
 
 if __name__ == "__main__":

@@ -131,6 +131,11 @@ class BridgeProcess(RobotProcess):
         """The lines of its records so far."""
         return self.records.read_text().splitlines()
 
+    def description(self) -> str:
+        """What it found of the robot's description: its problem, or "read"; empty: nothing yet."""
+        found = self.records.with_suffix(".description")
+        return found.read_text() if found.exists() else ""
+
     def stop(self) -> None:
         super().stop()
         assert self.config.link.unix_path is not None

@@ -163,7 +163,8 @@ class Going(Goals[Target]):
     def begin(self, order: Go, requester: Requester, now_s: float) -> None:
         """Record the goal; when that is done, it is sent and the requester answered."""
         place = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
-        number = self._records.request(requester.holder, "go.start", place, now_s)
+        named = {"place": order.place} if order.place else {}
+        number = self._records.request(requester.holder, "go.start", place | named, now_s)
         topic = self._source.action if self._source else ""
         self._current = Goal(requester, number, now_s, Target(order), topic)
 
@@ -375,6 +376,7 @@ class Going(Goals[Target]):
             left_m=goal.what.left_m,
             since_s=round(now_s - goal.since_s, 1),
             ending=goal.cancelled.text if goal.cancelled else "",
+            place=order.place,
         )
 
     def location(self, now_s: float, in_control: bool) -> wire.Location | None:

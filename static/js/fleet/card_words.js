@@ -101,6 +101,7 @@ export function doingText(state) {
   if (motion) return interpolate(gettext("Moves its arm: %s"), [motion.name.replaceAll("_", " ")]);
   const moves = movingText(state.limbs);
   if (moves) return moves;
+  if (going?.place) return interpolate(gettext("Drives to “%s”, for %s"), [going.place, going.who]);
   if (going) return interpolate(gettext("Drives to a place, for %s"), [going.who]);
   if (driveBy) return interpolate(gettext("Drives by itself, for %s"), [driveBy.who]);
   if (speech) return interpolate(gettext("Says “%s”"), [shortened(speech.text)]);

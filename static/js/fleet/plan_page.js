@@ -7,7 +7,7 @@ import { make, makeButton, mark, parts, say, sayOrHide, show } from "../lib/dom.
 import { MapView } from "../navigation/map_view.js";
 import { readMaps, readPicture } from "../navigation/places_api.js";
 import { cardOf } from "./card_words.js";
-import { planDoing, whereText, whyNowhere } from "./plan_words.js";
+import { whereText, whyNowhere } from "./plan_words.js";
 
 const STALE_MS = 3000;
 const LOOK_MS = 500;
@@ -170,7 +170,7 @@ export class PlanPage {
     mark(row, "level", shown.level);
     mark(own.status, "level", shown.level);
     say(own.status, shown.status);
-    say(own.doing, robot.state ? planDoing(robot.state, map?.places ?? []) : shown.doing);
+    say(own.doing, shown.doing);
     say(own.where, why || whereText(robot.state.location, map.places));
     say(own.driver, shown.driver);
     say(own.battery, shown.battery);

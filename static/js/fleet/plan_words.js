@@ -1,10 +1,7 @@
-/** Where a robot is and what it does on the fleet plan, in words. Pure. */
-
-import { doingText } from "./card_words.js";
+/** Where a robot is on the fleet plan, in words. Pure. */
 
 const THERE_M = 0.5;
 const NEAR_M = 2;
-const SAME_M = 0.01; // a goal is a named place within rounding
 
 /** Why a robot is on no map; empty: it is on one. @param {?object} map that it has @param {object} robot as it was heard */
 export function whyNowhere(map, { state, refusal }) {
@@ -28,12 +25,4 @@ export function whereText(location, places) {
     location.x.toFixed(1),
     location.y.toFixed(1),
   ]);
-}
-
-/** What it does; of a drive to a named place, to which. @param {object} state @param {object[]} places */
-export function planDoing(state, places) {
-  const { going } = state;
-  const place = going && places.find(({ x, y }) => Math.hypot(x - going.x, y - going.y) <= SAME_M);
-  if (!place || state.stop.state !== "clear" || state.phase !== "online") return doingText(state);
-  return interpolate(gettext("Drives to “%s”, for %s"), [place.name, going.who]);
 }

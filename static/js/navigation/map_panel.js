@@ -168,7 +168,7 @@ export class MapPanel {
   #goTo(place) {
     if (!this.#mayOrder()) return;
     this.#places.open(false);
-    this.#order({ t: "go", ...rounded(place) });
+    this.#order({ t: "go", ...rounded(place), place: place.name });
   }
 
   #speak() {

@@ -9,11 +9,14 @@ export function endText({ outcome, text }) {
   return interpolate(gettext("The drive to the place has ended. %s"), [text]);
 }
 
-/** "2.4 m left, 12 s". @param {{left_m: ?number, since_s: number, ending: string}} going */
-export function goingText({ left_m: left, since_s: since, ending = "" }) {
-  if (ending) return gettext("Drives to a place: is being ended");
+/** "Drives to “kitchen”: 2.4 m left, 12 s". @param {{left_m: ?number, since_s: number, ending: string, place: string}} going */
+export function goingText({ left_m: left, since_s: since, ending = "", place = "" }) {
+  const drives = place
+    ? interpolate(gettext("Drives to “%s”"), [place])
+    : gettext("Drives to a place");
+  if (ending) return interpolate(gettext("%s: is being ended"), [drives]);
   const seconds = Math.round(since);
   return left === null || left === undefined
-    ? interpolate(gettext("Drives to a place: %s s"), [seconds])
-    : interpolate(gettext("Drives to a place: %s m left, %s s"), [left.toFixed(1), seconds]);
+    ? interpolate(gettext("%s: %s s"), [drives, seconds])
+    : interpolate(gettext("%s: %s m left, %s s"), [drives, left.toFixed(1), seconds]);
 }

@@ -23,7 +23,7 @@ TOPICS = msgspec.structs.replace(
     map=Topic("/map", "nav_msgs/OccupancyGrid"),
     head=HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68),
 )
-GO = Go(1, 3.0, 1.0, 0.5, seq=7)
+GO = Go(1, 3.0, 1.0, 0.5, seq=7, place="desk")
 
 
 class FreeMap:
@@ -90,7 +90,7 @@ def test_it_is_sent_only_when_it_is_recorded(bench):
     bench.recorded()
     passed(bench, 0.1)
     assert len(bench.base.goals) == 1 and answers == [None]
-    assert ("go.start", {"x_m": 3.0, "y_m": 1.0, "heading_rad": 0.5}) in bench.sink.records
+    assert ("go.start", {"x_m": 3.0, "y_m": 1.0, "heading_rad": 0.5, "place": "desk"}) in bench.sink.records
 
 
 def test_a_record_that_fails_sends_nothing(bench):

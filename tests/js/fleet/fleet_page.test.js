@@ -59,6 +59,7 @@ describe("a card", () => {
     [{ speech: { text: "Good morning." } }, "Says “Good morning.”"],
     [{ drive_by: { who: "Bo" } }, "Drives by itself, for Bo"],
     [{ going: { who: "Bo" } }, "Drives to a place, for Bo"],
+    [{ going: { who: "Bo", place: "kitchen" } }, "Drives to “kitchen”, for Bo"],
     [{ stop: { state: "stopped" }, motion: { name: "wave" } }, "Stopped"],
     [{ phase: "waiting" }, "Waiting for the robot"],
   ])("says what the robot does now: %o", (now, words) => {

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { PlanPage } from "../../../static/js/fleet/plan_page.js";
-import { planDoing, whereText, whyNowhere } from "../../../static/js/fleet/plan_words.js";
+import { whereText, whyNowhere } from "../../../static/js/fleet/plan_words.js";
 import { FakeSocket, made } from "../fake_socket.js";
 
 const KITCHEN = { number: 1, name: "kitchen", x: 1, y: 1, heading: 0 };
@@ -96,10 +96,6 @@ describe("the fleet plan", () => {
 
 describe("words of the fleet plan", () => {
   it("name places", () => {
-    const going = { x: 1, y: 1.005, who: "Ann", heading: 0 };
-    expect(planDoing({ ...STATE, going }, [KITCHEN])).toBe("Drives to “kitchen”, for Ann");
-    expect(planDoing({ ...STATE, going }, [])).toBe("Drives to a place, for Ann");
-    expect(planDoing({ ...STATE, going, stop: { state: "stopped" } }, [KITCHEN])).toBe("Stopped");
     expect(whereText({ ...LOCATION, x: 2.5 }, [KITCHEN])).toBe("Near “kitchen”");
     expect(whereText({ ...LOCATION, x: 4 }, [KITCHEN])).toBe("At 4.0 m, 1.0 m of the map");
     expect(whereText({ ...LOCATION, problem: "It is lost." }, [KITCHEN])).toBe("It is lost.");

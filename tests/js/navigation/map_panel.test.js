@@ -195,7 +195,13 @@ describe("the map over the picture", () => {
     expect(tell).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
     panel.drives = true;
     kitchen.click();
-    expect(order).toHaveBeenCalledExactlyOnceWith({ t: "go", x: 3, y: 1.5, heading: 0.5 });
+    expect(order).toHaveBeenCalledExactlyOnceWith({
+      t: "go",
+      x: 3,
+      y: 1.5,
+      heading: 0.5,
+      place: "kitchen",
+    });
     expect(page.places.hidden).toBe(true);
   });
 
@@ -259,6 +265,9 @@ describe("words", () => {
     expect(endText({ outcome: "failed", text: "Navigation said: no plan." })).toContain("no plan");
     expect(endText({ outcome: "replaced", text: "" })).toContain("stick");
     expect(goingText({ left_m: 2.44, since_s: 5.2 })).toBe("Drives to a place: 2.4 m left, 5 s");
+    expect(goingText({ left_m: 2.44, since_s: 5.2, place: "kitchen" })).toBe(
+      "Drives to “kitchen”: 2.4 m left, 5 s",
+    );
     expect(goingText({ left_m: null, since_s: 3, ending: "" })).toBe("Drives to a place: 3 s");
     expect(goingText({ left_m: 1, since_s: 3, ending: "because" })).toContain("ended");
   });

@@ -48,7 +48,7 @@ def faults(text: str) -> list[str]:
 def test_robots_with_the_same_map_share_its_places(robot: Robot, other_robot: Robot, staff: User) -> None:
     digest = map_of(robot, other_robot)
     place_add(digest=digest, entry=KITCHEN, actor=staff)
-    assert place_of_robot(other_robot, "  KITCHEN ").x_m == 1.0
+    assert place_of_robot(other_robot.id, "  KITCHEN ").x_m == 1.0
     [found] = maps_of([robot, other_robot])
     assert (found.digest, found.robots, found.earlier) == (digest, [robot, other_robot], [])
 
@@ -60,7 +60,7 @@ def test_a_new_map_has_no_places_and_the_earlier_one_keeps_its_own(
     newer = map_of(robot, mark="x")
     assert newer != digest
     with pytest.raises(NotDone, match="A new map begins without any"):
-        place_of_robot(robot, "kitchen")
+        place_of_robot(robot.id, "kitchen")
     map_of(robot)
     newer = map_of(robot, mark="x")  # to and fro: only the newest row of a map is kept
     present, before = maps_of([robot])
@@ -71,15 +71,15 @@ def test_a_new_map_has_no_places_and_the_earlier_one_keeps_its_own(
 
 def test_the_places_that_there_are_are_named(robot: Robot, digest: str, staff: User) -> None:
     with pytest.raises(NotDone, match="has no named places"):
-        place_of_robot(robot, "kitchen")
+        place_of_robot(robot.id, "kitchen")
     place_add(digest=digest, entry=KITCHEN, actor=staff)
     with pytest.raises(NotDone, match="It has: kitchen"):
-        place_of_robot(robot, "cellar")
+        place_of_robot(robot.id, "cellar")
 
 
 def test_a_robot_without_a_map_has_no_place(robot: Robot) -> None:
     with pytest.raises(NotDone, match="knows no map"):
-        place_of_robot(robot, "kitchen")
+        place_of_robot(robot.id, "kitchen")
     assert maps_of([robot]) == []
 
 

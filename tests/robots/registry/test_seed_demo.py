@@ -69,7 +69,7 @@ def test_a_second_start_keeps_peoples_changes(seed: Any) -> None:
 def test_the_practice_robots_know_the_kitchen_and_deleted_places_stay_deleted(seed: Any) -> None:
     seed()
     robot = Robot.objects.get(slug="p-1")
-    kitchen = place_of_robot(robot, "kitchen")
+    kitchen = place_of_robot(robot.id, "kitchen")
     assert {place.name for place in kitchen.map.places.all()} >= {"kitchen", "charging dock"}
     kitchen.delete()
     seed()

@@ -21,7 +21,7 @@ def simulated(ros, simulator):
 def test_a_bridge_hands_on_description_and_joints(rosmaster: Master, tmp_path):
     config = tiago_config(rosmaster, tmp_path, topics={"arm": ARM, "joint_states": JOINT_STATES})
     with running_bridge(config, rosmaster, tmp_path) as (bridge, hand):
-        until(lambda: "description" in bridge.recorded(), "the description")
+        until(lambda: bridge.description() == "read", "the description")
         hand.send(wire.Viewers(["Ann"]))
         until(lambda: hand.view, "a view")
         assert hand.view.joints == {}
@@ -41,7 +41,7 @@ def test_a_huge_description_is_named_and_the_robot_drives(rosmaster: Master, tmp
     try:
         config = tiago_config(rosmaster, tmp_path)  # without an arm: the description is read, too
         with running_bridge(config, rosmaster, tmp_path) as (bridge, hand):
-            until(lambda: any("8 million characters" in line for line in bridge.recorded()), "the problem")
+            until(lambda: "8 million characters" in bridge.description(), "the problem")
             hand.take_control(7)
             hand.drive_until(0.5, lambda state: state.odometry and state.odometry.vx > 0.1, "a drive")
     finally:

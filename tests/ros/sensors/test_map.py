@@ -61,7 +61,7 @@ def test_the_simulated_map_is_stored_with_its_walls(rosmaster, robot):
     places = [(2.0, 1.8), (0.03, 3.0), (0.58, 1.0), (0.35, 1.0)]
     assert [opacity(shown, *place) for place in places] == [34, 255, 255, 0]
     seed_map([robot])  # the map to which script/demo gives places
-    assert place_of_robot(robot, "kitchen").map_id == taken.digest
+    assert place_of_robot(robot.id, "kitchen").map_id == taken.digest
     assert RobotMap.objects.filter(robot=robot).count() == 1
 
 

@@ -21,7 +21,7 @@ from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
-LONGEST_S = 1.0
+LONGEST_S = 3.0  # the console looks twice a second; a busy computer is late
 
 
 async def revoked_in_time(bridge, take_away):
