@@ -141,6 +141,7 @@ class Topics(Struct, frozen=True):
     joint_states: Topic | None = None
     battery: Topic | None = None  # std_msgs/Float32 percent, or sensor_msgs/BatteryState
     charging: Topic | None = None  # std_msgs/Bool
+    diagnostics: Topic | None = None  # diagnostic_msgs/DiagnosticArray
     speech: Topic | None = None
     languages: list[str] = []  # spoken languages, BCP 47, the default first
     motions: Topic | None = None

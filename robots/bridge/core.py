@@ -29,6 +29,8 @@ from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Posture
 from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity, Verdict
+from robots.bridge.health.battery_time import BatteryTime
+from robots.bridge.health.diagnostics import Diagnostics, Status
 from robots.bridge.lease.lease_guard import LeaseGuard
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.lease.stop_latch import StopLatch
@@ -128,6 +130,8 @@ class Core:
         self._on_scan = on_scan
         self._on_news = on_news
         self._inputs = HolderInputs(config)
+        self._diagnostics = Diagnostics()
+        self._battery_time = BatteryTime()
         self._page_gone_s: float | None = None
         self._unrecorded: Refusal | None = None  # set while records cannot be written: nothing may move
         self._asking: DriveInput | None = None  # the input that asks for motion
@@ -395,14 +399,19 @@ class Core:
         """Take the robot's description: the console keeps it for pages."""
         self._records.keep_description(taken)
 
-    def battery(self, percent: float) -> None:
+    def battery(self, percent: float, now_s: float) -> None:
         """Take the battery's charge in percent."""
         if math.isfinite(percent):
             self._reported.battery_percent = min(max(percent, 0.0), 100.0)
+            self._battery_time.take(self._reported.battery_percent, self._reported.charging, now_s)
 
     def charging(self, charging: bool) -> None:
         """Note whether the robot is on its charger."""
         self._reported.charging = charging
+
+    def diagnosed(self, statuses: Sequence[Status], now_s: float) -> None:
+        """Take a report of one of the robot's nodes on the health of its parts."""
+        self._diagnostics.take(statuses, now_s)
 
     def prepare(self, now_s: float) -> None:
         """Let the gate compute now, so that the next command does not wait for it."""
@@ -470,6 +479,8 @@ class Core:
             odometry=report.odometry,
             battery_percent=report.battery_percent,
             charging=report.charging,
+            battery_left_min=self._battery_time.left_min(),
+            health=self._diagnostics.view(now_s),
             skew_s=report.skew_s,
             overload=self._late.report(now_s) or self._console_late.report(now_s),
             watchdog_missing=self.watchdog_missing,

@@ -35,6 +35,8 @@ class StateInputs(NamedTuple):
     odometry: tuple[float, Pose, Velocity] | None  # arrival time, pose, velocity
     battery_percent: float | None
     charging: bool | None
+    battery_left_min: int | None
+    health: wire.Health | None
     skew_s: float | None  # robot's clock minus ours
     overload: wire.Overload | None
     watchdog_missing: bool  # the watchdog is missing
@@ -84,6 +86,8 @@ def state(
         publishing=tasks.publications.view,
         overload=inputs.overload,
         watchdog_missing=inputs.watchdog_missing,
+        health=inputs.health,
+        battery_left_min=inputs.battery_left_min,
     )
 
 

@@ -41,6 +41,7 @@ UNDERSTOOD_TYPES = {
     "joint_states": ("sensor_msgs/JointState",),
     "battery": ("std_msgs/Float32", "sensor_msgs/BatteryState"),
     "charging": ("std_msgs/Bool",),
+    "diagnostics": ("diagnostic_msgs/DiagnosticArray",),
     "map": ("nav_msgs/OccupancyGrid",),
 }
 

@@ -42,6 +42,7 @@ WARN: Level = "warn"
 FAIL: Level = "fail"
 PROBE_TIMEOUT_S = 20.0
 NEEDED = ("odometry", "scan")  # required for motion
+STAMPED = ("sensor_msgs/BatteryState", "diagnostic_msgs/DiagnosticArray")
 QUIET = ("battery", "charging", "speech", "motions")  # may be silent for a long time
 _findings = msgspec.json.Decoder(Findings)
 
@@ -119,9 +120,9 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
         yield Listened("joint states", topics.joint_states.name, topics.joint_states.type, stamped=True)
     for camera in topics.cameras:
         yield Listened(f"camera {camera.topic}", camera.topic, camera.type, stamped=True)
-    for what in ("battery", "charging"):
+    for what in ("battery", "charging", "diagnostics"):
         if source := getattr(topics, what):
-            yield Listened(what, source.name, source.type, stamped=source.type == "sensor_msgs/BatteryState")
+            yield Listened(what, source.name, source.type, stamped=source.type in STAMPED)
     if topics.map:
         yield Listened("map", topics.map.name, topics.map.type, stamped=False)
     for what in ("speech", "motions"):
@@ -260,6 +261,7 @@ _KINDS = (
     *(gettext_noop("joint states"), gettext_noop("camera"), gettext_noop("battery")),
     *(gettext_noop("charging"), gettext_noop("speech"), gettext_noop("motions"), gettext_noop("map")),
     *(gettext_noop("gripper"), gettext_noop("torso"), gettext_noop("navigation")),
+    gettext_noop("diagnostics"),
 )
 _MISSING = gettext_noop(
     "Is the node running, and is the topic’s name in the robot’s profile right (rostopic list)?"

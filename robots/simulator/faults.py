@@ -40,6 +40,11 @@ class Faults:
     navigation_answers_another: bool = False  # its results name another goal
     localisation_dead: bool = False  # no transform from map to odom
     localisation_jumps: bool = False  # the believed pose is 1.5 m off
+    motor_hot: bool = False  # a motor warns of its temperature
+    part_broken: bool = False  # one part reports an error
+    diagnostics_dead: bool = False  # no diagnostics
+    diagnostics_flood: bool = False  # 300 parts with new names and long texts, as often as the clock ticks
+    diagnostics_garbage: bool = False  # levels and temperatures that there are not, names that are none
     command_delay_s: float = 0.0  # commands reach the controller late
     brake_share: float = 1.0  # of the controller's nominal deceleration
     slip_share: float = 0.0  # of the wheels' path that the robot does not travel

@@ -90,6 +90,10 @@ from robots.wire.doors import link_report as link_report
 from robots.wire.doors import link_request as link_request
 from robots.wire.doors import topics_message as topics_message
 from robots.wire.doors import topics_report as topics_report
+from robots.wire.health import Health as Health
+from robots.wire.health import HealthLevel as HealthLevel
+from robots.wire.health import HealthPart as HealthPart
+from robots.wire.health import Temperature as Temperature
 from robots.wire.limbs import Limb as Limb
 from robots.wire.limbs import LimbCancel as LimbCancel
 from robots.wire.limbs import LimbEnd as LimbEnd

@@ -7,6 +7,7 @@ from typing import Literal
 from msgspec import Struct
 
 from robots.wire.base import Refusal, Role, Use
+from robots.wire.health import Health
 from robots.wire.limbs import Limb, LimbState
 from robots.wire.navigation import GoEnd, GoProgress, Location
 
@@ -237,6 +238,10 @@ class State(Struct, frozen=True):
     overload: Overload | None = None
     unseen_s: float | None = None  # since odometry last came; None: it never did
     watchdog_missing: bool = False  # for 5 s or more: a stop depends on the bridge alone
+    health: Health | None = None  # None: no node of the robot reports
+    battery_left_min: int | None = (
+        None  # at the pace of the last half hour; None: not known, or on the charger
+    )
 
 
 class MotionOffer(Struct, frozen=True):

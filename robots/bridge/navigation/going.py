@@ -162,9 +162,10 @@ class Going(Goals[Target]):
 
     def begin(self, order: Go, requester: Requester, now_s: float) -> None:
         """Record the goal; when that is done, it is sent and the requester answered."""
-        place = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
-        named = {"place": order.place} if order.place else {}
-        number = self._records.request(requester.holder, "go.start", place | named, now_s)
+        place: dict[str, str | float | None] = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
+        if order.place:
+            place["place"] = order.place
+        number = self._records.request(requester.holder, "go.start", place, now_s)
         topic = self._source.action if self._source else ""
         self._current = Goal(requester, number, now_s, Target(order), topic)
 

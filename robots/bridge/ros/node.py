@@ -43,6 +43,7 @@ from robots.bridge.ros.on_demand_topics import OnDemandTopics
 from robots.bridge.ros.robot_runs import RunMonitor
 from robots.bridge.ros.ros_worker import RateLimit, RosWorker
 from robots.bridge.ros.sensors.depth import DepthTopics
+from robots.bridge.ros.sensors.diagnostics import statuses
 from robots.bridge.ros.sensors.posture_topics import PostureTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.bridge.ros.shutdown import refuse_shutdown
@@ -69,6 +70,8 @@ SONAR_ROUNDS = 3  # readings of each sonar in its topic's queue
 REACH_M = 0.9  # of an arm without description, about the middle of the base
 SEND_PATIENCE_S = 0.02  # if a listener's buffer is full for longer, the listener does not read
 ODOMETRY_WAITS = 20  # messages in the queue: the gate pairs scans with all of them
+DIAGNOSTICS_WAIT = 20  # some nodes send one message for each part
+DIAGNOSED_S = 0.5  # between reads of diagnostics: nodes report once a second
 RESTS_S = 0.08  # between reads of odometry while the robot stands without a driver
 RESTS = 0.005  # m/s or rad/s: less is standing
 MOST_PROBLEMS = 10  # in one report
@@ -342,6 +345,9 @@ class RosBase:
             self._subscribe(topics.battery, self._on_battery)
         if topics.charging:
             self._subscribe(topics.charging, self._on_charging)
+        if topics.diagnostics:
+            self._subscribe(topics.diagnostics, self._on_diagnostics, DIAGNOSTICS_WAIT)
+            pause(topics.diagnostics.name, lambda: DIAGNOSED_S)
         self._acknowledgements = Acknowledgements(
             socket.gethostbyname(urlsplit(self._config.master_uri).hostname or "")
         )
@@ -539,10 +545,17 @@ class RosBase:
 
     def _on_battery(self, message: Any) -> None:
         percent = message.percentage * 100 if hasattr(message, "percentage") else message.data
-        self._mail.post("battery", lambda: self._core.battery(float(percent)), can_wait=True)
+        arrival_s = time.monotonic()
+        self._mail.post("battery", lambda: self._core.battery(float(percent), arrival_s), can_wait=True)
 
     def _on_charging(self, message: Any) -> None:
         self._mail.post("charging", lambda: self._core.charging(bool(message.data)), can_wait=True)
+
+    def _on_diagnostics(self, message: Any) -> None:
+        arrival_s, read = time.monotonic(), statuses(message)
+        self._mail.post(
+            "diagnostics", lambda: self._core.diagnosed(read, arrival_s), DIAGNOSTICS_WAIT, can_wait=True
+        )
 
     def _post(self, call: Callable[[], None]) -> None:
         if not self._loop.is_closed():

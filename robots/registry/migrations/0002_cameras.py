@@ -38,7 +38,7 @@ class Migration(migrations.Migration):
             model_name="robotprofile",
             name="topics",
             field=models.JSONField(
-                help_text="The rest of the ROS interface: odometry, scans, sonars, depth, head, arm, joint_states, battery, charging, speech, languages, motions, cameras, map, navigation, gripper, torso, cancel_on_stop. Poses are [x, y, yaw] in the base frame, metres and radians. Leave out what the robot does not have.",
+                help_text="The rest of the ROS interface: odometry, scans, sonars, depth, head, arm, joint_states, battery, charging, diagnostics, speech, languages, motions, cameras, map, navigation, gripper, torso, cancel_on_stop. Poses are [x, y, yaw] in the base frame, metres and radians. Leave out what the robot does not have.",
                 verbose_name="topics",
             ),
         ),

@@ -159,7 +159,7 @@ class RobotProfile(models.Model):
         _("topics"),
         help_text=_(
             "The rest of the ROS interface: odometry, scans, sonars, depth, head, arm, joint_states, battery, "
-            "charging, speech, languages, motions, cameras, map, navigation, gripper, torso, "
+            "charging, diagnostics, speech, languages, motions, cameras, map, navigation, gripper, torso, "
             "cancel_on_stop. Poses are [x, y, yaw] in the base frame, metres and radians. Leave out what the robot "
             "does not have."
         ),

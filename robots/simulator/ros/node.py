@@ -22,6 +22,7 @@ from robots.simulator.ros.base import BaseTopics
 from robots.simulator.ros.cameras.colour import CameraPublisher, head_camera, rear_camera
 from robots.simulator.ros.cameras.depth import DepthPublisher
 from robots.simulator.ros.cameras.drawing_thread import DrawingThread
+from robots.simulator.ros.diagnostics import DiagnosticsTopic
 from robots.simulator.ros.inertial import InertialTopics
 from robots.simulator.ros.joints import JointTopics
 from robots.simulator.ros.map import MapTopics
@@ -60,12 +61,15 @@ class SimulatorNode:
         self._tick = 0
         self.set_parameters()
         self._truth = GroundTruth(robot)
+        diagnostics = DiagnosticsTopic(robot)
         self._duties = [
             Duty(TICK_HZ, 0, BaseTopics(robot).publish),
             Duty(5, 6, MapTopics(robot).publish),
             Duty(TICK_HZ, 0, JointTopics(robot).publish),
             Duty(TICK_HZ, 0, InertialTopics(robot).publish),
             Duty(1, 7, PowerTopics(robot).publish),
+            Duty(1, 8, diagnostics.publish),
+            Duty(TICK_HZ, 0, diagnostics.flood),
             Duty(TICK_HZ, 0, self._truth.publish_contacts),
             Duty(TICK_HZ, 0, self._truth.publish_pose),
             Duty(25, 1, self._truth.publish_clearance),

@@ -125,7 +125,7 @@ class ControlPage {
     this.#options = new DrivingOptions(root, this.#parts);
     this.#picture = new PlanView(this.#parts.picture);
     this.#chart = new SpeedChart(this.#parts.chart);
-    this.#statusBar = new StatusBar(root, this.#parts);
+    this.#statusBar = new StatusBar(root, this.#parts, (notice) => this.#notices.add(notice));
     this.#notices = new Notices(this.#parts);
     this.#taskPanel = new TaskPanel(this.#parts, {
       addresses: root.dataset,

@@ -205,12 +205,6 @@ function lastSeen(at) {
   return at ? interpolate(gettext("How the robot is: %s."), [unknownText(at)]) : "";
 }
 
-export function batteryText({ battery_percent: percent, charging }) {
-  if (percent === null) return "–";
-  const text = `${Math.round(percent)} %`;
-  return charging ? interpolate(gettext("%s, charging"), [text]) : text;
-}
-
 /** The pending stop and its author; empty if there is none. @param {?object} pending by, reason, at */
 export function pendingText(pending) {
   if (!pending) return "";

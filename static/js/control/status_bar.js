@@ -1,38 +1,31 @@
 /** Status of connection and robot on the control page: header, banner, gate, stop. */
 
+import { HealthPanel } from "../health/health_panel.js";
 import { Announcer } from "../lib/announce.js";
 import { mark, say, show } from "../lib/dom.js";
 import { Details, fill } from "./details.js";
 import { namesOf, plain } from "./plain_words.js";
 import { Reasons } from "./reasons.js";
-import {
-  banner,
-  batteryText,
-  connectionFact,
-  isStale,
-  limitsOf,
-  stopText,
-  verdictText,
-} from "./robot_words.js";
+import { banner, connectionFact, isStale, limitsOf, stopText, verdictText } from "./robot_words.js";
 import { SAID_MS } from "./stop_button.js";
-
-const LOW_BATTERY_PERCENT = 20;
 
 export class StatusBar {
   #root;
   #parts;
   #details;
+  #health;
   #announcer;
   #reasons = new Reasons();
   #names = new Map(); // plain names of sensors, by technical ones
   #bannerTitle = "";
   #stopSaid = { text: "", untilMs: 0 };
 
-  /** @param {HTMLElement} root carries the robot's stop for the style sheet */
-  constructor(root, parts) {
+  /** @param {HTMLElement} root carries the robot's stop for the style sheet @param {(notice: object) => void} tell */
+  constructor(root, parts, tell) {
     this.#root = root;
     this.#parts = parts;
     this.#details = new Details(parts);
+    this.#health = new HealthPanel(parts, tell);
     this.#announcer = new Announcer(parts.live);
   }
 
@@ -99,15 +92,9 @@ export class StatusBar {
     if (state.stop.state !== "clear" && !cut) this.#stopSaid.untilMs = 0; // the robot's own report replaces it
     const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
     say(this.#parts["stop-state"], said || (cut ? "" : stopText(state)));
-    this.#showBattery(state);
+    this.#health.show(state, cut);
     this.#showGate(state.verdict, cut);
     this.#details.state = state;
-  }
-
-  #showBattery(state) {
-    const { battery_percent: percent } = state;
-    say(this.#parts.battery, batteryText(state));
-    mark(this.#parts.battery, "low", percent !== null && percent < LOW_BATTERY_PERCENT);
   }
 
   #showGate(verdict, cut) {

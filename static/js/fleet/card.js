@@ -12,6 +12,8 @@ export function showRobot({ card, own }, shown, robot) {
   say(own.doing, shown.doing);
   sayOrHide(own.why, shown.why);
   say(own.battery, shown.battery);
+  say(own.health, shown.health);
+  mark(own.health, "level", shown.healthLevel);
   say(own.driver, shown.driver);
   say(own.booking, bookingWords(robot));
   say(own.gate, shown.gate);

@@ -3,7 +3,6 @@
 import { minutesText } from "../control/lease.js";
 import { plain } from "../control/plain_words.js";
 import {
-  batteryText,
   isSeen,
   pendingText,
   phaseTitle,
@@ -12,6 +11,7 @@ import {
   unknownText,
   verdictText,
 } from "../control/robot_words.js";
+import { batteryText, healthText, MARKS } from "../health/health_words.js";
 import { movingText } from "../limbs/words.js";
 import { shortened } from "../tasks/tasks.js";
 
@@ -33,6 +33,8 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
           : gettext("Out of reach"),
       driver: "–",
       battery: "–",
+      health: "–",
+      healthLevel: "ok",
       gate: unknown,
       stop: pending ? gettext("Pending") : unknown,
       stopped: false,
@@ -55,6 +57,8 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
     doing: unknown || doingText(state),
     driver: state.holder ?? gettext("Nobody"),
     battery: unknown ? "–" : batteryText(state),
+    health: unknown ? "–" : healthText(state.health ?? null),
+    healthLevel: unknown ? "ok" : MARKS[state.health?.level ?? "ok"],
     gate: unknown || plain(verdictText(state.verdict)) || gettext("Free"),
     stop: stopWord(stop.state, unknown),
     stopped: latched,

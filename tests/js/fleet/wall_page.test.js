@@ -7,6 +7,7 @@ const NAMES = [
   "doing",
   "why",
   "battery",
+  "health",
   "driver",
   "booking",
   "gate",

@@ -33,6 +33,7 @@ KINDS = {
     "sensor_msgs/Range": Kind(BRIEF),
     "sensor_msgs/BatteryState": Kind(BRIEF),
     "std_msgs/Float32": Kind(BRIEF),
+    "diagnostic_msgs/DiagnosticArray": Kind(256 * KB, 200.0),  # each node of a robot sends its own
     "std_msgs/Bool": Kind(BRIEF),
     # Each static transform of a robot may have its own node.
     "tf2_msgs/TFMessage": Kind(256 * KB, 2000.0, publishers=64),

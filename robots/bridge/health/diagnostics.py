@@ -1,0 +1,149 @@
+"""What the robot's nodes say of its parts (/diagnostics), summed up: each part's level, words, since when, temperature.
+
+Pure: time is an argument. Nodes may send anything, so all that is kept is bounded.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from robots import wire
+from robots.wire import HealthLevel
+
+MOST_PARTS = 200
+SILENT_S = 10.0  # nodes report once a second
+FORGOTTEN_S = 600.0  # a part that is silent for so long is not listed any more
+SHOWN = 8  # parts that are not well
+HOTTEST = 6  # temperatures
+VIEW_S = 1.0  # between two views without a new report
+
+_LEVELS: dict[int, HealthLevel] = {0: "ok", 1: "warning", 2: "error", 3: "silent"}  # DiagnosticStatus
+_BADNESS: dict[HealthLevel, int] = {"ok": 0, "silent": 1, "warning": 2, "error": 3}
+_TEMPERATURE = re.compile(r"(?i)temperature|\btemp\b|_temp$|^temp_")
+_CELSIUS = re.compile(r"\s*(-?\d{1,3}(?:\.\d{1,9})?)\s*(?:°?\s*C|celsius|degrees)?\s*", re.IGNORECASE)
+_PLAUSIBLE = (-40.0, 200.0)  # °C
+
+
+class Status(NamedTuple):
+    """One diagnostic_msgs/DiagnosticStatus, with texts cut."""
+
+    name: str
+    level: int
+    text: str
+    values: Sequence[tuple[str, str]] = ()
+
+
+@dataclass
+class _Part:
+    level: HealthLevel
+    since_s: float
+    heard_s: float
+    text: str = ""
+    temperatures: dict[str, float] = field(default_factory=dict)  # °C, by key
+
+
+class Diagnostics:
+    """The parts of one robot."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, _Part] = {}
+        self._left_out: set[str] = set()  # names beyond the bound; bounded itself
+        self._unread = 0
+        self._view: wire.Health | None = None
+        self._viewed_s = -math.inf
+
+    def take(self, statuses: Iterable[Status], now_s: float) -> None:
+        """Take a report of one node."""
+        for status in statuses:
+            level = _LEVELS.get(status.level)
+            if level is None or not status.name.strip("/ "):
+                self._unread += 1
+            elif (part := self._part(status.name, level, now_s)) is not None:
+                if part.level != level:
+                    part.level, part.since_s = level, now_s
+                part.heard_s, part.text = now_s, status.text
+                part.temperatures = _temperatures(status.values)
+        self._viewed_s = -math.inf
+
+    def _part(self, name: str, level: HealthLevel, now_s: float) -> _Part | None:
+        part = self._parts.get(name)
+        if part is None and len(self._parts) >= MOST_PARTS:
+            self._forget(now_s)
+        if part is None and len(self._parts) >= MOST_PARTS:
+            if len(self._left_out) < MOST_PARTS:
+                self._left_out.add(name)
+            return None
+        return part or self._parts.setdefault(name, _Part(level, now_s, now_s))
+
+    def _forget(self, now_s: float) -> None:
+        for name in [name for name, part in self._parts.items() if now_s - part.heard_s > FORGOTTEN_S]:
+            del self._parts[name]
+
+    def view(self, now_s: float) -> wire.Health | None:
+        """Return the summary; None: no node has reported."""
+        if now_s - self._viewed_s >= VIEW_S:
+            self._viewed_s = now_s
+            self._forget(now_s)
+            self._view = self._summary(now_s) if self._parts or self._unread else None
+        return self._view
+
+    def _summary(self, now_s: float) -> wire.Health:
+        for part in self._parts.values():
+            if now_s - part.heard_s > SILENT_S and part.level != "silent":
+                part.level, part.since_s = "silent", part.heard_s
+        # An aggregator also reports groups: what they say, their members say more exactly.
+        groups = {parent for name in self._parts for parent in _parents(name)}
+        members = {name: part for name, part in self._parts.items() if name not in groups}
+        ill = sorted(
+            ((name, part) for name, part in members.items() if part.level != "ok"),
+            key=lambda item: (-_BADNESS[item[1].level], item[1].since_s, item[0]),
+        )
+        hot = [
+            wire.Temperature(_temperature_name(name, key, part), round(celsius))
+            for name, part in members.items()
+            if now_s - part.heard_s <= SILENT_S
+            for key, celsius in part.temperatures.items()
+        ]
+        return wire.Health(
+            level=ill[0][1].level if ill else "ok",
+            parts=[
+                wire.HealthPart(plain_name(name), part.level, part.text, max(0, int(now_s - part.since_s)))
+                for name, part in ill[:SHOWN]
+            ],
+            parts_more=max(0, len(ill) - SHOWN),
+            well=len(members) - len(ill),
+            temperatures=sorted(hot, key=lambda one: (-one.celsius, one.name))[:HOTTEST],
+            left_out=len(self._left_out),
+            unread=self._unread,
+        )
+
+
+def plain_name(name: str) -> str:
+    """Return the last part of an aggregator's path; other names without slashes at their ends."""
+    return name.rstrip("/").rsplit("/", 1)[-1].strip() if name.startswith("/") else name.strip("/ ")
+
+
+def _parents(name: str) -> Iterable[str]:
+    if name.startswith("/"):
+        at = name.rfind("/")
+        while at > 0:
+            yield name[:at]
+            at = name.rfind("/", 0, at)
+
+
+def _temperatures(values: Sequence[tuple[str, str]]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for key, value in values:
+        if _TEMPERATURE.search(key) and (number := _CELSIUS.fullmatch(value)):
+            celsius = float(number[1])
+            if _PLAUSIBLE[0] <= celsius <= _PLAUSIBLE[1]:
+                found[key] = celsius
+    return found
+
+
+def _temperature_name(name: str, key: str, part: _Part) -> str:
+    return plain_name(name) if len(part.temperatures) == 1 else f"{plain_name(name)}, {key}"

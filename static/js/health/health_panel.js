@@ -1,0 +1,106 @@
+/** The robot's health on the control page: in the header when something is wrong, in Details always, told when it gets worse. */
+
+import { fill } from "../control/details.js";
+import { mark, say, sayOrHide, show } from "../lib/dom.js";
+import {
+  BADNESS,
+  batteryText,
+  healthText,
+  LOW_BATTERY_PERCENT,
+  leftOutText,
+  MARKS,
+  partText,
+  sinceText,
+  temperaturesText,
+} from "./health_words.js";
+
+const AGAIN_MS = 60_000; // a part that flaps is told of once a minute
+
+export class HealthPanel {
+  #parts;
+  #tell;
+  #told = null; // by part: how bad it was, and when that was told; null: nothing heard yet
+  #low = null;
+
+  /** @param {object} parts of the page @param {(notice: object) => void} tell adds a notice */
+  constructor(parts, tell) {
+    this.#parts = parts;
+    this.#tell = tell;
+  }
+
+  /** @param {object} state of the robot @param {boolean} cut it may no longer be true */
+  show(state, cut, nowMs = Date.now()) {
+    const { health = null } = state;
+    this.#showBattery(state);
+    this.#showHeader(cut ? null : health);
+    this.#showDetails(health, nowMs);
+    if (cut) return;
+    if (health) this.#tellOfParts(health.parts, nowMs);
+    this.#tellOfBattery(state);
+  }
+
+  #showBattery(state) {
+    const { battery_percent: percent } = state;
+    say(this.#parts.battery, batteryText(state));
+    mark(this.#parts.battery, "low", percent !== null && percent < LOW_BATTERY_PERCENT);
+  }
+
+  #showHeader(health) {
+    const opener = this.#parts["health-open"];
+    show(opener, health !== null && health.level !== "ok");
+    mark(opener, "level", MARKS[health?.level ?? "ok"]);
+    opener.title = healthText(health);
+  }
+
+  #showDetails(health, nowMs) {
+    const {
+      "health-line": line,
+      "health-parts": list,
+      temperatures,
+      "health-more": more,
+    } = this.#parts;
+    const ill = health?.parts ?? [];
+    sayOrHide(line, health === null ? gettext("No node of the robot reports.") : "");
+    if (health && !ill.length) sayOrHide(line, healthText(health));
+    fill(
+      list,
+      ill.map((part) => `${partText(part)} (${sinceText(part, nowMs)})`),
+    );
+    for (const [i, part] of ill.entries()) mark(list.children[i], "level", MARKS[part.level]);
+    const hot = temperaturesText(health?.temperatures ?? []);
+    sayOrHide(temperatures, hot && interpolate(gettext("Temperatures: %s"), [hot]));
+    sayOrHide(more, health ? leftOutText(health) : "");
+  }
+
+  #tellOfParts(parts, nowMs) {
+    const before = this.#told ?? new Map();
+    const now = new Map();
+    for (const part of parts) {
+      const old = before.get(part.name);
+      const worse = BADNESS[part.level] > (old?.badness ?? 0);
+      const tells = this.#told !== null && worse && nowMs - (old?.toldMs ?? -AGAIN_MS) >= AGAIN_MS;
+      if (tells) {
+        const level = part.level === "error" ? "error" : "warning";
+        this.#tell({ level, code: `health ${part.name}`, text: partText(part) });
+      }
+      now.set(part.name, {
+        badness: BADNESS[part.level],
+        toldMs: tells ? nowMs : (old?.toldMs ?? -AGAIN_MS),
+      });
+    }
+    // A part that is well again is remembered for a minute: it may flap.
+    for (const [name, { toldMs }] of before)
+      if (!now.has(name) && nowMs - toldMs < AGAIN_MS) now.set(name, { badness: 0, toldMs });
+    this.#told = now;
+  }
+
+  #tellOfBattery({ battery_percent: percent, charging }) {
+    if (percent === null) return;
+    const low = percent < LOW_BATTERY_PERCENT && !charging;
+    if (low && this.#low === false) {
+      const text = interpolate(gettext("The battery is low: %s %."), [Math.round(percent)]);
+      this.#tell({ level: "warning", code: "battery", text });
+    }
+    this.#low = low || (this.#low === true && percent < LOW_BATTERY_PERCENT + 2);
+  }
+}

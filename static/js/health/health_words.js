@@ -1,0 +1,65 @@
+/** The robot's health in words. Pure. Names and texts of parts are the robot's own. */
+
+import { minutesText } from "../control/lease.js";
+import { whenText } from "../lib/times.js";
+
+export const LOW_BATTERY_PERCENT = 20;
+
+/** How bad a level is; a notice is told when it rises. */
+export const BADNESS = { ok: 0, silent: 1, warning: 2, error: 3 };
+
+/** For marks: how the page shows a level. */
+export const MARKS = { ok: "ok", silent: "warn", warning: "warn", error: "fail" };
+
+/** "84 %, about 3 h 30 min left". @param {object} state of the robot */
+export function batteryText({ battery_percent: percent, battery_left_min: left = null, charging }) {
+  if (percent === null) return "–";
+  const text = `${Math.round(percent)} %`;
+  if (charging) return interpolate(gettext("%s, charging"), [text]);
+  if (left === null) return text;
+  return interpolate(gettext("%s, about %s left"), [text, minutesText(60 * left)]);
+}
+
+/** "Speakers: Amplifier does not answer". @param {{name: string, level: string, text: string}} part */
+export function partText({ name, level, text }) {
+  const words = {
+    silent: gettext("reports nothing any more"),
+    warning: text || gettext("warns, without a reason"),
+    error: text || gettext("reports an error, without a reason"),
+  };
+  return interpolate(gettext("%s: %s"), [name, words[level]]);
+}
+
+/** Since when, by the page's clock. @param {{since_s: number}} part @param {number} nowMs */
+export function sinceText({ since_s: since }, nowMs) {
+  return interpolate(gettext("since %s"), [whenText(new Date(nowMs - 1000 * since))]);
+}
+
+/** All in one line. @param {?object} health of the state */
+export function healthText(health) {
+  if (!health) return "–";
+  const { parts, parts_more: more, well } = health;
+  if (!parts.length)
+    return well === 1
+      ? gettext("All well: its one part says so")
+      : interpolate(gettext("All well: %s parts say so"), [well]);
+  const others = parts.length + more - 1;
+  const worst = partText(parts[0]);
+  return others ? interpolate(gettext("%s, and %s more"), [worst, others]) : worst;
+}
+
+/** "Motors: left wheel 84 °C, Computer 52 °C"; empty: none is known. @param {object[]} temperatures */
+export function temperaturesText(temperatures) {
+  return temperatures.map(({ name, celsius }) => `${name} ${celsius} °C`).join(", ");
+}
+
+/** What could not be listed; empty: nothing. @param {object} health */
+export function leftOutText({ parts_more: more, left_out: leftOut, unread }) {
+  const texts = [
+    more && interpolate(gettext("%s more parts are not well."), [more]),
+    leftOut && interpolate(gettext("At least %s more parts report than are followed."), [leftOut]),
+    unread &&
+      interpolate(gettext("%s reports could not be read: no name, or an unknown level."), [unread]),
+  ];
+  return texts.filter(Boolean).join(" ");
+}

@@ -1,0 +1,119 @@
+"""The summary of what a robot's nodes say of its parts: levels, since when, temperatures, bounds."""
+
+from __future__ import annotations
+
+import pytest
+
+from robots.bridge.health.diagnostics import (
+    FORGOTTEN_S,
+    MOST_PARTS,
+    SHOWN,
+    SILENT_S,
+    Diagnostics,
+    Status,
+    plain_name,
+)
+
+OK, WARN, ERROR, STALE = range(4)
+
+
+@pytest.fixture
+def diagnostics():
+    return Diagnostics()
+
+
+def test_nothing_heard_is_no_health(diagnostics):
+    assert diagnostics.view(0.0) is None
+
+
+def test_the_worst_part_comes_first_and_says_since_when(diagnostics):
+    diagnostics.take([Status("laser: scanner", WARN, "dirty"), Status("arm", OK, "OK")], 0.0)
+    diagnostics.take(
+        [Status("left wheel", ERROR, "no current"), Status("laser: scanner", WARN, "dirty")], 5.0
+    )
+    health = diagnostics.view(8.0)
+    assert (health.level, health.well) == ("error", 1)
+    assert [(part.name, part.level, part.since_s) for part in health.parts] == [
+        ("left wheel", "error", 3),
+        ("laser: scanner", "warning", 8),
+    ]
+    diagnostics.take([Status(name, OK, "OK") for name in ("left wheel", "laser: scanner", "arm")], 9.0)
+    assert (diagnostics.view(9.0).level, diagnostics.view(9.0).well) == ("ok", 3)
+
+
+def test_a_part_that_says_nothing_more_is_silent_then_forgotten(diagnostics):
+    diagnostics.take([Status("laser", OK, "OK", [("Temperature", "40")])], 0.0)
+    assert diagnostics.view(SILENT_S).level == "ok"
+    silent = diagnostics.view(SILENT_S + 5.0)
+    assert [(part.level, part.since_s) for part in silent.parts] == [("silent", int(SILENT_S + 5.0))]
+    assert silent.temperatures == []  # it is not known any more
+    assert diagnostics.view(FORGOTTEN_S + 1.0) is None
+    diagnostics.take([Status("laser", STALE, "driver says so")], FORGOTTEN_S + 2.0)
+    assert diagnostics.view(FORGOTTEN_S + 2.0).level == "silent"
+
+
+def test_groups_of_an_aggregator_are_not_counted_beside_their_members(diagnostics):
+    diagnostics.take(
+        [
+            Status("/Hardware", ERROR, "Error"),
+            Status("/Hardware/Motors", ERROR, "Error"),
+            Status("/Hardware/Motors/left wheel", ERROR, "over current"),
+            Status("/Software", OK, "OK"),
+        ],
+        0.0,
+    )
+    health = diagnostics.view(0.0)
+    assert [part.name for part in health.parts] == ["left wheel"] and health.well == 1
+    assert plain_name("node: part") == "node: part"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "celsius"),
+    [
+        ("Temperature", "84.2", 84),
+        ("temp", "-3 C", -3),
+        ("core_temp", "51°C", 51),
+        ("CPU temperature (C)", " 60.5 celsius ", 60),
+        ("temperature", "nan", None),
+        ("temperature", "1e30", None),
+        ("temperature", "hot", None),
+        ("temperature", "999", None),
+        ("temporary files", "12", None),
+        ("template", "12", None),
+    ],
+)
+def test_temperatures_are_read_where_they_can_be(diagnostics, key, value, celsius):
+    diagnostics.take([Status("motor", OK, "OK", [(key, value)])], 0.0)
+    assert [one.celsius for one in diagnostics.view(0.0).temperatures] == (
+        [] if celsius is None else [celsius]
+    )
+
+
+def test_the_hottest_comes_first_and_two_of_a_part_are_told_apart(diagnostics):
+    diagnostics.take(
+        [
+            Status("motor", OK, "", [("winding temperature", "80"), ("board temperature", "40")]),
+            Status("cpu", OK, "", [("temp", "60")]),
+        ],
+        0.0,
+    )
+    assert [one.name for one in diagnostics.view(0.0).temperatures] == [
+        "motor, winding temperature",
+        "cpu",
+        "motor, board temperature",
+    ]
+
+
+def test_a_flood_of_names_is_bounded_and_counted(diagnostics):
+    for second in range(20):
+        diagnostics.take([Status(f"part {second} {i}", WARN, "x") for i in range(300)], float(second))
+    health = diagnostics.view(19.0)
+    assert len(health.parts) == SHOWN and health.parts_more == MOST_PARTS - SHOWN
+    assert health.left_out == MOST_PARTS  # counted up to there
+    diagnostics.take([Status("arm", ERROR, "broken")], FORGOTTEN_S + 20.0)
+    assert diagnostics.view(FORGOTTEN_S + 20.0).parts[0].name == "arm"  # there is room again
+
+
+def test_unreadable_reports_are_counted(diagnostics):
+    diagnostics.take([Status("arm", 7, ""), Status("///", ERROR, ""), Status("", OK, "")], 0.0)
+    assert (diagnostics.view(0.0).level, diagnostics.view(0.0).unread) == ("ok", 3)

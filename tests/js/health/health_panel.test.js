@@ -1,0 +1,112 @@
+import { beforeEach, describe, expect, it, vi } from "vitest";
+import { HealthPanel } from "../../../static/js/health/health_panel.js";
+import {
+  batteryText,
+  healthText,
+  leftOutText,
+  partText,
+  temperaturesText,
+} from "../../../static/js/health/health_words.js";
+
+const WELL = {
+  level: "ok",
+  parts: [],
+  parts_more: 0,
+  well: 6,
+  temperatures: [],
+  left_out: 0,
+  unread: 0,
+};
+const SPEAKERS = { name: "Speakers", level: "error", text: "no answer", since_s: 90 };
+const MOTOR = { name: "Motor", level: "warning", text: "Too warm", since_s: 3 };
+const NAMES = [
+  "battery",
+  "health-open",
+  "health-line",
+  "health-parts",
+  "temperatures",
+  "health-more",
+];
+
+function ill(...parts) {
+  return { ...WELL, level: parts[0].level, parts };
+}
+
+describe("health in words", () => {
+  it("tells how long the battery lasts, not while it charges", () => {
+    const state = { battery_percent: 83.6, battery_left_min: 210, charging: false };
+    expect(batteryText(state)).toBe("84 %, about 3 h 30 min left");
+    expect(batteryText({ ...state, charging: true })).toBe("84 %, charging");
+    expect(batteryText({ ...state, battery_left_min: null })).toBe("84 %");
+    expect(batteryText({ ...state, battery_percent: null })).toBe("–");
+  });
+
+  it("names the worst part, and counts the others", () => {
+    expect(healthText(null)).toBe("–");
+    expect(healthText(WELL)).toBe("All well: 6 parts say so");
+    expect(healthText(ill(SPEAKERS))).toBe("Speakers: no answer");
+    expect(healthText({ ...ill(SPEAKERS, MOTOR), parts_more: 4 })).toBe(
+      "Speakers: no answer, and 5 more",
+    );
+    expect(partText({ ...MOTOR, level: "silent" })).toBe("Motor: reports nothing any more");
+    expect(partText({ ...MOTOR, text: "" })).toBe("Motor: warns, without a reason");
+    expect(temperaturesText([{ name: "Motor", celsius: 84 }])).toBe("Motor 84 °C");
+    expect(leftOutText(WELL)).toBe("");
+    expect(leftOutText({ parts_more: 2, left_out: 200, unread: 3 })).toMatch(/2 more.*200.*3 rep/);
+  });
+});
+
+describe("health on the control page", () => {
+  let parts;
+  let tell;
+  let panel;
+
+  beforeEach(() => {
+    parts = Object.fromEntries(NAMES.map((name) => [name, document.createElement("ul")]));
+    tell = vi.fn();
+    panel = new HealthPanel(parts, tell);
+  });
+
+  function shown(health, ms = 0, more = {}) {
+    panel.show({ battery_percent: 80, charging: false, health, ...more }, false, 1e12 + ms);
+  }
+
+  it("is in the header only when something is wrong", () => {
+    shown(WELL);
+    expect(parts["health-open"].hidden).toBe(true);
+    shown(ill(MOTOR));
+    expect(parts["health-open"].hidden).toBe(false);
+    expect(parts["health-open"].dataset.level).toBe("warn");
+    expect(parts["health-parts"].textContent).toMatch(/Motor: Too warm \(since .*\)/);
+    shown(null);
+    expect(parts["health-line"].textContent).toBe("No node of the robot reports.");
+  });
+
+  it("tells what gets worse: once, not at first, and a flapping part once a minute", () => {
+    shown(ill(MOTOR));
+    expect(tell).not.toHaveBeenCalled(); // it was so before this page came
+    shown(ill(SPEAKERS, MOTOR), 1000);
+    shown(ill(SPEAKERS, MOTOR), 2000);
+    expect(tell).toHaveBeenCalledExactlyOnceWith({
+      level: "error",
+      code: "health Speakers",
+      text: "Speakers: no answer",
+    });
+    for (let ms = 3000; ms < 60_000; ms += 1000) shown(ms % 2000 ? WELL : ill(SPEAKERS), ms);
+    expect(tell).toHaveBeenCalledTimes(1);
+    shown(WELL, 62_000);
+    shown(ill(SPEAKERS), 63_000);
+    expect(tell).toHaveBeenCalledTimes(2);
+    shown(ill({ ...MOTOR, level: "error" }), 64_000); // it warned a while ago, and was well since
+    expect(tell).toHaveBeenCalledTimes(3);
+  });
+
+  it("tells once that the battery is low", () => {
+    shown(WELL, 0, { battery_percent: 20.4 });
+    for (const percent of [19.9, 20.1, 19.8]) shown(WELL, 1000, { battery_percent: percent });
+    expect(tell).toHaveBeenCalledExactlyOnceWith(
+      expect.objectContaining({ level: "warning", text: "The battery is low: 20 %." }),
+    );
+    expect(parts.battery.dataset.low).toBe("true");
+  });
+});

@@ -1,0 +1,83 @@
+"""A robot's diagnostics from real nodes: what is wrong is named with its time; floods and garbage hold nothing up."""
+
+from __future__ import annotations
+
+import pytest
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_msgs.msg import String
+
+from robots.bridge.config import Topic
+from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+
+DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot(ros, simulator):
+    return simulator(pose="2,1.8,0", seed=1)
+
+
+@pytest.fixture
+def fault(ros):
+    """``fault(names)`` sets faults; they end with the test."""
+    with (
+        ros.listen("/ground_truth/faults", String) as faults,
+        ros.speak("/ground_truth/fault", String) as setter,
+    ):
+
+        def begin(names: str) -> None:
+            setter.publish(String(names))
+            faults.until(lambda message: message.data == names)
+
+        yield begin
+        begin("none")
+
+
+@pytest.fixture
+def hand(rosmaster, robot, tmp_path):
+    config = tiago_config(rosmaster, tmp_path, topics={"diagnostics": DIAGNOSTICS})
+    with running_bridge(config, rosmaster, tmp_path) as (_, hand):
+        hand.state_until(drivable, "a robot that can be driven")
+        yield hand
+
+
+def test_a_part_that_becomes_ill_is_named_and_well_again(hand, fault):
+    health = hand.state_until(lambda state: state.health, "health").health
+    assert (health.level, health.parts) == ("ok", []) and health.well >= 6
+    assert health.temperatures[0].name == "Computer" and 40 < health.temperatures[0].celsius < 60
+    fault("motor_hot,part_broken")
+    health = hand.state_until(
+        lambda state: len(state.health.parts) == 2 and state.health.parts[0].since_s >= 2, "two ill parts"
+    ).health
+    assert [(part.name, part.level, part.text) for part in health.parts] == [
+        ("Speakers", "error", "Amplifier does not answer"),
+        ("Motors: left wheel", "warning", "Too warm"),
+    ]
+    assert (health.temperatures[0].name, health.temperatures[0].celsius) == ("Motors: left wheel", 84)
+    fault("none")
+    hand.state_until(lambda state: state.health.level == "ok", "health again")
+    fault("diagnostics_dead")
+    silent = hand.state_until(lambda state: state.health.level == "silent", "silence").health
+    assert silent.well == 0 and silent.temperatures == []
+
+
+def test_a_flood_and_garbage_are_bounded_and_the_robot_drives(hand, fault):
+    fault("diagnostics_flood,diagnostics_garbage")
+    hand.state_until(
+        lambda state: state.health and state.health.parts_more > 100 and state.health.unread > 2, "the flood"
+    )
+    hand.take_control(1)
+    hand.drive_until(0.3, lambda state: state.odometry.vx > 0.1, "a drive")
+    hand.stick(0.0)
+
+
+def test_a_node_that_dies_and_texts_that_are_no_utf_8_harm_nothing(hand, ros):
+    with ros.speak("/diagnostics", DiagnosticArray) as topic:
+        wrong = DiagnosticStatus(name="gripper", level=DiagnosticStatus.ERROR, message="kaputt \udce4")
+        topic.publish(DiagnosticArray(status=[DiagnosticStatus(name="gripper", level=2, message="kaputt")]))
+        hand.state_until(lambda state: state.health and state.health.level == "error", "the error")
+        with pytest.raises((rospy.ROSException, UnicodeError)):
+            topic.publish(DiagnosticArray(status=[wrong]))
+    health = hand.state_until(lambda state: state.health.level == "silent", "silence").health
+    assert [part.name for part in health.parts] == ["gripper"]
