@@ -4,6 +4,7 @@ keys     drive the course by keys without the gate; print its duration in second
 unknown  publish a message type that is not installed on /weather
 twists   print the forward speed of each twist that the console sends, in m/s
 hear     print the messages on /fleet_demo/place
+faults   set the simulated robot's faults by lines of stdin ("motor_hot,part_broken")
 person   place people in the simulated world by lines of stdin ("person 1.0 2.0"), print the robot's contacts
 """
 
@@ -88,6 +89,15 @@ def hear_twists() -> None:
     rospy.spin()
 
 
+def set_faults() -> None:
+    """Pass on lines of stdin as faults."""
+    publisher = rospy.Publisher("/ground_truth/fault", String, queue_size=5)
+    while not publisher.get_num_connections():
+        time.sleep(0.01)
+    for line in sys.stdin:
+        publisher.publish(String(line.strip()))
+
+
 if __name__ == "__main__":
     rospy.init_node(f"usability_{sys.argv[1]}", anonymous=True, disable_signals=True)
     threading.Thread(target=rospy.spin, daemon=True).start()
@@ -97,6 +107,7 @@ if __name__ == "__main__":
         "unknown": publish_unknown,
         "hear": hear_places,
         "twists": hear_twists,
+        "faults": set_faults,
     }
     roles[sys.argv[1]]()
     rospy.signal_shutdown("done")
