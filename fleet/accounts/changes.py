@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from django.contrib.auth.models import AbstractUser
@@ -10,7 +10,7 @@ from django.db import transaction
 from django.dispatch import Signal
 
 from fleet.audit.command_line import SystemAccount, here
-from fleet.audit.services import actor_renamed, record
+from fleet.audit.services import Said, actor_renamed, record, record_all
 
 SHOWN = ("username", "full_name", "email", "time_zone", "project", "is_active", "is_staff", "is_superuser")
 RECORDED = (*SHOWN, "password")  # a password's change, without the password
@@ -60,13 +60,15 @@ class RecordedUser(AbstractUser):
                     actor = self.changed_by or here()
                     password_set_by_another.send(sender=type(self), user=self, actor=actor)
 
-    def record_creation(self, actor: AbstractUser | SystemAccount | None) -> None:
-        """Record a new account that was stored with others, not by `save`."""
-        _record("account.create", self, _changes(type(self)(), self, RECORDED), actor)
-
     def record_deletion(self) -> None:
         """Record that the account is deleted. The admin deletes none; a program may."""
         _record("account.delete", self, [])
+
+
+def record_creations(people: Sequence[RecordedUser], actor: AbstractUser | SystemAccount | None) -> None:
+    """Record new accounts that were stored together, not by `save`."""
+    said = [_said(person, _changes(type(person)(), person, RECORDED)) for person in people]
+    record_all("account.create", said, actor=actor or here())
 
 
 def _changes(before: AbstractUser, person: AbstractUser, fields: Collection[str]) -> list[dict[str, Any]]:
@@ -89,19 +91,19 @@ def _password_changed(before: AbstractUser, person: AbstractUser) -> bool:
     return typed or not person.has_usable_password() or not before.has_usable_password()
 
 
-def _record(
-    kind: str,
-    person: RecordedUser,
-    changes: list[dict[str, Any]],
-    actor: AbstractUser | SystemAccount | None = None,
-) -> None:
-    """Record a change. Field names and values of rights are kept for ever; names and addresses are not."""
+def _record(kind: str, person: RecordedUser, changes: list[dict[str, Any]]) -> None:
+    said = _said(person, changes)
+    record(
+        kind,
+        actor=person.changed_by or here(),
+        parameters=said.parameters,
+        private=said.private,
+    )
+
+
+def _said(person: RecordedUser, changes: list[dict[str, Any]]) -> Said:
+    """Return a change for the log. Field names and values of rights are kept for ever; names and addresses are not."""
     kept = [change if change["field"] in RIGHTS else {"field": change["field"]} for change in changes]
     change_parameters: dict[str, Any] = {"changes": kept} if changes else {}
     whole: dict[str, Any] = {"changes": changes} if kept != changes else {}
-    record(
-        kind,
-        actor=actor or person.changed_by or here(),
-        parameters={"user": str(person.pk), **change_parameters},
-        private={"name": str(person), **whole},
-    )
+    return Said({"user": str(person.pk), **change_parameters}, private={"name": str(person), **whole})

@@ -9,9 +9,9 @@ from __future__ import annotations
 import secrets
 import unicodedata
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 from django.contrib.auth.models import AbstractUser
 from django.db import InterfaceError, InternalError, OperationalError, connection, transaction
@@ -33,6 +33,7 @@ from fleet.audit.models import Actor, Chain, Content, Record
 
 NAME_LENGTH = 200  # characters of a name or an outcome; the rest is cut off
 SALT_BYTES = 16
+BATCH = 500  # rows of one statement
 
 
 def record(
@@ -64,11 +65,10 @@ def record(
     Raises `AuditUnavailable` when the database cannot be written: the caller must not do what it wanted to record.
     `ValueError` for an unknown kind or a value that is no JSON.
     """
-    if kind not in KINDS:
-        raise UnknownKind(kind)
     people = {_id_of(person): person for person in (actor, real_actor) if person is not None}
-    new = Record(
-        kind=kind,
+    new = _new(
+        kind,
+        Said(parameters or {}, text, private or {}),
         actor_id=_id_of(actor) if actor else None,
         real_actor_id=_id_of(real_actor) if real_actor else None,
         robot_id=robot_id,
@@ -76,18 +76,29 @@ def record(
         session_id=session_id,
         fence=fence,
         outcome=_short(outcome),
-        parameters=plain(parameters or {}, bounded_text),
     )
-    content = _content(text, private or {})
-    if content is not None:
-        new.content_digest = content_digest(content.salt, content.text, content.data)
     with _in_words(), transaction.atomic(savepoint=False):
-        _take_over(new, _numbered(of) if isinstance(of, int) else of, request_id)
+        _take_over(new[0], _numbered(of) if isinstance(of, int) else of, request_id)
+        _append([new], people)
+    return new[0]
+
+
+class Said(NamedTuple):
+    """The content of one record, as `record` takes it."""
+
+    parameters: dict[str, Any]
+    text: str = ""
+    private: dict[str, Any] = {}
+
+
+def record_all(kind: str, several: Sequence[Said], *, actor: AbstractUser | SystemAccount | None) -> None:
+    """Append records of one kind and one actor, without robot, in this order. Raises as `record`."""
+    people = {_id_of(actor): actor} if actor else {}
+    new = [_new(kind, said, actor_id=_id_of(actor) if actor else None) for said in several]
+    for record_, _ in new:
+        _take_over(record_, None, None)
+    with _in_words(), transaction.atomic(savepoint=False):
         _append(new, people)
-        if content is not None:
-            content.record = new
-            content.save()
-    return new
 
 
 def actor_renamed(person: AbstractUser) -> None:
@@ -135,22 +146,45 @@ def _numbered(number: int) -> Record:
     return found
 
 
-def _append(new: Record, people: dict[str, AbstractUser | SystemAccount]) -> None:
-    """Give the record its place in its chain, and insert it.
+_New = tuple[Record, Content | None]
+
+
+def _new(kind: str, said: Said, **fields: Any) -> _New:
+    """Return a record without its place, and its content. Raises `UnknownKind`, `ValueError`."""
+    if kind not in KINDS:
+        raise UnknownKind(kind)
+    new = Record(kind=kind, parameters=plain(said.parameters, bounded_text), **fields)
+    content = _content(said.text, said.private)
+    if content is not None:
+        new.content_digest = content_digest(content.salt, content.text, content.data)
+    return new, content
+
+
+def _append(new: Sequence[_New], people: dict[str, AbstractUser | SystemAccount]) -> None:
+    """Give the records, all of one chain, their places in it, and insert them.
 
     Numbers grow with the places; so do times, unless somebody sets the clock back.
     """
-    chain_id = new.robot_id or NO_ROBOT
-    lock_chain(chain_id, new.robot_name)
+    if not new:
+        return
+    robot_id = new[0][0].robot_id
+    chain_id = robot_id or NO_ROBOT
+    lock_chain(chain_id, new[0][0].robot_name)
     _know(people)
-    last = Record.objects.filter(robot_id=new.robot_id).order_by("-seq").values_list("seq", "digest").first()
+    last = Record.objects.filter(robot_id=robot_id).order_by("-seq").values_list("seq", "digest").first()
     seq, digest = last or (0, first_digest(chain_id))
-    new.id = _next_number()
-    new.at = timezone.now()
-    new.day = new.at.date()
-    new.seq = seq + 1
-    new.digest = next_digest(digest, new)
-    new.save()
+    for (one, _), number in zip(new, _next_numbers(len(new)), strict=True):
+        one.id = number
+        one.at = timezone.now()
+        one.day = one.at.date()
+        one.seq = seq = seq + 1
+        one.digest = digest = next_digest(digest, one)
+    Record.objects.bulk_create([one for one, _ in new], batch_size=BATCH)
+    contents = [content for _, content in new if content is not None]
+    for one, content in new:
+        if content is not None:
+            content.record = one
+    Content.objects.bulk_create(contents, batch_size=BATCH)
 
 
 def _hold(chain_id: uuid.UUID) -> str | None:
@@ -168,16 +202,18 @@ def _know(people: dict[str, AbstractUser | SystemAccount]) -> None:
         Actor.objects.bulk_create(new, ignore_conflicts=True)
 
 
-def _next_number() -> int:
-    """The next order number. On SQLite nobody else writes until the commit."""
-    queries = {
-        "sqlite": "SELECT COALESCE(MAX(id), 0) + 1 FROM audit_record",
-        "postgresql": "SELECT nextval(pg_get_serial_sequence('audit_record', 'id'))",
-    }
+def _next_numbers(count: int) -> list[int]:
+    """The next order numbers, ascending. On SQLite nobody else writes until the commit."""
     with connection.cursor() as cursor:
-        cursor.execute(queries[connection.vendor])
-        number: int = cursor.fetchone()[0]
-        return number
+        if connection.vendor == "sqlite":
+            cursor.execute("SELECT COALESCE(MAX(id), 0) + 1 FROM audit_record")
+            first: int = cursor.fetchone()[0]
+            return list(range(first, first + count))
+        cursor.execute(
+            "SELECT nextval(pg_get_serial_sequence('audit_record', 'id')) FROM generate_series(1, %s)",
+            [count],
+        )
+        return sorted(number for (number,) in cursor.fetchall())
 
 
 def _content(text: str, private: dict[str, Any]) -> Content | None:

@@ -14,6 +14,7 @@ from django.utils import timezone
 from django.utils.translation import gettext as _
 from msgspec import Struct
 
+from fleet.accounts.changes import record_creations
 from fleet.accounts.models import User
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.services import lock_chain, record
@@ -180,8 +181,7 @@ def _make_accounts(people: Sequence[Listed], actor: User) -> list[User]:
         user.set_unusable_password()
         made.append(user)
     User.objects.bulk_create(made)
-    for user in made:
-        user.record_creation(actor)
+    record_creations(made, actor)
     return made
 
 
