@@ -1,7 +1,7 @@
 """Every address answers every kind of request without a server error."""
 
 import logging
-from itertools import cycle, product
+from itertools import cycle
 from uuid import uuid4
 
 import pytest
@@ -68,10 +68,10 @@ def _filled(pattern, values):
 
 
 def _requests(address, number):
-    """Each method with each Accept header. Every second request misses its CSRF token; the next address swaps them."""
+    """Each method, with the next Accept header. Every second misses its CSRF token; the next address swaps."""
     methods = ["GET", "POST"] if address.startswith("/admin/") else ["GET", "POST", "PUT", "OPTIONS", "BREW"]
-    for turn, (method, accept) in enumerate(product(methods, ACCEPTS), number):
-        yield method, accept, method != "GET" and turn % 2 == 0
+    for turn, method in enumerate(methods, number):
+        yield method, ACCEPTS[turn % len(ACCEPTS)], method != "GET" and turn % 2 == 0
 
 
 @pytest.mark.django_db(transaction=True)
