@@ -9,6 +9,7 @@ from std_msgs.msg import String
 
 from robots import wire
 from robots.bridge.config import ArmSource, LimbSource, Topic
+from robots.bridge.limbs.limb_move import THERE_M
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 
@@ -94,10 +95,10 @@ def fault(ros):
 
 def test_the_gripper_opens_and_closes(holder):
     end = holder.moves("gripper", 0.09)
-    assert (end.outcome, end.at_m) == ("done", pytest.approx(0.09, abs=0.005))
+    assert (end.outcome, end.at_m) == ("done", pytest.approx(0.09, abs=THERE_M))
     assert holder.moves("gripper", 0.0).outcome == "done"
-    assert holder.hand.state.limbs["gripper"].at_m < 0.005
-    assert holder.moves("gripper", 0.03).at_m == pytest.approx(0.03, abs=0.005)
+    assert holder.hand.state.limbs["gripper"].at_m < THERE_M
+    assert holder.moves("gripper", 0.03).at_m == pytest.approx(0.03, abs=THERE_M)
     until(lambda: "limb.end done" in holder.process.recorded(), "the end on record")
     kinds = [line.split()[0] for line in holder.process.recorded()]
     assert kinds.index("limb.start") < kinds.index("limb.end")

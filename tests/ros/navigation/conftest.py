@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
+import threading
 import time
-from typing import Any
 
 import pytest
 from geometry_msgs.msg import Twist
@@ -27,6 +27,7 @@ TOPICS = {"navigation": NAVIGATION, "map": Topic("/map", "nav_msgs/OccupancyGrid
 _numbers = itertools.count(1)
 
 
+RENEW_S = 0.2
 CONTROL_S = 10.0  # longer than the product's 3 s: a busy computer sets a fault in more than that
 
 
@@ -51,13 +52,20 @@ class Traveller:
         return seq
 
     def until(self, condition, what: str) -> wire.State:
-        """Renew control until a state is so."""
+        """Renew control until a state is so: by a thread, since states come late on a busy computer."""
+        over = threading.Event()
 
-        def holds(state: wire.State) -> Any:
-            self.renew()
-            return condition(state)
+        def renew() -> None:
+            while not over.wait(RENEW_S):
+                self.renew()
 
-        return self.hand.state_until(holds, what)
+        renewing = threading.Thread(target=renew, daemon=True)
+        renewing.start()
+        try:
+            return self.hand.state_until(condition, what)
+        finally:
+            over.set()
+            renewing.join()
 
     def drives(self) -> wire.State:
         """Renew until navigation drives the base."""
