@@ -73,7 +73,7 @@ class GoProgress(Struct, frozen=True):
     left_m: float | None
     since_s: float
     ending: str = ""  # why it is being cancelled
-    place: PlaceName = ""
+    place: str = ""
 
 
 class GoEnd(Struct, frozen=True):
