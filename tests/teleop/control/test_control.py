@@ -665,8 +665,7 @@ def short_grace(monkeypatch):
 async def test_holder_with_a_cut_network_loses_control(open_page, bridge, short_grace):
     holder, watching = await open_page("operator"), await open_page("second")
     await holder.say("take")
-    await watching.hears("control", state="other")
-    await watching.hears("control", state="away")
+    await watching.hears("control", state="away")  # on a busy computer sooner than the holder was seen
     await watching.hears("control", state="free")
     await bridge.hears(wire.Revoke)
 
