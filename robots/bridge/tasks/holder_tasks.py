@@ -51,10 +51,18 @@ OUTCOMES = {
 Swept = Callable[[tuple[Disc, ...] | None, float], None]
 
 
+NO_WATCHDOG = Refusal(
+    "watchdog_missing",
+    "The robot’s watchdog does not answer: if the bridge failed, nobody would stop the drive. Tell staff.",
+    "robot",
+)
+
+
 class TaskRules(input_routing.RoutingRules, Protocol):
     """The core, as tasks use it."""
 
     lease: LeaseGuard
+    watchdog_missing: bool  # nobody would stop a robot that drives itself if the bridge failed
 
     def why_closed(self, now_s: float) -> Refusal | None:
         """Return why the robot takes no request from anybody: stopped, offline, or records cannot be written."""
@@ -482,6 +490,7 @@ class Tasks:
             self._rules.why_not_begin(requester, now_s)
             or self.why_stand(now_s)
             or self._rules.why_not_still(now_s)
+            or (NO_WATCHDOG if self._rules.watchdog_missing else None)
             or self.going.refuse(Pose(order.x, order.y, order.heading), self.routing.topic("drive"), now_s)
         )
 

@@ -6,6 +6,7 @@ import itertools
 import math
 import threading
 import time
+from contextlib import contextmanager
 
 import pytest
 from geometry_msgs.msg import Twist
@@ -14,7 +15,7 @@ from std_msgs.msg import String
 
 from robots import wire
 from robots.bridge.config import NavigationSource, Topic
-from tests.ros.bridge_support import drivable, running_bridge, tiago_config
+from tests.ros.bridge_support import WatchdogProcess, drivable, running_bridge, tiago_config
 
 NAVIGATION = NavigationSource(
     action="/move_base",
@@ -100,6 +101,18 @@ def robot(ros, simulator):
     return simulator(pose="2,1.8,0", seed=1)
 
 
+@contextmanager
+def guarded_bridge(config, rosmaster, tmp_path):
+    """A bridge with its watchdog, without which no robot is sent to a place, and one link to it."""
+    watchdog = WatchdogProcess(config, rosmaster, tmp_path)
+    try:
+        watchdog.ready()
+        with running_bridge(config, rosmaster, tmp_path) as (process, hand):
+            yield process, hand
+    finally:
+        watchdog.stop()
+
+
 @pytest.fixture
 def config(rosmaster, tmp_path):
     return tiago_config(rosmaster, tmp_path, topics=TOPICS)
@@ -107,7 +120,7 @@ def config(rosmaster, tmp_path):
 
 @pytest.fixture
 def traveller(rosmaster, robot, tmp_path, config):
-    with running_bridge(config, rosmaster, tmp_path) as (process, hand):
+    with guarded_bridge(config, rosmaster, tmp_path) as (process, hand):
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
         hand.let_go()

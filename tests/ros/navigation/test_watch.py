@@ -13,7 +13,7 @@ from nav_msgs.msg import OccupancyGrid
 from robots.bridge.config import Topic
 from tests.processes import until
 from tests.ros.bridge_support import WatchdogProcess, drivable, running_bridge, tiago_config
-from tests.ros.navigation.conftest import TOPICS, Traveller, pause, place
+from tests.ros.navigation.conftest import TOPICS, Traveller, guarded_bridge, pause, place
 
 BEHIND_THE_WALL = (1.2, 5.5)
 WALL_Y_M = 3.5
@@ -73,7 +73,7 @@ def test_a_bridge_that_dies_leaves_no_robot_that_drives_itself(ros, rosmaster, t
 @pytest.fixture
 def with_arm(rosmaster, tmp_path):
     config = tiago_config(rosmaster, tmp_path, topics=TOPICS, gate={"has_arm": True})
-    with running_bridge(config, rosmaster, tmp_path) as (process, hand):
+    with guarded_bridge(config, rosmaster, tmp_path) as (process, hand):
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
         hand.let_go()
@@ -111,7 +111,7 @@ def on_other_map(rosmaster, tmp_path):
     config = tiago_config(
         rosmaster, tmp_path, topics={**TOPICS, "map": Topic("/other_map", "nav_msgs/OccupancyGrid")}
     )
-    with running_bridge(config, rosmaster, tmp_path) as (process, hand):
+    with guarded_bridge(config, rosmaster, tmp_path) as (process, hand):
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
         hand.let_go()
@@ -128,7 +128,7 @@ def test_a_map_that_changes_or_ends_ends_a_drive(ros, rosmaster, tmp_path):
     config = tiago_config(
         rosmaster, tmp_path, topics={**TOPICS, "map": Topic("/other_map", "nav_msgs/OccupancyGrid")}
     )
-    with published(200) as maps, running_bridge(config, rosmaster, tmp_path) as (process, hand):
+    with published(200) as maps, guarded_bridge(config, rosmaster, tmp_path) as (process, hand):
         hand.state_until(drivable, "a robot that can be driven")
         hand.take_control(1)
         hand.let_go()
@@ -145,3 +145,13 @@ def test_a_map_that_changes_or_ends_ends_a_drive(ros, rosmaster, tmp_path):
         maps.unregister()
         assert traveller.ended(seq).outcome == "map_gone"
         traveller.stands()
+
+
+def test_without_a_watchdog_nobody_is_sent(rosmaster, tmp_path, config):
+    with running_bridge(config, rosmaster, tmp_path) as (process, hand):
+        hand.state_until(drivable, "a robot that can be driven")
+        hand.take_control(1)
+        hand.let_go()
+        traveller = Traveller(process, hand)
+        traveller.until(lambda state: state.watchdog_missing, "a missing watchdog")
+        assert traveller.refused(*FAR).code == "watchdog_missing"
