@@ -12,6 +12,7 @@ from robots.wire.base import Fence, Seq
 FARTHEST_PLACE_M = 10_000.0
 MOST_PATH = 200  # places of a path
 Coordinate = Annotated[float, Meta(ge=-FARTHEST_PLACE_M, le=FARTHEST_PLACE_M)]  # metres
+MapDigest = Annotated[str, Meta(max_length=64)]  # as the console's API names a map; empty: any
 PlaceName = Annotated[str, Meta(max_length=60)]  # of a place that people named
 Heading = Annotated[float, Meta(ge=-math.tau, le=math.tau)]  # radians
 
@@ -20,7 +21,8 @@ class Go(Struct, frozen=True, tag_field="t", tag="go"):
     """Drive to a place of the map by the robot's own navigation, which the gate watches.
 
     The robot must stand. `State.going` shows it, `State.going_ended` its end. `place` names a place of the map: then
-    the console reads x, y and heading from that place.
+    the console reads x, y and heading from that place. `map` is the map on which the place was chosen: on another one
+    the robot does not go.
     """
 
     fence: Fence
@@ -29,6 +31,7 @@ class Go(Struct, frozen=True, tag_field="t", tag="go"):
     heading: Heading
     seq: Seq = 0
     place: PlaceName = ""
+    map: MapDigest = ""
 
 
 class GoCancel(Struct, frozen=True, tag_field="t", tag="go_cancel"):
@@ -39,13 +42,14 @@ class GoCancel(Struct, frozen=True, tag_field="t", tag="go_cancel"):
 
 
 class SetPose(Struct, frozen=True, tag_field="t", tag="set_pose"):
-    """Tell the robot where it is on its map. Only while it stands."""
+    """Tell the robot where it is on its map. Only while it stands. `map` as in `Go`."""
 
     fence: Fence
     x: Coordinate
     y: Coordinate
     heading: Heading
     seq: Seq = 0
+    map: MapDigest = ""
 
 
 class Location(Struct, frozen=True):

@@ -154,7 +154,7 @@ def _is_default(offers: wire.Offers, use: str, topic: str) -> bool:
 def _to_place(request: wire.Go, robot_id: UUID) -> wire.Go:
     """Return the request with the coordinates of the place that it names. Raises `NotDone`."""
     place = place_of_robot(robot_id, request.place)
-    return structs.replace(request, x=place.x_m, y=place.y_m, heading=place.heading_rad, place=place.name)
+    return structs.replace(request, x=place.x_m, y=place.y_m, heading=place.heading_rad, place=place.name, map=place.map_id)
 
 
 def _record_cancel(what: str, hub: RobotHub, user: User, answer: Accepted | Refused) -> None:

@@ -41,6 +41,9 @@ _MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old", "de
 NO_NAVIGATION = Refusal(
     "no_navigation", "This robot has no navigation of its own that the console knows.", "robot"
 )
+OTHER_MAP = Refusal(
+    "map_changed", "The robot has another map now. Look at the new one, then choose again.", "robot"
+)
 # Why the robot was halted, by the code: the outcome.
 _OUTCOMES = {
     "control_ended": "control_lost",
@@ -143,6 +146,12 @@ class Going(Goals[Target]):
 
     def _refuse_goal(self, goal: Pose) -> Refusal | None:
         return self._map_problem if self._map is None else self._map.refuse(goal, self._gate.footprint)
+
+    def refuse_map(self, chosen: str) -> Refusal | None:
+        """Return a refusal if a place was chosen on another map than the robot has now."""
+        if chosen and self._map is not None and self._map.digest != chosen:
+            return OTHER_MAP
+        return None
 
     def busy(self) -> Refusal | None:
         """Return a refusal while a goal is under way, or being cancelled."""

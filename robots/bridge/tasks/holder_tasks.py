@@ -491,6 +491,7 @@ class Tasks:
             or self.why_stand(now_s)
             or self._rules.why_not_still(now_s)
             or (NO_WATCHDOG if self._rules.watchdog_missing else None)
+            or self.going.refuse_map(order.map)
             or self.going.refuse(Pose(order.x, order.y, order.heading), self.routing.topic("drive"), now_s)
         )
 
@@ -510,7 +511,7 @@ class Tasks:
                 self._performer.aim_head(self._head.forward(now_s))  # the gate's camera looks where it drives
 
     def _set_pose(self, order: wire.SetPose, requester: Requester, now_s: float) -> None:
-        if refusal := self._why_not_set_pose(now_s):
+        if refusal := self.going.refuse_map(order.map) or self._why_not_set_pose(now_s):
             requester.answer(refusal)
             return
         place = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}

@@ -391,7 +391,7 @@ class ControlPage {
     this.#scene.facts = robot;
     if (this.#camera) this.#camera.facts = robot;
     this.#statusBar.facts = robot;
-    this.#limbs.facts = robot;
+    this.#limbs.facts = this.#headStick.facts = robot;
     this.#taskPanel.welcome = welcome;
   }
 
@@ -503,7 +503,7 @@ class ControlPage {
     const asksNeutral = this.#stick.waitsForNeutral || Boolean(this.#state?.neutral_needed);
     if (!asksNeutral || !this.#drives) this.#freeMs = now;
     const cut = this.#isCut();
-    this.#picture.stale = this.#scene.stale = cut;
+    this.#picture.stale = this.#scene.stale = this.#map.stale = cut;
     if (this.#camera && cut) this.#camera.view = null;
     if (document.hidden) this.#hiddenMs = now;
     const silent = this.#state !== null && isSilent(now - Math.max(this.#viewMs, this.#hiddenMs));

@@ -11,7 +11,7 @@ import {
   unknownText,
   verdictText,
 } from "../control/robot_words.js";
-import { batteryText, healthText, MARKS } from "../health/health_words.js";
+import { batteryText, cardHealth, MARKS } from "../health/health_words.js";
 import { movingText } from "../limbs/words.js";
 import { shortened } from "../tasks/tasks.js";
 
@@ -57,7 +57,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
     doing: unknown || doingText(state),
     driver: state.holder ?? gettext("Nobody"),
     battery: unknown ? "–" : batteryText(state),
-    health: unknown ? "–" : healthText(state.health ?? null),
+    health: unknown ? "–" : cardHealth(state.health ?? null, Date.now()),
     healthLevel: unknown ? "ok" : MARKS[state.health?.level ?? "ok"],
     gate: unknown || plain(verdictText(state.verdict)) || gettext("Free"),
     stop: stopWord(stop.state, unknown),

@@ -126,9 +126,10 @@ export class PlanPage {
         if (!this.#maps.has(one.map)) {
           this.#maps.set(one.map, new PlanMap(this.#parts.maps, this.#root.dataset.help));
         }
-        await this.#maps.get(one.map).take(one);
       }
-      sayOrHide(this.#parts["maps-failed"], "");
+      const taken = present.map((one) => this.#maps.get(one.map).take(one));
+      const failed = (await Promise.allSettled(taken)).find(({ status }) => status === "rejected");
+      sayOrHide(this.#parts["maps-failed"], failed?.reason.message ?? "");
     } catch (error) {
       sayOrHide(this.#parts["maps-failed"], error.message);
     }
@@ -189,6 +190,7 @@ export class PlanPage {
     mark(this.#parts.connection, "level", level);
     say(this.#parts.connection, text);
     for (const { row } of this.#rows.values()) mark(row, "stale", !live);
+    mark(this.#parts.maps, "stale", !live);
   }
 }
 

@@ -1,11 +1,14 @@
 /** Where a robot is on the fleet plan, in words. Pure. */
 
+import { isSeen, seenAt, unknownText } from "../control/robot_words.js";
+
 const THERE_M = 0.5;
 const NEAR_M = 2;
 
 /** Why a robot is on no map; empty: it is on one. @param {?object} map that it has @param {object} robot as it was heard */
 export function whyNowhere(map, { state, refusal }) {
   if (!state) return refusal?.text ?? gettext("Nothing is heard of it.");
+  if (!isSeen(state)) return interpolate(gettext("Where it is: %s"), [unknownText(seenAt(state))]);
   if (!map)
     return gettext("The console knows no map of it: it is read while somebody has control.");
   if (!state.location) return gettext("It does not know where it is on its map.");

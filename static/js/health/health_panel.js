@@ -33,8 +33,8 @@ export class HealthPanel {
     const { health = null } = state;
     this.#showBattery(state);
     this.#showHeader(cut ? null : health);
+    if (cut) return; // "since" counts from when it was heard
     this.#showDetails(health, nowMs);
-    if (cut) return;
     if (health) this.#tellOfParts(health.parts, nowMs);
     this.#tellOfBattery(state);
   }
@@ -76,21 +76,23 @@ export class HealthPanel {
     const before = this.#told ?? new Map();
     const now = new Map();
     for (const part of parts) {
-      const old = before.get(part.name);
-      const worse = BADNESS[part.level] > (old?.badness ?? 0);
-      const tells = this.#told !== null && worse && nowMs - (old?.toldMs ?? -AGAIN_MS) >= AGAIN_MS;
+      const old = before.get(part.name) ?? { badness: 0, toldBadness: 0, toldMs: -AGAIN_MS };
+      const badness = BADNESS[part.level];
+      const isNews = badness > old.toldBadness || nowMs - old.toldMs >= AGAIN_MS;
+      const tells = this.#told !== null && badness > old.badness && isNews;
       if (tells) {
         const level = part.level === "error" ? "error" : "warning";
         this.#tell({ level, code: `health ${part.name}`, text: partText(part) });
       }
       now.set(part.name, {
-        badness: BADNESS[part.level],
-        toldMs: tells ? nowMs : (old?.toldMs ?? -AGAIN_MS),
+        badness,
+        toldBadness: tells || this.#told === null ? badness : old.toldBadness,
+        toldMs: tells ? nowMs : old.toldMs,
       });
     }
     // A part that is well again is remembered for a minute: it may flap.
-    for (const [name, { toldMs }] of before)
-      if (!now.has(name) && nowMs - toldMs < AGAIN_MS) now.set(name, { badness: 0, toldMs });
+    for (const [name, old] of before)
+      if (!now.has(name) && nowMs - old.toldMs < AGAIN_MS) now.set(name, { ...old, badness: 0 });
     this.#told = now;
   }
 

@@ -48,6 +48,15 @@ export function healthText(health) {
   return others ? interpolate(gettext("%s, and %s more"), [worst, others]) : worst;
 }
 
+/** The same on a card, with since when, or the highest temperature. @param {?object} health @param {number} nowMs */
+export function cardHealth(health, nowMs) {
+  const text = healthText(health);
+  const [worst] = health?.parts ?? [];
+  if (worst) return interpolate(gettext("%s (%s)"), [text, sinceText(worst, nowMs)]);
+  const [hottest] = health?.temperatures ?? [];
+  return hottest ? interpolate(gettext("%s, at most %s °C"), [text, hottest.celsius]) : text;
+}
+
 /** "Motors: left wheel 84 °C, Computer 52 °C"; empty: none is known. @param {object[]} temperatures */
 export function temperaturesText(temperatures) {
   return temperatures.map(({ name, celsius }) => `${name} ${celsius} °C`).join(", ");

@@ -27,6 +27,7 @@ export class HeadStick {
   #knob;
   #order;
   #may = false;
+  #hasHead = false;
   #pointer = null; // its id
   #held = new Set(); // keys
   #way = { pan: 0, tilt: 0 }; // -1 to 1; positive: left, up
@@ -60,6 +61,12 @@ export class HeadStick {
     on(window, "keyup", ({ code }) => this.#held.delete(code) && this.#byKeys());
     on(document, "focusin", ({ target }) => isEditing(target) && this.release());
     this.mayAct = false;
+  }
+
+  /** @param {object} facts of the robot */
+  set facts({ has_head: hasHead = false }) {
+    this.#hasHead = hasHead;
+    if (!hasHead) this.release();
   }
 
   /** @param {boolean} may this tab has control of a robot */
@@ -104,6 +111,7 @@ export class HeadStick {
 
   #drag({ clientX, clientY }) {
     const { left, top, width, height } = this.#pad.getBoundingClientRect();
+    if (width === 0) return this.release(); // something hides the pad
     const right = (2 * (clientX - left)) / width - 1;
     const down = (2 * (clientY - top)) / height - 1;
     const size = Math.max(1, Math.hypot(right, down));
@@ -112,9 +120,11 @@ export class HeadStick {
 
   #key(event) {
     if (isEditing(event.target) || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (!this.#hasHead) return;
     if (event.code === AHEAD && !event.repeat && this.#may) this.#ahead();
     if (!(event.code in KEYS) || !this.#may || this.#pointer !== null) return;
     event.preventDefault();
+    if (event.repeat && !this.#held.has(event.code)) return; // held since before input ended: press it anew
     this.#held.add(event.code);
     this.#byKeys();
   }

@@ -43,6 +43,6 @@ export function endNotice(limb, { outcome, text, at_m: atM }) {
   return {
     level: "warning",
     code: `limb ${limb} ${outcome}`,
-    text: [words, text, text.includes(" m") ? "" : where].filter(Boolean).join(" "),
+    text: [words, text, /\d m\b/.test(text) ? "" : where].filter(Boolean).join(" "),
   };
 }

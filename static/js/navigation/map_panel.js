@@ -82,6 +82,11 @@ export class MapPanel {
     if (!drives && IN_CONTROL.includes(this.#mode)) this.#choose(null);
   }
 
+  /** @param {boolean} stale what is shown was true some time ago */
+  set stale(stale) {
+    mark(this.#parts.map, "old", stale);
+  }
+
   close() {
     this.#listening.abort();
     clearInterval(this.#timer);
@@ -162,7 +167,18 @@ export class MapPanel {
     const mode = this.#mode;
     this.#choose(null);
     if (mode === "place") this.#places.add(rounded(pose));
-    else this.#order({ t: mode === "pose" ? "set_pose" : "go", ...rounded(pose) });
+    else
+      this.#send({
+        t: mode === "pose" ? "set_pose" : "go",
+        ...rounded(pose),
+        map: this.#loaded ?? "",
+      });
+  }
+
+  /** The robot judges by its own map: if that is another one, the new one is loaded. */
+  async #send(order) {
+    const refusal = await this.#order(order);
+    if (refusal?.code === "map_changed") this.#load();
   }
 
   #goTo(place) {

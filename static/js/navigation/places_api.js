@@ -14,7 +14,11 @@ export async function readMaps(robot = null) {
 export async function readPicture(map) {
   const picture = new Image();
   picture.src = map.picture;
-  await picture.decode();
+  try {
+    await picture.decode();
+  } catch {
+    throw new Error(gettext("The picture of the map could not be read."));
+  }
   return picture;
 }
 

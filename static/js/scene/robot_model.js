@@ -20,6 +20,7 @@ const BASE_M = 0.3; // height of a base that nothing describes
 const ROD_M = 0.045; // radius of what stands for a link
 const AT_ONCE = 3; // meshes
 const MOST_TRIANGLES = 400_000; // of all meshes
+const JOINTS_COME_MS = 3_000;
 const AT_REST = 1e-3; // rad or m
 const UP = new Vector3(0, 1, 0); // axis of a cylinder
 
@@ -34,6 +35,9 @@ export class RobotModel {
   #wanted = {};
   #plain = new MeshLambertMaterial(); // of shapes without a colour
   #substitute = new MeshLambertMaterial();
+  #movable = []; // names of joints that move by themselves
+  #lacking = 0; // of them, those whose positions are not known
+  #saysFromMs = 0; // positions come a moment after the description
   #notes = [];
   #triangles = 0;
   #abort = new AbortController();
@@ -59,6 +63,10 @@ export class RobotModel {
   /** @param {Record<string, number>} joints rad or m */
   set joints(joints) {
     this.#wanted = joints;
+    const lacking = this.#movable.filter((name) => !(name in joints)).length;
+    if (lacking === this.#lacking || performance.now() < this.#saysFromMs) return;
+    this.#lacking = lacking;
+    this.#sayNotes();
   }
 
   joint(name) {
@@ -104,8 +112,18 @@ export class RobotModel {
     this.#notes = [...(description?.problems ?? [])];
     if (description) await this.#build(description, this.#abort.signal);
     this.#showBase();
-    this.#note(this.#notes);
+    this.#sayNotes();
     this.#changed();
+  }
+
+  #sayNotes() {
+    const text = ngettext(
+      "The position of %s joint is not known: it is drawn where it was last.",
+      "The positions of %s joints are not known: they are drawn where they were last.",
+      this.#lacking,
+    );
+    const unknown = this.#lacking ? [interpolate(text, [this.#lacking])] : [];
+    this.#note([...unknown, ...this.#notes]);
   }
 
   async #build(description, signal) {
@@ -124,6 +142,10 @@ export class RobotModel {
       return;
     }
     for (const joint of Object.values(this.#model.joints)) joint.ignoreLimits = true; // the robot is where it is
+    this.#movable = Object.values(this.#model.joints)
+      .filter(({ jointType, mimicJoint }) => jointType !== "fixed" && !mimicJoint)
+      .map(({ name }) => name);
+    this.#saysFromMs = performance.now() + JOINTS_COME_MS;
     this.group.add(this.#model);
     this.#plainMaterials(this.#model);
     this.#changed();
@@ -206,6 +228,7 @@ export class RobotModel {
   /** The footprint stands for a base that has no shape of its own. */
   #showBase() {
     this.#base?.removeFromParent();
+    this.#base?.geometry.dispose();
     this.#base = null;
     if (!this.#footprint || this.#hasLowShape) return;
     const outline = new Shape();
@@ -234,6 +257,8 @@ export class RobotModel {
 
   #clear() {
     this.#triangles = 0;
+    this.#movable = [];
+    this.#lacking = 0;
     this.#joints = {};
     this.#model?.traverse((part) => part.geometry?.dispose());
     this.#model?.removeFromParent();

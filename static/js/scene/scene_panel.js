@@ -2,6 +2,7 @@
 
 import { make, mark, sayOrHide, show } from "../lib/dom.js";
 
+const MAP_EVERY = 5; // looks: the map may be another one
 const AGAIN_MS = 4_000; // while the console knows no description, or nothing answers
 
 export class ScenePanel {
@@ -15,8 +16,9 @@ export class ScenePanel {
   #newest = null;
   #path = [];
   #isDescribed = false; // the newest description has been read
-  #digest = null; // of the description that is drawn
+  #digest; // of the description that is drawn; null: there is none; undefined: not asked yet
   #map = null; // number of the map that is drawn
+  #looks = 0;
   #timer = null;
   #abort = null; // ends what is being fetched
   #listening = new AbortController();
@@ -128,7 +130,9 @@ export class ScenePanel {
     if (!this.#scene.draws) return;
     if (!this.#isDescribed) this.#isDescribed = await this.#readDescription(signal);
     const isOnMap = Boolean(this.#newest?.state.location);
-    if (isOnMap && this.#map === null) await this.#readMap(signal);
+    if (isOnMap && (this.#map === null || this.#looks % MAP_EVERY === 0))
+      await this.#readMap(signal);
+    this.#looks += 1;
     if (!signal.aborted) this.#timer = setTimeout(() => this.#follow(signal), AGAIN_MS);
   }
 
@@ -138,13 +142,13 @@ export class ScenePanel {
       const found = await answer.json();
       if (signal.aborted) return false;
       if (!answer.ok) {
+        if (this.#digest !== null) this.#scene.describe(null);
         this.#digest = null;
-        this.#scene.describe(null);
         this.#say(found.detail ?? "");
         return false;
       }
-      if (found.digest === this.#digest) return true;
       this.#say("");
+      if (found.digest === this.#digest) return true;
       this.#digest = found.digest;
       this.#scene.describe(found);
       return true;

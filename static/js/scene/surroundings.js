@@ -149,7 +149,12 @@ export class Surroundings {
   }
 
   lay(map, picture) {
-    this.#map?.removeFromParent();
+    if (this.#map) {
+      this.#map.removeFromParent();
+      this.#map.geometry.dispose();
+      this.#map.material.map.dispose();
+      this.#map.material.dispose();
+    }
     const [width, height] = [map.width * map.resolution_m, map.height * map.resolution_m];
     const texture = new Texture(picture);
     texture.colorSpace = SRGBColorSpace;

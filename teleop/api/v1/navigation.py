@@ -7,7 +7,7 @@ from typing import Annotated
 from asgiref.sync import async_to_sync
 from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiExample
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
 
@@ -88,8 +88,8 @@ class GoView(TasksBase):
         arrived, failed, held_back, cancelled, stopped, replaced by a stick, and others. Needs control. While it drives,
         ask for something at least every 10 s, such as its status."""
         robot = self.robot(slug)
-        x, y, heading, place = _asked(robot, body)
-        return self.start(robot, lambda fence, seq: wire.Go(fence, x, y, heading, seq, place), "go")
+        asked = _asked(robot, body)
+        return self.start(robot, lambda fence, seq: structs.replace(asked, fence=fence, seq=seq), "go")
 
     @operation(
         "go_cancel",
@@ -160,14 +160,15 @@ class MapPictureView(ProgramView):
         return HttpResponse(bytes(newest_map(self.robot(slug), whole=True).picture), content_type="image/png")
 
 
-def _asked(robot: Robot, body: GoRequest) -> tuple[float, float, float, str]:
-    """Return where the robot shall drive: x, y, heading, and the place's name. Raises `NotDone` or `Problem`."""
+def _asked(robot: Robot, body: GoRequest) -> wire.Go:
+    """Return where the robot shall drive, without fence. Raises `NotDone` or `Problem`."""
     if body.place is not None and body.x is None and body.y is None:
         place = place_of_robot(robot.id, body.place)
-        return place.x_m, place.y_m, place.heading_rad if body.heading is None else body.heading, place.name
+        heading = place.heading_rad if body.heading is None else body.heading
+        return wire.Go(0, place.x_m, place.y_m, heading, place=place.name, map=place.map_id)
     if body.place is not None or body.x is None or body.y is None:
         raise Problem(_ONE_PLACE)
-    return body.x, body.y, body.heading or 0.0, ""
+    return wire.Go(0, body.x, body.y, body.heading or 0.0)
 
 
 def newest_map(robot: Robot, *, whole: bool = False) -> RobotMap:

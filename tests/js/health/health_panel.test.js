@@ -2,6 +2,7 @@ import { beforeEach, describe, expect, it, vi } from "vitest";
 import { HealthPanel } from "../../../static/js/health/health_panel.js";
 import {
   batteryText,
+  cardHealth,
   healthText,
   leftOutText,
   partText,
@@ -48,6 +49,10 @@ describe("health in words", () => {
     expect(healthText({ ...ill(SPEAKERS, MOTOR), parts_more: 4 })).toBe(
       "Speakers: no answer, and 5 more",
     );
+    expect(cardHealth({ ...WELL, temperatures: [{ name: "Motor", celsius: 84 }] }, 0)).toBe(
+      "All well: 6 parts say so, at most 84 °C",
+    );
+    expect(cardHealth(ill(SPEAKERS), 1e12)).toMatch(/^Speakers: no answer \(since .+\)$/);
     expect(partText({ ...MOTOR, level: "silent" })).toBe("Motor: reports nothing any more");
     expect(partText({ ...MOTOR, text: "" })).toBe("Motor: warns, without a reason");
     expect(temperaturesText([{ name: "Motor", celsius: 84 }])).toBe("Motor 84 °C");
@@ -97,8 +102,10 @@ describe("health on the control page", () => {
     shown(WELL, 62_000);
     shown(ill(SPEAKERS), 63_000);
     expect(tell).toHaveBeenCalledTimes(2);
-    shown(ill({ ...MOTOR, level: "error" }), 64_000); // it warned a while ago, and was well since
+    shown(ill(MOTOR), 64_000); // it warned a while ago, and was well since
     expect(tell).toHaveBeenCalledTimes(3);
+    shown(ill({ ...MOTOR, level: "error" }), 65_000);
+    expect(tell).toHaveBeenLastCalledWith(expect.objectContaining({ level: "error" })); // worse than what was told
   });
 
   it("tells once that the battery is low", () => {

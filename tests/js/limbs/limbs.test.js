@@ -119,6 +119,7 @@ describe("the head's stick", () => {
   beforeEach(() => {
     page["head-pad"].getBoundingClientRect = () => ({ left: 0, top: 0, width: 100, height: 100 });
     stick = new HeadStick(page, order, () => true);
+    stick.facts = { has_head: true };
     stick.mayAct = true;
   });
 
@@ -147,6 +148,22 @@ describe("the head's stick", () => {
     expect(order.mock.calls.length).toBe(count);
     key("keydown", "KeyO");
     expect(order).toHaveBeenLastCalledWith({ t: "look_ahead" });
+  });
+
+  it("waits for a new press of a key that is held when input ends, and for a robot with a head", async () => {
+    const key = (type, code, repeat = false) =>
+      window.dispatchEvent(Object.assign(new Event(type, { cancelable: true }), { code, repeat }));
+    key("keydown", "KeyJ");
+    stick.mayAct = false; // a stop, or control ended
+    stick.mayAct = true;
+    order.mockClear();
+    key("keydown", "KeyJ", true);
+    await vi.advanceTimersByTimeAsync(300);
+    expect(order).not.toHaveBeenCalled();
+    stick.facts = { has_head: false };
+    for (const code of ["KeyJ", "KeyO"]) key("keydown", code);
+    await vi.advanceTimersByTimeAsync(300);
+    expect(order).not.toHaveBeenCalled();
   });
 
   it("sends no more than two requests without an answer", async () => {

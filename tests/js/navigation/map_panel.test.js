@@ -106,7 +106,7 @@ describe("the map over the picture", () => {
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointermove", 240, 110));
     canvas.dispatchEvent(pointer("pointerup", 240, 110));
-    expect(order).toHaveBeenCalledWith({ t: "go", x: 2, y: 2, heading: 1.571 });
+    expect(order).toHaveBeenCalledWith({ t: "go", x: 2, y: 2, heading: 1.571, map: "" });
     expect(page["map-go"].getAttribute("aria-pressed")).toBe("false");
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerup", 240, 150));
@@ -121,7 +121,13 @@ describe("the map over the picture", () => {
     document.body.addEventListener("keydown", reached);
     for (const key of ["ArrowRight", ",", "Enter"])
       canvas.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
-    expect(order).toHaveBeenCalledWith({ t: "set_pose", x: 2.5, y: 2, heading: 0.262 });
+    expect(order).toHaveBeenCalledWith({
+      t: "set_pose",
+      x: 2.5,
+      y: 2,
+      heading: 0.262,
+      map: "",
+    });
     expect(reached).not.toHaveBeenCalled();
     canvas.dispatchEvent(new KeyboardEvent("keydown", { key: " ", bubbles: true }));
     expect(reached).toHaveBeenCalledTimes(1); // the stop is never kept
