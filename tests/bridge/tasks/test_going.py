@@ -93,6 +93,23 @@ def test_it_is_sent_only_when_it_is_recorded(bench):
     assert ("go.start", {"x_m": 3.0, "y_m": 1.0, "heading_rad": 0.5, "place": "desk"}) in bench.sink.records
 
 
+def test_a_place_of_another_map_is_refused(bench):
+    (refusal,) = bench.ask(msgspec.structs.replace(GO, map="another"))
+    assert refusal.code == "map_changed"
+    (refusal,) = bench.ask(wire.SetPose(1, 0.1, 0.0, 0.0, seq=9, map="another"))
+    assert refusal.code == "map_changed" and not bench.base.goals
+    bench.ask(msgspec.structs.replace(GO, map=FreeMap.digest, seq=10))
+    bench.recorded()
+    passed(bench, 0.2)
+    assert len(bench.base.goals) == 1
+
+
+def test_without_its_watchdog_the_robot_is_not_sent(bench):
+    bench.core.watchdog_missing = True
+    (refusal,) = bench.ask(GO)
+    assert refusal.code == "watchdog_missing"
+
+
 def test_a_record_that_fails_sends_nothing(bench):
     bench.sink.fails = "the disk is full"
     answers = bench.ask(GO)
