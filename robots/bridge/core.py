@@ -395,9 +395,9 @@ class Core:
         """Note that the robot's map cannot be fetched."""
         self.tasks.going.unmapped(why, now_s)
 
-    def described(self, taken: TakenDescription) -> None:
-        """Take the robot's description: the console keeps it for pages."""
-        self._records.keep_description(taken)
+    def described(self, taken: TakenDescription, failed: Callable[[], object]) -> None:
+        """Take the robot's description: the console keeps it for pages. `failed` is called if it could not."""
+        self._records.keep_description(taken, failed)
 
     def battery(self, percent: float, now_s: float) -> None:
         """Take the battery's charge in percent."""

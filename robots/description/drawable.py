@@ -17,6 +17,8 @@ from robots.bridge.tasks.urdf import MAX_JOINTS, BadDescription, parsed
 
 MOST_SHAPES = 2_000
 MOST_PROBLEMS = 20
+MOST_MESHES = 500
+MOST_LOOSE = 100  # links without a joint
 FARTHEST_M = 1_000.0
 LARGEST_NUMBER = 1e6
 DEEPEST = 500  # joints from a link to the root: a page goes through the tree by recursion
@@ -57,11 +59,17 @@ class _Reader:
         joints = list(self._joints())
         self._check_tree(joints)
         _drop_loose_mimics(joints)
-        for material in self._found.findall("material"):
+        materials = self._found.findall("material")
+        if len(materials) > MOST_SHAPES:
+            self._problems.append(f"more than {MOST_SHAPES} materials")
+        for material in materials[:MOST_SHAPES]:
             self._add(self._robot, material, _material)
         links = dict.fromkeys(name for joint in joints for name in (joint.parent, joint.child))
         shapes = {link.get("name", ""): link.findall("visual") for link in self._found.findall("link")}
-        for name in [*links, *(other for other in shapes if other not in links)]:
+        loose = [other for other in shapes if other not in links]
+        if len(loose) > MOST_LOOSE:
+            self._problems.append(f"{len(loose) - MOST_LOOSE} links that hang on no joint")
+        for name in [*links, *loose[:MOST_LOOSE]]:
             self._link(name, shapes.get(name, []))
         self._robot.extend(joint.element for joint in joints)
         if len(self._problems) > MOST_PROBLEMS:
@@ -136,6 +144,8 @@ class _Reader:
             name = shape.get("filename", "").strip()
             if not name or len(name) > 500 or not name.isprintable():
                 raise _Misfit("a mesh without a usable address")
+            if name not in self._meshes and len(self._meshes) >= MOST_MESHES:
+                raise _Misfit(f"one of more than {MOST_MESHES} meshes")
             self._meshes[name] = None
             scale = {"scale": _numbers(shape, "scale", 3)} if shape.get("scale") else {}
             SubElement(into, "mesh", {"filename": name, **scale})

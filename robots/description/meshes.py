@@ -5,10 +5,12 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterator, Sequence
+from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple
 
 LARGEST_MESH = 25_000_000  # bytes
+DEEPEST = 10  # folders from a package to a mesh that is named by a file’s address
 FORMATS = (".stl", ".dae", ".obj")
 _PACKAGE = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,99}")
 _PACKAGE_ADDRESS, _FILE_ADDRESS = "package://", "file://"
@@ -40,12 +42,15 @@ def mesh_at(address: str, folders: Sequence[Path]) -> Mesh:
         raise NoMesh(f"{_short(address)} leads out of its package")
     if Path(path).suffix.lower() not in FORMATS:
         raise NoMesh(f"{_short(address)} is neither STL nor Collada nor OBJ, which pages draw")
-    for folder in _packages(package, folders):
-        file = (folder / path).resolve()
-        if not file.is_relative_to(folder.resolve()):
-            raise NoMesh(f"{_short(address)} leads out of its package")
-        if file.is_file():
-            return _mesh(package, path, file, address)
+    try:
+        for folder in _packages(package, folders):
+            file = (folder / path).resolve()
+            if not file.is_relative_to(folder.resolve()):
+                raise NoMesh(f"{_short(address)} leads out of its package")
+            if file.is_file():
+                return _mesh(package, path, file, address)
+    except (OSError, RuntimeError) as error:  # too long a name, no right to read, links in a circle
+        raise NoMesh(f"{_short(address)} cannot be read") from error
     raise NoMesh(f"{_short(address)} is not on the console’s computer")
 
 
@@ -70,8 +75,8 @@ def _split(address: str, folders: Sequence[Path]) -> tuple[str, str]:
         # Such an address holds for the robot's computer: here the package with that name counts.
         file = address.removeprefix(_FILE_ADDRESS)
         if ".." not in file.split("/"):
-            for folder in Path(file).parents:
-                if next(_packages(folder.name, folders), None) is not None:
+            for folder in islice(Path(file).parents, DEEPEST):
+                if _is_package(folder.name, folders):
                     return folder.name, Path(file).relative_to(folder).as_posix()
         raise NoMesh(f"{_short(address)} lies in no package on the console’s computer")
     raise NoMesh(f"{_short(address)} is no address of a package")
@@ -82,10 +87,17 @@ def _packages(name: str, folders: Sequence[Path]) -> Iterator[Path]:
     if not _PACKAGE.fullmatch(name):
         return
     for folder in folders:
-        candidates = [folder] if folder.name == name else []
-        for candidate in (*candidates, folder / name, *sorted(folder.glob(f"*/{name}"))):
+        own = [folder] if folder.name == name else []
+        for candidate in chain([*own, folder / name], folder.glob(f"*/{name}")):
             if (candidate / "package.xml").is_file():
                 yield candidate
+
+
+def _is_package(name: str, folders: Sequence[Path]) -> bool:
+    try:
+        return next(_packages(name, folders), None) is not None
+    except OSError:
+        return False
 
 
 def _short(address: str) -> str:

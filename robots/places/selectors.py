@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 from uuid import UUID
 
-from django.db.models import Max
+from django.db.models import Exists, Max, OuterRef, Q
 from msgspec import Struct
 
 from robots.access.selectors import roles_of
@@ -24,6 +24,7 @@ from robots.wire import NotDone, Refusal
 if TYPE_CHECKING:
     from fleet.accounts.models import User
 
+USED = ~Q(name="") | Exists(Place.objects.filter(map=OuterRef("pk")))  # maps with a name or places
 NO_PICTURE = Refusal(
     "no_map", "The console has no picture of this map any more, so no place can be added.", "robot"
 )
@@ -54,7 +55,7 @@ def maps_of(robots: Iterable[Robot]) -> list[MapOfRobots]:
     """
     by_id = {robot.id: robot for robot in sorted(robots, key=lambda robot: robot.name)}
     present = newest_maps(by_id)
-    kept = SharedMap.objects.values("digest")
+    kept = SharedMap.objects.filter(USED).values("digest")
     before = RobotMap.objects.filter(robot__in=by_id, digest__in=kept).defer("picture").order_by("-pk")
     drawn: dict[str, RobotMap] = {}
     for one in [*present.values(), *before]:

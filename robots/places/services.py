@@ -37,7 +37,7 @@ def map_name(*, digest: str, name: str, actor: Actor) -> None:
     """Name a map; an empty name takes the name away. Raises `NotDone`."""
     if name and (why := why_no_name(name)):
         raise NotDone(Refusal("invalid", why, "wire"))
-    found = _locked(digest)
+    found = map_hold(digest)
     if found.name != name:
         record("map.name", actor=actor, parameters={"map": digest, "from": found.name, "to": name})
         found.name = name
@@ -48,7 +48,7 @@ def map_name(*, digest: str, name: str, actor: Actor) -> None:
 def place_add(*, digest: str, entry: PlaceEntry, actor: Actor) -> Place:
     """Add a place. Raises `NotDone`: its name, or where it is."""
     entry = _checked(entry)
-    found = _locked(digest)
+    found = map_hold(digest)
     _require_free(found, entry)
     if found.places.count() >= MOST_PLACES:
         raise NotDone(_FULL)
@@ -64,7 +64,7 @@ def place_add(*, digest: str, entry: PlaceEntry, actor: Actor) -> Place:
 def place_change(*, place: Place, entry: PlaceEntry, actor: Actor) -> Place:
     """Rename or move a place. Raises `NotDone`."""
     entry = _checked(entry)
-    found = _locked(place.map_id)
+    found = map_hold(place.map_id)
     if entry.key != place.key:
         _require_free(found, entry)
     before = entry_from(place)
@@ -81,6 +81,7 @@ def place_change(*, place: Place, entry: PlaceEntry, actor: Actor) -> Place:
 @transaction.atomic
 def place_delete(*, place: Place, actor: Actor) -> None:
     """Delete a place."""
+    map_hold(place.map_id)
     record("place.delete", actor=actor, parameters=_facts(place))
     place.delete()
 
@@ -91,7 +92,7 @@ def places_import(*, digest: str, entries: dict[int, PlaceEntry], actor: Actor) 
 
     The same file again changes nothing.
     """
-    found = _locked(digest)
+    found = map_hold(digest)
     held = {place.key: place for place in found.places.all()}
     room = Room(digest)
     problems, added, changed = [], [], []
@@ -130,7 +131,7 @@ def _checked(entry: PlaceEntry) -> PlaceEntry:
         raise NotDone(Refusal("invalid", " ".join(problems.lines), "wire")) from problems
 
 
-def _locked(digest: str) -> SharedMap:
+def map_hold(digest: str) -> SharedMap:
     """Return the map's row, made if it is missing; nobody else changes its places until the transaction ends."""
     SharedMap.objects.get_or_create(digest=digest)
     return SharedMap.objects.select_for_update().get(pk=digest)

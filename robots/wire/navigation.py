@@ -21,7 +21,7 @@ class Go(Struct, frozen=True, tag_field="t", tag="go"):
     """Drive to a place of the map by the robot's own navigation, which the gate watches.
 
     The robot must stand. `State.going` shows it, `State.going_ended` its end. `place` names a place of the map: then
-    the console reads x, y and heading from that place. `map` is the map on which the place was chosen: on another one
+    the console reads x and y from that place. `map` is the map on which the place was chosen: on another one
     the robot does not go.
     """
 

@@ -6,6 +6,7 @@ Tasks are all requests of people to a robot except driving: motions, speech, pub
 from __future__ import annotations
 
 import logging
+import time
 from typing import Protocol
 from uuid import UUID
 
@@ -34,10 +35,15 @@ from teleop.live.robot_hub import RobotHub
 log = logging.getLogger(__name__)
 
 MAX_PENDING = 8  # requests per connection
+LATE_S = 2.0  # for reading a place: a robot that drives off later would surprise people
 
 _NOT_YOURS = Refusal(
     "no_lease", "Only the person in control, supervisors and staff may cancel a running task.", "lease"
 )
+
+
+_CANCELLED = Refusal("cancelled", "It was cancelled before it began.", "robot")
+_LATE = Refusal("database", "The console could not read the place in time. Try again.", "robot")
 
 
 class TaskOwner(Protocol):
@@ -65,9 +71,12 @@ class TaskSender:
     def __init__(self, owner: TaskOwner) -> None:
         self._owner = owner
         self._pending = 0
+        self._goes = 0  # drives to a place that were asked for, and their cancels
 
     async def start(self, request: TaskRequest) -> None:
         """Send a request to the bridge. Its answer arrives in the background: drive input never waits for it."""
+        if isinstance(request, wire.Go | wire.GoCancel):
+            self._goes += 1
         refusal = self._check(request) or (BUSY if self._pending >= MAX_PENDING else None)
         if refusal is not None:
             await self._answer(request, refusal)
@@ -114,7 +123,7 @@ class TaskSender:
     async def _forward(self, request: TaskRequest) -> None:
         try:
             if isinstance(request, wire.Go) and request.place:
-                request = await in_database(_to_place, request, self._owner.hub.robot_id)
+                request = await self._named(request)
             answer = await self._ask_bridge(request)
             refusal = answer.refusal if isinstance(answer, Refused) else None
         except (LinkRefused, NotDone) as refused:
@@ -128,6 +137,16 @@ class TaskSender:
             log.warning("%s for robot %s got no answer.", kind_of(request), self._owner.hub.robot_id)
         else:
             await self._answer(request, refusal)
+
+    async def _named(self, request: wire.Go) -> wire.Go:
+        """Return the request with the place's coordinates. Raises `NotDone`, also if it was cancelled meanwhile."""
+        number, asked_s = self._goes, time.monotonic()
+        found = await in_database(_to_place, request, self._owner.hub.robot_id)
+        if self._goes != number:
+            raise NotDone(_CANCELLED)
+        if time.monotonic() - asked_s > LATE_S:
+            raise NotDone(_LATE)
+        return found
 
     async def _ask_bridge(self, request: TaskRequest) -> Accepted | Refused:
         if request.fence is not None:
@@ -154,7 +173,7 @@ def _is_default(offers: wire.Offers, use: str, topic: str) -> bool:
 def _to_place(request: wire.Go, robot_id: UUID) -> wire.Go:
     """Return the request with the coordinates of the place that it names. Raises `NotDone`."""
     place = place_of_robot(robot_id, request.place)
-    return structs.replace(request, x=place.x_m, y=place.y_m, heading=place.heading_rad, place=place.name, map=place.map_id)
+    return structs.replace(request, x=place.x_m, y=place.y_m, place=place.name, map=place.map_id)
 
 
 def _record_cancel(what: str, hub: RobotHub, user: User, answer: Accepted | Refused) -> None:

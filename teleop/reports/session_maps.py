@@ -12,6 +12,7 @@ from django.db.models import Q, QuerySet
 from django.utils import timezone
 
 from robots.places.models import SharedMap
+from robots.places.selectors import USED
 from robots.registry.maps import CLOCKS
 from robots.registry.models import Robot, RobotMap
 from teleop.models import ControlSession
@@ -43,7 +44,7 @@ def _unneeded(robot_id: UUID, now: datetime) -> list[int]:
     kept_since = now - timedelta(days=settings.FLEET_AUDIT_KEEP_DAYS["driving"] + 1)
     sessions = ControlSession.objects.filter(robot=robot_id).exclude(ended_at__lt=kept_since)
     maps = list(RobotMap.objects.filter(robot=robot_id).defer("picture").order_by("first_seen_at"))
-    shared = SharedMap.objects.filter(digest__in={found.digest for found in maps})
+    shared = SharedMap.objects.filter(USED, digest__in={found.digest for found in maps})
     newest = {found.digest: found.pk for found in maps}
     kept = {newest[digest] for digest in shared.values_list("digest", flat=True)}
     return [

@@ -97,9 +97,17 @@ class Records(RecordWriter):
         """Store the robot's map between two records."""
         self.run_in_background(partial(self.sink.keep_map, taken))
 
-    def keep_description(self, taken: TakenDescription) -> None:
-        """Store the robot's description between two records."""
-        self.run_in_background(partial(self.sink.keep_description, taken))
+    def keep_description(self, taken: TakenDescription, failed: Callable[[], object]) -> None:
+        """Store the robot's description between two records. `failed` is called on the worker's thread."""
+
+        def keep() -> None:
+            try:
+                self.sink.keep_description(taken)
+            except Exception:
+                failed()
+                raise
+
+        self.run_in_background(keep)
 
 
 def unrecorded(why: str, ended: Sequence[str] = ()) -> Refusal:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -98,12 +99,13 @@ class Diagnostics:
         # An aggregator also reports groups: what they say, their members say more exactly.
         groups = {parent for name in self._parts for parent in _parents(name)}
         members = {name: part for name, part in self._parts.items() if name not in groups}
+        names = _plain_names(members)
         ill = sorted(
             ((name, part) for name, part in members.items() if part.level != "ok"),
             key=lambda item: (-_BADNESS[item[1].level], item[1].since_s, item[0]),
         )
         hot = [
-            wire.Temperature(_temperature_name(name, key, part), round(celsius))
+            wire.Temperature(_temperature_name(names[name], key, part), round(celsius))
             for name, part in members.items()
             if now_s - part.heard_s <= SILENT_S
             for key, celsius in part.temperatures.items()
@@ -111,7 +113,7 @@ class Diagnostics:
         return wire.Health(
             level=ill[0][1].level if ill else "ok",
             parts=[
-                wire.HealthPart(plain_name(name), part.level, part.text, max(0, int(now_s - part.since_s)))
+                wire.HealthPart(names[name], part.level, part.text, max(0, int(now_s - part.since_s)))
                 for name, part in ill[:SHOWN]
             ],
             parts_more=max(0, len(ill) - SHOWN),
@@ -125,6 +127,13 @@ class Diagnostics:
 def plain_name(name: str) -> str:
     """Return the last part of an aggregator's path; other names without slashes at their ends."""
     return name.rstrip("/").rsplit("/", 1)[-1].strip() if name.startswith("/") else name.strip("/ ")
+
+
+def _plain_names(names: Collection[str]) -> dict[str, str]:
+    """Return plain names, by name; parts whose plain names are the same keep their whole ones."""
+    plain = {name: plain_name(name) for name in names}
+    count = Counter(plain.values())
+    return {name: short if count[short] == 1 else name for name, short in plain.items()}
 
 
 def _parents(name: str) -> Iterable[str]:
@@ -146,4 +155,4 @@ def _temperatures(values: Sequence[tuple[str, str]]) -> dict[str, float]:
 
 
 def _temperature_name(name: str, key: str, part: _Part) -> str:
-    return plain_name(name) if len(part.temperatures) == 1 else f"{plain_name(name)}, {key}"
+    return name if len(part.temperatures) == 1 else f"{name}, {key}"

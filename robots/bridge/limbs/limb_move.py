@@ -11,7 +11,7 @@ from robots import wire
 from robots.bridge.audit.record_sink import Parameters
 from robots.bridge.audit.records import Records, Requester
 from robots.bridge.config import LimbSource
-from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
+from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
 from robots.wire import Limb, MoveLimb, Refusal
 
 EASED = 1.5  # a controller that begins and ends at rest is so much faster in the middle
@@ -20,6 +20,7 @@ MOVED_M = 0.001  # less is noise of joint states
 STILL_S = 3.0  # without moving so much on its way, it has stopped
 SILENT_S = 1.0  # joint states that are missing for longer end the move
 THERE_M = 0.01  # from the goal
+SETTLED_S = 1.0  # without moving: a limb whose goal ended without the controller's word stands
 OBEYS_S = 5.0  # a cancelled goal that the controller still reports is given up, if the limb stands
 
 
@@ -61,6 +62,10 @@ class LimbMove(Goals[Target]):
         self._mover = mover
         self._range = [len(source.joints) * end for end in source.range_m]
         self._strays: dict[str, float] = {}  # goals that nobody watches: time of the last cancel
+        self._strays_s = -math.inf  # when the controller last told which goals run
+        self._settling: Target | None = (
+            None  # the controller did not say that it ended: the limb may still move
+        )
         self.last: wire.LimbEnd | None = None
 
     @property
@@ -72,6 +77,11 @@ class LimbMove(Goals[Target]):
     def runs(self) -> bool:
         """Return whether a move is asked for or under way."""
         return self._current is not None
+
+    @property
+    def may_move(self) -> bool:
+        """Return whether the limb may move although no move is under way."""
+        return self._settling is not None or bool(self._strays)
 
     @property
     def under_way(self) -> list[str]:
@@ -147,12 +157,25 @@ class LimbMove(Goals[Target]):
         super().tick(now_s)
         if goal is not None and goal is self._current and goal.cancelled is not None:
             self._give_up(goal.what, now_s)
+        elif goal is not None and goal.id is not None and self._current is None:  # nothing was heard of it
+            goal.what.moved_s = now_s
+            self._settling = goal.what
+        self._settle(now_s)
+
+    def _settle(self, now_s: float) -> None:
+        if now_s - self._strays_s > UNHEARD_S:
+            self._strays = {}
+        if (target := self._settling) is None:
+            return
+        self._follow(target, now_s)
+        if target.known_s - target.moved_s >= SETTLED_S:  # seen to stand so long
+            self._settling = None
 
     def _give_up(self, target: Target, now_s: float) -> None:
         """End a cancelled move whose controller does not say so, once the limb stands; it is cancelled further."""
         target.ending_s = min(target.ending_s, now_s)
         self._follow(target, now_s)
-        if now_s - max(target.ending_s, target.moved_s) > OBEYS_S:
+        if target.known_s - max(target.ending_s, target.moved_s) > OBEYS_S:
             self._end("cancelled", "", now_s)
 
     def _follow(self, target: Target, now_s: float) -> None:
@@ -180,6 +203,7 @@ class LimbMove(Goals[Target]):
 
     def running(self, goal_ids: Collection[str], now_s: float) -> None:
         """Take the controller's report of active goals; goals that nobody watches any more are cancelled."""
+        self._strays_s = now_s
         current = self._current.id if self._current else None
         strays = {goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id != current}
         self._find_own(self._limb, [goal_id for goal_id in goal_ids if goal_id not in strays], now_s)

@@ -67,6 +67,9 @@ class Limbs:
             if move.runs:
                 text = f"The robot moves its {limb}: wait until it is there, or cancel the move."
                 return Refusal("limb_moving", text, "robot", {"limb": limb})
+            if move.may_move:
+                text = f"The robot’s {limb} may still move: wait until it stands."
+                return Refusal("limb_moving", text, "robot", {"limb": limb})
         return None
 
     def cancel(self, limb: Limb) -> Refusal | None:

@@ -429,7 +429,11 @@ class RosBase:
             self._arm.describe(description)
         if self._described:
             taken = taken_description(description)
-            self._post(lambda: self._core.described(taken))
+            self._post(lambda: self._core.described(taken, self._ask_again))
+
+    def _ask_again(self) -> None:
+        """Let the next survey read the description again: the console could not keep it."""
+        self._described = False
 
     def _drive_publisher(self, name: str) -> rospy.Publisher:
         return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)

@@ -140,6 +140,8 @@ def _entry(robot: Robot, filename: str) -> MeshEntry:
 def _named(found: Drawable, package: str, path: str) -> Mesh:
     """Return the mesh of the description with this package and path. Raises `Problem`."""
     for filename in found.meshes:
+        if not filename.endswith(path):
+            continue
         try:
             mesh = mesh_at(filename, settings.FLEET_MESHES)
         except NoMesh:

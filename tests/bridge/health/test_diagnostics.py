@@ -65,6 +65,9 @@ def test_groups_of_an_aggregator_are_not_counted_beside_their_members(diagnostic
     health = diagnostics.view(0.0)
     assert [part.name for part in health.parts] == ["left wheel"] and health.well == 1
     assert plain_name("node: part") == "node: part"
+    sides = ("/Devices/Left/Driver", "/Devices/Right/Driver")
+    diagnostics.take([Status(name, WARN, "") for name in sides], 0.0)
+    assert [part.name for part in diagnostics.view(0.0).parts[1:]] == list(sides)  # told apart
 
 
 @pytest.mark.parametrize(

@@ -237,6 +237,22 @@ def test_a_controller_that_never_answers_is_given_up(bench):
     assert goal_id in bench.base.cancelled_goals and state(bench).ended.outcome == "unheard"
 
 
+def test_the_base_stands_until_an_unheard_limb_stands(bench):
+    moved(bench)
+    bench.answering = False
+    for step in range(8):
+        bench.base.limbs["gripper"] = 0.04 + 0.002 * step
+        passed(bench, 0.5)
+    assert state(bench).ended.outcome == "unheard"
+    assert bench.core.tasks.limbs.busy().code == "limb_moving"
+    bench.base.limbs["gripper"] = None  # not known: it may move
+    passed(bench, 3.0)
+    assert bench.core.tasks.limbs.busy().code == "limb_moving"
+    bench.base.limbs["gripper"] = 0.06
+    passed(bench, 1.5)
+    assert bench.core.tasks.limbs.busy() is None
+
+
 def test_a_controller_that_does_not_obey_is_given_up_when_the_limb_stands(bench):
     goal_id = moved(bench)
     bench.order(LimbCancel(1, "gripper"))

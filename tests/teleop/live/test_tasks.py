@@ -1,5 +1,8 @@
 """Task requests of a page: checks of role and allow-list, and one answer to each."""
 
+import asyncio
+import threading
+
 import pytest
 
 from fleet.audit.models import Record
@@ -7,6 +10,7 @@ from robots import wire
 from robots.bridge.config import Allowed
 from robots.registry.models import Allowance, RobotRole
 from teleop.background.database import in_database
+from teleop.live import tasks
 from teleop.live.tasks import MAX_PENDING
 from tests.teleop.support import eventually
 
@@ -54,6 +58,26 @@ async def test_holders_request_reaches_the_bridge_and_is_answered(kind, holder, 
     await holder.say(kind, fence=FENCE, seq=42, **ORDERS[kind])
     refused = await holder.hears("refused", of=kind, seq=42, fence=FENCE)
     assert refused["refusal"]["code"] == "stopped"
+
+
+async def test_a_drive_that_was_cancelled_while_its_place_was_read_does_not_begin(
+    holder, bridge, monkeypatch
+):
+    reading, may_end = threading.Event(), threading.Event()
+
+    def read(request, _robot_id):
+        reading.set()
+        may_end.wait(10.0)
+        return request
+
+    monkeypatch.setattr(tasks, "_to_place", read)
+    await holder.say("go", fence=FENCE, seq=51, place="kitchen", **ORDERS["go"])
+    await asyncio.to_thread(reading.wait, 10.0)
+    await holder.say("go_cancel", fence=FENCE, seq=52)
+    await holder.hears("accepted", of="go_cancel", seq=52)
+    may_end.set()
+    refused = await holder.hears("refused", of="go", seq=51)
+    assert refused["refusal"]["code"] == "cancelled"
 
 
 @pytest.mark.parametrize("kind", ORDERS)
