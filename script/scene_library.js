@@ -1,5 +1,5 @@
 /**
- * What the 3D view uses of three.js and urdf-loader, as one module: browsers cannot load those packages as they are.
+ * The parts of three.js and urdf-loader that the 3D view uses, as one module: browsers cannot load those packages as they are.
  * `script/setup` joins it into node_modules/.scene/library.js (package.json: scene), which Django serves as vendor/scene.
  */
 

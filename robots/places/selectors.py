@@ -44,7 +44,7 @@ class MapOfRobots(Struct, frozen=True):
 
     @property
     def digest(self) -> str:
-        """What identifies it."""
+        """Its identity: the hash of its content."""
         return self.drawn.digest
 
 

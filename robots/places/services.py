@@ -25,7 +25,7 @@ _FULL = Refusal("too_many", f"A map has at most {MOST_PLACES} places: delete one
 
 
 class Imported(Struct, frozen=True):
-    """What an import did; places that are not in the file stay."""
+    """The result of an import; places that are not in the file stay."""
 
     added: int
     changed: int

@@ -1,4 +1,4 @@
-"""What the robot's nodes say of its parts (/diagnostics), summed up: each part's level, words, since when, temperature.
+"""The reports of the robot's nodes on its parts (/diagnostics), summed up: level, words, since when, temperature.
 
 Pure: time is an argument. Nodes may send anything, so all that is kept is bounded.
 """

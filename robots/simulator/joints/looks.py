@@ -1,4 +1,4 @@
-"""What the simulated robot looks like: simple shapes on the links of its description. Metres, radians."""
+"""The simulated robot's looks: simple shapes on the links of its description. Metres, radians."""
 
 from __future__ import annotations
 

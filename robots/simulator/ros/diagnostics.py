@@ -17,7 +17,7 @@ FLOOD = 300  # parts of one message
 
 
 class DiagnosticsTopic:
-    """What the robot's nodes say of its parts."""
+    """The reports of the robot's nodes on its parts."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot

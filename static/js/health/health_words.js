@@ -62,7 +62,7 @@ export function temperaturesText(temperatures) {
   return temperatures.map(({ name, celsius }) => `${name} ${celsius} °C`).join(", ");
 }
 
-/** What could not be listed; empty: nothing. @param {object} health */
+/** Parts and reports that are not listed; empty: none. @param {object} health */
 export function leftOutText({ parts_more: more, left_out: leftOut, unread }) {
   const texts = [
     more && interpolate(gettext("%s more parts are not well."), [more]),

@@ -1,6 +1,6 @@
 /** Drives to a place, in words. Pure. */
 
-/** What an end says to people. @param {{outcome: string, text: string}} end */
+/** An end in words. @param {{outcome: string, text: string}} end */
 export function endText({ outcome, text }) {
   if (outcome === "arrived") return gettext("The robot is there.");
   if (outcome === "replaced")

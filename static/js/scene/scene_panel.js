@@ -72,7 +72,7 @@ export class ScenePanel {
     if (this.#scene) this.#scene.path = path;
   }
 
-  /** What is shown is no longer true. */
+  /** The view is no longer true. */
   set stale(stale) {
     mark(this.#parts.scene, "old", stale);
     if (stale) this.#isDescribed = false; // the robot may come back with another description

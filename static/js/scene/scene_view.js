@@ -186,7 +186,7 @@ export class SceneView extends EventTarget {
     return this.#robot.joint(name);
   }
 
-  /** What is drawn, for tests and benchmarks. */
+  /** Facts about the drawn scene, for tests and benchmarks. */
   get figures() {
     return {
       frames: this.#framesDrawn,

@@ -1,5 +1,5 @@
 /**
- * What is round the robot: points of laser and depth camera, remembered obstacles, where the gate holds it back, its way;
+ * The surroundings of the robot: points of laser and depth camera, remembered obstacles, where the gate holds it back, its way;
  * and on the floor the map and navigation's path. `local` is in the base frame, `world` in that of the map. Metres.
  */
 
