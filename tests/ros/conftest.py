@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from std_msgs.msg import String
 
 from tests.ros.support import Master, RosClient, SimulatorProcess
 
@@ -25,6 +26,22 @@ def ros(rosmaster: Master) -> Iterator[RosClient]:
     client = RosClient(rosmaster)
     yield client
     client.close()
+
+
+@pytest.fixture
+def fault(ros: RosClient) -> Iterator[Callable[[str], None]]:
+    """``fault(names)`` sets faults of the simulated robot (robots/simulator/faults.py); they end with the test."""
+    with (
+        ros.listen("/ground_truth/faults", String) as faults,
+        ros.speak("/ground_truth/fault", String) as setter,
+    ):
+
+        def begin(names: str) -> None:
+            setter.publish(String(names))
+            faults.until(lambda message: message.data == names)
+
+        yield begin
+        begin("none")
 
 
 @pytest.fixture(scope="module")

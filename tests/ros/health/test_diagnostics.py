@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from std_msgs.msg import String
 
 from robots.bridge.config import Topic
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
@@ -16,22 +15,6 @@ DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
 @pytest.fixture(scope="module", autouse=True)
 def robot(ros, simulator):
     return simulator(pose="2,1.8,0", seed=1)
-
-
-@pytest.fixture
-def fault(ros):
-    """``fault(names)`` sets faults; they end with the test."""
-    with (
-        ros.listen("/ground_truth/faults", String) as faults,
-        ros.speak("/ground_truth/fault", String) as setter,
-    ):
-
-        def begin(names: str) -> None:
-            setter.publish(String(names))
-            faults.until(lambda message: message.data == names)
-
-        yield begin
-        begin("none")
 
 
 @pytest.fixture

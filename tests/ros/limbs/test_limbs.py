@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from std_msgs.msg import String
 
 from robots import wire
 from robots.bridge.config import ArmSource, LimbSource, Topic
@@ -75,22 +74,6 @@ def holder(rosmaster, robot, tmp_path):
         hand.take_control(1)
         hand.let_go()
         yield Holder(process, hand)
-
-
-@pytest.fixture
-def fault(ros):
-    """``fault(names)`` sets faults; they end with the test."""
-    with (
-        ros.listen("/ground_truth/faults", String) as faults,
-        ros.speak("/ground_truth/fault", String) as setter,
-    ):
-
-        def begin(names: str) -> None:
-            setter.publish(String(names))
-            faults.until(lambda message: message.data == names)
-
-        yield begin
-        begin("none")
 
 
 def test_the_gripper_opens_and_closes(holder):

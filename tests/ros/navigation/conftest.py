@@ -11,7 +11,6 @@ from contextlib import contextmanager
 import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from std_msgs.msg import String
 
 from robots import wire
 from robots.bridge.config import NavigationSource, Topic
@@ -138,22 +137,6 @@ def twists(ros):
     with ros.listen("/key_vel", Twist) as twists:
         ros.connected(twists)
         yield twists
-
-
-@pytest.fixture
-def fault(ros):
-    """``fault(names)`` sets faults; they end with the test."""
-    with (
-        ros.listen("/ground_truth/faults", String) as faults,
-        ros.speak("/ground_truth/fault", String) as setter,
-    ):
-
-        def begin(names: str) -> None:
-            setter.publish(String(names))
-            faults.until(lambda message: message.data == names)
-
-        yield begin
-        begin("none")
 
 
 def pause(traveller: Traveller, seconds: float) -> None:

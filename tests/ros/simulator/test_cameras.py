@@ -9,7 +9,6 @@ import numpy as np
 import PIL.Image
 import pytest
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
-from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from robots.simulator.cameras.clock_code import TICKS_PER_S, read_clock
@@ -27,22 +26,6 @@ def robot(ros, simulator):
     if blind in robot.log.read_text():
         pytest.skip(blind)
     return robot
-
-
-@pytest.fixture
-def fault(ros):
-    """``fault(names)`` sets faults; they end with the test."""
-    with (
-        ros.listen("/ground_truth/faults", String) as faults,
-        ros.speak("/ground_truth/fault", String) as ask,
-    ):
-
-        def cause(names: str) -> None:
-            ask.publish(names)
-            faults.until(lambda message: message.data == names)
-
-        yield cause
-        cause("none")
 
 
 def pixels(message: CompressedImage) -> np.ndarray:

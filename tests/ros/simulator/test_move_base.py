@@ -10,7 +10,6 @@ from actionlib_msgs.msg import GoalID, GoalStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from move_base_msgs.msg import MoveBaseActionFeedback, MoveBaseActionGoal, MoveBaseActionResult
 from nav_msgs.msg import Odometry, Path
-from std_msgs.msg import String
 
 _numbers = itertools.count()
 
@@ -18,22 +17,6 @@ _numbers = itertools.count()
 @pytest.fixture(scope="module", autouse=True)
 def robot(ros, simulator):
     return simulator(pose="2,1.8,0", seed=1)
-
-
-@pytest.fixture
-def fault(ros):
-    """``fault(names)`` sets faults; they end with the test."""
-    with (
-        ros.listen("/ground_truth/faults", String) as faults,
-        ros.speak("/ground_truth/fault", String) as setter,
-    ):
-
-        def begin(names: str) -> None:
-            setter.publish(String(names))
-            faults.until(lambda message: message.data == names)
-
-        yield begin
-        begin("none")
 
 
 class Goals:
