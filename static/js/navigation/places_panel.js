@@ -69,7 +69,7 @@ export class PlacesPanel {
     const places = map?.places ?? [];
     say(this.#parts["places-title"], titleOf(map));
     sayOrHide(this.#parts["places-none"], places.length > 0 ? "" : noneText(map, earlier));
-    this.#parts["places-list"].replaceChildren(...places.map((place) => this.#row(place)));
+    this.#list(places);
     this.#parts["places-earlier"].replaceChildren(
       ...(places.length > 0 ? [] : earlier.map((one) => make("li", { children: [fileLink(one)] }))),
     );
@@ -91,6 +91,18 @@ export class PlacesPanel {
     });
   }
 
+  /** Lists places. The focus stays with its place: letters on the bare page drive the robot. */
+  #list(places) {
+    const list = this.#parts["places-list"];
+    const focused = list.contains(document.activeElement) ? document.activeElement : null;
+    const { number } = focused?.closest("li").dataset ?? {};
+    const at = focused ? [...focused.parentElement.children].indexOf(focused) : 0;
+    list.replaceChildren(...places.map((place) => this.#row(place)));
+    if (!focused) return;
+    const row = list.querySelector(`[data-number="${number}"]`);
+    (row?.children[at] ?? this.#parts["map-places"]).focus();
+  }
+
   #row(place) {
     const go = makeButton({ className: "button place-go", text: place.name }, () =>
       this.#page.go(place),
@@ -103,7 +115,7 @@ export class PlacesPanel {
       change.append(make("span", { className: "only-read", text: ` ${place.name}` }));
       children.push(change);
     }
-    return make("li", { children });
+    return make("li", { data: { number: place.number }, children });
   }
 
   #change(place) {

@@ -211,6 +211,16 @@ describe("the map over the picture", () => {
     expect(page.places.hidden).toBe(true);
   });
 
+  it("keeps the focus at its place when the list changes, for letters drive the robot", async () => {
+    await openedWith({ ...MAP, places: [KITCHEN] });
+    const office = { ...KITCHEN, number: 8, name: "office" };
+    maps = [{ ...MAP, places: [office, { ...KITCHEN, name: "Kitchen" }] }];
+    for (const _ of ["closes", "opens, and reads the maps"]) page["map-open"].click();
+    rowButtons()[1].focus();
+    await vi.waitFor(() => expect(rowButtons()).toHaveLength(4));
+    expect(document.activeElement).toBe(rowButtons()[3]);
+  });
+
   it("adds a place that is pressed on the map, without control, and says why one is refused", async () => {
     const canvas = await openedWith({ ...MAP, places: [KITCHEN] });
     page["place-add"].click();
