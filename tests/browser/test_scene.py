@@ -51,7 +51,7 @@ def person(launched: Callable[..., Draw]) -> Draw:
 
 
 def figures(person: Person) -> dict[str, Any]:
-    """What is drawn; nothing before the module is loaded."""
+    """Facts about the drawn scene; none before the module is loaded."""
     found: dict[str, Any] = person.page.evaluate(f"{SCENE}?.figures ?? {{}}")
     return found
 

@@ -132,7 +132,7 @@ class BridgeProcess(RobotProcess):
         return self.records.read_text().splitlines()
 
     def description(self) -> str:
-        """What it found of the robot's description: its problem, or "read"; empty: nothing yet."""
+        """The result of reading the robot's description: its problem, or "read"; empty: nothing yet."""
         found = self.records.with_suffix(".description")
         return found.read_text() if found.exists() else ""
 

@@ -40,7 +40,7 @@ class MeshEntry(Struct, frozen=True):
 
 
 class DescriptionEntry(Struct, frozen=True):
-    """What can be drawn of the robot's description: links with their shapes and colours, and joints.
+    """The part of the robot's description that can be drawn: links with their shapes and colours, and joints.
 
     `problems` name what was left out of `urdf`.
     """
