@@ -103,7 +103,8 @@ class Command(BaseCommand):
             robots = [seed_robot(robot) for robot in plan.robots]
             for account in plan.accounts:
                 seed_account(account, robots)
-            seed_map(robots)
+            if robots:
+                seed_map(robots)
         if plan.students:
             call_command("seed_demo_week", options["file"])
         self.stdout.write(json.dumps({robot.slug: link_address(robot).unix_path for robot in robots}))
