@@ -13,6 +13,7 @@ class BookingsConfig(AppConfig):
     def ready(self) -> None:
         """Register the triggers and the receivers."""
         from fleet.audit.integrity import triggers
-        from fleet.bookings import lost_rights, overlaps, policy_changes  # noqa: F401 - they hear of changes
+        from fleet.bookings import overlaps
+        from fleet.bookings.changes import lost_rights, policy_changes  # noqa: F401 - they hear of changes
 
         triggers.expect("sqlite", overlaps.TRIGGERS)

@@ -1,4 +1,4 @@
-"""The line of people who wait for control of a robot: ask, leave, offer. For slots: `fleet.bookings.waiting_list`.
+"""The line of people who wait for control of a robot: ask, leave, offer. For slots: `bookings.changes.waiting_list`.
 
 Nothing runs by the clock here: the robot's hub sees that the robot is free, and offers control to the first in line.
 """

@@ -13,13 +13,13 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.bookings import services
-from fleet.bookings import waiting_list as waiting
-from fleet.bookings.lost_rights import bookings_free_lost
+from fleet.bookings.changes import waiting_list as waiting
+from fleet.bookings.changes.lost_rights import bookings_free_lost
+from fleet.bookings.changes.waiting_list import keep_waiting_lists, waiting_join
 from fleet.bookings.models import Booking, Letter, State, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import schedule_of
 from fleet.bookings.services import booking_make
-from fleet.bookings.waiting_list import keep_waiting_lists, waiting_join
 from robots.access.models import Course, Enrolment, RobotGroup
 from robots.access.selectors import lab_date
 from robots.registry.models import Robot
@@ -269,7 +269,7 @@ def test_a_database_that_is_away_is_said(signed_in, robot, operator, two, monkey
     desk = signed_in(operator)
     monkeypatch.setattr(services, "record", away)  # in the middle of each change
     monkeypatch.setattr(waiting.Waiting.objects, "update_or_create", away)
-    monkeypatch.setattr("fleet.bookings.ical.record", away)
+    monkeypatch.setattr("fleet.bookings.messages.ical.record", away)
     all_refused(desk, robot, *two, "database_unreachable", "the database does not answer")
 
 

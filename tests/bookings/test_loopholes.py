@@ -9,12 +9,12 @@ from django.urls import reverse
 from django.utils import timezone
 
 from fleet.accounts.models import User
-from fleet.bookings.letters import write_reminders
+from fleet.bookings.changes.waiting_list import keep_waiting_lists, offer_accept, waiting_join
+from fleet.bookings.messages.letters import write_reminders
 from fleet.bookings.models import Booking, Policy, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import Stage, grace_of, policy_of, stage_of
 from fleet.bookings.services import booking_approve, booking_cancel, booking_make
-from fleet.bookings.waiting_list import keep_waiting_lists, offer_accept, waiting_join
 from robots.access.models import Course, Enrolment
 from robots.access.selectors import lab_date
 from robots.access.services import role_set

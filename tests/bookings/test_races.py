@@ -8,8 +8,8 @@ from django.db import connection
 from django.test.utils import CaptureQueriesContext
 from django.urls import reverse
 
+from fleet.bookings.changes.policy_changes import POLICY_FIELDS, policy_set
 from fleet.bookings.models import Booking, Policy
-from fleet.bookings.policy_changes import POLICY_FIELDS, policy_set
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make
 from robots.access.models import Course, Enrolment

@@ -9,10 +9,10 @@ from django.urls import reverse
 from django.utils import timezone as django_timezone
 
 from fleet.accounts.models import User
+from fleet.bookings.changes.series import weekly
+from fleet.bookings.hours.report import lines, report
 from fleet.bookings.models import Booking
-from fleet.bookings.report import lines, report
 from fleet.bookings.rules import Slot
-from fleet.bookings.series import weekly
 from fleet.bookings.services import BookingRefused, booking_make
 from robots.access.models import Course, Enrolment
 from robots.wire import Refusal

@@ -10,10 +10,10 @@ from django import forms
 from django.core.exceptions import ValidationError
 from django.utils.translation import gettext_lazy as _
 
+from fleet.bookings.changes.policy_changes import POLICY_FIELDS
+from fleet.bookings.changes.series import MOST_WEEKS
 from fleet.bookings.models import DAY_NAMES, WEEKDAYS, OutOfService, Policy
-from fleet.bookings.policy_changes import POLICY_FIELDS
 from fleet.bookings.rules import Slot, to_utc
-from fleet.bookings.series import MOST_WEEKS
 from fleet.zones import viewers
 from robots.access.models import Course, RobotGroup
 from robots.registry.models import Robot

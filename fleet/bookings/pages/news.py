@@ -12,7 +12,7 @@ from django.utils.http import url_has_allowed_host_and_scheme
 from django.views.decorators.http import require_POST
 
 from fleet.accounts.requests import person_of
-from fleet.bookings.letters import letters_seen, letters_unseen
+from fleet.bookings.messages.letters import letters_seen, letters_unseen
 
 
 def news(request: HttpRequest) -> dict[str, Any]:

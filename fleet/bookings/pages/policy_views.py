@@ -18,13 +18,13 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from fleet.accounts.requests import person_of
-from fleet.bookings import policy_changes as policy_services
+from fleet.bookings.changes import policy_changes as policy_services
+from fleet.bookings.changes.series import Week, preview, series_make, weekly
+from fleet.bookings.hours.report import BY, lines, report
 from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.pages.forms import OutOfServiceForm, PolicyForm, SeriesForm, typed_day
-from fleet.bookings.report import BY, lines, report
 from fleet.bookings.rules import Slot, day_of, shown
 from fleet.bookings.selectors import policies_of, policy_of
-from fleet.bookings.series import Week, preview, series_make, weekly
 from fleet.zones import viewers
 from robots.access.models import RobotGroup
 from robots.access.selectors import (

@@ -23,12 +23,13 @@ from msgspec.json import encode
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of, wants_json
 from fleet.bookings import services
-from fleet.bookings.ical import address_make, address_revoke, feed_of
+from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
+from fleet.bookings.hours.quota_left import common_left, left_of
+from fleet.bookings.messages.ical import address_make, address_revoke, feed_of
 from fleet.bookings.models import Booking, FeedAddress, State, Waiting
 from fleet.bookings.pages.calendar import calendar, local
 from fleet.bookings.pages.forms import TIME_FORMAT, SlotForm, typed_day
 from fleet.bookings.permissions import awaiting_approval, may_manage_booking
-from fleet.bookings.quota_left import common_left, left_of
 from fleet.bookings.rules import Slot, shown
 from fleet.bookings.selectors import (
     OPEN,
@@ -43,7 +44,6 @@ from fleet.bookings.selectors import (
 )
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.shared_facts import in_turn
-from fleet.bookings.waiting_list import offer_accept, waiting_join, waiting_leave
 from fleet.zones import viewers
 from robots.access.models import Course
 from robots.access.selectors import (

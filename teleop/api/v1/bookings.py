@@ -19,13 +19,13 @@ from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
 from fleet.bookings import services
+from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, waiting_leave
 from fleet.bookings.models import Booking, Waiting
 from fleet.bookings.permissions import bookings_managed_by
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import ALTERNATIVES, OPEN, free_slots, grace_of, policies_of, stage_of
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.shared_facts import in_turn
-from fleet.bookings.waiting_list import offer_accept, waiting_join, waiting_leave
 from robots.access.models import Course
 from robots.access.selectors import courses_managed_by
 from robots.registry.models import Robot

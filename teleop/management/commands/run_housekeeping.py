@@ -22,8 +22,9 @@ from django.utils import timezone
 from fleet.accounts.tokens.services import remove_expired_tokens
 from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
-from fleet.bookings import letters, lost_rights
-from fleet.bookings import waiting_list as waiting
+from fleet.bookings.changes import lost_rights
+from fleet.bookings.changes import waiting_list as waiting
+from fleet.bookings.messages import letters
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
 from teleop.api.v1.framework.idempotency import remove_old_answers

@@ -6,10 +6,10 @@ from uuid import uuid4
 import pytest
 from django.utils import timezone as clock
 
+from fleet.bookings.changes.waiting_list import keep_waiting_lists
 from fleet.bookings.models import Booking, Policy, State, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
-from fleet.bookings.waiting_list import keep_waiting_lists
 from robots.access.models import Course, Enrolment
 from robots.registry.models import RobotRole
 

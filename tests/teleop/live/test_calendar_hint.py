@@ -5,8 +5,8 @@ import pytest_asyncio
 from django.urls import reverse
 from django.utils import timezone
 
+from fleet.bookings.changes.policy_changes import out_of_service_add
 from fleet.bookings.models import OutOfService
-from fleet.bookings.policy_changes import out_of_service_add
 from teleop.background.database import in_database
 from tests.bookings.test_pages import JSON, fields
 from tests.teleop.support import Page

@@ -16,7 +16,7 @@ from django.db import connection
 from django.utils import timezone
 
 from fleet.audit.models import Record
-from fleet.bookings import letters
+from fleet.bookings.messages import letters
 from fleet.bookings.models import Letter, Waiting
 from teleop.control import lease_checks, queue, services
 from teleop.control.lease_checks import Tab

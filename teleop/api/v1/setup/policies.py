@@ -14,7 +14,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
-from fleet.bookings import policy_changes
+from fleet.bookings.changes import policy_changes
 from fleet.bookings.models import OutOfService, Policy
 from fleet.bookings.selectors import policies_of
 from robots.access.models import RobotGroup

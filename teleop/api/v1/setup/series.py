@@ -12,8 +12,8 @@ from msgspec import Meta, Struct
 from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
+from fleet.bookings.changes.series import MOST_WEEKS, Week, preview, series_make, weekly
 from fleet.bookings.rules import Slot
-from fleet.bookings.series import MOST_WEEKS, Week, preview, series_make, weekly
 from fleet.zones import names, viewers, zone_of
 from robots.access.models import Course
 from robots.access.selectors import courses_managed_by, manages_robot, robots_of, robots_supervised_by

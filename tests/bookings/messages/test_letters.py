@@ -10,9 +10,9 @@ from icalendar import Calendar
 
 from fleet.accounts.services import account_erase
 from fleet.audit.command_line import here
-from fleet.bookings import letters
+from fleet.bookings.changes.policy_changes import out_of_service_add
+from fleet.bookings.messages import letters
 from fleet.bookings.models import Booking, FeedAddress, Letter, State
-from fleet.bookings.policy_changes import out_of_service_add
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_cancel, booking_make
 from robots.access.services import role_set

@@ -15,7 +15,7 @@ from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
-from fleet.bookings.letters import in_words, letter_write
+from fleet.bookings.messages.letters import in_words, letter_write
 from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import LONGEST, Slot, refusals
 from fleet.bookings.selectors import wish_of

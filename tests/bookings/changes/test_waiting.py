@@ -5,12 +5,7 @@ from datetime import datetime, timedelta, timezone
 import pytest
 
 from fleet.audit.models import Record
-from fleet.bookings import letters
-from fleet.bookings.models import Booking, State, Waiting
-from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import schedule_of
-from fleet.bookings.services import BookingRefused, booking_cancel, booking_make
-from fleet.bookings.waiting_list import (
+from fleet.bookings.changes.waiting_list import (
     KEPT,
     MOST,
     forget_past,
@@ -19,6 +14,11 @@ from fleet.bookings.waiting_list import (
     waiting_join,
     waiting_leave,
 )
+from fleet.bookings.messages import letters
+from fleet.bookings.models import Booking, State, Waiting
+from fleet.bookings.rules import Slot
+from fleet.bookings.selectors import schedule_of
+from fleet.bookings.services import BookingRefused, booking_cancel, booking_make
 
 pytestmark = pytest.mark.django_db
 

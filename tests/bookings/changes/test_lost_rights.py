@@ -8,7 +8,7 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
-from fleet.bookings.lost_rights import bookings_free_lost
+from fleet.bookings.changes.lost_rights import bookings_free_lost
 from fleet.bookings.models import Letter, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make, booking_move

@@ -1,0 +1,1 @@
+"""Changes of several bookings: waiting list, lost rights."""
