@@ -12,7 +12,7 @@ from django.utils import timezone
 from django.utils.translation import gettext_lazy as _
 
 from fleet.accounts.changes import RecordedUser
-from fleet.accounts.devices import device_of
+from fleet.accounts.sign_in.devices import device_of
 
 
 class User(RecordedUser):

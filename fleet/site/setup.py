@@ -20,10 +20,9 @@ from django.utils.translation import gettext_lazy
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_safe
 
-from fleet.accounts import first_run
 from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
-from fleet.accounts.sign_in import throttle
+from fleet.accounts.sign_in import first_run, throttle
 from fleet.accounts.sign_in.hashing import HashingBusy
 from robots.registry import services
 from robots.registry.models import Robot

@@ -22,7 +22,7 @@ handler500 = "fleet.unavailable.error_page"
 
 urlpatterns = [
     path("setup/", include(setup)),
-    path("accounts/", include("fleet.accounts.urls")),
+    path("accounts/", include("fleet.accounts.pages.urls")),
     path("admin/login/", views.admin_login),
     path("admin/password_change/", RedirectView.as_view(pattern_name="password")),
     path("admin/", admin.site.urls),

@@ -7,8 +7,8 @@ from django.db import InterfaceError, OperationalError, connection
 from django.http import HttpRequest
 from django.test import Client, RequestFactory
 
-from fleet.accounts import views
 from fleet.accounts.models import SignIn, User
+from fleet.accounts.pages import views
 from fleet.unavailable import error_page
 from robots.wire import Stopped, StopState
 from teleop.stop import emergency_stop

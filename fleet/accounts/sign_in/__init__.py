@@ -1,1 +1,1 @@
-"""Sign-in: password, second factor, single sign-on, and the limits for those who guess. Built on django-allauth."""
+"""Sign-in: password, second factor, single sign-on, first account, limits for guesses. Built on django-allauth."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand
 
-from fleet.accounts.first_run import code_make
+from fleet.accounts.sign_in.first_run import code_make
 
 
 class Command(BaseCommand):

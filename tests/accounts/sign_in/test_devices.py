@@ -2,7 +2,7 @@
 
 import pytest
 
-from fleet.accounts.devices import device_of
+from fleet.accounts.sign_in.devices import device_of
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from django.contrib.auth.views import LogoutView
 from django.urls import include, path, re_path
 from django.views.generic import RedirectView
 
-from fleet.accounts import views
+from fleet.accounts.pages import views
 from fleet.accounts.sign_in.forms import ForgottenPasswordForm, NewPasswordForm
 from fleet.accounts.sign_in.views import PasswordView, SignInView, single_sign_on_begin, single_sign_on_end
 

@@ -16,7 +16,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods, require_POST, require_safe
 
 from fleet.accounts import services
-from fleet.accounts.forms import PageChoicesForm, SettingsForm
+from fleet.accounts.pages.forms import PageChoicesForm, SettingsForm
 from fleet.accounts.requests import person_of
 from fleet.accounts.selectors import sign_ins_of
 from fleet.accounts.sign_in import second_factor

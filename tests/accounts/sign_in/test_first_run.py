@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from fleet.accounts import first_run
 from fleet.accounts.models import User
+from fleet.accounts.sign_in import first_run
 from fleet.audit.models import Record
 from robots.registry.models import Robot, RobotProfile
 

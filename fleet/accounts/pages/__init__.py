@@ -1,0 +1,1 @@
+"""A person's own pages: account, settings, list of sign-ins; and all addresses under /accounts/."""
