@@ -28,12 +28,12 @@ import { TaskPanel } from "../tasks/task_panel.js";
 import { Choices } from "./choices.js";
 import { ControlPanel } from "./control_panel.js";
 import { ControlRequests, isControlRequest } from "./control_requests.js";
-import { Drawers } from "./drawers.js";
 import { Hints } from "./hints.js";
-import { Panels } from "./panels.js";
-import { isHeld, isSilent, isStale, seenAt } from "./robot_words.js";
-import { StatusBar } from "./status_bar.js";
-import { StopButton } from "./stop_button.js";
+import { Drawers } from "./layout/drawers.js";
+import { Panels } from "./layout/panels.js";
+import { isHeld, isSilent, isStale, seenAt } from "./status/robot_words.js";
+import { StatusBar } from "./status/status_bar.js";
+import { StopButton } from "./stop/stop_button.js";
 
 const LOOK_MS = 250;
 const NEUTRAL_SAID_AFTER_MS = 300; // a stick that rests is neutral before anybody could read it

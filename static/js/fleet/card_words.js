@@ -1,7 +1,7 @@
 /** A robot on the fleet page and on the lab's monitor, in words. Pure. */
 
 import { minutesText } from "../control/lease.js";
-import { plain } from "../control/plain_words.js";
+import { plain } from "../control/status/plain_words.js";
 import {
   isSeen,
   pendingText,
@@ -10,7 +10,7 @@ import {
   standstillText,
   unknownText,
   verdictText,
-} from "../control/robot_words.js";
+} from "../control/status/robot_words.js";
 import { batteryText, cardHealth, MARKS } from "../health/health_words.js";
 import { movingText } from "../limbs/words.js";
 import { shortened } from "../tasks/tasks.js";

@@ -2,9 +2,9 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { connectionFact } from "../control/robot_words.js";
-import { StopButton } from "../control/stop_button.js";
-import { StopWords } from "../control/stop_words.js";
+import { connectionFact } from "../control/status/robot_words.js";
+import { StopButton } from "../control/stop/stop_button.js";
+import { StopWords } from "../control/stop/stop_words.js";
 import { mark, parts, say, show } from "../lib/dom.js";
 import { matches, searches } from "../lib/list.js";
 import { recallInTab, rememberInTab } from "../lib/prefs.js";

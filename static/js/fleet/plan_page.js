@@ -2,7 +2,7 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { connectionFact } from "../control/robot_words.js";
+import { connectionFact } from "../control/status/robot_words.js";
 import { make, makeButton, mark, parts, say, sayOrHide, show } from "../lib/dom.js";
 import { MapView } from "../navigation/map_view.js";
 import { readMaps, readPicture } from "../navigation/places_api.js";

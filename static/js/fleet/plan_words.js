@@ -1,6 +1,6 @@
 /** Where a robot is on the fleet plan, in words. Pure. */
 
-import { isSeen, seenAt, unknownText } from "../control/robot_words.js";
+import { isSeen, seenAt, unknownText } from "../control/status/robot_words.js";
 
 const THERE_M = 0.5;
 const NEAR_M = 2;

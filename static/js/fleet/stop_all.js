@@ -1,7 +1,7 @@
 /** "Stop all" on pages that have no live connection: it goes by the form's own address. */
 
-import { StopButton } from "../control/stop_button.js";
-import { StopWords } from "../control/stop_words.js";
+import { StopButton } from "../control/stop/stop_button.js";
+import { StopWords } from "../control/stop/stop_words.js";
 
 for (const form of document.querySelectorAll("form[data-stop-all]")) {
   const words = new StopWords(form.querySelector("[data-part=stop-all-state]"));

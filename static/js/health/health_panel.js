@@ -1,6 +1,6 @@
 /** The robot's health on the control page: in the header when something is wrong, in Details always, told when it gets worse. */
 
-import { fill } from "../control/details.js";
+import { fill } from "../control/status/details.js";
 import { mark, say, sayOrHide, show } from "../lib/dom.js";
 import {
   BADNESS,

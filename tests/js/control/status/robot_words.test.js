@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { controlWords } from "../../../static/js/control/control_words.js";
+import { controlWords } from "../../../../static/js/control/control_words.js";
 import {
   banner,
   connectionFact,
@@ -7,8 +7,8 @@ import {
   limitsOf,
   stopText,
   verdictText,
-} from "../../../static/js/control/robot_words.js";
-import { firstShare, paceText, sharesUpTo } from "../../../static/js/drive/driving_options.js";
+} from "../../../../static/js/control/status/robot_words.js";
+import { firstShare, paceText, sharesUpTo } from "../../../../static/js/drive/driving_options.js";
 
 const CLEAR = { state: "clear", by: null, reason: "", standstill_ms: null };
 const ONLINE = { phase: "online", text: "", stop: CLEAR, neutral_needed: null };

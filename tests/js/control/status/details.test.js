@@ -4,7 +4,7 @@ import {
   latencyText,
   skewText,
   watchersText,
-} from "../../../static/js/control/details.js";
+} from "../../../../static/js/control/status/details.js";
 import { STATE } from "./state.js";
 
 test("an unmeasured latency is shown as assumed", () => {

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { StopButton } from "../../../static/js/control/stop_button.js";
+import { StopButton } from "../../../../static/js/control/stop/stop_button.js";
 
 describe("the stop button", () => {
   let form;

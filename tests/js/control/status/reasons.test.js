@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, it } from "vitest";
-import { Reasons } from "../../../static/js/control/reasons.js";
+import { Reasons } from "../../../../static/js/control/status/reasons.js";
 
 const wall = (vx) => ({ code: "obstacle", sensor: "/scan", side: "ahead", allowed: [vx, 0, 0] });
 

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it } from "vitest";
-import { Drawers } from "../../../static/js/control/drawers.js";
+import { Drawers } from "../../../../static/js/control/layout/drawers.js";
 
 describe("drawers", () => {
   let root;

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Choices } from "../../../static/js/control/choices.js";
-import { moved, Panels } from "../../../static/js/control/panels.js";
+import { Choices } from "../../../../static/js/control/choices.js";
+import { moved, Panels } from "../../../../static/js/control/layout/panels.js";
 
 const NAMES = ["chart", "motions", "phrases"];
 const BOXES = { chart: [0, 100], motions: [100, 200], phrases: [200, 300] }; // from left to right

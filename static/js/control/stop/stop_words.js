@@ -1,6 +1,6 @@
 /** The words next to "Stop all": news disappears after some seconds, a failure stays until the same stop is pressed again. */
 
-import { say } from "../lib/dom.js";
+import { say } from "../../lib/dom.js";
 import { SAID_MS } from "./stop_button.js";
 
 export class StopWords {

@@ -5,7 +5,7 @@ import {
   plain,
   sensorName,
   stickWords,
-} from "../../../static/js/control/plain_words.js";
+} from "../../../../static/js/control/status/plain_words.js";
 
 const SONARS = [
   { name: "base_sonar_01_link", yaw: 3.927 },

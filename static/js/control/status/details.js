@@ -1,7 +1,7 @@
 /** The side panel: sensors, standing limits, who watches, what the robot refused. */
 
-import { make, say, sayOrHide, show } from "../lib/dom.js";
-import { timeText } from "../lib/times.js";
+import { make, say, sayOrHide, show } from "../../lib/dom.js";
+import { timeText } from "../../lib/times.js";
 import { namesOf, plain, sensorName, stickWords } from "./plain_words.js";
 import { overloadText, watchdogText } from "./robot_words.js";
 

@@ -1,6 +1,6 @@
 /** Drawers of a small screen: what does not fit beside picture, stick and stop. One is open at a time, or none. */
 
-import { mark } from "../lib/dom.js";
+import { mark } from "../../lib/dom.js";
 
 const PRESSED = "aria-pressed";
 

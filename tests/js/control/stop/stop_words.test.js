@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { StopWords } from "../../../static/js/control/stop_words.js";
+import { StopWords } from "../../../../static/js/control/stop/stop_words.js";
 
 describe("the words next to Stop all", () => {
   let element;

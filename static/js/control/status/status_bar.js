@@ -1,13 +1,13 @@
 /** Status of connection and robot on the control page: header, banner, gate, stop. */
 
-import { HealthPanel } from "../health/health_panel.js";
-import { Announcer } from "../lib/announce.js";
-import { mark, say, show } from "../lib/dom.js";
+import { HealthPanel } from "../../health/health_panel.js";
+import { Announcer } from "../../lib/announce.js";
+import { mark, say, show } from "../../lib/dom.js";
+import { SAID_MS } from "../stop/stop_button.js";
 import { Details, fill } from "./details.js";
 import { namesOf, plain } from "./plain_words.js";
 import { Reasons } from "./reasons.js";
 import { banner, connectionFact, isStale, limitsOf, stopText, verdictText } from "./robot_words.js";
-import { SAID_MS } from "./stop_button.js";
 
 export class StatusBar {
   #root;

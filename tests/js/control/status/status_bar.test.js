@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { StatusBar } from "../../../static/js/control/status_bar.js";
+import { StatusBar } from "../../../../static/js/control/status/status_bar.js";
 import { STATE as COMMON } from "./state.js";
 
 const STOP = { state: "clear", by: null, reason: "", standstill_ms: null };

@@ -1,6 +1,6 @@
 /** The banner: the worst fault that keeps a person from driving, in words. Pure. */
 
-import { whenText } from "../lib/times.js";
+import { whenText } from "../../lib/times.js";
 
 const STALE_MS = 1000;
 const SILENT_MS = 3000;

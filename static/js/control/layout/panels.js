@@ -1,6 +1,6 @@
 /** The places of the panels on a desk: dragged by their handles, or moved by the arrow keys. Kept for each account. */
 
-import { mark } from "../lib/dom.js";
+import { mark } from "../../lib/dom.js";
 
 const PLACES = ["left", "top", "bottom"]; // beside the stick; at the other side, above and below
 const STANDARD = { chart: "left", motions: "top", phrases: "bottom" };
@@ -36,7 +36,7 @@ export class Panels {
 
   /**
    * @param {HTMLElement} root its elements with data-panel are the panels, those with data-moves their handles
-   * @param {import("./choices.js").Choices} choices of the person
+   * @param {import("../choices.js").Choices} choices of the person
    * @param {(text: string) => void} tell what was moved, for those who listen
    */
   constructor(root, choices, tell) {
