@@ -1,4 +1,4 @@
-"""Benchmarks of script/bench: each module with a `measure` function is one.
+"""Benchmarks of script/bench: `__main__` lists their modules, each of which has a function `measure`.
 
-docs/figures.md promises the figures and their limits.
+docs/figures.md promises the figures and their limits. `soak` and `attacks` are those of script/soak.
 """

@@ -10,7 +10,7 @@ import django
 from django.core.management import call_command
 from django.core.management.base import CommandError
 
-from benchmarks.stop import ROBOT
+from benchmarks.driving.stop import ROBOT
 
 
 def main() -> None:

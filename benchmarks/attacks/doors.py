@@ -17,7 +17,7 @@ from typing import Any
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
-from benchmarks.stop import ROBOT
+from benchmarks.driving.stop import ROBOT
 from robots import wire
 from script.stack.client import Driver, open_socket
 from script.stack.stack import Stack

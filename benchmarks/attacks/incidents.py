@@ -10,7 +10,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from typing import NamedTuple
 
-from benchmarks.stop import ROBOT, bridges
+from benchmarks.driving.stop import ROBOT, bridges
 from script.stack.stack import Stack
 from tests.ros.strangers import BRIDGE, Node, bridge_uri
 

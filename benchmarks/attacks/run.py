@@ -18,11 +18,11 @@ from benchmarks.attacks.doors import NAMES, door
 from benchmarks.attacks.figures import Limits, Taken, broken, figures, table
 from benchmarks.attacks.incidents import INCIDENTS
 from benchmarks.attacks.scene import LostError, Scene, scene_on
-from benchmarks.drive import BARE_STICKS
+from benchmarks.driving.drive import BARE_STICKS
+from benchmarks.driving.stop import ROBOT, bridges
 from benchmarks.harness import Figure, machine, progress, quantile
 from benchmarks.parts import process_stats
 from benchmarks.parts.priority import LIMIT_OF_UNIT
-from benchmarks.stop import ROBOT, bridges
 from script.stack.client import sign_in
 from script.stack.processes import Child, end_all
 from script.stack.stack import Stack, StartError, temporary_stack

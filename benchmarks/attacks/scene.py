@@ -15,10 +15,10 @@ from websockets.exceptions import ConnectionClosed, WebSocketException
 from benchmarks.attacks.doors import Doors
 from benchmarks.attacks.figures import Press, Taken
 from benchmarks.attacks.incidents import Incident
-from benchmarks.drive import PERIOD_S, SHARE, Numbers, numbers_for
+from benchmarks.driving.drive import PERIOD_S, SHARE, Numbers, numbers_for
+from benchmarks.driving.stop import ROBOT
 from benchmarks.parts.observer import Observer
 from benchmarks.parts.priority import prefer_witness
-from benchmarks.stop import ROBOT
 from robots import wire
 from script.stack.client import Driver
 from script.stack.stack import Stack

@@ -1,1 +1,1 @@
-"""Shared parts of benchmarks: processes that observe, publish, read and carry bytes."""
+"""Parts that several benchmarks share: processes that observe, publish, read and carry bytes; priority."""

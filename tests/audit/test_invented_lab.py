@@ -2,8 +2,8 @@
 
 import pytest
 
-from benchmarks.parts.audit.history_writer import Past
-from benchmarks.parts.audit.invented_lab import RARE_OUTCOME
+from benchmarks.audit.history_writer import Past
+from benchmarks.audit.invented_lab import RARE_OUTCOME
 from fleet.audit.integrity.verify import verify_all
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Record

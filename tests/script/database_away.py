@@ -6,8 +6,8 @@ import asyncio
 import time
 from contextlib import AbstractContextManager
 
-from benchmarks.parts.audit.killed import Person, Witness, read_log
-from benchmarks.parts.audit.reconciliation import unrecorded
+from benchmarks.soak.killed import Person, Witness, read_log
+from benchmarks.soak.reconciliation import unrecorded
 from robots import wire
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import Stack

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.parts.audit.killed import Embedded, Person, Rounds, Witness
+from benchmarks.soak.killed import Embedded, Person, Rounds, Witness
 from script.stack.client import sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 from tests.script.database_away import stands_while

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.parts.audit.reconciliation import Entry, Received, unfinished, unrecorded
+from benchmarks.soak.reconciliation import Entry, Received, unfinished, unrecorded
 
 SAID = Received("speech.start", 10.0, "Hello.", "goal-1")
 NOTE = Received("publish.start", 11.0, "a note")

@@ -1,4 +1,4 @@
-"""The simulated hands of benchmarks/stick.py follow the stated model."""
+"""The simulated hands of benchmarks/driving/stick.py follow the stated model."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.parts import hand_model
-from benchmarks.parts.hand_model import Movement
+from benchmarks.driving import hand_model
+from benchmarks.driving.hand_model import Movement
 
 
 def test_the_shipped_traces_match_the_generator(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 Along the top edge lie 40 blocks of 16 x 16 pixels of a picture 640 pixels wide: white, black, 32 bits of time (0.1 ms
 since the start of CLOCK_MONOTONIC, most significant first, modulo 2**32), 4 bits of parity, black, white. A white
 block is a one. The parity is the exclusive or of the eight groups of four bits, and of 1010. Blocks survive JPEG and
-H.264, and half the size; benchmarks/parts/camera_page.py reads them from a canvas.
+H.264, and half the size; benchmarks/views/camera_page.py reads them from a canvas.
 """
 
 from __future__ import annotations

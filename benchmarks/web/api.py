@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from benchmarks.drive import BARE_STICKS, ROBOT, drive
+from benchmarks.driving.drive import BARE_STICKS, ROBOT, drive
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.observer import Observer
 from benchmarks.parts.priority import prefer_loops_or_say

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.parts.witness_side``: prints each message that reaches the robot in ROS_MASTER_URI.
+"""``python -m benchmarks.soak.witness_side``: prints each message that reaches the robot in ROS_MASTER_URI.
 
 Each line is a `Received`. A goal comes twice: when it is sent, and when the robot reports that it has it.
 """
@@ -21,7 +21,7 @@ from actionlib_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import Twist
 from std_msgs.msg import String
 
-from benchmarks.parts.audit.reconciliation import Received
+from benchmarks.soak.reconciliation import Received
 from robots.bridge.ros.message_types.classes import message_class
 
 DRIVE_TOPICS = ("/key_vel", "/phone_vel")

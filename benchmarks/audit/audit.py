@@ -18,8 +18,8 @@ from typing import Any
 
 import psycopg
 
+from benchmarks.audit import recording_cost
 from benchmarks.harness import Figure, progress
-from benchmarks.parts.audit import recording_cost
 from script.stack.places import REPOSITORY
 from tests.script.servers import postgresql, postgresql_installed
 
@@ -30,7 +30,7 @@ VERIFIED_COUNT = 100_000  # largest log to which this limit applies
 WRITTEN_S = 5.0
 WRITERS = 4  # processes: two web processes and two bridges
 GROWN_MB = 50.0  # of memory, for an export of everything
-SIDE = "import django; django.setup(); from benchmarks.parts.audit.database_side import main; main()"
+SIDE = "import django; django.setup(); from benchmarks.audit.database_side import main; main()"
 TITLES = {
     "speechrecord": "Speech history",
     "motionrecord": "Motion history",

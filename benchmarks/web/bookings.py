@@ -49,7 +49,7 @@ def _sqlite() -> Iterator[str]:
 
 def _measure_on(stack: Stack, name: str) -> list[Figure]:
     progress(f"{name}: {ROWS} bookings ...")
-    program = f"from benchmarks.parts.booking_rows import main; main({ROWS})"
+    program = f"from benchmarks.web.booking_rows import main; main({ROWS})"
     rows = subprocess.run(  # noqa: S603  # our own program
         [sys.executable, "manage.py", "shell", "--no-imports", "-c", program],
         cwd=REPOSITORY,

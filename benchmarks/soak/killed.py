@@ -22,9 +22,9 @@ from typing import Any, Protocol
 import msgspec
 from websockets.exceptions import ConnectionClosed
 
+from benchmarks.driving.stop import ROBOT, STILL_RADPS, TURN, bridges
 from benchmarks.parts import process_stats
-from benchmarks.parts.audit.reconciliation import Log, Received, counts, unfinished, unrecorded
-from benchmarks.stop import ROBOT, STILL_RADPS, TURN, bridges
+from benchmarks.soak.reconciliation import Log, Received, counts, unfinished, unrecorded
 from robots import wire
 from script.stack.client import Driver
 from script.stack.stack import Stack
@@ -87,7 +87,7 @@ class Witness:
     async def __aenter__(self) -> Witness:
         self._process = await asyncio.create_subprocess_exec(
             *("/usr/bin/setpriv", "--pdeathsig", "TERM"),
-            *(sys.executable, "-m", "benchmarks.parts.witness_side"),
+            *(sys.executable, "-m", "benchmarks.soak.witness_side"),
             env=self._stack.robots[ROBOT].environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -266,6 +266,6 @@ class Rounds:
 
 def read_log(stack: Stack) -> Log:
     """Return the stack's audit log."""
-    command = [sys.executable, "-m", "benchmarks.parts.audit.log_side"]
+    command = [sys.executable, "-m", "benchmarks.soak.log_side"]
     printed = subprocess.run(command, env=stack.environment, stdout=subprocess.PIPE, check=True)  # noqa: S603
     return msgspec.json.decode(printed.stdout, type=Log)

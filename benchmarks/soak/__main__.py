@@ -27,10 +27,10 @@ from collections import Counter
 
 from benchmarks.attacks.catalogue import ATTACKS
 from benchmarks.attacks.run import soak_attacks
+from benchmarks.driving.stop import ROBOT, STILL_RADPS, Scene, bridges, scene_on
 from benchmarks.harness import progress
-from benchmarks.parts.audit.killed import PARTS as WRITERS
-from benchmarks.parts.audit.killed import Database, Embedded, LostError, Person, Rounds, Witness
-from benchmarks.stop import ROBOT, STILL_RADPS, Scene, bridges, scene_on
+from benchmarks.soak.killed import PARTS as WRITERS
+from benchmarks.soak.killed import Database, Embedded, LostError, Person, Rounds, Witness
 from script.stack.client import sign_in
 from script.stack.processes import Ended, ended_by_signals
 from script.stack.stack import PRACTICE_ROBOTS, Stack, StartError, temporary_stack

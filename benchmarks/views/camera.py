@@ -17,14 +17,14 @@ from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontext
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.drive import BARE_STICKS, SLOT, delays, drive
+from benchmarks.driving.drive import BARE_STICKS, SLOT, delays, drive
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts import process_stats
 from benchmarks.parts.cable import Cable, Profile
-from benchmarks.parts.camera_page import CameraPage, Measured, console_page, first_picture_s, mjpeg_page
 from benchmarks.parts.observer import SYSTEM_PYTHON, Observer, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
 from benchmarks.parts.viewer_crowd import Crowd
+from benchmarks.views.camera_page import CameraPage, Measured, console_page, first_picture_s, mjpeg_page
 from robots.bridge.camera.camera_client import LINGER_S
 from script.stack.client import Driver, sign_in
 from script.stack.processes import ReservedPort
@@ -32,7 +32,7 @@ from script.stack.stack import Stack, temporary_stack
 
 ROBOT, CAMERA = "tiago-1", "head"
 PLAN = replace(BARE_STICKS[0], options=("--camera-clock",))
-MJPEG = Path(__file__).parent / "parts/mjpeg.py"
+MJPEG = Path(__file__).with_name("mjpeg.py")
 PARTS = ("first", "glass", "slow", "stall", "cost", "commands")
 MEASURED_S = 20.0
 SETTLED_S = 3.0

@@ -1,6 +1,6 @@
 """Effect of smoothing on a hand at the stick: none, the mean of similar inputs (the former scheme), One-Euro.
 
-Recorded hands (`benchmarks.parts.hand_model`), reduced to the page's 30 commands a second and to the 20 of the first
+Recorded hands (`benchmarks.driving.hand_model`), reduced to the page's 30 commands a second and to the 20 of the first
 design:
 
 * jitter: rms distance of a resting hand's output from its mean, percent of the stick's range;
@@ -16,7 +16,7 @@ Results: over the recorded hands One-Euro lags less than half as much as the mea
 difference is below that of no filter and slightly below the mean's. But a resting hand has less jitter with the mean,
 especially at 20 commands a second. In slow rows One-Euro, like any low pass, lags by more than 30 ms: 63 ms at 9
 degrees a second, which is half a degree. No setting has both little jitter and little lag: ``python -m
-benchmarks.stick`` compares many (docs/decisions/the-stick-filter-lags-at-slow-movements.md).
+benchmarks.driving.stick`` compares many (docs/decisions/the-stick-filter-lags-at-slow-movements.md).
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.driving import hand_model
+from benchmarks.driving.hand_model import Array, Movement, Trace
 from benchmarks.harness import Figure, progress
-from benchmarks.parts import hand_model
-from benchmarks.parts.hand_model import Array, Movement, Trace
 from robots.bridge.drive.input_filters import Mean, Memory, OneEuro, StickPosition, StickStep, apply_filters
 
 PAGE_HZ = 30

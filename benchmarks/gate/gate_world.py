@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
-from benchmarks import gate
+from benchmarks.gate import gate
 from benchmarks.harness import Figure, progress
 from benchmarks.world.cases import (
     arm,

@@ -16,13 +16,14 @@ from django.apps import AppConfig
 from fleet.settings import *  # noqa: F403
 from fleet.settings import INSTALLED_APPS
 
-INSTALLED_APPS = [*INSTALLED_APPS, "benchmarks.parts.audit.switchable_recording.Switched"]
+INSTALLED_APPS = [*INSTALLED_APPS, "benchmarks.audit.switchable_recording.Switched"]
 
 
 class Switched(AppConfig):
     """Installs the switch."""
 
-    name = "benchmarks.parts"
+    name = "benchmarks.audit"
+    label = "benchmarks"  # fleet.audit has the label audit
 
     def ready(self) -> None:
         """Wrap the sink's methods before a bridge makes one."""

@@ -29,7 +29,7 @@ from django.db.models import Count
 from django.test import Client
 from django.urls import reverse
 
-from benchmarks.parts.audit import history_writer, invented_lab
+from benchmarks.audit import history_writer, invented_lab
 from fleet.accounts.models import User
 from fleet.audit.errors import AuditUnavailable
 from fleet.audit.integrity.verify import verify_all

@@ -7,7 +7,7 @@ import gc
 from pathlib import Path
 from statistics import median
 
-from benchmarks.drive import BARE_STICKS, ROBOT, drive
+from benchmarks.driving.drive import BARE_STICKS, ROBOT, drive
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.observer import Observer
 from script.stack.client import Driver, sign_in
@@ -23,7 +23,7 @@ def latency(directory: Path) -> list[Figure]:
     """Start a console with one robot in this directory, and drive it."""
     off = directory / "unrecorded"
     settings = {
-        "DJANGO_SETTINGS_MODULE": "benchmarks.parts.audit.switchable_recording",
+        "DJANGO_SETTINGS_MODULE": "benchmarks.audit.switchable_recording",
         "FLEET_BENCH_UNRECORDED": str(off),
     }
     with Stack(directory, robots=BARE_STICKS[:1], settings=settings) as stack:

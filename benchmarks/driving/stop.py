@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 from websockets.exceptions import ConnectionClosed
 
+from benchmarks.driving.separate_network import UNSHARE, RobotApart
 from benchmarks.harness import Figure, progress
 from benchmarks.parts import process_stats
 from benchmarks.parts.cable import Cable
 from benchmarks.parts.observer import Observer
-from benchmarks.parts.separate_network import UNSHARE, RobotApart
 from script.stack.client import DRIVE_PERIOD_S, Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
@@ -364,7 +364,7 @@ async def kills_of_the_master(stack: Stack) -> list[Timing]:
 
 def cut_to_the_robot() -> list[Figure]:
     """Run the measurement in a separate network, because it pulls a cable out."""
-    command = [*UNSHARE, sys.executable, "-m", "benchmarks.stop"]
+    command = [*UNSHARE, sys.executable, "-m", "benchmarks.driving.stop"]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)  # noqa: S603
     if done.returncode:
         progress("robot's network cut: this machine does not allow separate networks; not measured")

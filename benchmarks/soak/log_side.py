@@ -1,4 +1,4 @@
-"""``python -m benchmarks.parts.audit.log_side``: print the audit log of this environment as one `Log`."""
+"""``python -m benchmarks.soak.log_side``: print the audit log of this environment as one `Log`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 import django
 import msgspec
 
-from benchmarks.parts.audit.reconciliation import Entry, Log
+from benchmarks.soak.reconciliation import Entry, Log
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""A model of a hand on a stick. ``python -m benchmarks.parts.hand_model`` writes its recorded traces.
+"""A model of a hand on a stick. ``python -m benchmarks.driving.hand_model`` writes its recorded traces.
 
 The hand's intention is a chain of minimum-jerk movements (Flash and Hogan, 1985) with rests between them: to another
 direction and deflection, to the opposite one, or letting go. The stick measures the intention 60 times a second, with

@@ -7,7 +7,7 @@ import itertools
 import math
 import time
 
-from benchmarks.drive import BARE_STICKS, SHARE, Numbers, numbers_for
+from benchmarks.driving.drive import BARE_STICKS, SHARE, Numbers, numbers_for
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.parts.cable import Cable, Profile
 from benchmarks.parts.observer import Observer, Seen

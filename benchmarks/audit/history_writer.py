@@ -18,7 +18,7 @@ from django.db import connection, transaction
 from django.db.models import Model
 from msgspec import Struct
 
-from benchmarks.parts.audit.invented_lab import Event, Scenes
+from benchmarks.audit.invented_lab import Event, Scenes
 from fleet.accounts.models import User
 from fleet.audit.integrity.canonical import NO_ROBOT, content_digest, first_digest, next_digest, plain
 from fleet.audit.models import Actor, Chain, Content, Record

@@ -1,0 +1,1 @@
+"""Benchmark of the audit log: an invented lab's history, and the cost of records while somebody drives."""

@@ -1,0 +1,1 @@
+"""Benchmarks of a command's way to the robot: drive, stop, stick, slow networks."""

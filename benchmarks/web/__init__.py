@@ -1,0 +1,1 @@
+"""Benchmarks of what pages and programs ask for besides driving: API, bookings, arm, topics."""
