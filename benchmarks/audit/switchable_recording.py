@@ -30,7 +30,7 @@ class Switched(AppConfig):
         from robots.recording.bridge_records import AuditSink
 
         off = Path(os.environ["FLEET_BENCH_UNRECORDED"])
-        for name in ("pulse", "begin_drive", "end_drive", "begin_gate", "end_gate"):
+        for name in ("test_writable", "begin_drive", "end_drive", "begin_gate", "end_gate"):
             setattr(AuditSink, name, _unless(off, getattr(AuditSink, name)))
 
 
