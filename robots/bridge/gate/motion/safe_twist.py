@@ -147,17 +147,16 @@ def _first_whole(twists: Sequence[Velocity], row: int, surroundings: Surrounding
     The point that is in the way of one turn is mostly in the way of the others, too, which costs little to find out.
     `row` is the point in the way of the whole twist.
     """
-    left = [twist for twist in twists if not _is_stopped_by(row, twist, surroundings)]
-    while left:
-        twist, others = left[0], left[1:]
+    in_the_way = [row]
+    for twist in twists:
+        if any(_is_stopped_by(row, twist, surroundings) for row in in_the_way):
+            continue
         courses = arc.courses(surroundings.points, surroundings.way, [twist])
         (braked,) = _braking_shares([twist], courses, surroundings)
         if braked.share > _WHOLE and _passes(twist, 0, courses, surroundings):
             return twist
-        row = braked.row
-        left = (
-            others if row < 0 else [twist for twist in others if not _is_stopped_by(row, twist, surroundings)]
-        )
+        if braked.row >= 0:
+            in_the_way.insert(0, braked.row)
     return None
 
 
