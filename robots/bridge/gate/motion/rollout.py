@@ -87,10 +87,12 @@ class Commands:
         """Return the command in effect, if known, and all commands on their way, oldest first."""
         queue: list[Sent] = []
         for sent_s, velocity in reversed(self._sent):
-            queue.append(Sent(velocity, now_s - sent_s))
-            if queue[-1].age_s >= latency_s:
+            age_s = now_s - sent_s
+            queue.append(Sent(velocity, age_s))
+            if age_s >= latency_s:
                 break
-        return queue[::-1]
+        queue.reverse()
+        return queue
 
 
 def safe_share(
@@ -203,14 +205,12 @@ def _played(queue: Sequence[Sent], velocity: Velocity, rates: _Rates, latency_s:
 
 def _obey(command: Velocity, until_s: float, states: list[_State], rates: _Rates) -> None:
     """Go on with one command until a moment, in short pieces."""
-    state = states[-1]
-    left_s = until_s - state.time_s
+    left_s = until_s - states[-1].time_s
     if left_s <= 0.0:
         return
     pieces = math.ceil(left_s / PIECE_S - 1e-9)
     for _ in range(pieces):
-        state = _moved(state, command, rates, left_s / pieces)
-        states.append(state)
+        states.append(_moved(states[-1], command, rates, left_s / pieces))
 
 
 def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _State:
@@ -235,9 +235,9 @@ def _followed_up(before: Velocity, command: Velocity, rates: _Rates, span_s: flo
     (vx, vy, w), (vx_asked, vy_asked, w_asked) = before, command
     linear_up, linear_down, angular_up, angular_down = rates
     return Velocity(
-        _changed(vx, vx_asked, linear_up * span_s, linear_down * span_s),
+        vx if vx == vx_asked else _changed(vx, vx_asked, linear_up * span_s, linear_down * span_s),
         vy if vy == vy_asked else _changed(vy, vy_asked, linear_up * span_s, linear_down * span_s),
-        _changed(w, w_asked, angular_up * span_s, angular_down * span_s),
+        w if w == w_asked else _changed(w, w_asked, angular_up * span_s, angular_down * span_s),
     )
 
 
@@ -262,8 +262,11 @@ def _stopped(
     x, y, yaw, time_s, still_s = starts.T[..., None]
     passed_s = still_s * _evenly_along_a_braked_way(poses)
     sideways = any(state.velocity.vy for state in begun)
-    forward = _braked(passed_s, [state.velocity.vx for state in begun], rates.linear_down)
-    turned = _braked(passed_s, [state.velocity.w for state in begun], rates.angular_down)
+    forward, turned = _braked(
+        passed_s,
+        ([state.velocity.vx for state in begun], rates.linear_down),
+        ([state.velocity.w for state in begun], rates.angular_down),
+    )
     heading = yaw + (turned[:, 1:] + turned[:, :-1]) / 2.0
     cos, sin, ahead = np.cos(heading), np.sin(heading), forward[:, 1:] - forward[:, :-1]
     places, ways = path[:2, :, len(lead) :], np.empty((2, *passed_s.shape))
@@ -271,7 +274,7 @@ def _stopped(
     np.multiply(ahead, cos, out=ways[0, :, 1:])
     np.multiply(ahead, sin, out=ways[1, :, 1:])
     if sideways:
-        left = _braked(passed_s, [state.velocity.vy for state in begun], rates.linear_down)
+        (left,) = _braked(passed_s, ([state.velocity.vy for state in begun], rates.linear_down))
         aside = left[:, 1:] - left[:, :-1]
         ways[0, :, 1:] -= aside * sin
         ways[1, :, 1:] += aside * cos
@@ -281,10 +284,13 @@ def _stopped(
     return Path(*path)
 
 
-def _braked(passed_s: Metres, speeds: list[float], rate: float) -> Metres:
-    """Distance that each speed has carried, a row each, while it was braked for so long."""
-    column = np.array([(speed, abs(speed) / rate, math.copysign(rate / 2.0, speed)) for speed in speeds])
-    begun, ends_s, half = column.T[..., None]
+def _braked(passed_s: Metres, *axes: tuple[list[float], float]) -> Metres:
+    """Distance that each speed of each axis has carried, a row each, while it was braked at the axis's rate."""
+    columns = [
+        [(speed, abs(speed) / rate, math.copysign(rate / 2.0, speed)) for speed in speeds]
+        for speeds, rate in axes
+    ]
+    begun, ends_s, half = np.array(columns).transpose(2, 0, 1)[..., None]
     braked_s = np.minimum(passed_s, ends_s)
     way: Metres = braked_s * (begun - half * braked_s)
     return way
@@ -361,8 +367,8 @@ def _spread(onset: list[_State], whole: _State, rates: _Rates) -> Spread:
         ahead, behind = max(onward, 0.0) + slip, max(-onward, 0.0) + slip
         left, right = max(swerve, 0.0) + max(aside, 0.0), max(-swerve, 0.0) + max(-aside, 0.0)
     turned_left, turned_right = (turned, 0.0) if w > 0.0 else (0.0, turned)
-    for state in onset:
-        dx, dy, off = state[0] - x, state[1] - y, state[2] - yaw
+    for state_x, state_y, state_yaw, _, _ in onset:
+        dx, dy, off = state_x - x, state_y - y, state_yaw - yaw
         forward, sideways = cos * dx + sin * dy, cos * dy - sin * dx
         if forward > ahead:
             ahead = forward
