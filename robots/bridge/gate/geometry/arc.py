@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -245,7 +246,10 @@ class Edges:
 
 
 class _Side(NamedTuple):
-    """An edge seen along a way: n . p = offset, and along it from `low` to `high`, which grow with the hull."""
+    """An edge seen along a way: n . p = offset, and along it from `low` to `high`, which grow with the hull.
+
+    `facing_left` and `facing_right`: the angle of n as seen from a C on the left, or on the right.
+    """
 
     nx: float
     ny: float
@@ -254,11 +258,15 @@ class _Side(NamedTuple):
     high: float
     low_stretch: float
     high_stretch: float
+    facing_left: float
+    facing_right: float
 
 
 @lru_cache(maxsize=8)  # a base that cannot move sideways has two ways
 def _sides(edges: Edges, way: Way) -> tuple[_Side, ...]:
-    columns = (*seen_along(edges.normals, way).T, edges.offsets, *edges.ends, *edges.stretch)
+    nx, ny = seen_along(edges.normals, way).T
+    facing = np.arctan2(nx, -ny), np.arctan2(nx, ny)
+    columns = (nx, ny, edges.offsets, *edges.ends, *edges.stretch, *facing)
     sides = [_Side(*numbers) for numbers in np.array(columns).T.tolist()]
     return tuple(sorted(sides, reverse=True))  # what is in front meets the most
 
@@ -290,38 +298,23 @@ def _enter_straight(line: Line, side: _Side, growth: Growth, reserve_m: float) -
     return _first(rows, np.where(way >= 0.0, way, np.inf) - reserve_m, line.v)
 
 
-class _Lines(NamedTuple):
-    """The grown edges as circles about a C meet them, for a C to the left and one to the right: arrays (2, 3 E, ...).
+def _entrances(
+    edges: Edges, way: Way, growth: Growth, rho: float, sense: float
+) -> list[tuple[Growth, Growth, Growth, float]]:
+    """The grown edges as circles about a C meet them that is `rho` to the left (`sense` 1) or right (-1).
 
-    Seen from C, an edge's line is `height` away along its normal, and points come in from `begin` to `end` along it.
-    These three, one after the other for all E edges, are `at` + rho * `shift`. `facing`, (2, E), is the normal's angle.
+    Seen from C, an edge's line is this far away along its normal, points come in from here to there along it, and
+    its normal points to this angle. Plain numbers, if all points have the same growth.
     """
-
-    at: Metres
-    shift: Metres
-    facing: Metres
-
-
-@lru_cache(maxsize=8)
-def _lines(edges: Edges, way: Way) -> tuple[_Lines, Metres]:
-    """The edges before they grow, and how much each number grows with the hull."""
-    nx, ny, offset, low, high, low_stretch, high_stretch = np.array(_sides(edges, way)).T
-    one = np.ones_like(nx)
-    left = ((offset, -high, -low), (one, -high_stretch, -low_stretch), (-ny, nx, nx))
-    right = ((offset, low, high), (one, low_stretch, high_stretch), (ny, nx, nx))
-    at, stretch, shift = np.array((left, right)).reshape(2, 3, -1).swapaxes(0, 1).copy()
-    return _Lines(at, shift, np.array((np.arctan2(nx, -ny), np.arctan2(nx, ny)))), stretch
-
-
-@lru_cache(maxsize=8)  # a hull in free space always has the same margin
-def _grown(edges: Edges, way: Way, growth: float) -> _Lines:
-    lines, stretch = _lines(edges, way)
-    return lines._replace(at=lines.at + growth * stretch)
-
-
-def _grown_for_each(edges: Edges, way: Way, growth: Metres) -> _Lines:
-    lines, stretch = _lines(edges, way)
-    return lines._replace(at=lines.at[..., None] + growth * stretch[..., None], shift=lines.shift[..., None])
+    left = sense * rho
+    entrances = []
+    for nx, ny, offset, low, high, low_stretch, high_stretch, facing_left, facing_right in _sides(edges, way):
+        height = offset + growth - ny * left
+        from_, to = low + growth * low_stretch - nx * left, high + growth * high_stretch - nx * left
+        entrances.append(
+            (height, -to, -from_, facing_left) if sense > 0.0 else (height, from_, to, facing_right)
+        )
+    return entrances
 
 
 def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: float) -> list[Contact]:
@@ -334,31 +327,22 @@ def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: fl
     circles = [circle for circle in courses.circles if circle is not None]
     if not circles:
         return []
-    same = isinstance(growth, float)
-    if isinstance(growth, float):
-        lines = _grown(edges, courses.way, growth)
-    else:
-        lines = _grown_for_each(edges, courses.way, growth)
-    number, points = lines.facing.shape[1], len(courses.line.x)
     if len(circles) == 1:
         radial, all_squares = circles[0].radial, circles[0].squares[None]
-        sense = int(circles[0].sense < 0.0)
-        at, facing = lines.at[sense, None] + circles[0].rho * lines.shift[sense], lines.facing[sense]
     else:
         radial = np.array([circle.radial for circle in circles])
         all_squares = np.array([circle.squares for circle in circles])
-        senses = [int(circle.sense < 0.0) for circle in circles]
-        rho = np.array([circle.rho for circle in circles]).reshape(-1, *[1] * (lines.at.ndim - 1))
-        at, facing = lines.at[senses] + rho * lines.shift[senses], lines.facing[senses]
-    heights, ends = at[:, :number], at[:, number:]
-    bounds = np.maximum(ends, 0.0)
+    each = [_entrances(edges, courses.way, growth, circle.rho, circle.sense) for circle in circles]
+    number, points = len(each[0]), len(courses.line.x)
+    lines, begin, end, facing = zip(*chain(*each), strict=True)
+    heights = np.array(lines)
+    bounds = np.maximum((begin, end), 0.0)
     bounds *= bounds
-    if same:
-        heights, bounds = heights[..., None], bounds[..., None]
-    height_squares = heights * heights
+    bounds += heights * heights
+    nearest, farthest = bounds.reshape(2, len(circles), number, -1)
     squares = all_squares[:, None]
-    within = squares > bounds[:, :number] + height_squares
-    within &= squares <= bounds[:, number:] + height_squares
+    within = squares > nearest
+    within &= squares <= farthest
     hits = within.ravel().nonzero()[0]
     if not len(hits):
         return [NEVER] * len(circles)
@@ -367,8 +351,8 @@ def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: fl
     known = rows if len(circles) == 1 else rows + points * (through // number)  # in the tables
     d = np.sqrt(all_squares.take(known))
     onward = np.arctan2(courses.line.x.take(rows), radial.take(known))
-    onward -= facing.take(through)
-    onward += np.arccos(heights.take(through if same else hits) / d)
+    onward -= np.array(facing).take(through)
+    onward += np.arccos(heights.take(through if heights.ndim == 1 else hits) / d)
     ways = np.mod(onward, math.tau)
     if reserve_m:
         ways -= reserve_m / d
@@ -392,15 +376,11 @@ def polygon_meets_s(
     if abs(twist.w) <= STRAIGHT_PER_M * v:
         return math.inf
     rho, sense = v / abs(twist.w), math.copysign(1.0, twist.w)
-    radial, left = rho - sense * y, sense * rho
+    radial = rho - sense * y
     squares = radial * radial + x * x
     d, bearing, onward = math.sqrt(squares), math.atan2(x, radial), math.inf
-    for nx, ny, offset, low, high, low_stretch, high_stretch in _sides(edges, way):
-        height = offset + growth_m - ny * left
-        from_, to = low + growth_m * low_stretch - nx * left, high + growth_m * high_stretch - nx * left
-        begin, end = (-to, -from_) if sense > 0.0 else (from_, to)
+    for height, begin, end, facing in _entrances(edges, way, growth_m, rho, sense):
         begin, end = max(begin, 0.0), max(end, 0.0)
         if height * height + begin * begin < squares <= height * height + end * end:
-            facing = math.atan2(nx, -sense * ny)
             onward = min(onward, (bearing - facing + math.acos(height / d)) % math.tau)
     return (onward - reserve_m / d) / abs(twist.w) if d else math.inf
