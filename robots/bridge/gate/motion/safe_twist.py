@@ -133,11 +133,7 @@ def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
     limit = min(_braking_shares(arcs, courses, surroundings), key=_by_share)
     passed = _passed(arcs[0], surroundings, limit.share)
     if len(passed):
-        passes = [
-            _passing_share(twist, courses.track(number, passed), passed, surroundings, limit.share)
-            for number, twist in enumerate(arcs)
-        ]
-        limit = min((limit, *passes), key=_by_share)
+        limit = min(limit, _passing_share(arcs, courses, passed, surroundings, limit.share), key=_by_share)
     return limit
 
 
@@ -153,20 +149,17 @@ def _first_whole(twists: Sequence[Velocity], row: int, surroundings: Surrounding
             continue
         courses = arc.courses(surroundings.points, surroundings.way, [twist])
         (braked,) = _braking_shares([twist], courses, surroundings)
-        if braked.share > _WHOLE and _passes(twist, 0, courses, surroundings):
+        if braked.share > _WHOLE and _passes(twist, courses, surroundings):
             return twist
         if braked.row >= 0:
             in_the_way.insert(0, braked.row)
     return None
 
 
-def _passes(twist: Velocity, number: int, courses: Courses, surroundings: Surroundings) -> bool:
-    """Return whether this one of the courses' twists is not slowed by what it passes."""
+def _passes(twist: Velocity, courses: Courses, surroundings: Surroundings) -> bool:
+    """Return whether the twist of these courses is not slowed by what it passes."""
     passed = _passed(twist, surroundings, 1.0)
-    if not len(passed):
-        return True
-    track = courses.track(number, passed)
-    return _passing_share(twist, track, passed, surroundings, 1.0).share > _WHOLE
+    return not len(passed) or _passing_share([twist], courses, passed, surroundings, 1.0).share > _WHOLE
 
 
 def _is_stopped_by(row: int, twist: Velocity, surroundings: Surroundings) -> bool:
@@ -222,29 +215,31 @@ def harmless_m(v: float, parameters: Parameters) -> float:
 
 
 def _passing_share(
-    twist: Velocity, track: Metres, passed: Rows, surroundings: Surroundings, below: float
+    twists: Sequence[Velocity], courses: Courses, passed: Rows, surroundings: Surroundings, below: float
 ) -> Share:
     """Passing close by is slow (method 3): v <= v_creep + (clearance - m_lat) / c_lat where the hull is nearest.
 
-    `track` is that of the `passed` points. Before that place the robot may be as fast as still lets it brake to this
+    Of the `passed` points, on each arc. Before that place the robot may be as fast as still lets it brake to this
     speed; the gap shrinks at most as fast as the robot moves, so gap - clearance is a distance that is surely left.
     Only a share `below` a known one need be found.
     """
-    v = arc.speed(twist)
-    parameters = surroundings.profile.parameters
-    clear = clearances(track, twist, surroundings.footprint)
+    parameters, footprint = surroundings.profile.parameters, surroundings.footprint
+    each = [
+        clearances(courses.track(number, passed), twist, footprint) for number, twist in enumerate(twists)
+    ]
+    clear: Metres = np.array(each)
     growth = surroundings.growth_of(passed)
-    near = ((clear < harmless_m(below * v, parameters)) & (clear >= growth)).nonzero()[0]
+    near = ((clear < harmless_m(below * courses.v, parameters)) & (clear >= growth)).ravel().nonzero()[0]
     if not len(near):
         return FREE
-    clear, rows = clear.take(near), passed.take(near)
+    clear, rows = clear.take(near), passed.take(near % len(passed))
     spare = np.maximum(clear - parameters.lateral_margin_m, 0.0)
     there = parameters.creep_mps + spare / parameters.near_miss_s
     left = np.maximum(surroundings.gaps.take(rows) - clear, 0.0)
     linear, _ = braking.deceleration(surroundings.profile)
     allowed = braking.speed_before(left, there, parameters.latency_s, linear)
     slowest = int(allowed.argmin())
-    share = float(allowed[slowest]) / v
+    share = float(allowed[slowest]) / courses.v
     return Share(share, NEAR_MISS, int(rows[slowest])) if share < 1.0 else FREE
 
 
