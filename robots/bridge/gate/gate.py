@@ -108,6 +108,7 @@ class Gate:
         self.latency = Latency(limits, profile.parameters.latency_s)
         self._profile_now = profile
         self._restrained_mps = math.inf  # to which speed obstacles restrained the last decision
+        self._guesses: tuple[int, ...] = ()  # rows of points that forbade turns in the last decision
         self._decided_s = -math.inf  # time of the last decision, and so of the last sent twist
         self._lasers = {
             name: Laser(name, _word("laser", name, len(profile.scan_poses)), Pose(*pose), self.footprint)
@@ -358,7 +359,10 @@ class Gate:
                 if is_still(allowed):
                     break
                 expected = self._expected_share(allowed)
-                found = restrain(allowed, turn_rates, near.points, near.source, hull, profile, expected)
+                found = restrain(
+                    allowed, turn_rates, near.points, near.source, hull, profile, expected, self._guesses
+                )
+                self._guesses = found.guesses or self._guesses
                 if found.velocity != allowed:
                     allowed, cause = found.velocity, found.cause
         self._restrained_mps = math.inf if cause is None else speed(allowed)

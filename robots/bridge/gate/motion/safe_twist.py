@@ -23,6 +23,7 @@ WAY_OUT_M = 0.0001  # a point is never asked to be farther away than it is, less
 STANDING_MPS = 0.01  # slower than this is standing: the last centimetre would take for ever
 TURN_TOLERANCE_RADPS = 0.1  # a turn rate this near to the one asked for bends the arc by 2 cm in 1 m at most
 TURN_SHARES = (1.0, 0.7, 0.4)  # tried in this order when rotation is given back
+GUESSES = 2  # points that are kept as guesses of what forbids a turn
 NOTHING = 1e-6  # m/s or rad/s
 _WHOLE = 0.999
 _SURELY_NOT_WHOLE = 0.998  # far below, compared with what rounding does
@@ -70,10 +71,14 @@ class Surroundings(NamedTuple):
 
 
 class Restraint(NamedTuple):
-    """The safe twist, and the cause of its reduction."""
+    """The safe twist, and the cause of its reduction.
+
+    `guesses`: rows of the points that forbade turns, the newest first. They mostly do so in the next decision, too.
+    """
 
     velocity: Velocity
     cause: Cause | None = None
+    guesses: tuple[int, ...] = ()
 
 
 def restrain(
@@ -84,12 +89,13 @@ def restrain(
     footprint: Footprint,
     profile: GateProfile,
     expected: float = 1.0,
+    guesses: Sequence[int] = (),
 ) -> Restraint:
     """The safe part of `wanted`.
 
     `turn_rates` are those the base has or is about to have (rad/s): until it turns as wanted it follows
     their arcs at the wanted speed, so these must be clear too. `expected` costs or saves time only: if the safe share
-    is smaller, only the points that are near enough for that were looked at.
+    is smaller, only the points that are near enough for that were looked at. So do the last decision's `guesses`.
     """
     followed = (wanted._replace(w=w) for w in _differing(turn_rates, wanted.w))
     arcs = (wanted, *(twist for twist in followed if any(twist)))
@@ -109,7 +115,10 @@ def restrain(
             row = limit.row
             point = float(some[row, 0]), float(some[row, 1])
             cause = Cause(limit.rule, point, float(gaps[row]), int(source[near[row]]))
-            return Restraint(_give_rotation_back(wanted, limit, surroundings), cause)
+            places = [(int(near.searchsorted(guess)), guess) for guess in guesses]
+            known = [place for place, guess in places if place < len(near) and near[place] == guess]
+            given, rows = _give_rotation_back(wanted, limit, known, surroundings)
+            return Restraint(given, cause, tuple(int(near[row]) for row in rows[:GUESSES]))
     return Restraint(wanted)
 
 
@@ -137,23 +146,25 @@ def _limit(arcs: Sequence[Velocity], surroundings: Surroundings) -> Share:
     return limit
 
 
-def _first_whole(twists: Sequence[Velocity], row: int, surroundings: Surroundings) -> Velocity | None:
+def _first_whole(
+    twists: Sequence[Velocity], rows: list[int], surroundings: Surroundings
+) -> tuple[Velocity | None, list[int]]:
     """Return the first of these twists, which differ in their turn, that is safe as it is; None if none is.
 
     The point that is in the way of one turn is mostly in the way of the others, too, which costs little to find out.
-    `row` is the point in the way of the whole twist.
+    `rows` are points that may be in the way, the likeliest first; return them also, those that were come first.
     """
-    in_the_way = [row]
     for twist in twists:
-        if any(_is_stopped_by(row, twist, surroundings) for row in in_the_way):
-            continue
-        courses = arc.courses(surroundings.points, surroundings.way, [twist])
-        (braked,) = _braking_shares([twist], courses, surroundings)
-        if braked.share > _WHOLE and _passes(twist, courses, surroundings):
-            return twist
-        if braked.row >= 0:
-            in_the_way.insert(0, braked.row)
-    return None
+        met = next((row for row in rows if _is_stopped_by(row, twist, surroundings)), -1)
+        if met < 0:
+            courses = arc.courses(surroundings.points, surroundings.way, [twist])
+            (braked,) = _braking_shares([twist], courses, surroundings)
+            if braked.share > _WHOLE and _passes(twist, courses, surroundings):
+                return twist, rows
+            met = braked.row
+        if met >= 0:
+            rows = [met, *(row for row in rows if row != met)]
+    return None, rows
 
 
 def _passes(twist: Velocity, courses: Courses, surroundings: Surroundings) -> bool:
@@ -243,8 +254,10 @@ def _passing_share(
     return Share(share, NEAR_MISS, int(rows[slowest])) if share < 1.0 else FREE
 
 
-def _give_rotation_back(wanted: Velocity, limit: Share, surroundings: Surroundings) -> Velocity:
-    """The scaled twist with the largest safe part of the wanted turn (method 5).
+def _give_rotation_back(
+    wanted: Velocity, limit: Share, guesses: list[int], surroundings: Surroundings
+) -> tuple[Velocity, list[int]]:
+    """The scaled twist with the largest safe part of the wanted turn (method 5), and the next guesses.
 
     So, nose at the wall and the stick held diagonally, the robot still turns.
     """
@@ -252,11 +265,12 @@ def _give_rotation_back(wanted: Velocity, limit: Share, surroundings: Surroundin
     if arc.speed(scaled) < STANDING_MPS:
         scaled = Velocity(0.0, 0.0, scaled.w)
     if wanted.w == 0.0:
-        return scaled
+        return scaled, guesses
     candidates = [
         Velocity(scaled.vx, scaled.vy, turn * wanted.w) for turn in TURN_SHARES if turn > limit.share
     ]
-    return _first_whole(candidates, limit.row, surroundings) or scaled
+    turned, rows = _first_whole(candidates, [*guesses, limit.row], surroundings)
+    return turned or scaled, rows
 
 
 def _differing(turn_rates: tuple[float, ...], w: float) -> list[float]:
