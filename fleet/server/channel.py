@@ -143,7 +143,6 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     _damaged = False  # the head of a stop: the body's form is unknown
     _between = False  # two requests
     _unheard = b""  # waits for its turn
-    _read: asyncio.Future[None] | None = None  # what was written, by a client that has to read first
 
     @property
     def server(self) -> Any:
@@ -265,25 +264,6 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     def _respondToBadRequestAndDisconnect(self) -> None:
         raise Refused(limits.malformed())
 
-    def resumeProducing(self) -> None:
-        """The client has read what was written."""
-        super().resumeProducing()
-        self._wake()
-
-    async def room(self) -> None:
-        """Wait until the client has read what was written. One that reads nothing for `UNREAD_S` is disconnected."""
-        if not self._waitingForTransport:
-            return
-        self._read = asyncio.get_running_loop().create_future()
-        try:
-            await asyncio.wait_for(self._read, limits.UNREAD_S)
-        except asyncio.TimeoutError:
-            self.transport.abortConnection()
-
-    def _wake(self) -> None:
-        if self._read is not None and not self._read.done():
-            self._read.set_result(None)
-
     def refuse(self, refusal: Refusal) -> None:
         """Say why, read nothing more, and close the connection soon after."""
         if self._leaving:
@@ -314,7 +294,6 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
     def connectionLost(self, reason: Any) -> None:
         """The connection is gone."""
         self._unheard = b""
-        self._wake()
         self.server.left(self.transport)
         super().connectionLost(reason)
 

@@ -27,7 +27,7 @@ daphne_server.WebSocketFactory = websocket.Factory
 class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
     """Daphne, which counts who is connected."""
 
-    keeper: pages_process.Keeper | None = None  # of the pages process; None in that process itself
+    keeper: pages_process.Keeper | None = None  # of the pages process; None in tests of the server alone
 
     def __init__(self, *args: Any, **options: Any) -> None:
         from django.conf import settings  # the application was imported before
@@ -71,12 +71,6 @@ class Server(daphne_server.Server):  # type: ignore[misc]  # Daphne has no types
             }
         return super().create_application(protocol, scope)
 
-    async def handle_reply(self, protocol: Any, message: dict[str, Any]) -> None:
-        """Pass on a part of an answer. One that goes on waits for its client."""
-        await super().handle_reply(protocol, message)
-        if message.get("more_body") and protocol.channel is not None:
-            await protocol.channel.room()
-
     def entered(self, connection: channel.Channel) -> bool:
         """Return whether there is a place for a new connection; the oldest that only waits leaves for it."""
         address = getattr(connection.transport.getPeer(), "host", None)
@@ -117,18 +111,12 @@ class CommandLine(CommandLineInterface):  # type: ignore[misc]
         self.parser.set_defaults(
             websocket_max_message_size=limits.MESSAGE_BYTES, websocket_max_frame_size=limits.MESSAGE_BYTES
         )
-        self.parser.add_argument(
-            "--life-line", type=int, help="answer pages only, for the process at the other end of this pipe"
-        )
 
     def run(self, args: list[str]) -> None:
         """Run until it is asked to end."""
         asked: Namespace = self.parser.parse_args(args)
-        if asked.life_line is None:
-            os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
-            from django.conf import settings
+        os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
+        from django.conf import settings
 
-            Server.keeper = pages_process.Keeper(settings.FLEET_RUN_DIR, asked.application)
-        else:
-            pages_process.become_pages(asked.life_line)
+        Server.keeper = pages_process.Keeper(settings.FLEET_RUN_DIR, asked.application)
         super().run(args)

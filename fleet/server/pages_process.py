@@ -1,4 +1,4 @@
-"""The pages process: answers every HTTP request but the stop's, so that no page shares an interpreter with a stick.
+"""Keeps the pages process, which answers every HTTP request but the stop's: no page shares an interpreter with a stick.
 
 The process that owns the port starts it, starts it again when it dies, and forwards whole requests by a Unix socket.
 """
@@ -11,13 +11,13 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from twisted.internet import defer, endpoints, protocol, reactor, task
 from twisted.internet.error import ConnectError
+from twisted.internet.interfaces import IPushProducer
 from twisted.web import http
 from twisted.web.client import Agent, FileBodyProducer, HTTPConnectionPool, ResponseDone
 from twisted.web.http_headers import Headers
@@ -25,13 +25,9 @@ from twisted.web.iweb import IAgentEndpointFactory
 from zope.interface import implementer
 
 from fleet.server import limits
-from robots.processes.scheduling import prefer_nobody
-from robots.processes.shutdown import exit_within
 
 log = logging.getLogger(__name__)
 
-NICENESS = 15
-END_S = 5.0
 AGAIN_S = 0.5  # until it is started again
 READY_S = 30.0  # so long a request waits for a process that is just starting
 RETRY_S = 0.05
@@ -89,8 +85,8 @@ class Keeper:
 
     def _command(self) -> list[str]:
         return [
-            *(sys.executable, "-m", "fleet.server", "--life-line", str(self._life_line), "--verbosity", "0"),
-            *("--proxy-headers", "--endpoint", endpoint(self.path), self._application),
+            *(sys.executable, "-m", "fleet.server.pages_server", "--life-line", str(self._life_line)),
+            *("--socket", str(self.path), self._application),
         ]
 
 
@@ -105,22 +101,6 @@ def _tidy(run_directory: Path) -> None:
     for left in [*run_directory.glob("web-*.sock"), *run_directory.glob("programs-*.sock")]:
         if not Path(f"/proc/{left.stem.split('-')[1]}").exists():
             left.unlink(missing_ok=True)
-
-
-def become_pages(life_line: int) -> None:
-    """In the pages process: give way to the process that drives, and end with it."""
-    os.nice(NICENESS)
-    prefer_nobody()
-    threading.Thread(target=_end_with, args=(life_line,), name="life line", daemon=True).start()
-
-
-def _end_with(life_line: int) -> None:
-    os.read(life_line, 1)  # nobody writes: this is its end
-    if programs := os.environ.get("FLEET_PROGRAMS_SOCKET"):  # a process that was killed leaves it
-        Path(programs).unlink(missing_ok=True)
-    exit_within(END_S)
-    with suppress(ProcessLookupError):
-        os.kill(os.getpid(), 15)
 
 
 @implementer(IAgentEndpointFactory)
@@ -217,22 +197,36 @@ def _failed(request: Any, failure: Any) -> None:
         request.channel.refuse(limits.no_answer())
 
 
+@implementer(IPushProducer)
 class _Passing(protocol.Protocol):  # type: ignore[misc]
-    """The answer's body, as fast as the client takes it."""
+    """The answer's body, as fast as the client takes it. A client that reads nothing for `UNREAD_S` is disconnected."""
 
     def __init__(self, request: Any) -> None:
         self._request = request
+        self._unread: Any = None  # the call that disconnects
         # A client that left is passed nothing more: cancelled, it ends the answer at its source.
         self.whole: Any = defer.Deferred(lambda _: self.transport.stopProducing())
 
     def connectionMade(self) -> None:
-        self._request.registerProducer(self.transport, True)
+        self._request.registerProducer(self, True)
+
+    def pauseProducing(self) -> None:
+        self.transport.pauseProducing()
+        self._unread = reactor.callLater(limits.UNREAD_S, self._request.channel.transport.abortConnection)
+
+    def resumeProducing(self) -> None:
+        self._heard()
+        self.transport.resumeProducing()
+
+    def stopProducing(self) -> None:
+        self.transport.stopProducing()
 
     def dataReceived(self, data: bytes) -> None:
         if not self._request.finished and self._request.channel is not None:
             self._request.write(data)
 
     def connectionLost(self, reason: Any = None) -> None:
+        self._heard()
         request = self._request
         if request._disconnected:
             self.whole.callback(None)
@@ -243,3 +237,7 @@ class _Passing(protocol.Protocol):  # type: ignore[misc]
             self.whole.callback(None)
         else:
             self.whole.errback(reason)
+
+    def _heard(self) -> None:
+        if self._unread is not None and self._unread.active():
+            self._unread.cancel()

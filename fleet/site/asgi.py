@@ -23,7 +23,7 @@ from robots.processes.shutdown import exit_within  # noqa: E402
 limit_queries(connections.settings["default"])
 resolve("/stop-all/")  # loads the code of all addresses, so that the first stop does not wait 0.1 s for it
 
-PAGES = "--life-line" in sys.argv  # as `fleet.server.pages_process` starts the process that answers pages
+PAGES = "--life-line" in sys.argv  # in `fleet.server.pages_server`
 if PAGES:
     connections.settings["default"].update(CONN_MAX_AGE=60, CONN_HEALTH_CHECKS=True)
 else:  # Drive input passes through the event loop. With Python's default of 5 ms it would wait for each database call.

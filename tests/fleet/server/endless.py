@@ -1,7 +1,11 @@
-"""Serves an endless page to a client that reads nothing and disconnects; prints the bytes sent."""
+"""Serves an endless page to a client that reads nothing; prints the bytes sent.
+
+`leaves`: the client disconnects once all buffers are full. `stays`: it stays connected, and is disconnected.
+"""
 
 import json
 import socket
+import sys
 import tempfile
 import threading
 import time
@@ -11,10 +15,11 @@ import daphne.server  # noqa: F401 - first: it chooses Twisted's reactor
 from django.conf import settings
 from twisted.internet import protocol, reactor
 
-from fleet.server import pages_process
+from fleet.server import limits, pages_process
 from fleet.server.command import Server
 
 CHUNK = bytes(65536)
+[way] = sys.argv[1:]
 opened = threading.Event()
 closed = threading.Event()
 sent_bytes = 0
@@ -45,16 +50,22 @@ def ask_and_leave(server):
         client.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
         opened.wait(30)
         before = -1
-        while before != sent_bytes:  # until all buffers are full
+        while way == "leaves" and before != sent_bytes:  # until all buffers are full
             before = sent_bytes
             time.sleep(0.5)
-    print(json.dumps({"sent": sent_bytes, "closed": closed.wait(30), "taken": server.requests.taken}))
+        in_time = way == "leaves" or closed.wait(30)
+    print(
+        json.dumps(
+            {"sent": sent_bytes, "closed": closed.wait(30) and in_time, "taken": server.requests.taken}
+        )
+    )
     reactor.callFromThread(reactor.stop)
 
 
 with tempfile.TemporaryDirectory() as directory:
     path = Path(directory) / "pages.sock"
     settings.configure(SESSION_COOKIE_NAME="session")
+    limits.UNREAD_S = 60.0 if way == "leaves" else 1.0
     factory = protocol.ServerFactory()
     factory.protocol = Endless
     reactor.listenUNIX(str(path), factory)
