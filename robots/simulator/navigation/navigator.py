@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -18,9 +18,11 @@ from robots.simulator.sensors.survey import FREE, Survey, surveyed
 
 HULL_M = 0.275
 BODY_M = 1.1  # height of the body
+CHEST_M = 1.0  # height at which people are wider than their legs: a costmap gets that from the depth camera
 PLANNED_M = 0.30  # radius of the robot in plans
 SCAN_S = 0.1
 REPLANS_S = 1.0  # pause between two plans around an obstacle that is not on the map
+BARRED_M = 1.5  # of the path ahead: obstacles farther along it are still seen better
 MOVED_M = 0.15
 GIVES_UP_S = 15.0  # without a step forward, as move_base with its recovery behaviours
 
@@ -51,14 +53,15 @@ class Going:
 
 
 class Navigator:
-    """Drives one robot by the map, its localisation and its laser. Times are seconds of one clock."""
+    """Drives one robot by the map, its localisation, its laser and what a depth camera adds. Times: one clock."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._costs = CostMap(_known(robot), PLANNED_M)
-        self._laser = Laser(
-            robot.body.laser, np.random.default_rng(0)
-        )  # its noise must not shift the topic's
+        x, y, _, yaw = robot.body.laser.pose
+        chest = replace(robot.body.laser, pose=(x, y, CHEST_M, yaw))
+        random = np.random.default_rng(0)  # this noise must not shift the topic's
+        self._eyes = [Laser(mount, random) for mount in (robot.body.laser, chest)]
         self._seen = np.empty((0, 2))
         self._seen_s = -math.inf
         self.going: Going | None = None
@@ -99,11 +102,22 @@ class Navigator:
         """Plan again where the way is barred; give up after `GIVES_UP_S` without a step forward."""
         if math.dist(pose[:2], going.moved_from) > MOVED_M:
             going.moved_from, going.moved_s = (pose.x, pose.y), now
-        if sent.vx == 0.0 and now - going.planned_s >= REPLANS_S:
+        if now - going.planned_s >= REPLANS_S and (sent.vx == 0.0 or self._is_barred(going.path, pose)):
             self._costs.mark(in_world(pose, x, y) for x, y in self._seen)
             self._plan(going, now, forgive=True)
         if now - going.moved_s > GIVES_UP_S:
             going.phase, going.text = Phase.FAILED, NO_CONTROL
+
+    def _is_barred(self, path: list[Place], pose: Pose) -> bool:
+        """Return whether something that is seen is nearer to the path ahead than plans allow."""
+        ahead = [
+            place for place in path[follower.nearest(path, pose) :] if math.dist(place, pose[:2]) < BARRED_M
+        ]
+        if not ahead or not len(self._seen):
+            return False
+        seen = np.array([in_world(pose, x, y) for x, y in self._seen])
+        apart = np.linalg.norm(np.array(ahead)[:, None] - seen[None], axis=2)
+        return bool((apart < PLANNED_M).any())
 
     def _plan(self, going: Going, now: float, *, forgive: bool = False) -> None:
         pose = self._robot.believed()
@@ -117,13 +131,18 @@ class Navigator:
             going.phase, going.text = Phase.FAILED, NO_PLAN
 
     def _look(self, now: float) -> None:
-        """Take the points of a scan, in the base frame."""
+        """Take the points that are seen at the heights of the laser and of a chest, in the base frame."""
         self._seen_s = now
-        x, y, _, yaw = self._laser.mount.pose
-        ranges = self._laser.scan(self._robot.physics)
-        good = np.isfinite(ranges) & (ranges < 3.0)
-        angles = self._laser.angles[good] + yaw
-        self._seen = np.column_stack([x + ranges[good] * np.cos(angles), y + ranges[good] * np.sin(angles)])
+        points = []
+        for eyes in self._eyes:
+            x, y, _, yaw = eyes.mount.pose
+            ranges = eyes.scan(self._robot.physics)
+            good = np.isfinite(ranges) & (ranges < 3.0)
+            angles = eyes.angles[good] + yaw
+            points.append(
+                np.column_stack([x + ranges[good] * np.cos(angles), y + ranges[good] * np.sin(angles)])
+            )
+        self._seen = np.concatenate(points)
 
 
 def _known(robot: Robot) -> Survey:
