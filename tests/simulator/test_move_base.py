@@ -21,8 +21,8 @@ from tests.simulator.conftest import room
 HALL, OFFICE, MEETING = Pose(2.0, 1.8, 0.0), Pose(7.5, 5.0, 0.0), Pose(1.2, 5.5, math.pi / 2)
 
 
-def drive(robot: Robot, goal: Pose, seconds: float = 90.0) -> Going:
-    """Drive until the goal ends; no contact is allowed on the way."""
+def drive(robot: Robot, goal: Pose, seconds: float = 90.0, room_m: float = 0.0) -> Going:
+    """Drive until the goal ends; nothing may be nearer than `room_m` on the way."""
     navigator = Navigator(robot)
     now = 0.0
     going = navigator.go(goal, now)
@@ -32,6 +32,7 @@ def drive(robot: Robot, goal: Pose, seconds: float = 90.0) -> Going:
         robot.tick(now)
         now += TICK_S
         assert not robot.physics.contacts()
+        assert not room_m or robot.physics.clearance_m(room_m) >= room_m
     return going
 
 
@@ -52,6 +53,12 @@ def test_it_drives_through_a_door_to_the_goal(office, goal):
 def test_it_goes_around_a_person_who_is_not_on_the_map(office):
     office.people["person"].x, office.people["person"].y = 4.5, 1.8
     assert drive(office, Pose(7.0, 1.8, 0.0)).phase is Phase.REACHED
+
+
+@pytest.mark.parametrize("at", [(4.5, 1.8), (4.5, 2.2)])
+def test_it_keeps_away_from_a_persons_trunk_which_is_wider_than_the_legs(office, at):
+    office.people["person"].x, office.people["person"].y = at
+    assert drive(office, Pose(7.0, 1.8, 0.0), room_m=0.15).phase is Phase.REACHED
 
 
 def test_a_goal_without_a_way_fails_at_once(office):
