@@ -424,6 +424,12 @@ class Schedule(Struct, frozen=True):
         return moment if moment < now + AHEAD else None
 
 
+_HELD = (
+    *("robot_id", "person_id", "starts_at", "held_until", "used_at", "made_at"),
+    *("person__full_name", "person__username"),
+)
+
+
 class Held(Struct, frozen=True):
     """A booking that holds the robot."""
 
@@ -450,7 +456,8 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
     """`schedule_of` many robots, in three queries."""
     policies = policies_of(robots)
     held: dict[UUID, list[Held]] = {robot.id: [] for robot in robots}
-    for one in held_between(robots, now, now + AHEAD).exclude(state__in=NOT_YET).order_by("starts_at"):
+    booked = held_between(robots, now, now + AHEAD).exclude(state__in=NOT_YET).order_by("starts_at")
+    for one in booked.select_related(None).select_related("person").only(*_HELD):
         grace = grace_of(policies[one.robot_id])
         slot = held_slot(one, grace, now)
         held[one.robot_id].append(
