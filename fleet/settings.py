@@ -303,6 +303,7 @@ LOGGING = {
         # One line for each request says nothing that the audit log does not say better.
         "django.channels.server": {"level": "WARNING"},
         "daphne": {"level": "WARNING"},
+        "uvicorn": {"level": "ERROR"},  # it warns of each request that cannot be read, and of its own end
         "websockets": {
             "level": "WARNING"
         },  # links come and go; robots.link.client and the bridge say what matters

@@ -118,5 +118,9 @@ class CommandLine(CommandLineInterface):  # type: ignore[misc]
         os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
         from django.conf import settings
 
-        Server.keeper = pages_process.Keeper(settings.FLEET_RUN_DIR, asked.application)
-        super().run(args)
+        keeper = Server.keeper = pages_process.Keeper(settings.FLEET_RUN_DIR, asked.application)
+        try:
+            super().run(args)
+        finally:
+            keeper.end()
+            keeper.wait()

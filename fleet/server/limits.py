@@ -21,7 +21,7 @@ UNHEARD_BYTES = 64 * 1024  # of one connection, that wait for their turn: no mor
 HEAD_S = 10.0  # from the first byte of a request, or from connecting, to the end of its headers
 BODY_S = 60.0  # from the end of the headers to the end of the body
 IDLE_S = 60.0  # between two requests
-UNREAD_S = 60.0  # so long a client may read nothing of an answer that goes on
+UNREAD_S = 60.0  # so long a client may leave unread what was sent of an answer
 
 # A class of 60 sits behind one address; a browser opens six connections and some WebSockets for each page.
 CONNECTIONS = 2000

@@ -29,12 +29,16 @@ from fleet.server import limits
 log = logging.getLogger(__name__)
 
 AGAIN_S = 0.5  # until it is started again
+LAST_S = 6.0  # for its end, after the 5 s that it takes at most
 READY_S = 30.0  # so long a request waits for a process that is just starting
 RETRY_S = 0.05
 MOST_KEPT = 50  # idle connections to the pages process
 KEPT_S = (
     5.0  # less than it keeps them: a request seldom meets their end. Twisted repeats one that may be repeated
 )
+
+# After CONNECT, the pages process would read the body as requests of their own.
+METHODS = {b"GET", b"HEAD", b"POST", b"PUT", b"PATCH", b"DELETE", b"OPTIONS", b"TRACE"}
 
 # For one hop only, or set again here.
 NOT_FORWARDED = {
@@ -57,14 +61,21 @@ class Keeper:
         self._life_line, self._ours = os.pipe2(os.O_CLOEXEC)
         run_directory.mkdir(mode=0o700, parents=True, exist_ok=True)
         _tidy(run_directory)
-        threading.Thread(target=self._keep, name="pages", daemon=True).start()
+        self._thread = threading.Thread(target=self._keep, name="pages", daemon=True)
+        self._thread.start()
 
     def end(self) -> None:
         """It is needed no more."""
+        if self._ending.is_set():
+            return
         self._ending.set()
         os.close(self._ours)
         self.path.unlink(missing_ok=True)
         self.programs.unlink(missing_ok=True)
+
+    def wait(self) -> None:
+        """Wait for the end of the process, which may still write records. `script/serve` kills what is left then."""
+        self._thread.join(LAST_S)
 
     def _keep(self) -> None:
         while not self._ending.is_set():
@@ -149,6 +160,8 @@ class Forward:
             b"/"
         ):  # else a part of it would name another host, with connections of its own
             raise ValueError("The address is none.")
+        if request.method not in METHODS:
+            raise ValueError("The method is none of HTTP's for pages.")
         until_s = time.monotonic() + READY_S
         while True:
             sent = FileBodyProducer(BytesIO(body)) if body or request.method == b"POST" else None
@@ -168,7 +181,6 @@ def _headers(request: Any) -> Headers:
     client, scheme = request.seen_from()
     if client is not None:
         headers.setRawHeaders(b"X-Forwarded-For", [client[0].encode()])
-        headers.setRawHeaders(b"X-Forwarded-Port", [b"%d" % client[1]])
         headers.setRawHeaders(b"X-Forwarded-Proto", [scheme.encode()])
     return headers
 
@@ -199,7 +211,7 @@ def _failed(request: Any, failure: Any) -> None:
 
 @implementer(IPushProducer)
 class _Passing(protocol.Protocol):  # type: ignore[misc]
-    """The answer's body, as fast as the client takes it. A client that reads nothing for `UNREAD_S` is disconnected."""
+    """The answer's body, as fast as the client takes it, which is disconnected if a part is unread for `UNREAD_S`."""
 
     def __init__(self, request: Any) -> None:
         self._request = request
@@ -210,13 +222,18 @@ class _Passing(protocol.Protocol):  # type: ignore[misc]
     def connectionMade(self) -> None:
         self._request.registerProducer(self, True)
 
-    def pauseProducing(self) -> None:
+    def pauseProducing(self) -> None:  # may come twice
         self.transport.pauseProducing()
-        self._unread = reactor.callLater(limits.UNREAD_S, self._request.channel.transport.abortConnection)
+        if self._unread is None:
+            self._unread = reactor.callLater(limits.UNREAD_S, self._give_up)
 
     def resumeProducing(self) -> None:
         self._heard()
         self.transport.resumeProducing()
+
+    def _give_up(self) -> None:
+        self._unread = None
+        self._request.channel.transport.abortConnection()
 
     def stopProducing(self) -> None:
         self.transport.stopProducing()
@@ -228,6 +245,8 @@ class _Passing(protocol.Protocol):  # type: ignore[misc]
     def connectionLost(self, reason: Any = None) -> None:
         self._heard()
         request = self._request
+        if self.whole.called:  # cancelled
+            return
         if request._disconnected:
             self.whole.callback(None)
             return
@@ -239,5 +258,6 @@ class _Passing(protocol.Protocol):  # type: ignore[misc]
             self.whole.errback(reason)
 
     def _heard(self) -> None:
-        if self._unread is not None and self._unread.active():
+        if self._unread is not None:
             self._unread.cancel()
+            self._unread = None

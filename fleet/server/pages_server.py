@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import socket
 import threading
 from pathlib import Path
@@ -15,11 +16,11 @@ from types import FrameType
 import uvicorn
 
 from robots.processes.scheduling import prefer_nobody
-from robots.processes.shutdown import exit_within
+from robots.processes.shutdown import SIGNALS, exit_within
 
 NICENESS = 15
 END_S = 5.0
-STREAMS_END_S = 1  # then they are cut
+REQUESTS_END_S = 1  # then those that still run are cut
 
 
 class Server(uvicorn.Server):
@@ -30,7 +31,7 @@ class Server(uvicorn.Server):
         self.end()
 
     def end(self) -> None:
-        """Answer the requests that are here, and end."""
+        """Take no more requests, answer those of the next second, and end."""
         exit_within(END_S)
         self.should_exit = True
 
@@ -57,12 +58,14 @@ def main() -> None:
             server_header=False,
             forwarded_allow_ips="*",
             timeout_keep_alive=60,
-            timeout_graceful_shutdown=STREAMS_END_S,
+            timeout_graceful_shutdown=REQUESTS_END_S,
         )
     )
     threading.Thread(target=_end_with, args=(asked.life_line, server), name="life line", daemon=True).start()
     server.config.load()  # before anybody can connect
     server.run([_listening(asked.socket)])
+    for number in SIGNALS:  # a second one must not kill threads that still write records
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _listening(path: Path) -> socket.socket:

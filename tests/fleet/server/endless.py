@@ -1,6 +1,7 @@
-"""Serves an endless page to a client that reads nothing; prints the bytes sent.
+"""Serves an endless page; prints the bytes sent, and whether the console ended it.
 
-`leaves`: the client disconnects once all buffers are full. `stays`: it stays connected, and is disconnected.
+The client reads nothing and disconnects once all buffers are full (`leaves`), or stays connected and is
+disconnected (`stays`); or it `reads` for longer than a client may leave a part unread.
 """
 
 import json
@@ -19,6 +20,8 @@ from fleet.server import limits, pages_process
 from fleet.server.command import Server
 
 CHUNK = bytes(65536)
+PIECES = b"".join(b"1000\r\n" + CHUNK[:4096] + b"\r\n" for _ in range(16))
+UNREAD_S = 1.0
 [way] = sys.argv[1:]
 opened = threading.Event()
 closed = threading.Event()
@@ -34,7 +37,7 @@ class Endless(protocol.Protocol):
     def resumeProducing(self):
         global sent_bytes
         sent_bytes += len(CHUNK)
-        self.transport.write(b"10000\r\n" + CHUNK + b"\r\n")
+        self.transport.write(PIECES)
 
     def stopProducing(self):
         pass
@@ -53,7 +56,12 @@ def ask_and_leave(server):
         while way == "leaves" and before != sent_bytes:  # until all buffers are full
             before = sent_bytes
             time.sleep(0.5)
-        in_time = way == "leaves" or closed.wait(30)
+        until_s = time.monotonic() + 3 * UNREAD_S
+        while way == "reads" and time.monotonic() < until_s:
+            if not client.recv(16384):
+                raise ConnectionError("the console ended an answer that is read")
+            time.sleep(0.0002)  # slower than it is sent
+        in_time = way != "stays" or closed.wait(30)
     print(
         json.dumps(
             {"sent": sent_bytes, "closed": closed.wait(30) and in_time, "taken": server.requests.taken}
@@ -65,7 +73,7 @@ def ask_and_leave(server):
 with tempfile.TemporaryDirectory() as directory:
     path = Path(directory) / "pages.sock"
     settings.configure(SESSION_COOKIE_NAME="session")
-    limits.UNREAD_S = 60.0 if way == "leaves" else 1.0
+    limits.UNREAD_S = 60.0 if way == "leaves" else UNREAD_S
     factory = protocol.ServerFactory()
     factory.protocol = Endless
     reactor.listenUNIX(str(path), factory)

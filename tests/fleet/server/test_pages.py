@@ -98,7 +98,7 @@ def test_a_head_request_has_the_length_of_get(web):
     assert headers["Content-Length"] == ask(web, "GET", path)[2]["Content-Length"]
 
 
-@pytest.mark.parametrize("line", [b"GET /\xe4", b"G\xc4T /"])
+@pytest.mark.parametrize("line", [b"GET /\xe4", b"G\xc4T /", b"CONNECT /", b"FOO /"])
 def test_a_method_or_an_address_that_is_none_is_malformed(web, line):
     answer = web.say(line + b" HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n")
     assert (answer.split()[1], b'"malformed"' in answer) == (b"400", True)
