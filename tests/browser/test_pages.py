@@ -357,25 +357,43 @@ def nothing_covers_the_stop(staff: Person, width: int, height: int) -> None:
     box = box_of(staff.page.locator("form.stop .stop-button"))
     spots = [[box["x"] + share * box["width"], box["y"] + box["height"] / 2] for share in (0.05, 0.5, 0.95)]
 
-    def is_free() -> bool:
-        hits = "spots => spots.every(([x, y]) => document.elementFromPoint(x, y)?.closest('.stop-button'))"
-        return bool(staff.page.evaluate(hits, spots))
+    def covering() -> list[str]:
+        at = "([x, y]) => document.elementFromPoint(x, y)"
+        found = f"spots.map({at}).filter((hit) => !hit?.closest('.stop-button')).map((hit) => hit?.outerHTML)"
+        return list(staff.page.evaluate(f"(spots) => {found}", spots))
 
-    assert is_free()
+    assert covering() == []
     if width < 1000:
         staff.open_drawer("More")
         staff.press("Details")
-        assert is_free()
+        assert covering() == []
         staff.page.keyboard.press("Escape")
     staff.page.locator(".menu summary").click()
-    assert is_free()
+    assert covering() == []
     menu = box_of(staff.page.locator(".menu-list"))
     assert menu["y"] + menu["height"] <= height  # the rest can be scrolled to
     staff.page.locator(".menu summary").click()
     staff.press("Take over…")
-    assert is_free()
+    assert covering() == []
     staff.page.keyboard.press("Escape")
     assert not staff.page.get_by_role("dialog").is_visible()
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_the_menu_stays_in_the_header_beside_a_long_battery_text(
+    person: Arrive, width: int, height: int
+) -> None:
+    """On a line of its own it opened over the stop."""
+    observer = person("observer", width=width, height=height)
+    observer.watch("tiago-1")
+    lower = observer.page.evaluate(
+        """() => {
+            const top = (selector) => document.querySelector(selector).getBoundingClientRect().top;
+            document.querySelector("[data-part=battery]").textContent = "100 %, about 10 h 00 min left";
+            return top(".menu summary") - top(".back");
+        }"""
+    )
+    assert abs(lower) < 10.0
 
 
 @pytest.mark.parametrize(("width", "height"), [(360, 640), (844, 390)])

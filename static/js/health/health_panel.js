@@ -41,8 +41,11 @@ export class HealthPanel {
 
   #showBattery(state) {
     const { battery_percent: percent } = state;
-    say(this.#parts.battery, batteryText(state));
-    mark(this.#parts.battery, "low", percent !== null && percent < LOW_BATTERY_PERCENT);
+    const { battery, "battery-percent": short } = this.#parts;
+    say(battery, batteryText(state));
+    say(short, batteryText({ battery_percent: percent }));
+    for (const part of [battery, short])
+      mark(part, "low", percent !== null && percent < LOW_BATTERY_PERCENT);
   }
 
   #showHeader(health) {

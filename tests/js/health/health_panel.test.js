@@ -22,6 +22,7 @@ const SPEAKERS = { name: "Speakers", level: "error", text: "no answer", since_s:
 const MOTOR = { name: "Motor", level: "warning", text: "Too warm", since_s: 3 };
 const NAMES = [
   "battery",
+  "battery-percent",
   "health-open",
   "health-line",
   "health-parts",
