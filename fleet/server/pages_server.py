@@ -61,7 +61,9 @@ def main() -> None:
             timeout_graceful_shutdown=REQUESTS_END_S,
         )
     )
-    threading.Thread(target=_end_with, args=(asked.life_line, server), name="life line", daemon=True).start()
+    threading.Thread(
+        target=_end_with, args=(asked.life_line, asked.socket, server), name="life line", daemon=True
+    ).start()
     server.config.load()  # before anybody can connect
     server.run([_listening(asked.socket)])
     for number in SIGNALS:  # a second one must not kill threads that still write records
@@ -77,8 +79,9 @@ def _listening(path: Path) -> socket.socket:
     return listening
 
 
-def _end_with(life_line: int, server: Server) -> None:
+def _end_with(life_line: int, path: Path, server: Server) -> None:
     os.read(life_line, 1)  # nobody writes: this is its end
+    path.unlink(missing_ok=True)
     if programs := os.environ.get("FLEET_PROGRAMS_SOCKET"):  # a process that was killed leaves it
         Path(programs).unlink(missing_ok=True)
     server.end()
