@@ -1,6 +1,6 @@
 """The program of the pages process: `python -m fleet.server.pages_server --life-line FD --socket PATH APPLICATION`.
 
-The process that owns the port has applied the limits, so Uvicorn serves here: it needs a third of Daphne's time.
+The process that owns the port has applied the limits, so Uvicorn serves here: a request takes half of Daphne's time.
 """
 
 from __future__ import annotations
