@@ -75,7 +75,7 @@ class Restless:
     """Adversarial: any stick, often a full one, for a moment, half of its way in reverse; after a look around."""
 
     _LOOK_AROUND_S = 4.0
-    _REVERSE = 0.78  # of the time: reverse is slower, and this makes half of the way
+    _REVERSE = 0.85  # of the time: reverse is slower, and this makes half of the way
 
     def __init__(self, random: np.random.Generator, *, looks: bool = True) -> None:
         self._random = random
