@@ -30,6 +30,7 @@ from fleet.audit.services import record
 FROM_THE_LIST = "ended from the session list"
 NAMES = ("username", "full_name", "email")  # the fields of an account that say who it is
 SEEN_EVERY = timedelta(minutes=1)
+_NOTED = "seen_at"  # in the session: when its use was noted last, seconds since 1970
 
 erased = Signal()  # user: their account is erased; sent in the transaction, so that other apps forget with it
 
@@ -39,16 +40,18 @@ def sign_in_begun(request: HttpRequest, user: User) -> SignIn:
     Session.objects.filter(sign_in__user=user, expire_date__lt=timezone.now()).delete()
     if request.session.session_key is None:
         request.session.save()
+    now = timezone.now()
     sign_in, _ = SignIn.objects.update_or_create(
         session_id=request.session.session_key,
         defaults={
             "user": user,
             "auth_hash": request.session[HASH_SESSION_KEY],
-            "seen_at": timezone.now(),
+            "seen_at": now,
             "address": address_of(request),
             "user_agent": request.headers.get("User-Agent", "")[:300],
         },
     )
+    request.session[_NOTED] = now.timestamp()
     return sign_in
 
 
@@ -60,11 +63,12 @@ def sign_in_seen(request: HttpRequest) -> None:
     key = request.session.session_key
     if key is None:  # a program, or nobody
         return
-    sign_in = SignIn.objects.filter(session_id=key)
-    seen_at = sign_in.values_list("seen_at", flat=True).first()
-    if seen_at is not None and timezone.now() - seen_at > SEEN_EVERY:
-        sign_in.update(seen_at=timezone.now())
-        request.session.modified = True
+    now = timezone.now()
+    # The session is read for every page anyhow: so a page in between asks the database nothing.
+    if abs(now.timestamp() - request.session.get(_NOTED, 0.0)) <= SEEN_EVERY.total_seconds():
+        return
+    if SignIn.objects.filter(session_id=key).update(seen_at=now):
+        request.session[_NOTED] = now.timestamp()
 
 
 def sign_in_end(*, user: User, sign_in_id: UUID) -> bool:

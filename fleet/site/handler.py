@@ -82,19 +82,47 @@ class OneThreadHandler(ASGIHandler):
 
 
 class PagesHandler(OneThreadHandler):
-    """For the pages process: `THREADS` threads, which keep their database connections for the next request.
+    """For the pages process: threads that keep their database connections. `AT_ONCE` requests run, and slow ones.
 
-    With a thread and a connection for each of fifty requests at once, all of them take longer.
+    The more threads share the interpreter, the longer each request takes. A slow request mostly waits for something
+    else: for a robot, or for its turn to check a password.
     """
 
-    THREADS = MOST_WAITING + 8  # sign-ins that wait for their turn leave eight for other pages
+    AT_ONCE = 8
+    SLOW_S = 0.25
+    THREADS = MOST_WAITING + AT_ONCE  # sign-ins that wait for their turn leave the others to pages
 
     def __init__(self) -> None:
         super().__init__()
         self._threads = ThreadPoolExecutor(self.THREADS, thread_name_prefix="page")
+        self._places = asyncio.Semaphore(self.AT_ONCE)
 
     def _on_a_thread(self, call: Callable[P, R]) -> Callable[P, Coroutine[Any, Any, R]]:
-        return sync_to_async(call, thread_sensitive=False, executor=self._threads)
+        run = sync_to_async(call, thread_sensitive=False, executor=self._threads)
+
+        async def in_turn(*arguments: P.args, **options: P.kwargs) -> R:
+            await self._places.acquire()
+            release = _Once(self._places.release)
+            timer = asyncio.get_running_loop().call_later(self.SLOW_S, release)
+            try:
+                return await run(*arguments, **options)
+            finally:
+                timer.cancel()
+                release()
+
+        return in_turn
+
+
+class _Once:
+    """Makes a call the first time."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self._call: Callable[[], None] | None = call
+
+    def __call__(self) -> None:
+        if self._call is not None:
+            self._call()
+        self._call = None
 
 
 def _renew(response: LongPoll) -> None:

@@ -6,6 +6,7 @@ import json
 from datetime import timedelta
 
 import pytest
+from django.core.signals import request_started
 from django.test import AsyncClient
 from django.urls import reverse
 from django.utils import timezone
@@ -115,6 +116,30 @@ async def test_an_unread_export_is_recorded_as_broken_off(staff, monkeypatch):
     await exports.sync_to_async(response.close)()
     ended = await Record.objects.aget(kind="audit.export", of__isnull=False)
     assert (ended.outcome, ended.parameters) == ("broken_off", {"rows": 2})
+
+
+async def test_an_export_makes_way_for_other_requests(staff, monkeypatch):
+    monkeypatch.setattr(exports, "CHUNK", 1)
+    for number in range(2):
+        await exports.sync_to_async(say)(f"text {number}")
+    now = iter(range(100))  # each piece takes one second
+    pauses_s = []
+
+    async def pause(seconds):
+        pauses_s.append(seconds)
+
+    monkeypatch.setattr(exports.time, "perf_counter", lambda: next(now))
+    monkeypatch.setattr(exports.asyncio, "sleep", pause)
+    response = await exports.sync_to_async(exports.response)(
+        Selection(Wanted(), ["speech.start"]), Wanted(), actor=staff, name="speech", format_=Format.CSV
+    )
+    pieces = aiter(response.streaming_content)
+    await anext(pieces)  # the header line
+    await anext(pieces)
+    request_started.send(sender=None)
+    async for _piece in pieces:
+        pass
+    assert pauses_s == [exports.PAUSE_BESIDE_OTHERS, exports.PAUSE]
 
 
 def test_an_unrecorded_export_is_not_sent(staff, signed_in, monkeypatch):

@@ -1,0 +1,59 @@
+"""Requests that run at once in the pages process: few, and slow ones do not hold up the others."""
+
+import asyncio
+import threading
+
+import pytest
+from django.http import HttpResponse
+
+from fleet.site.handler import PagesHandler
+
+
+@pytest.fixture
+def handler():
+    return PagesHandler()
+
+
+async def test_few_requests_run_at_once(handler):
+    running, most, lock = 0, 0, threading.Lock()
+    all_places_taken = threading.Event()
+
+    def answer():
+        nonlocal running, most
+        with lock:
+            running += 1
+            most = max(most, running)
+            if running == handler.AT_ONCE:
+                all_places_taken.set()
+        assert all_places_taken.wait(10.0)
+        with lock:
+            running -= 1
+        return HttpResponse()
+
+    handler.SLOW_S = 60.0
+    await asyncio.gather(*(handler._on_a_thread(answer)() for _ in range(3 * handler.AT_ONCE)))
+    assert most == handler.AT_ONCE
+
+
+async def test_slow_requests_do_not_hold_up_others(handler):
+    end = threading.Event()
+    slow = [asyncio.ensure_future(handler._on_a_thread(end.wait)(30.0)) for _ in range(handler.AT_ONCE)]
+    assert await asyncio.wait_for(handler._on_a_thread(lambda: "answered")(), 10.0) == "answered"
+    assert not any(one.done() for one in slow)
+    end.set()
+    assert await asyncio.gather(*slow) == [True] * handler.AT_ONCE
+    assert handler._places._value == handler.AT_ONCE
+
+
+async def test_a_client_that_leaves_gives_its_place_back(handler):
+    handler.SLOW_S = 60.0
+    end = threading.Event()
+    running = [asyncio.ensure_future(handler._on_a_thread(end.wait)(30.0)) for _ in range(handler.AT_ONCE)]
+    waiting = asyncio.ensure_future(handler._on_a_thread(lambda: "never")())
+    await asyncio.sleep(0)
+    waiting.cancel()
+    for one in running:
+        one.cancel()
+    await asyncio.gather(*running, waiting, return_exceptions=True)
+    end.set()
+    assert await asyncio.wait_for(handler._on_a_thread(lambda: "answered")(), 10.0) == "answered"
