@@ -57,12 +57,12 @@ def roles_of(user: User, robots: Iterable[Robot], at: datetime | None = None) ->
     return held
 
 
-def roles_on(robot: Robot, users: Iterable[User], at: datetime | None = None) -> dict[UUID, Role]:
+def roles_on(robot_id: UUID, users: Iterable[User], at: datetime | None = None) -> dict[UUID, Role]:
     """`role_on` for many people, in one query; a person without a role is left out."""
     active = {user.id: user for user in users if user.is_active}
     others = [user.id for user in active.values() if not user.is_staff]
     held = {user.id: Role.STAFF for user in active.values() if user.is_staff}
-    for one in _given(others, [robot.id], at):
+    for one in _given(others, [robot_id], at):
         held[one.person] = max(one.role, held.get(one.person, one.role))
     return held
 

@@ -117,7 +117,7 @@ def rights_of(
     users = {user.id: user for user in active.values()}
     if ended := {user_id for user_id, _ in people} - users.keys():
         users |= User.objects.in_bulk(ended)
-    roles = roles_on(robot, users.values()) if robot else {}
+    roles = roles_on(robot.id, users.values()) if robot else {}
     missing = lacking(robot, users.values(), now) if robot else {}
     schedule = schedule or (schedule_of(robot, now) if robot else Schedule())
     return {
@@ -138,8 +138,7 @@ def rights_of(
 def who_sees(people: Collection[SignIn], robot_id: UUID) -> set[SignIn]:
     """Return which of these sign-ins may see the robot now. Cheaper than `rights_of`: it reads no bookings."""
     active = signed_in(people)
-    robot = Robot.objects.filter(pk=robot_id).first()
-    roles = roles_on(robot, active.values()) if robot else {}
+    roles = roles_on(robot_id, active.values()) if Robot.objects.filter(pk=robot_id).exists() else {}
     return {person for person, user in active.items() if user.id in roles}
 
 

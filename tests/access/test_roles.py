@@ -71,7 +71,7 @@ def test_a_course_gives_its_role_on_its_robots_only(
 ) -> None:
     assert role_on(student, robot) is Role.OPERATOR
     assert role_on(teacher, robot) is Role.SUPERVISOR
-    assert roles_on(robot, [student, teacher]) == {student.id: Role.OPERATOR, teacher.id: Role.SUPERVISOR}
+    assert roles_on(robot.id, [student, teacher]) == {student.id: Role.OPERATOR, teacher.id: Role.SUPERVISOR}
     for person in (student, teacher):
         assert role_on(person, other_robot) is None
         assert list(robots_visible_to(person)) == [robot]
@@ -94,7 +94,7 @@ def test_the_highest_role_counts(
 ) -> None:
     role_set(robot=robot, user=student, role=own, actor=staff)
     assert role_on(student, robot) is highest
-    assert roles_on(robot, [student]) == {student.id: highest}
+    assert roles_on(robot.id, [student]) == {student.id: highest}
 
 
 @pytest.mark.parametrize("zone", ["Pacific/Kiritimati", "Pacific/Pago_Pago"])
@@ -127,7 +127,7 @@ def test_roles_of_any_number_of_people_take_one_query(
         another.robots.add(robot, other_robot)
         Enrolment.objects.bulk_create(Enrolment(course=another, person=person) for person in people)
     with django_assert_num_queries(1):
-        assert len(roles_on(robot, people)) == 20
+        assert len(roles_on(robot.id, people)) == 20
     with django_assert_num_queries(1):
         assert len(roles_of(people[0], [robot, other_robot])) == 2
 

@@ -64,7 +64,7 @@ def _doubtful(upcoming: QuerySet[Booking], now: datetime) -> list[Booking]:
     for robot in Robot.objects.filter(pk__in=upcoming.values("robot")):
         bookings = list(upcoming.filter(robot=robot).select_related("person", "robot"))
         users = {booking.person_id: booking.person for booking in bookings}
-        roles, missing = roles_on(robot, users.values()), lacking(robot, users.values(), now)
+        roles, missing = roles_on(robot.id, users.values()), lacking(robot, users.values(), now)
         able = {
             user for user in users if roles.get(user, Role.OBSERVER) >= Role.OPERATOR and user not in missing
         }

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import logging
+import select
 import struct
 import threading
 import time
@@ -97,10 +98,16 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
         self._dropped = ""
 
     def rest(self) -> None:
-        """Pause before the next read, on rospy's thread."""
+        """Pause before the next read, on rospy's thread; not if the publisher closes the connection.
+
+        rospy makes no second connection to a publisher: one that comes back at once must find the first one gone.
+        """
         seconds = _pauses.get(self.topic)
-        if seconds is not None:
-            time.sleep(seconds())
+        if seconds is None:
+            return
+        closed = select.poll()
+        closed.register(self.transport.socket, select.POLLRDHUP)
+        closed.poll(1000.0 * seconds())
 
     def drop(self, why: str) -> None:
         """Cut the publisher off before its next message is read. Thread-safe."""

@@ -14,6 +14,7 @@ from robots.bridge.camera.image_header import Damaged, read_header
 from robots.bridge.camera.picture_age import PictureAge
 from robots.bridge.config import CameraSource
 from robots.bridge.ros.bounds.board import BOARD
+from robots.bridge.ros.bounds.listening import pause
 from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.bounds.texts import NAME, cut
 from robots.bridge.ros.on_demand_topics import BUFFER_BYTES, listen
@@ -23,7 +24,9 @@ from robots.wire import PictureFormat, Refusal
 SILENT_S = 2.0
 MOST_WORDS = 200  # characters: frames may have long names
 WITHOUT_PLACE_S = 3.0  # so long nothing could be drawn into the pictures: then people are told why
-POSE_LAG_S = 0.05  # tf of a picture's stamp comes a little later: the pose just before it serves as well
+TF_EVERY_S = 0.06  # between two reads of tf: to wake for each of its messages took half of the process's time
+POSE_LATE_S = 0.15  # tf of a picture's stamp comes later: a pose so much older serves as well
+INFO_EVERY_S = 0.3  # between two reads of a camera info that is known
 _STAMP_END = 12  # of a message's header: number, seconds, nanoseconds
 
 
@@ -74,6 +77,8 @@ class CameraTopics:
             buff_size=BUFFER_BYTES,
             tcp_nodelay=True,
         )
+        if source.info:
+            pause(source.info, lambda: INFO_EVERY_S if self._info else 0.0)
         self._others = [listen(source.info, "sensor_msgs/CameraInfo", self._on_info)] if source.info else []
 
     def close(self) -> None:
@@ -179,7 +184,7 @@ class CameraTopics:
     def _pose(self, frame: str, stamp_s: float) -> tuple[float, ...] | None:
         """Return the base frame in the optical frame, 3 x 4 row by row; None: tf does not tell."""
         try:
-            place = self._frames.place(frame, stamp_s - POSE_LAG_S, patience_s=0.0)
+            place = self._frames.place(frame, stamp_s, patience_s=0.0, late_s=POSE_LATE_S)
         except PoseUnknown as unknown:
             self._misfit = ("no_camera_place", str(unknown)[:MOST_WORDS])
             return None

@@ -15,7 +15,8 @@ from robots.bridge.camera.image_header import Damaged
 from robots.bridge.camera.picture_server import Wants
 from robots.bridge.camera.sizes import VIDEO_HZ, VIDEO_WIDTH
 from robots.bridge.config import BridgeConfig
-from robots.bridge.ros.camera.camera_topics import Arrival, CameraPicture, CameraTopics
+from robots.bridge.ros.bounds.listening import pause
+from robots.bridge.ros.camera.camera_topics import TF_EVERY_S, Arrival, CameraPicture, CameraTopics
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.wire import CameraState, PictureFormat, TakenPicture, Variant
 
@@ -78,6 +79,7 @@ class Producer:
         self._rest_until_s: dict[str, float] = {}  # of cameras of which only thumbnails are wanted
         bases = {camera.base_frame for camera in config.topics.cameras}
         self._tf = TfTopics(bases.pop() if len(bases) == 1 else "base_footprint")
+        pause("/tf", lambda: TF_EVERY_S)
         self._tf_subscribers = self._tf.listen()
 
     def set_wants(self, wants: Wants) -> None:

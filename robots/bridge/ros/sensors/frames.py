@@ -114,15 +114,20 @@ class Frames:
             self._fixed.clear()
             self._moving.clear()
 
-    def place(self, frame: str, stamp_s: float, patience_s: float = PATIENCE_S) -> Matrix:
-        """Return the transform from `frame` to the base at a stamp. Waits for late transforms. Raises PoseUnknown."""
+    def place(
+        self, frame: str, stamp_s: float, patience_s: float = PATIENCE_S, late_s: float = 0.0
+    ) -> Matrix:
+        """Return the transform from `frame` to the base at a stamp. Waits for late transforms. Raises PoseUnknown.
+
+        The newest transforms serve if they are at most `late_s` older than the stamp.
+        """
         deadline_s = time.monotonic() + patience_s
         with self._news:
-            while self._to_come(frame, stamp_s) and (left_s := deadline_s - time.monotonic()) > 0.0:
+            while (left_s := deadline_s - time.monotonic()) > 0.0 and self._to_come(frame, stamp_s):
                 self._news.wait(left_s)
             matrix = np.eye(4)
             for child in self._way(frame):
-                matrix = self._at(child, stamp_s) @ matrix
+                matrix = self._at(child, stamp_s, late_s) @ matrix
             return matrix
 
     def flat(self, frame: str, parent: str) -> tuple[float, Pose] | None:
@@ -170,14 +175,16 @@ class Frames:
             return self._fixed[child]
         return self._moving[child][-1] if child in self._moving else None
 
-    def _at(self, child: str, stamp_s: float) -> Matrix:
+    def _at(self, child: str, stamp_s: float, late_s: float) -> Matrix:
         """Return the transform of one frame to its parent at a stamp."""
         if child in self._fixed:
-            return _fixed_matrix(self._fixed[child].packed)
+            return _cached_matrix(self._fixed[child].packed)
         history = self._moving[child]
         later = bisect_left(history, stamp_s, key=lambda place: place.stamp_s)
         if later == len(history):
-            raise PoseUnknown(f"tf did not tell in time where {child} was")
+            if stamp_s - history[-1].stamp_s > late_s:
+                raise PoseUnknown(f"tf did not tell in time where {child} was")
+            later, stamp_s = later - 1, history[-1].stamp_s
         if later > 0:
             return _between(child, history[later - 1], history[later], stamp_s)
         if history[0].stamp_s > stamp_s:
@@ -221,7 +228,7 @@ def _parts(packed: bytes) -> tuple[Matrix, Matrix]:
 
 
 @lru_cache(MOST_WANTED)
-def _fixed_matrix(packed: bytes) -> Matrix:
+def _cached_matrix(packed: bytes) -> Matrix:
     return _matrix(*_parts(packed))
 
 
@@ -230,7 +237,7 @@ def _between(child: str, before: FramePlace, after: FramePlace, stamp_s: float) 
     if hole_s > LARGEST_HOLE_S:
         raise PoseUnknown(f"tf did not tell where {child} was for {hole_s:.1f} s")
     if before.packed == after.packed:  # it rests
-        return _matrix(*_parts(after.packed))
+        return _cached_matrix(after.packed)
     (start, first), (end, second) = _parts(before.packed), _parts(after.packed)
     if first @ second < 0.0:
         second = -second
