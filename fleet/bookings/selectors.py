@@ -424,10 +424,7 @@ class Schedule(Struct, frozen=True):
         return moment if moment < now + AHEAD else None
 
 
-_HELD = (
-    *("robot_id", "person_id", "starts_at", "held_until", "used_at", "made_at"),
-    *("person__full_name", "person__username"),
-)
+_HELD = (*_TAKEN, "robot_id", "made_at")
 
 
 class Held(Struct, frozen=True):
@@ -457,14 +454,14 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
     policies = policies_of(robots)
     held: dict[UUID, list[Held]] = {robot.id: [] for robot in robots}
     booked = held_between(robots, now, now + AHEAD).exclude(state__in=NOT_YET).order_by("starts_at")
-    for one in booked.select_related(None).select_related("person").only(*_HELD):
+    for one in booked.values_list(*_HELD, named=True):
         grace = grace_of(policies[one.robot_id])
         slot = held_slot(one, grace, now)
         held[one.robot_id].append(
             Held(
                 one.id,
                 one.person_id,
-                one.person.display_name,
+                one.person__full_name or one.person__username,
                 slot,
                 one.made_at,
                 one.used_at is not None,
