@@ -67,7 +67,8 @@ def sign_in_seen(request: HttpRequest) -> None:
     # The session is read for every page anyhow: so a page in between asks the database nothing.
     if abs(now.timestamp() - request.session.get(_NOTED, 0.0)) <= SEEN_EVERY.total_seconds():
         return
-    if SignIn.objects.filter(session_id=key).update(seen_at=now):
+    # Not if another request was faster: a save of this one's session would undo its changes.
+    if SignIn.objects.filter(session_id=key, seen_at__lt=now - SEEN_EVERY).update(seen_at=now):
         request.session[_NOTED] = now.timestamp()
 
 

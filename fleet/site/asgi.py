@@ -24,14 +24,9 @@ limit_queries(connections.settings["default"])
 resolve("/stop-all/")  # loads the code of all addresses, so that the first stop does not wait 0.1 s for it
 
 PAGES = "--life-line" in sys.argv  # in `fleet.server.pages_server`
-SERVES = "daphne.server" in sys.modules  # Daphne has chosen the reactor
-if (
-    PAGES or SERVES
-):  # rights are read twice a second for each open robot: a connection costs more than the read
+if PAGES:
     connections.settings["default"].update(CONN_MAX_AGE=60, CONN_HEALTH_CHECKS=True)
-if (
-    not PAGES
-):  # Drive input passes through the event loop. With Python's 5 ms it would wait for each database call.
+else:  # Drive input passes through the event loop. With Python's default of 5 ms it would wait for each database call.
     sys.setswitchinterval(0.0005)
 
 # WhiteNoise serves files from threads, and Django warns about that for each file.
@@ -41,7 +36,7 @@ warnings.filterwarnings(
 
 # At shutdown Daphne waits for every thread, and a thread may wait for a database that hangs.
 END_S = 5.0
-if SERVES:
+if "daphne.server" in sys.modules:  # Daphne has chosen the reactor
     from twisted.internet import reactor
 
     reactor.addSystemEventTrigger("before", "shutdown", exit_within, END_S)

@@ -16,6 +16,7 @@ from django.http import FileResponse
 from django.urls import set_script_prefix
 
 from fleet.accounts.sign_in.hashing import MOST_WAITING
+from fleet.server.stops import is_stop
 from robots.processes.scheduling import prefer_stop_thread
 from teleop.api.v1.framework.long_poll import LongPoll
 
@@ -53,7 +54,8 @@ class OneThreadHandler(ASGIHandler):
             answering.result()
 
     async def _respond(self, scope: Any, body: Any, send: Any) -> None:
-        response = await self._on_a_thread(self._answer)(scope, body)
+        stops = is_stop(scope["method"].encode(), scope["path"].encode(errors="replace"))
+        response = await self._on_a_thread(self._answer, stops=stops)(scope, body)
         if isinstance(response, LongPoll):
             await response.wait()
             await self._on_a_thread(_renew)(response)
@@ -63,7 +65,10 @@ class OneThreadHandler(ASGIHandler):
             if response.streaming:
                 await sync_to_async(response.close)()
 
-    def _on_a_thread(self, call: Callable[P, R]) -> Callable[P, Coroutine[Any, Any, R]]:
+    def _on_a_thread(
+        self, call: Callable[P, R], *, stops: bool = False
+    ) -> Callable[P, Coroutine[Any, Any, R]]:
+        """Return the call, made on a thread. `stops`: it stops robots."""
         return sync_to_async(call)
 
     def _answer(self, scope: Any, body: Any) -> Any:
@@ -91,13 +96,19 @@ class PagesHandler(OneThreadHandler):
     AT_ONCE = 8
     SLOW_S = 0.25
     THREADS = MOST_WAITING + AT_ONCE  # sign-ins that wait for their turn leave the others to pages
+    STOPS = 2  # threads that only stop robots: no page delays them
 
     def __init__(self) -> None:
         super().__init__()
         self._threads = ThreadPoolExecutor(self.THREADS, thread_name_prefix="page")
+        self._stop_threads = ThreadPoolExecutor(self.STOPS, thread_name_prefix="stop")
         self._places = asyncio.Semaphore(self.AT_ONCE)
 
-    def _on_a_thread(self, call: Callable[P, R]) -> Callable[P, Coroutine[Any, Any, R]]:
+    def _on_a_thread(
+        self, call: Callable[P, R], *, stops: bool = False
+    ) -> Callable[P, Coroutine[Any, Any, R]]:
+        if stops:  # by a program: those of pages are answered by the process that drives
+            return sync_to_async(call, thread_sensitive=False, executor=self._stop_threads)
         run = sync_to_async(call, thread_sensitive=False, executor=self._threads)
 
         async def in_turn(*arguments: P.args, **options: P.kwargs) -> R:

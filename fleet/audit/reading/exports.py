@@ -37,6 +37,7 @@ Facts = dict[str, Any]
 CHUNK = 100  # rows at once: no request of the process waits longer for them
 # Pause after each piece, times as long as the piece took: alone, and while the process answers other requests.
 PAUSE, PAUSE_BESIDE_OTHERS = 1.0, 9.0
+LONGEST_PAUSE_S = 2.0  # a proxy cuts an answer that stands still
 # Excel takes a file without it for one in an old code page, and Arabic becomes rubbish; others skip it.
 BOM = "\ufeff"
 # Characters that spreadsheets take for a formula at the beginning of a cell, also full-width (OWASP, CSV injection).
@@ -121,8 +122,11 @@ async def _pieces(head: str, export: Export) -> AsyncIterator[bytes]:
     while (piece := await sync_to_async(export.piece)()) is not None:
         took_s = time.perf_counter() - began_s  # without the time in which a slow browser takes it
         yield piece.encode()
-        await asyncio.sleep(took_s * (PAUSE if _requests.count == asked else PAUSE_BESIDE_OTHERS))
-        asked, began_s = _requests.count, time.perf_counter()
+        before, asked = asked, _requests.count
+        await asyncio.sleep(
+            min(took_s * (PAUSE if asked == before else PAUSE_BESIDE_OTHERS), LONGEST_PAUSE_S)
+        )
+        began_s = time.perf_counter()
     await sync_to_async(export.ended)()
 
 

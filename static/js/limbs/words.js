@@ -41,7 +41,7 @@ export function endNotice(limb, { outcome, text, at_m: atM }) {
   const words = interpolate(outcomes[outcome] ?? gettext("%s: ended."), [limbName(limb)]);
   const where = atM === null ? "" : interpolate(gettext("It is at %s."), [centimetres(atM)]);
   return {
-    level: "warning",
+    level: limb === "gripper" && outcome === "no_progress" ? "info" : "warning", // it may hold something
     code: `limb ${limb} ${outcome}`,
     text: [words, text, /\d m\b/.test(text) ? "" : where].filter(Boolean).join(" "),
   };

@@ -47,6 +47,12 @@ export class MapPanel {
     on("map-go", () => this.#choose("go"));
     on("map-pose", () => this.#choose("pose"));
     on("map-place", () => this.#choose("place"));
+    const ends = (event) => {
+      if (event.key !== "Escape" || this.#mode === null) return;
+      event.preventDefault();
+      this.#choose(null);
+    };
+    root.addEventListener("keydown", ends, { signal });
     on("map-in", () => this.#view.zoom(ZOOM));
     on("map-out", () => this.#view.zoom(1 / ZOOM));
     on("map-fit", () => this.#view.fit());
@@ -154,6 +160,7 @@ export class MapPanel {
     for (const name of MODES)
       this.#parts[`map-${name}`].setAttribute("aria-pressed", String(name === this.#mode));
     if (this.#view) this.#view.chooses = this.#mode !== null;
+    if (this.#mode === "place") this.#parts.map.querySelector("canvas")?.focus(); // its button is hidden
     this.#speak();
   }
 

@@ -4,6 +4,7 @@ import { ColladaLoader, Mesh, OBJLoader, STLLoader } from "../../vendor/scene/li
 
 const LARGEST_TEXT = 8_000_000; // bytes: what is read as text takes longer than the page may wait
 const FARTHEST_M = 1_000;
+const AGAIN_MS = 2_000; // until a mesh is asked for once more
 
 const READERS = {
   stl: (bytes) => geometryOf(new STLLoader().parse(bytes)),
@@ -20,9 +21,7 @@ const READERS = {
  * @returns {Promise<{make: (material: object) => object, triangles: number}>} a part for each use of the mesh
  */
 export async function readMesh({ filename, address }, signal) {
-  const answer = await fetch(address, { signal });
-  if (!answer.ok) throw new Error(sentence(gettext("“%s” could not be fetched."), filename));
-  const bytes = await answer.arrayBuffer();
+  const bytes = await fetched(filename, address, signal);
   try {
     const kind = filename.toLowerCase().split(".").at(-1);
     return READERS[kind](bytes);
@@ -33,6 +32,21 @@ export async function readMesh({ filename, address }, signal) {
       );
     throw new Error(sentence(gettext("“%s” is broken and cannot be drawn."), filename));
   }
+}
+
+/** A server that is out of reach or busy is asked once more. */
+async function fetched(filename, address, signal) {
+  for (const pauseMs of [AGAIN_MS, null]) {
+    try {
+      const answer = await fetch(address, { signal });
+      if (answer.ok) return await answer.arrayBuffer();
+      if (answer.status < 500) break;
+    } catch (error) {
+      if (signal.aborted) throw error;
+    }
+    if (pauseMs !== null) await new Promise((resolve) => setTimeout(resolve, pauseMs));
+  }
+  throw new Error(sentence(gettext("“%s” could not be fetched."), filename));
 }
 
 class TooLarge extends Error {}

@@ -260,7 +260,12 @@ export class RobotModel {
     this.#movable = [];
     this.#lacking = 0;
     this.#joints = {};
-    this.#model?.traverse((part) => part.geometry?.dispose());
+    const ours = [this.#plain, this.#substitute];
+    this.#model?.traverse((part) => {
+      part.geometry?.dispose();
+      for (const material of [part.material ?? []].flat())
+        if (!ours.includes(material)) material.dispose();
+    });
     this.#model?.removeFromParent();
     this.#model = null;
   }

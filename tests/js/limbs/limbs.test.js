@@ -103,6 +103,7 @@ describe("the drawer of arm, gripper and torso", () => {
     panel.state = { limbs: { gripper: { at_m: 0.02, ended: later } } };
     expect(tell).toHaveBeenCalledOnce();
     expect(tell.mock.calls[0][0].text).toBe("Gripper: stopped on its way. It is at 2.0 cm.");
+    expect(tell.mock.calls[0][0].level).toBe("info"); // it may hold something
   });
 });
 

@@ -99,6 +99,24 @@ describe("the map over the picture", () => {
     return canvas;
   }
 
+  it("chooses no place any more after Escape", () => {
+    const canvas = opened();
+    panel.drives = true;
+    page["map-go"].click();
+    const pressed = () =>
+      Object.assign(new Event("keydown", { bubbles: true, cancelable: true }), { key: "Escape" });
+    const first = pressed();
+    canvas.dispatchEvent(first);
+    expect(first.defaultPrevented).toBe(true);
+    expect(page["map-go"].getAttribute("aria-pressed")).toBe("false");
+    canvas.dispatchEvent(pointer("pointerdown", 240, 150));
+    canvas.dispatchEvent(pointer("pointerup", 240, 150));
+    expect(order).not.toHaveBeenCalled();
+    const second = pressed(); // it may close something else
+    canvas.dispatchEvent(second);
+    expect(second.defaultPrevented).toBe(false);
+  });
+
   it("sends the robot to a place by a press and a drag", () => {
     const canvas = opened();
     panel.drives = true;
