@@ -367,7 +367,8 @@ def test_the_head_turns_away_before_a_chair_leaves():
 def test_random_stick_drives_both_ways_and_half_begins_cold():
     random = Restless(np.random.default_rng(1), looks=False)
     sticks = [random.hold(Seen(0.05 * n, ORIGIN)) for n in range(40_000)]
-    back = sum(-min(stick.x * stick.share, 0.0) and min(-stick.x * stick.share, 0.2) for stick in sticks)
+    # The gate holds reverse to a tenth of the robot's speed: the ten kilometres of docs/figures.md are 53 % in reverse.
+    back = sum(min(max(-stick.x * stick.share, 0.0), 0.1) for stick in sticks)
     ahead = sum(max(stick.x * stick.share, 0.0) for stick in sticks)
     assert 0.7 < back / ahead < 1.4
     parked, looking = (clutter.build(seed).driver(np.random.default_rng(1)) for seed in (1, 0))
