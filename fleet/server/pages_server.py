@@ -66,6 +66,7 @@ def main() -> None:
     ).start()
     server.config.load()  # before anybody can connect
     server.run([_listening(asked.socket)])
+    asked.socket.unlink(missing_ok=True)  # the life line may have ended before there was one
     for number in SIGNALS:  # a second one must not kill threads that still write records
         signal.signal(number, signal.SIG_IGN)
 

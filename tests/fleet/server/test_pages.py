@@ -3,6 +3,8 @@
 import http.client
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -109,3 +111,22 @@ def test_no_header_of_a_stranger_says_where_a_request_came_from(web):
     forged = {"Daphne-Root-Path": "/evil", "X-Forwarded-For": "10.0.0.7", "X-Forwarded-Proto": "https"}
     status, _body, headers = ask(web, "GET", "/", **forged, Accept="text/html")
     assert (status, headers["Location"]) == (302, "/accounts/sign-in/?next=/")
+
+
+def test_a_pages_process_whose_parent_ends_at_once_leaves_no_socket(web, tmp_path):
+    path = tmp_path / "pages.sock"
+    life_line, ours = os.pipe()
+    try:
+        pages = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "fleet.server.pages_server", "--life-line", str(life_line)),
+                *("--socket", str(path), "fleet.site.asgi:application"),
+            ],
+            env=web.environ,
+            pass_fds=[life_line],
+        )
+    finally:
+        os.close(life_line)
+        os.close(ours)
+    assert pages.wait(60) == 0
+    assert not path.exists()
