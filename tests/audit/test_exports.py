@@ -5,6 +5,7 @@ import io
 import itertools
 import json
 from datetime import timedelta
+from types import SimpleNamespace
 
 import pytest
 from django.core.signals import request_started
@@ -129,8 +130,8 @@ async def test_an_export_makes_way_for_other_requests(staff, monkeypatch):
     async def pause(seconds):
         pauses_s.append(seconds)
 
-    monkeypatch.setattr(exports.time, "perf_counter", lambda: next(now))
-    monkeypatch.setattr(exports.asyncio, "sleep", pause)
+    monkeypatch.setattr(exports, "time", SimpleNamespace(perf_counter=lambda: next(now)))
+    monkeypatch.setattr(exports, "asyncio", SimpleNamespace(sleep=pause))
     response = await exports.sync_to_async(exports.response)(
         Selection(Wanted(), ["speech.start"]), Wanted(), actor=staff, name="speech", format_=Format.CSV
     )
