@@ -175,13 +175,15 @@ def test_all_points_at_once_are_met_when_the_plain_formula_says(twist, several, 
 @given(twists, points, outlines, st.sampled_from([0.0, 0.05]), st.sampled_from([0.0, 0.08]))
 @settings(max_examples=300, deadline=None)
 def test_one_point_alone_is_met_when_all_at_once_are(twist, point, outline, growth, reserve_m):
-    hull, way = Polygon(outline), arc.way(twist)
-    assume(hull.gaps(point[None])[0] > growth + 1e-6)
     assume(not arc.is_straight(twist))
+    way = arc.way(twist)
     seen = arc.seen_along(point[None], way)
-    together = hull.contacts(arc.courses(seen, way, [twist]), growth, reserve_m)[0]
     x, y = seen[0].tolist()
-    assert hull.meets_s(x, y, way, twist, growth, reserve_m) == pytest.approx(together.until_s, abs=1e-9)
+    for hull in (Polygon(outline), Disc(RADIUS)):
+        if hull.gaps(point[None])[0] > growth + 1e-6:
+            together = hull.contacts(arc.courses(seen, way, [twist]), growth, reserve_m)[0]
+            alone_s = hull.meets_s(x, y, way, twist, growth, reserve_m)
+            assert alone_s == pytest.approx(together.until_s, abs=1e-9)
 
 
 @given(twists, st.lists(points, min_size=1, max_size=20), outlines, st.sampled_from([0.0, 0.08]))

@@ -196,6 +196,25 @@ def _disc_turning(circle: Circle, x: float, y: float, radius: Growth, reserve_m:
     return _first(rows, ways - reserve_m / d if reserve_m else ways, circle.turning)
 
 
+def disc_meets_s(x: float, y: float, twist: Velocity, radius_m: float, reserve_m: float) -> float:
+    """Time until a twist that turns brings a disc about the origin to one point, seen along the way.
+
+    Less the reserve, on the base's path. The same as `disc_contacts`, in plain numbers. Infinity for a straight
+    twist, a turn on the spot, and for never.
+    """
+    v, turning = speed(twist), abs(twist.w)
+    if v == 0.0 or turning <= STRAIGHT_PER_M * v:
+        return math.inf
+    rho = v / turning
+    radial = rho - y if twist.w > 0.0 else rho + y
+    squares = radial * radial + x * x
+    if not max(rho - radius_m, 0.0) ** 2 < squares < (rho + radius_m) ** 2:
+        return math.inf
+    cosine = (squares + rho * rho - radius_m * radius_m) / (2.0 * rho * math.sqrt(squares))
+    onward = math.atan2(x, radial) % math.tau - math.acos(min(cosine, 1.0))
+    return max(onward, 0.0) / turning - reserve_m / v
+
+
 class Edges:
     """The edges of a convex polygon, counter-clockwise, ready to be grown outwards by a margin.
 
@@ -303,17 +322,21 @@ def _entrances(
 ) -> list[tuple[Growth, Growth, Growth, float]]:
     """The grown edges as circles about a C meet them that is `rho` to the left (`sense` 1) or right (-1).
 
-    Seen from C, an edge's line is this far away along its normal, points come in from here to there along it, and
-    its normal points to this angle. Plain numbers, if all points have the same growth.
+    Seen from C, an edge's line is this far away along its normal, points come in whose D^2 lies between these two
+    squares, and its normal points to this angle. Plain numbers, if all points have the same growth.
     """
     left = sense * rho
     entrances = []
     for nx, ny, offset, low, high, low_stretch, high_stretch, facing_left, facing_right in _sides(edges, way):
         height = offset + growth - ny * left
         from_, to = low + growth * low_stretch - nx * left, high + growth * high_stretch - nx * left
-        entrances.append(
-            (height, -to, -from_, facing_left) if sense > 0.0 else (height, from_, to, facing_right)
-        )
+        begin, end, facing = (-to, -from_, facing_left) if sense > 0.0 else (from_, to, facing_right)
+        if isinstance(growth, float):
+            begin, end = begin if begin > 0.0 else 0.0, end if end > 0.0 else 0.0
+        else:
+            begin, end = np.maximum(begin, 0.0), np.maximum(end, 0.0)
+        across = height * height
+        entrances.append((height, begin * begin + across, end * end + across, facing))
     return entrances
 
 
@@ -334,20 +357,16 @@ def _enter_turning(courses: Courses, edges: Edges, growth: Growth, reserve_m: fl
         all_squares = np.array([circle.squares for circle in circles])
     each = [_entrances(edges, courses.way, growth, circle.rho, circle.sense) for circle in circles]
     number, points = len(each[0]), len(courses.line.x)
-    lines, begin, end, facing = zip(*chain(*each), strict=True)
-    heights = np.array(lines)
-    bounds = np.maximum((begin, end), 0.0)
-    bounds *= bounds
-    bounds += heights * heights
-    nearest, farthest = bounds.reshape(2, len(circles), number, -1)
-    squares = all_squares[:, None]
-    within = squares > nearest
-    within &= squares <= farthest
+    lines, nearest, farthest, facing = zip(*chain(*each), strict=True)
+    shape, squares = (len(circles), number, -1), all_squares[:, None]
+    within = squares > np.array(nearest).reshape(shape)
+    within &= squares <= np.array(farthest).reshape(shape)
     hits = within.ravel().nonzero()[0]
     if not len(hits):
         return [NEVER] * len(circles)
     through = hits // points  # which edge of which circle
     rows = hits - points * through
+    heights = np.array(lines)
     known = rows if len(circles) == 1 else rows + points * (through // number)  # in the tables
     d = np.sqrt(all_squares.take(known))
     onward = np.arctan2(courses.line.x.take(rows), radial.take(known))
@@ -379,8 +398,7 @@ def polygon_meets_s(
     radial = rho - sense * y
     squares = radial * radial + x * x
     d, bearing, onward = math.sqrt(squares), math.atan2(x, radial), math.inf
-    for height, begin, end, facing in _entrances(edges, way, growth_m, rho, sense):
-        begin, end = max(begin, 0.0), max(end, 0.0)
-        if height * height + begin * begin < squares <= height * height + end * end:
+    for height, nearest, farthest, facing in _entrances(edges, way, growth_m, rho, sense):
+        if nearest < squares <= farthest:
             onward = min(onward, (bearing - facing + math.acos(height / d)) % math.tau)
     return (onward - reserve_m / d) / abs(twist.w) if d else math.inf

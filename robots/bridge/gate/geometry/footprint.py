@@ -114,7 +114,7 @@ class Disc:
     def meets_s(
         self, x: float, y: float, way: Way, twist: Velocity, growth_m: float, reserve_m: float
     ) -> float:
-        return math.inf
+        return arc.disc_meets_s(x, y, twist, self.radius_m + growth_m, reserve_m)
 
     def bands(self, twist: Velocity) -> list[Band]:
         return [_disc_band(0.0, 0.0, self.radius_m, twist)]

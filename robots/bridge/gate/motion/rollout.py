@@ -205,19 +205,24 @@ def _played(queue: Sequence[Sent], velocity: Velocity, rates: _Rates, latency_s:
 
 def _obey(command: Velocity, until_s: float, states: list[_State], rates: _Rates) -> None:
     """Go on with one command until a moment, in short pieces."""
-    left_s = until_s - states[-1].time_s
+    state = states[-1]
+    left_s = until_s - state[3]
     if left_s <= 0.0:
         return
     pieces = math.ceil(left_s / PIECE_S - 1e-9)
     for _ in range(pieces):
-        states.append(_moved(states[-1], command, rates, left_s / pieces))
+        state = _moved(state, command, rates, left_s / pieces)
+        states.append(state)
 
 
 def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _State:
     """The base a short span later, its speeds having changed evenly."""
     x, y, yaw, time_s, before = state
-    after = before if before == command else _followed_up(before, command, rates, span_s)
-    (vx, vy, w), (vx_after, vy_after, w_after), half = before, after, span_s / 2.0
+    vx_after, vy_after, w_after = after = (
+        before if before == command else _followed_up(before, command, rates, span_s)
+    )
+    vx, vy, w = before
+    half = span_s / 2.0
     forward, turned = half * (vx + vx_after), half * (w + w_after)
     heading = yaw + turned / 2.0
     cos, sin = math.cos(heading), math.sin(heading)
@@ -232,7 +237,8 @@ def _moved(state: _State, command: Velocity, rates: _Rates, span_s: float) -> _S
 
 def _followed_up(before: Velocity, command: Velocity, rates: _Rates, span_s: float) -> Velocity:
     """The speeds a short span later, on their way to the commanded ones."""
-    (vx, vy, w), (vx_asked, vy_asked, w_asked) = before, command
+    vx, vy, w = before
+    vx_asked, vy_asked, w_asked = command
     linear_up, linear_down, angular_up, angular_down = rates
     return Velocity(
         vx if vx == vx_asked else _changed(vx, vx_asked, linear_up * span_s, linear_down * span_s),
@@ -254,27 +260,24 @@ def _stopped(
     begun: Sequence[_State], rates: _Rates, footprint: Footprint, lead: Sequence[_State] = ()
 ) -> Path:
     """From each state a row: the states that `lead` to it, then full braking to standstill."""
-    poses = max(_poses_until_still(state.velocity, rates, footprint) for state in begun)
-    starts = np.array([(*state[:4], _still_s(state.velocity, rates)) for state in begun])
+    xs, ys, yaws, times_s, velocities = zip(*begun, strict=True)
+    vxs, vys, ws = zip(*velocities, strict=True)
+    poses = max([_poses_until_still(velocity, rates, footprint) for velocity in velocities])
     path = np.empty((4, len(begun), len(lead) + poses + 1))
     if lead:
         path[:, :, : len(lead)] = np.array([state[:4] for state in lead]).T[:, None]
-    x, y, yaw, time_s, still_s = starts.T[..., None]
+    x, y, yaw, time_s = _column(xs), _column(ys), _column(yaws), _column(times_s)
+    still_s = _column([_still_s(velocity, rates) for velocity in velocities])
     passed_s = still_s * _evenly_along_a_braked_way(poses)
-    sideways = any(state.velocity.vy for state in begun)
-    forward, turned = _braked(
-        passed_s,
-        ([state.velocity.vx for state in begun], rates.linear_down),
-        ([state.velocity.w for state in begun], rates.angular_down),
-    )
+    forward, turned = _braked(passed_s, vxs, rates.linear_down), _braked(passed_s, ws, rates.angular_down)
     heading = yaw + (turned[:, 1:] + turned[:, :-1]) / 2.0
     cos, sin, ahead = np.cos(heading), np.sin(heading), forward[:, 1:] - forward[:, :-1]
     places, ways = path[:2, :, len(lead) :], np.empty((2, *passed_s.shape))
     ways[0, :, :1], ways[1, :, :1] = x, y
     np.multiply(ahead, cos, out=ways[0, :, 1:])
     np.multiply(ahead, sin, out=ways[1, :, 1:])
-    if sideways:
-        (left,) = _braked(passed_s, ([state.velocity.vy for state in begun], rates.linear_down))
+    if any(vys):
+        left = _braked(passed_s, vys, rates.linear_down)
         aside = left[:, 1:] - left[:, :-1]
         ways[0, :, 1:] -= aside * sin
         ways[1, :, 1:] += aside * cos
@@ -284,16 +287,18 @@ def _stopped(
     return Path(*path)
 
 
-def _braked(passed_s: Metres, *axes: tuple[list[float], float]) -> Metres:
-    """Distance that each speed of each axis has carried, a row each, while it was braked at the axis's rate."""
-    columns = [
-        [(speed, abs(speed) / rate, math.copysign(rate / 2.0, speed)) for speed in speeds]
-        for speeds, rate in axes
-    ]
-    begun, ends_s, half = np.array(columns).transpose(2, 0, 1)[..., None]
+def _braked(passed_s: Metres, speeds: Sequence[float], rate: float) -> Metres:
+    """Distance that each speed has carried, a row each, while it was braked at this rate."""
+    ends_s = _column([abs(speed) / rate for speed in speeds])
+    half = _column([math.copysign(rate / 2.0, speed) for speed in speeds])
     braked_s = np.minimum(passed_s, ends_s)
-    way: Metres = braked_s * (begun - half * braked_s)
+    way: Metres = braked_s * (_column(speeds) - half * braked_s)
     return way
+
+
+def _column(numbers: Sequence[float]) -> Metres | float:
+    """One number for each row. A single one stays plain: numpy is slower to make an array of it than to use it."""
+    return numbers[0] if len(numbers) == 1 else np.array(numbers)[:, None]
 
 
 def _still_s(velocity: Velocity, rates: _Rates) -> float:
@@ -312,9 +317,9 @@ def _poses_until_still(velocity: Velocity, rates: _Rates, footprint: Footprint) 
 
 @cache
 def _evenly_along_a_braked_way(poses: int) -> Metres:
-    """Shares of the time of braking: dense while the robot is fast."""
+    """Shares of the time of braking, (1, poses + 1): dense while the robot is fast."""
     shares: Metres = 1.0 - np.sqrt(1.0 - np.linspace(0.0, 1.0, poses + 1))
-    return shares
+    return shares[None]
 
 
 def _path(states: list[_State]) -> Path:

@@ -148,7 +148,8 @@ class Latency:
         return max(LONGEST_S + self.lateness_s(now_s), self.in_force_s(now_s))
 
     def _waited_s(self, now_s: float) -> float:
-        return max(axis.waited_s(now_s) for axis in self._axes)
+        forward, turning = self._axes
+        return max(forward.waited_s(now_s), turning.waited_s(now_s))
 
     def _expected_s(self, now_s: float) -> float:
         """Decide by the earlier behaviour."""
