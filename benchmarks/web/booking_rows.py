@@ -17,7 +17,7 @@ from django.utils import timezone
 from benchmarks.harness import quantile
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking
-from fleet.bookings.selectors import Schedule, schedule_of
+from fleet.bookings.schedule import Schedule, schedule_of
 from robots.access.selectors import role_on
 from robots.registry.models import Robot, RobotProfile, RobotRole, Role
 from teleop.control.rules import Subject, permit_for

@@ -75,17 +75,22 @@ OPEN = (
 _ENDED = {State.FINISHED: Stage.FINISHED, State.NO_SHOW: Stage.NO_SHOW, State.CANCELLED: Stage.CANCELLED}
 
 
-class Row(Protocol):
-    """The columns of a booking that its stage depends on."""
+class Times(Protocol):
+    """The columns of a booking that the time it holds depends on."""
 
-    @property
-    def state(self) -> str: ...
     @property
     def starts_at(self) -> datetime: ...
     @property
     def held_until(self) -> datetime: ...
     @property
     def used_at(self) -> datetime | None: ...
+
+
+class Row(Times, Protocol):
+    """The columns of a booking that its stage depends on."""
+
+    @property
+    def state(self) -> str: ...
 
 
 def stage_of(booking: Row, grace: timedelta, now: datetime) -> Stage:
@@ -106,7 +111,7 @@ def stage_of(booking: Row, grace: timedelta, now: datetime) -> Stage:
     return Stage.IN_USE if booking.used_at else Stage.DUE
 
 
-def held_slot(booking: Row, grace: timedelta, now: datetime) -> Slot:
+def held_slot(booking: Times, grace: timedelta, now: datetime) -> Slot:
     """Return the time in which others cannot book: a no-show ends after the grace time."""
     ends = booking.held_until
     if booking.used_at is None and now >= booking.starts_at + grace:
@@ -165,10 +170,11 @@ def out_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
         return [Taken(Slot(starts, FAR), str(SWITCHED_OFF))]
     open_ended = Q(ends_at=None) | Q(ends_at__gt=starts)
     periods = OutOfService.objects.filter(open_ended, robot=robot, starts_at__lt=ends)
-    return [Taken(Slot(one.starts_at, one.ends_at or FAR), _why(one)) for one in periods]
+    return [Taken(Slot(one.starts_at, one.ends_at or FAR), why_out(one)) for one in periods]
 
 
-def _why(period: OutOfService) -> str:
+def why_out(period: OutOfService) -> str:
+    """Return why a robot is out of service, for people."""
     return f"{period.get_why_display()}: {period.note}" if period.note else str(period.get_why_display())
 
 
@@ -401,86 +407,3 @@ def _rounded_up(moment: datetime) -> datetime:
     """Return the next quarter of an hour."""
     over = timedelta(minutes=moment.minute % 15, seconds=moment.second, microseconds=moment.microsecond)
     return moment if not over else moment - over + STEP
-
-
-AHEAD = timedelta(days=1)
-GAP = timedelta(minutes=1)  # less is no free time between two bookings
-
-
-class Schedule(Struct, frozen=True):
-    """The bookings of one robot at a moment, as control needs them."""
-
-    current: Held | None = None
-    next: tuple[Held, ...] = ()  # those that begin later, earliest first
-    free_time: bool = True
-    out: Taken | None = None  # the robot is out of service now
-
-    def free_from(self, now: datetime) -> datetime | None:
-        """Return the begin of the robot's next free time of a minute or more; None: not within `AHEAD`."""
-        moment = self.out.slot.ends_at if self.out else now
-        for held in (self.current, *self.next):
-            if held is not None and held.slot.starts_at < moment + GAP:
-                moment = max(moment, held.slot.ends_at)
-        return moment if moment < now + AHEAD else None
-
-
-_HELD = (*_TAKEN, "robot_id", "made_at")
-
-
-class Held(Struct, frozen=True):
-    """A booking that holds the robot."""
-
-    id: UUID
-    person: UUID
-    name: str
-    slot: Slot
-    booked_at: datetime
-    used: bool = True  # its person has had control in it
-    lapses_at: datetime | None = None  # it is free again then, unless its person takes control
-
-    @property
-    def holds_from(self) -> datetime:
-        """Return its start, or later the moment in which it was booked."""
-        return max(self.slot.starts_at, self.booked_at)
-
-
-def schedule_of(robot: Robot, now: datetime) -> Schedule:
-    """Return the robot's schedule now and of the next day. Three queries."""
-    return schedules_of([robot], now)[robot.id]
-
-
-def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedule]:
-    """`schedule_of` many robots, in three queries."""
-    policies = policies_of(robots)
-    held: dict[UUID, list[Held]] = {robot.id: [] for robot in robots}
-    booked = held_between(robots, now, now + AHEAD).exclude(state__in=NOT_YET).order_by("starts_at")
-    for one in booked.values_list(*_HELD, named=True):
-        grace = grace_of(policies[one.robot_id])
-        slot = held_slot(one, grace, now)
-        held[one.robot_id].append(
-            Held(
-                one.id,
-                one.person_id,
-                one.person__full_name or one.person__username,
-                slot,
-                one.made_at,
-                one.used_at is not None,
-                None if one.used_at else one.starts_at + grace,
-            )
-        )
-    out = _out_now(robots, now)
-    return {
-        robot.id: Schedule(
-            next((one for one in held[robot.id] if one.slot.starts_at <= now < one.slot.ends_at), None),
-            tuple(one for one in held[robot.id] if one.slot.starts_at > now),
-            policies[robot.id].free_time,
-            out.get(robot.id),
-        )
-        for robot in robots
-    }
-
-
-def _out_now(robots: Collection[Robot], now: datetime) -> dict[UUID, Taken]:
-    open_ended = Q(ends_at=None) | Q(ends_at__gt=now)
-    periods = OutOfService.objects.filter(open_ended, robot__in=robots, starts_at__lte=now)
-    return {one.robot_id: Taken(Slot(one.starts_at, one.ends_at or FAR), _why(one)) for one in periods}

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from datetime import date
-from typing import Any
 from uuid import UUID
 
-from django.db import connection
 from msgspec import Struct
 
+from fleet import rows
 from robots.registry.models import Role
 
 OWN = 0  # in place of a course's key: the role was given on the robot, or on a group of it
@@ -64,30 +63,14 @@ def given(people: Collection[UUID], robots: Collection[UUID] | None, day: date) 
     """Return every role of these people on these robots (None: on all) on that day. One query."""
     if not people or (robots is not None and not robots):
         return []
-    on_robots = "1 = 1" if robots is None else f"robot_id IN ({_marks(robots)})"
-    query = _GIVEN.format(day="%s", people=_marks(people), on_robots=on_robots)
-    members = [*map(_stored, people), *map(_stored, robots or ())]
-    today = connection.ops.adapt_datefield_value(day)
-    with connection.cursor() as cursor:
-        cursor.execute(query, [today, today, *members * 4])
-        rows = cursor.fetchall()
-    return [Given(_key(person), _key(robot), Role(role), course) for person, robot, role, course in rows]
+    on_robots = "1 = 1" if robots is None else f"robot_id IN ({rows.marks(robots)})"
+    query = _GIVEN.format(day="%s", people=rows.marks(people), on_robots=on_robots)
+    found = rows.read(query, [day, day, *[*people, *(robots or ())] * 4])
+    return [
+        Given(rows.key(person), rows.key(robot), Role(role), course) for person, robot, role, course in found
+    ]
 
 
 def demanded(robot: UUID) -> list[int]:
     """Return the keys of the qualifications that the robot or one of its groups demands. One query."""
-    with connection.cursor() as cursor:
-        cursor.execute(_DEMANDED, [_stored(robot)] * 2)
-        return [key for (key,) in cursor.fetchall()]
-
-
-def _marks(values: Collection[Any]) -> str:
-    return ", ".join(["%s"] * len(values))
-
-
-def _stored(key: UUID) -> UUID | str:
-    return key if connection.features.has_native_uuid_field else key.hex
-
-
-def _key(stored: UUID | str) -> UUID:
-    return stored if isinstance(stored, UUID) else UUID(hex=stored)
+    return [key for (key,) in rows.read(_DEMANDED, [robot, robot])]

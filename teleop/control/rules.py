@@ -10,7 +10,7 @@ from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.bookings.rules import FAR, Slot, shown
-from fleet.bookings.selectors import Held, Schedule
+from fleet.bookings.schedule import Held, Schedule
 from fleet.zones import zone_of
 from robots.access.models import Qualification
 from robots.registry.models import Robot, Role

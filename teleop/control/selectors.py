@@ -12,7 +12,7 @@ from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.audit.models import Record
 from fleet.bookings.models import Waiting
-from fleet.bookings.selectors import Schedule, schedule_of
+from fleet.bookings.schedule import Schedule, schedule_of
 from robots.access.models import Qualification
 from robots.access.selectors import lacking, missing_qualifications, role_on, roles_on
 from robots.registry.models import Robot, Role
@@ -111,7 +111,7 @@ def rights_of(
     """Return each sign-in's rights on the robot; no rights if the robot is None (it was deleted).
 
     It takes three queries for any number of people, one more if a sign-in ended or the robot demands a qualification,
-    and those of `schedule_of` unless the `schedule` is given.
+    and that of `schedule_of` unless the `schedule` is given.
     """
     active = signed_in(people)
     users = {user.id: user for user in active.values()}

@@ -20,7 +20,7 @@ from fleet.accounts.models import User
 from fleet.audit import services as audit
 from fleet.audit.models import Record
 from fleet.bookings.models import Booking
-from fleet.bookings.selectors import schedule_of
+from fleet.bookings.schedule import schedule_of
 from fleet.bookings.services import booking_hand_running, booking_lengthen_running, booking_used
 from robots.access.selectors import supervises
 from robots.registry.models import Robot, Role

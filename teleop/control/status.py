@@ -8,7 +8,7 @@ from uuid import UUID
 from django.conf import settings
 from msgspec import Struct
 
-from fleet.bookings.selectors import Held, Schedule
+from fleet.bookings.schedule import Held, Schedule
 from robots import wire
 from robots.bridge.config import Allowed, LinkAddress
 from robots.registry.models import Role

@@ -18,7 +18,7 @@ from fleet.bookings.changes.lost_rights import bookings_free_lost
 from fleet.bookings.changes.waiting_list import keep_waiting_lists, waiting_join
 from fleet.bookings.models import Booking, Letter, State, Waiting
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import schedule_of
+from fleet.bookings.schedule import schedule_of
 from fleet.bookings.services import booking_make
 from robots.access.models import Course, Enrolment, RobotGroup
 from robots.access.selectors import lab_date

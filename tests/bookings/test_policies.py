@@ -7,10 +7,11 @@ from django.urls import reverse
 from django.utils import timezone
 
 from fleet.audit.models import Record
-from fleet.bookings.models import Letter, OutOfService, Policy
+from fleet.bookings.models import Booking, Letter, OutOfService, Policy
 from fleet.bookings.pages.forms import PolicyForm
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import policy_of
+from fleet.bookings.schedule import schedules_of
+from fleet.bookings.selectors import policies_of, policy_of
 from fleet.bookings.services import BookingRefused, booking_make
 from robots.access.models import RobotGroup
 from tests.conftest import PASSWORD
@@ -133,3 +134,30 @@ def test_a_group_goes_out_of_service_together(as_person, robot, other_robot, sta
     period = {"robots": "group:the-tiagos", "starts_at": "2030-01-05T08:00", "why": "repair"}
     as_person(staff).post(reverse("out-of-service"), period)
     assert {one.robot for one in OutOfService.objects.all()} == {robot, other_robot}
+
+
+def test_control_follows_the_same_policy_as_the_rules(robot, other_robot, operator, stranger):
+    """Control reads policies by a query of its own."""
+    now, robots = timezone.now(), (robot, other_robot)
+    for one, person in zip(robots, (operator, stranger), strict=True):
+        ends = now + timedelta(hours=1)
+        Booking.objects.create(
+            robot=one, person=person, starts_at=now, ends_at=ends, held_until=ends, made_at=now
+        )
+    later, first = (RobotGroup.objects.create(name=name, slug=name) for name in ("b", "a"))
+
+    def assert_same(**own):
+        Policy.objects.create(**own)
+        for one, policy in policies_of(robots).items():
+            schedule = schedules_of(robots, now)[one]
+            found = schedule.free_time, schedule.current.lapses_at - now
+            assert found == (policy.free_time, timedelta(minutes=policy.grace_min))
+
+    assert schedules_of(robots, now)[robot.id].current.lapses_at == now + timedelta(minutes=15)
+    assert_same(grace_min=20, free_time=False)
+    later.robots.add(robot, other_robot)
+    assert_same(group=later, grace_min=30)
+    first.robots.add(robot)
+    assert_same(group=first, grace_min=40, free_time=False)
+    assert_same(robot=other_robot, grace_min=50)
+    assert [policy.grace_min for policy in policies_of(robots).values()] == [40, 50]

@@ -12,7 +12,8 @@ from fleet.audit.models import Record
 from fleet.bookings import overlaps
 from fleet.bookings.models import Booking, Letter, Policy, State
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import Held, Schedule, free_slots, schedule_of
+from fleet.bookings.schedule import Held, Schedule, schedule_of
+from fleet.bookings.selectors import free_slots
 from fleet.bookings.services import (
     BookingRefused,
     booking_approve,

@@ -8,7 +8,7 @@ from django.core.management import call_command
 from django.utils import timezone
 
 from fleet.bookings.models import Booking
-from fleet.bookings.selectors import schedule_of
+from fleet.bookings.schedule import schedule_of
 from robots.access.models import Course
 from robots.registry.models import Robot
 from teleop.models import ControlSession

@@ -15,7 +15,7 @@ from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
-from fleet.bookings.selectors import Schedule, schedules_of
+from fleet.bookings.schedule import Schedule, schedules_of
 from robots import wire
 from robots.access.selectors import robots_visible_to, roles_of
 from robots.bridge.config import LinkAddress

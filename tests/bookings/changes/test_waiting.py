@@ -17,7 +17,7 @@ from fleet.bookings.changes.waiting_list import (
 from fleet.bookings.messages import letters
 from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import schedule_of
+from fleet.bookings.schedule import schedule_of
 from fleet.bookings.services import BookingRefused, booking_cancel, booking_make
 
 pytestmark = pytest.mark.django_db

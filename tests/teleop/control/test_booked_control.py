@@ -7,7 +7,7 @@ import pytest
 from fleet.audit.models import Record
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import schedule_of
+from fleet.bookings.schedule import schedule_of
 from fleet.bookings.services import booking_approve, booking_cancel, booking_make
 from robots.registry.models import Role
 from robots.wire import Refusal

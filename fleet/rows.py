@@ -1,0 +1,45 @@
+"""Values of hand-written SQL, as SQLite and PostgreSQL store and return them.
+
+Queries that run many times a second are written by hand: Django builds a query far longer than a database answers it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from datetime import date, datetime, timezone
+from typing import Any
+from uuid import UUID
+
+from django.db import connection
+
+
+def marks(values: Collection[object]) -> str:
+    """Return the placeholders of that many values, for `IN (...)`."""
+    return ", ".join(["%s"] * len(values))
+
+
+def read(query: str, values: Sequence[object]) -> list[tuple[Any, ...]]:
+    """Return the rows of a query. `values`: of its placeholders; also keys, moments and dates."""
+    with connection.cursor() as cursor:
+        cursor.execute(query, [_stored(value) for value in values])
+        found: list[tuple[Any, ...]] = cursor.fetchall()
+    return found
+
+
+def key(stored: UUID | str) -> UUID:
+    """Return a key that a query returned."""
+    return stored if isinstance(stored, UUID) else UUID(hex=stored)
+
+
+def moment(stored: datetime | str) -> datetime:
+    """Return a moment that a query returned; SQLite's driver knows the type of some columns, and no zone."""
+    found = datetime.fromisoformat(stored) if isinstance(stored, str) else stored
+    return found if found.tzinfo else found.replace(tzinfo=timezone.utc)
+
+
+def _stored(value: object) -> Any:
+    if isinstance(value, UUID) and not connection.features.has_native_uuid_field:
+        return value.hex
+    if isinstance(value, datetime):
+        return connection.ops.adapt_datetimefield_value(value)
+    return connection.ops.adapt_datefield_value(value) if isinstance(value, date) else value
