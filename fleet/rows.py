@@ -21,7 +21,7 @@ def marks(values: Collection[object]) -> str:
 def read(query: str, values: Sequence[object]) -> list[tuple[Any, ...]]:
     """Return the rows of a query. `values`: of its placeholders; also keys, moments and dates."""
     with connection.cursor() as cursor:
-        cursor.execute(query, [_stored(value) for value in values])
+        cursor.execute(query, [stored(value) for value in values])
         found: list[tuple[Any, ...]] = cursor.fetchall()
     return found
 
@@ -37,7 +37,8 @@ def moment(stored: datetime | str) -> datetime:
     return found if found.tzinfo else found.replace(tzinfo=timezone.utc)
 
 
-def _stored(value: object) -> Any:
+def stored(value: object) -> Any:
+    """Return a value as a placeholder takes it."""
     if isinstance(value, UUID) and not connection.features.has_native_uuid_field:
         return value.hex
     if isinstance(value, datetime):

@@ -4,60 +4,63 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from datetime import datetime, timedelta
+from typing import Any
 from uuid import UUID
 
 from django.db.models.functions import Lower
 
+from fleet import rows
 from fleet.accounts.models import User
 from fleet.accounts.selectors import signed_in
 from fleet.audit.models import Record
-from fleet.bookings.models import Waiting
 from fleet.bookings.schedule import Schedule, schedule_of
 from robots.access.models import Qualification
 from robots.access.selectors import lacking, missing_qualifications, role_on, roles_on
+from robots.registry.known_robots import known_robot
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import allowed_on, link_address, robot_facts
+from robots.registry.selectors import link_address
 from robots.wire import Refusal
 from teleop.control.lease_checks import WAITS_S, LeaseState, Tab, Waiter, is_free
 from teleop.control.rules import Subject, out_of_service, permit_for, schedule_for
 from teleop.control.status import ControlStatus, Rights, RobotEntry, SessionEnd
-from teleop.models import ControlSession, Lease
+from teleop.models import ControlSession, named
 
 SignIn = tuple[UUID, str]  # user, session key
 
 SIGNED_OUT = Refusal("signed_out", "You are signed out: sign in again.", "account")
 
 
+_LEASES = """
+SELECT l.robot_id, s.id, s.user_id, COALESCE(NULLIF(u.full_name, ''), u.username), s.program, l.tab, l.sign_in,
+    l.connection, l.role, s.fence, l.term_ends_at, l.seen_at, s.started_at
+FROM teleop_lease l JOIN teleop_controlsession s ON s.id = l.session_id JOIN accounts_user u ON u.id = s.user_id
+"""
+_LINE = """
+SELECT w.id, w.person_id, COALESCE(NULLIF(u.full_name, ''), u.username), w.tab, w.sign_in, w.connection, w.offer_until
+FROM bookings_waiting w JOIN accounts_user u ON u.id = w.person_id
+WHERE w.robot_id = %s AND w.starts_at IS NULL AND w.seen_at > %s AND w.seen_at < %s
+ORDER BY w.since, w.id
+"""
+
+
 def lease_of(robot_id: UUID) -> LeaseState | None:
     """Return the robot's lease as stored; it may have lapsed by the clock (`lease_checks.phase`)."""
-    leases = Lease.objects.select_related("session__user")
-    try:
-        return _lease_state(leases.get(robot_id=robot_id, session__isnull=False))
-    except Lease.DoesNotExist:
-        return None
+    return next(
+        (_lease_state(*row) for _, *row in rows.read(_LEASES + "WHERE l.robot_id = %s", [robot_id])), None
+    )
 
 
 def held_leases() -> list[tuple[UUID, LeaseState]]:
     """Return every robot with a lease, and the lease."""
-    leases = Lease.objects.filter(session__isnull=False).select_related("session__user")
-    return [(lease.robot_id, _lease_state(lease)) for lease in leases]
+    return [(rows.key(robot), _lease_state(*row)) for robot, *row in rows.read(_LEASES, [])]
 
 
 def line_of(robot_id: UUID, now: datetime) -> list[Waiter]:
     """Return the people in line for control whose pages are still there, the first one first."""
     lately = timedelta(seconds=WAITS_S)
-    waiting = Waiting.objects.filter(
-        robot_id=robot_id, starts_at=None, seen_at__gt=now - lately, seen_at__lt=now + lately
-    )
     return [
-        Waiter(
-            id=one.pk,
-            user=one.person.id,
-            name=one.person.display_name,
-            tab=Tab(one.tab, one.sign_in, one.connection),
-            offer_until=one.offer_until,
-        )
-        for one in waiting.select_related("person")
+        Waiter(key, rows.key(user), name, Tab(*tab), offer_until and rows.moment(offer_until))
+        for key, user, name, *tab, offer_until in rows.read(_LINE, [robot_id, now - lately, now + lately])
     ]
 
 
@@ -65,7 +68,8 @@ def control_status(
     robot_id: UUID, *, people: Collection[SignIn], sessions: Collection[UUID], now: datetime
 ) -> ControlStatus:
     """Read the robot's lease and its line, the rights of `people`, and the ends of `sessions`."""
-    robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
+    known = known_robot(robot_id)
+    robot = known.robot if known else None
     lease = lease_of(robot_id)
     schedule = schedule_of(robot, now) if robot else Schedule()
     line = line_of(robot_id, now)
@@ -138,7 +142,8 @@ def rights_of(
 def who_sees(people: Collection[SignIn], robot_id: UUID) -> set[SignIn]:
     """Return which of these sign-ins may see the robot now. Cheaper than `rights_of`: it reads no bookings."""
     active = signed_in(people)
-    roles = roles_on(robot_id, active.values()) if Robot.objects.filter(pk=robot_id).exists() else {}
+    there = rows.read("SELECT 1 FROM robots_robot WHERE id = %s", [robot_id])
+    roles = roles_on(robot_id, active.values()) if there else {}
     return {person for person, user in active.items() if user.id in roles}
 
 
@@ -164,11 +169,10 @@ def _rights(
 
 def robot_entry(robot_id: UUID) -> RobotEntry | None:
     """Return the facts about the robot that pages and the link need; None if it was deleted."""
-    robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
-    if robot is None:
+    known = known_robot(robot_id)
+    if known is None:
         return None
-    allowed = () if robot.problems else allowed_on(robot)
-    return RobotEntry(out_of_service(robot), robot_facts(robot), link_address(robot), allowed)
+    return RobotEntry(out_of_service(known.robot), known.facts, link_address(known.robot), known.allowed)
 
 
 def _no_rights(refusal: Refusal) -> Rights:
@@ -183,18 +187,28 @@ def _endings(sessions: Collection[UUID]) -> dict[UUID, SessionEnd]:
     return {session.id: SessionEnd(session.end_reason, notes.get(session.id, "")) for session in over}
 
 
-def _lease_state(lease: Lease) -> LeaseState:
-    session = lease.session
-    if session is None or lease.term_ends_at is None or lease.seen_at is None:
-        raise ValueError(f"The lease of robot {lease.robot_id} has a session but is incomplete.")
+def _lease_state(
+    session: Any,
+    user: Any,
+    name: str,
+    program: str | None,
+    tab: str,
+    sign_in: str,
+    connection: str,
+    role: str,
+    fence: int,
+    term_ends_at: Any,
+    seen_at: Any,
+    started_at: Any,
+) -> LeaseState:
     return LeaseState(
-        session=session.id,
-        user=session.user.id,
-        name=session.holder_name,
-        tab=Tab(lease.tab, lease.sign_in, lease.connection),
-        role=Role(lease.role),
-        fence=session.fence,
-        term_ends_at=lease.term_ends_at,
-        seen_at=lease.seen_at,
-        started_at=session.started_at,
+        session=rows.key(session),
+        user=rows.key(user),
+        name=named(name, program),
+        tab=Tab(tab, sign_in, connection),
+        role=Role(role),
+        fence=fence,
+        term_ends_at=rows.moment(term_ends_at),
+        seen_at=rows.moment(seen_at),
+        started_at=rows.moment(started_at),
     )

@@ -1,0 +1,60 @@
+"""Robots as the registry has them now.
+
+A robot whose page is open is read twice a second. Django takes 3 ms to build its models and to judge its entry, so both
+are kept as long as its rows stay the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+from uuid import UUID
+
+from msgspec import Struct
+
+from fleet import rows
+from robots.bridge.config import Allowed
+from robots.registry.models import Robot
+from robots.registry.selectors import allowed_on, robot_facts
+from robots.wire import RobotFacts
+
+_ROBOT = (
+    "SELECT r.*, p.* FROM robots_robot r JOIN robots_robotprofile p ON p.id = r.profile_id WHERE r.id = %s"
+)
+_ALLOWED = """
+SELECT * FROM robots_allowance
+WHERE robot_id = %s OR profile_id = (SELECT profile_id FROM robots_robot WHERE id = %s) ORDER BY id
+"""
+
+
+class KnownRobot(Struct, frozen=True):
+    """A robot and its judged entry. Threads share it: do not change the models."""
+
+    robot: Robot  # with its profile
+    facts: RobotFacts
+    allowed: tuple[Allowed, ...]  # none if the entry is wrong
+
+
+_Rows = tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]
+_known: dict[UUID, tuple[_Rows, KnownRobot]] = {}
+
+
+def known_robot(robot_id: UUID) -> KnownRobot | None:
+    """Return the robot as stored at this moment; None if it was deleted. Two queries if nothing changed."""
+    stored = _read(robot_id)
+    before = _known.get(robot_id)
+    if before is not None and before[0] == stored:
+        return before[1]
+    _known.pop(robot_id, None)
+    robot = Robot.objects.select_related("profile").filter(pk=robot_id).first()
+    if robot is None:
+        return None
+    known = KnownRobot(robot, robot_facts(robot), () if robot.problems else allowed_on(robot))
+    if (
+        _read(robot_id) == stored
+    ):  # else it changed between the queries, and these rows are not what was built
+        _known[robot_id] = stored, known
+    return known
+
+
+def _read(robot_id: UUID) -> _Rows:
+    return rows.read(_ROBOT, [robot_id]), rows.read(_ALLOWED, [robot_id, robot_id])
