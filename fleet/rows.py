@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from datetime import date, datetime, timezone
+from functools import cache
 from typing import Any
 from uuid import UUID
 
@@ -39,8 +40,13 @@ def moment(stored: datetime | str) -> datetime:
 
 def stored(value: object) -> Any:
     """Return a value as a placeholder takes it."""
-    if isinstance(value, UUID) and not connection.features.has_native_uuid_field:
-        return value.hex
+    if isinstance(value, UUID):
+        return value if _stores_keys() else value.hex
     if isinstance(value, datetime):
         return connection.ops.adapt_datetimefield_value(value)
     return connection.ops.adapt_datefield_value(value) if isinstance(value, date) else value
+
+
+@cache
+def _stores_keys() -> bool:
+    return connection.features.has_native_uuid_field

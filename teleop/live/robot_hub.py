@@ -180,10 +180,12 @@ class RobotHub:
         """Read the status of control for a new member."""
         await self._read_status([member.person])
 
-    async def _read_status(self, people: Collection[SignIn]) -> None:
+    async def _read_status(self, people: Collection[SignIn], *, registry: bool = False) -> None:
         # One read after the other: members must never see an older status after a newer one.
         async with self._reading:
-            status, confirmed_s = await in_database(self._read, people)
+            entry, (status, confirmed_s) = await in_database(self._read_all, people, registry)
+            if entry is not None and entry != self.entry:
+                await self._follow_entry(entry)
             if self._holders.issubset(people):
                 self.confirmed_s = confirmed_s
             for member in list(self.members.values()):
@@ -195,6 +197,12 @@ class RobotHub:
     @property
     def _holders(self) -> set[SignIn]:
         return {member.person for member in self.members.values() if member.held_session}
+
+    def _read_all(
+        self, people: Collection[SignIn], registry: bool
+    ) -> tuple[RobotEntry | None, tuple[ControlStatus, float]]:
+        """Read with one connection: to open one takes most of the time."""
+        return robot_entry(self.robot_id) if registry else None, self._read(people)
 
     def _read(self, people: Collection[SignIn]) -> tuple[ControlStatus, float]:
         """Return the status of control, and the monotonic time before the read: the answer may take long."""
@@ -275,8 +283,7 @@ class RobotHub:
             elif often:
                 await self._read_who_sees(often)
             return
-        await self._read_registry()
-        await self.read_status()
+        await self._read_status([member.person for member in self.members.values()], registry=True)
         if any(member.held_session or member.waits for member in self.members.values()):
             await in_database(self._store_seen)
 
@@ -285,10 +292,8 @@ class RobotHub:
         if not (await in_database(who_sees, people, self.robot_id)).issuperset(people):
             await self._read_status(people)
 
-    async def _read_registry(self) -> None:
-        entry = await in_database(robot_entry, self.robot_id)
-        if entry is None or entry == self.entry:
-            return
+    async def _follow_entry(self, entry: RobotEntry) -> None:
+        """Follow a change of the registry."""
         self.entry = entry
         link = links.get(self.robot_id, entry.link)
         if link is not self.link:
