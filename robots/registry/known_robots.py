@@ -49,9 +49,7 @@ def known_robot(robot_id: UUID) -> KnownRobot | None:
     if robot is None:
         return None
     known = KnownRobot(robot, robot_facts(robot), () if robot.problems else allowed_on(robot))
-    if (
-        _read(robot_id) == stored
-    ):  # else it changed between the queries, and these rows are not what was built
+    if _read(robot_id) == stored:  # else it changed between the queries: other rows were built
         _known[robot_id] = stored, known
     return known
 
