@@ -307,6 +307,9 @@ class _NoRecords:
 
     def test_writable(self) -> None: ...
 
+    def ill_parts(self) -> dict[str, wire.HealthLevel]:
+        return {}
+
     def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None: ...
 
     def begin_drive(self, holder: Holder, start: Place) -> int:

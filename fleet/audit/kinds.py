@@ -84,6 +84,8 @@ KINDS: dict[str, Kind] = {
     "stop.latch": Kind(_("robot stopped")),
     "stop.clear": Kind(_("stop cleared")),
     "fault": Kind(_("fault")),
+    "health.worse": Kind(_("part of the robot got worse")),
+    "health.better": Kind(_("part of the robot got better")),
     "publish.start": Kind(_("message asked for"), Kept.DRIVING),
     "publish.end": Kind(_("end of message"), Kept.DRIVING),
     "topic.choose": Kind(_("topic chosen"), Kept.DRIVING),

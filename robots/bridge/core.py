@@ -31,6 +31,7 @@ from robots.bridge.gate.obstacles.depth_camera import Frame
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity, Verdict
 from robots.bridge.health.battery_time import BatteryTime
 from robots.bridge.health.diagnostics import Diagnostics, Status
+from robots.bridge.health.health_log import HealthLog
 from robots.bridge.lease.lease_guard import LeaseGuard
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.lease.stop_latch import StopLatch
@@ -131,6 +132,7 @@ class Core:
         self._on_news = on_news
         self._inputs = HolderInputs(config)
         self._diagnostics = Diagnostics()
+        self._health_log = HealthLog(self._diagnostics, records)
         self._battery_time = BatteryTime()
         self._page_gone_s: float | None = None
         self._unrecorded: Refusal | None = None  # set while records cannot be written: nothing may move
@@ -286,6 +288,7 @@ class Core:
         if self._reported.odometry:
             self._latch.observe(still, self._reported.odometry[0])
         self._repeat_cancel(now_s)
+        self._health_log.tick(self._phase(now_s)[0] == "online", now_s)
 
     def console_was_late(self, late_s: float, now_s: float) -> None:
         """Note that a web process's loop was late: do not blame the operator for silence in this time."""

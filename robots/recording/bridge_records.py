@@ -47,6 +47,9 @@ from robots.bridge.gate.values import Pose, Velocity, Verdict
 from robots.description.store import description_store
 from robots.registry.maps import map_store
 from robots.registry.models import BridgePulse
+from robots.wire import HealthLevel
+
+MOST_CHANGES = 500  # of health that are looked through: more than the parts of a robot
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -255,6 +258,16 @@ class AuditSink:
             fence=holder.fence if holder else None,
             parameters={"number": number, "was_standing": was_standing},
         )
+
+    @_or_record_error
+    def ill_parts(self) -> dict[str, HealthLevel]:
+        """Return the parts that are not well by their last record."""
+        changes = Record.objects.filter(robot_id=self._robot_id, kind__in=("health.worse", "health.better"))
+        newest = changes.order_by("-id").values_list("parameters", flat=True)[:MOST_CHANGES]
+        levels: dict[str, HealthLevel] = {}
+        for change in newest:
+            levels.setdefault(change["part"], change["to"])
+        return {part: level for part, level in levels.items() if level != "ok"}
 
     @_or_record_error
     def keep_map(self, taken: TakenMap) -> None:

@@ -40,7 +40,7 @@ class Reason(Struct, frozen=True):
 
 
 class Fault(Struct, frozen=True):
-    """A fault of the robot."""
+    """A fault of the robot, or a part of it that got worse."""
 
     at: datetime
     what: str
@@ -181,12 +181,14 @@ def _reasons(rows: list[Any]) -> list[Reason]:
 
 def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
     page = Selection(
-        Wanted(robot=robot.pk, since=since, until=until, zone=zones.viewers().key), ["fault"]
+        Wanted(robot=robot.pk, since=since, until=until, zone=zones.viewers().key), ["fault", "health.worse"]
     ).page(size=FAULTS)
     records = [row.record for row in page.rows]
-    return [
-        Fault(record.at, wording.subject(record) or wording.outcome(record.outcome)) for record in records
-    ]
+    return [Fault(record.at, _what(record)) for record in records]
+
+
+def _what(record: Record) -> str:
+    return wording.subject(record) or wording.outcome(record.outcome) or ", ".join(wording.facts([record]))
 
 
 def day_start_s(day: date) -> int:

@@ -29,7 +29,7 @@ _CHUNK = 250
 LINE_BEFORE = timedelta(hours=1)  # the wait for control that is shown with a session
 _MOST_ROBOT_EVENTS = 50
 # Events of the robot that do not depend on control and may name no control session.
-_ROBOT_EVENTS = ("fault", "stop.press", "stop.latch")
+_ROBOT_EVENTS = ("fault", "health.worse", "health.better", "stop.press", "stop.latch")
 
 
 class TimelineEntry(Struct, frozen=True):

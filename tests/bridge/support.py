@@ -244,6 +244,7 @@ class MemorySink:
     def __init__(self) -> None:
         self.records: list[tuple[str, object]] = []
         self.pulses = 0
+        self.ill: dict[str, wire.HealthLevel] = {}  # parts, on record by an earlier bridge
         self.stops: list[tuple[Holder | None, int]] = []
         self.fails: str | None = None
         self.open = threading.Event()
@@ -265,6 +266,10 @@ class MemorySink:
     def test_writable(self) -> None:
         self._wait()
         self.pulses += 1
+
+    def ill_parts(self) -> dict[str, wire.HealthLevel]:
+        self._wait()
+        return self.ill
 
     def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None:
         self._wait()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 
+from robots import wire
 from robots.bridge.audit.record_sink import (
     DriveSummary,
     GateStart,
@@ -37,6 +38,9 @@ class FileSink:
     def settle(self) -> None: ...
 
     def test_writable(self) -> None: ...
+
+    def ill_parts(self) -> dict[str, wire.HealthLevel]:
+        return {}
 
     def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None: ...
 

@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from robots.bridge.audit.drive_path import Sample
 from robots.bridge.gate.values import Pose, Verdict
+from robots.wire import HealthLevel
 
 Parameters = Mapping[str, str | float | None]
 
@@ -129,6 +130,9 @@ class RecordSink(Protocol):
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
         """Commit the end of an intervention and its summary."""
+
+    def ill_parts(self) -> dict[str, HealthLevel]:
+        """Return the parts of the robot that are not well by their last record, with their levels."""
 
     def keep_map(self, taken: TakenMap) -> None:
         """Commit the robot's present map. The robot does not wait for it."""

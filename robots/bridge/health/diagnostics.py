@@ -23,7 +23,7 @@ HOTTEST = 6  # temperatures
 VIEW_S = 1.0  # between two views without a new report
 
 _LEVELS: dict[int, HealthLevel] = {0: "ok", 1: "warning", 2: "error", 3: "silent"}  # DiagnosticStatus
-_BADNESS: dict[HealthLevel, int] = {"ok": 0, "silent": 1, "warning": 2, "error": 3}
+BADNESS: dict[HealthLevel, int] = {"ok": 0, "silent": 1, "warning": 2, "error": 3}
 _TEMPERATURE = re.compile(r"(?i)temperature|\btemp\b|_temp$|^temp_")
 _CELSIUS = re.compile(r"\s*(-?\d{1,3}(?:\.\d{1,9})?)\s*(?:°?\s*C|celsius|degrees)?\s*", re.IGNORECASE)
 _PLAUSIBLE = (-40.0, 200.0)  # °C
@@ -39,19 +39,27 @@ class Status(NamedTuple):
 
 
 @dataclass
-class _Part:
+class Part:
+    """A part as its node reports it."""
+
     level: HealthLevel
     since_s: float
     heard_s: float
     text: str = ""
     temperatures: dict[str, float] = field(default_factory=dict)  # °C, by key
+    was: HealthLevel | None = None  # before this level; None: nothing was heard before
+
+    def become(self, level: HealthLevel, since_s: float) -> None:
+        """Take a level; "since when" stays while it is the same."""
+        if level != self.level:
+            self.was, self.level, self.since_s = self.level, level, since_s
 
 
 class Diagnostics:
     """The parts of one robot."""
 
     def __init__(self) -> None:
-        self._parts: dict[str, _Part] = {}
+        self._parts: dict[str, Part] = {}
         self._left_out: set[str] = set()  # names beyond the bound; bounded itself
         self._unread = 0
         self._view: wire.Health | None = None
@@ -64,13 +72,12 @@ class Diagnostics:
             if level is None or not status.name.strip("/ "):
                 self._unread += 1
             elif (part := self._part(status.name, level, now_s)) is not None:
-                if part.level != level:
-                    part.level, part.since_s = level, now_s
+                part.become(level, now_s)
                 part.heard_s, part.text = now_s, status.text
                 part.temperatures = _temperatures(status.values)
         self._viewed_s = -math.inf
 
-    def _part(self, name: str, level: HealthLevel, now_s: float) -> _Part | None:
+    def _part(self, name: str, level: HealthLevel, now_s: float) -> Part | None:
         part = self._parts.get(name)
         if part is None and len(self._parts) >= MOST_PARTS:
             self._forget(now_s)
@@ -78,7 +85,7 @@ class Diagnostics:
             if len(self._left_out) < MOST_PARTS:
                 self._left_out.add(name)
             return None
-        return part or self._parts.setdefault(name, _Part(level, now_s, now_s))
+        return part or self._parts.setdefault(name, Part(level, now_s, now_s))
 
     def _forget(self, now_s: float) -> None:
         for name in [name for name, part in self._parts.items() if now_s - part.heard_s > FORGOTTEN_S]:
@@ -92,17 +99,20 @@ class Diagnostics:
             self._view = self._summary(now_s) if self._parts or self._unread else None
         return self._view
 
-    def _summary(self, now_s: float) -> wire.Health:
+    def members(self, now_s: float) -> dict[str, Part]:
+        """Return the parts by name. Without an aggregator’s groups: their members say more exactly what they say."""
         for part in self._parts.values():
-            if now_s - part.heard_s > SILENT_S and part.level != "silent":
-                part.level, part.since_s = "silent", part.heard_s
-        # An aggregator also reports groups: what they say, their members say more exactly.
+            if now_s - part.heard_s > SILENT_S:
+                part.become("silent", part.heard_s)
         groups = {parent for name in self._parts for parent in _parents(name)}
-        members = {name: part for name, part in self._parts.items() if name not in groups}
-        names = _plain_names(members)
+        return {name: part for name, part in self._parts.items() if name not in groups}
+
+    def _summary(self, now_s: float) -> wire.Health:
+        members = self.members(now_s)
+        names = plain_names(members)
         ill = sorted(
             ((name, part) for name, part in members.items() if part.level != "ok"),
-            key=lambda item: (-_BADNESS[item[1].level], item[1].since_s, item[0]),
+            key=lambda item: (-BADNESS[item[1].level], item[1].since_s, item[0]),
         )
         hot = [
             wire.Temperature(_temperature_name(names[name], key, part), round(celsius))
@@ -129,7 +139,7 @@ def plain_name(name: str) -> str:
     return name.rstrip("/").rsplit("/", 1)[-1].strip() if name.startswith("/") else name.strip("/ ")
 
 
-def _plain_names(names: Collection[str]) -> dict[str, str]:
+def plain_names(names: Collection[str]) -> dict[str, str]:
     """Return plain names, by name; parts whose plain names are the same keep their whole ones."""
     plain = {name: plain_name(name) for name in names}
     count = Counter(plain.values())
@@ -154,5 +164,5 @@ def _temperatures(values: Sequence[tuple[str, str]]) -> dict[str, float]:
     return found
 
 
-def _temperature_name(name: str, key: str, part: _Part) -> str:
+def _temperature_name(name: str, key: str, part: Part) -> str:
     return name if len(part.temperatures) == 1 else f"{name}, {key}"

@@ -164,6 +164,23 @@ def test_a_bridges_own_action_is_recorded_without_a_person(sink: AuditSink, robo
     assert (end.actor, end.of_id, end.outcome) == (None, asked.pk, "cancelled")
 
 
+def test_parts_that_are_ill_by_their_last_record_are_known_to_the_next_bridge(
+    sink: AuditSink, robot: Robot, other_robot: Robot
+) -> None:
+    def change(kind: str, part: str, to: str, to_sink: AuditSink = sink) -> None:
+        to_sink.request(None, kind, {"part": part, "from": "ok", "to": to, "text": f"{part}: words"})
+
+    change("health.worse", "Speakers", "error")
+    change("health.worse", "Arm", "warning")
+    change("health.better", "Speakers", "ok")
+    change("health.worse", "Arm", "error")
+    change("health.worse", "Laser", "silent", AuditSink(other_robot.id, other_robot.name))
+    assert sink.ill_parts() == {"Arm": "error"}
+    newest = records_of(robot)[-1]
+    assert (newest.actor, newest.content.text) == (None, "Arm: words")
+    assert newest.parameters == {"part": "Arm", "from": "ok", "to": "error"}
+
+
 # --- a bridge that was killed ------------------------------------------------------------------------
 
 

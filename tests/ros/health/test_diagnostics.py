@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from robots.bridge.config import Topic
+from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
@@ -18,11 +21,16 @@ def robot(ros, simulator):
 
 
 @pytest.fixture
-def hand(rosmaster, robot, tmp_path):
+def bridge(rosmaster, robot, tmp_path):
     config = tiago_config(rosmaster, tmp_path, topics={"diagnostics": DIAGNOSTICS})
-    with running_bridge(config, rosmaster, tmp_path) as (_, hand):
+    with running_bridge(config, rosmaster, tmp_path) as (process, hand):
         hand.state_until(drivable, "a robot that can be driven")
-        yield hand
+        yield process, hand
+
+
+@pytest.fixture
+def hand(bridge):
+    return bridge[1]
 
 
 def test_a_part_that_becomes_ill_is_named_and_well_again(hand, fault):
@@ -43,6 +51,18 @@ def test_a_part_that_becomes_ill_is_named_and_well_again(hand, fault):
     fault("diagnostics_dead")
     silent = hand.state_until(lambda state: state.health.level == "silent", "silence").health
     assert silent.well == 0 and silent.temperatures == []
+
+
+def test_each_change_goes_on_record(bridge, fault):
+    process, hand = bridge
+    hand.state_until(lambda state: state.health and state.health.level == "ok", "a healthy robot")
+    fault("part_broken")
+    worse = re.compile(r"health.worse Speakers ok error \d\.\d Speakers: Amplifier does not answer")
+    until(lambda: any(map(worse.fullmatch, process.recorded())), "a record of the fault")
+    fault("none")
+    better = re.compile(r"health.better Speakers error ok \d\.\d Speakers: OK")
+    until(lambda: any(map(better.fullmatch, process.recorded())), "a record of its end")
+    assert len([line for line in process.recorded() if line.startswith("health.")]) == 2
 
 
 def test_a_flood_and_garbage_are_bounded_and_the_robot_drives(hand, fault):

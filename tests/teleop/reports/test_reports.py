@@ -365,6 +365,18 @@ def test_expired_fault_is_named_by_its_outcome(robot, at):
     assert fault.what == "bridge lost"
 
 
+def test_a_part_that_got_worse_is_listed_also_after_its_words_expired(robot, at):
+    at(TUESDAY)
+    change = {"part": "Speakers", "from": "ok", "to": "error"}
+    for text in ("Speakers: Amplifier does not answer", ""):
+        record("health.worse", robot_id=robot.pk, parameters=change, text=text)
+    record("health.better", robot_id=robot.pk, parameters=change, text="Speakers: OK")
+    assert [fault.what for fault in robot_report.report_of(robot, 7, TUESDAY).faults] == [
+        "part Speakers, from ok, to error",
+        "Speakers: Amplifier does not answer",
+    ]
+
+
 def test_report_needs_no_more_queries_for_a_long_log(robot, drive, django_assert_max_num_queries):
     for _ in range(3):
         drive()

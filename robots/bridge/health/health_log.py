@@ -1,0 +1,134 @@
+"""Records of changes of the robot's health, few enough for any robot. Pure: time is an argument.
+
+Each part has the level that is on record. A change is written at once while there is budget; a part that flaps waits,
+and one record with `times` stands for its changes. Nothing is written while the robot is away: that is a fault of its
+own, and most parts are as before when it is back.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from functools import partial
+
+from robots.bridge.audit.records import Records
+from robots.bridge.health.diagnostics import BADNESS, MOST_PARTS, Diagnostics, Part, plain_names
+from robots.bridge.server.flood_limits import TokenBucket
+from robots.wire import HealthLevel
+
+LOOK_S = 1.0
+SETTLED_S = 60.0  # after the robot came, for nodes that report later than odometry
+PART_BURST, PART_GAP_S = 4, 600.0  # records of one part at once, and then one in this time
+ROBOT_BURST, ROBOT_GAP_S = 30, 60.0  # of all parts together
+MOST_KEPT = 2 * MOST_PARTS  # of parts on record that may not be there any more
+
+
+@dataclass
+class _Noted:
+    level: HealthLevel | None  # on record; None: there is none, and nothing was known before
+    now: HealthLevel | None
+    worst: HealthLevel | None  # since the record
+    words: str = ""  # of the worst
+    times: int = 0  # changes since the record
+    budget: TokenBucket = field(default_factory=lambda: TokenBucket(1.0 / PART_GAP_S, PART_BURST))
+
+
+class HealthLog:
+    """The changes of one robot's parts."""
+
+    def __init__(self, diagnostics: Diagnostics, records: Records) -> None:
+        self._diagnostics = diagnostics
+        self._records = records
+        self._noted: dict[str, _Noted] = {}
+        self._earlier: Future[dict[str, HealthLevel]] | None = None  # on record by an earlier bridge
+        self._budget = TokenBucket(1.0 / ROBOT_GAP_S, ROBOT_BURST)
+        self._looked_s = -math.inf
+        self._online_s: float | None = None  # since when the robot is there
+
+    def tick(self, online: bool, now_s: float) -> None:
+        """Look whether a part is better or worse than the log says."""
+        if not online:
+            self._online_s = None
+        elif self._online_s is None:
+            self._online_s = now_s
+        if self._online_s is None or now_s - self._looked_s < LOOK_S:
+            return
+        self._looked_s = now_s
+        parts = self._diagnostics.members(now_s)
+        if not parts or not self._knows_earlier(now_s):
+            return
+        names = plain_names(parts)
+        for name, part in parts.items():
+            was_away = part.level == "silent" and part.heard_s < self._online_s
+            if not was_away or now_s - self._online_s > SETTLED_S:
+                self._look(name, names[name], part, now_s)
+        self._forget(now_s)
+
+    def _knows_earlier(self, now_s: float) -> bool:
+        """Ask for what is on record; ask again if the database was away."""
+        if self._earlier is None:
+            self._earlier = self._records.ask(self._records.sink.ill_parts, now_s)
+        elif self._earlier.done() and self._earlier.exception():
+            self._earlier = None
+        elif self._earlier.done():
+            for name, level in self._earlier.result().items():
+                self._noted.setdefault(name, _Noted(level, level, level))
+            return True
+        return False
+
+    def _look(self, name: str, plain: str, part: Part, now_s: float) -> None:
+        noted = self._noted.get(name)
+        if noted is None:
+            if part.level == "ok":
+                return
+            noted = self._noted[name] = _Noted(part.was, part.was, part.was)
+        if part.level != noted.now:
+            noted.now, noted.times = part.level, noted.times + 1
+            if _is_worse(part.level, noted.worst):
+                noted.worst, noted.words = part.level, _words(plain, part)
+        if _is_worse(noted.worst, noted.level):
+            if self._has_budget(noted, now_s):
+                self._record("health.worse", name, noted, noted.worst, noted.words, part, now_s)
+        elif noted.now != noted.level and self._has_budget(noted, now_s):
+            self._record("health.better", name, noted, noted.now, _words(plain, part), part, now_s)
+
+    def _has_budget(self, noted: _Noted, now_s: float) -> bool:
+        return self._budget.wait_s(now_s) == 0.0 and noted.budget.spend(now_s) and self._budget.spend(now_s)
+
+    def _record(
+        self,
+        kind: str,
+        name: str,
+        noted: _Noted,
+        to: HealthLevel | None,
+        words: str,
+        part: Part,
+        now_s: float,
+    ) -> None:
+        facts: dict[str, str | float | None] = {"part": name, "from": noted.level, "to": to}
+        if to == part.level:
+            facts["since_s"] = round(now_s - part.since_s, 1)
+        if noted.times > 1:
+            facts["times"] = noted.times
+        facts["text"] = words
+        self._records.keep(partial(self._records.sink.request, None, kind, facts), now_s)
+        noted.level, noted.worst, noted.times = to, noted.now, 0
+
+    def _forget(self, now_s: float) -> None:
+        """Keep what is on record as ill, and budgets that were used; bounded, because nodes may invent names."""
+        for name, noted in list(self._noted.items()):
+            if noted.level == noted.now == "ok" and noted.budget.is_full(now_s):
+                del self._noted[name]
+        for name in list(self._noted)[: max(0, len(self._noted) - MOST_KEPT)]:
+            del self._noted[name]
+
+
+def _is_worse(level: HealthLevel | None, than: HealthLevel | None) -> bool:
+    """Silence is never an improvement: what was said before may still be true."""
+    return level != than and (level == "silent" or BADNESS[level or "ok"] > BADNESS[than or "ok"])
+
+
+def _words(plain: str, part: Part) -> str:
+    said = "reports nothing any more" if part.level == "silent" else part.text
+    return f"{plain}: {said}" if said else plain
