@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import os
 import socket
 import threading
@@ -65,6 +66,8 @@ log = logging.getLogger(__name__)
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
 DESCRIPTION_S = 5.0  # the description has hundreds of kilobytes, and may come by radio
+DESCRIBED_S = 60.0  # between two readings of it, while nobody has control
+RESTARTED_S = 5.0  # between two, if nodes come and go
 JOINED_GAP_S = 5.0  # reading many motions takes up to 0.2 s, and a motion server may come and go
 SONAR_ROUNDS = 3  # readings of each sonar in its topic's queue
 REACH_M = 0.9  # of an arm without description, about the middle of the base
@@ -107,6 +110,9 @@ class RosBase:
         self._sweeping = RosWorker("motion")  # apart from `_list_worker`: a list may take seconds
         self._monitor = MasterMonitor(self._master, self)
         self._described = False
+        self._description: object = None  # that was read last
+        self._read_s = -math.inf
+        self._tellers: set[str] = set()  # nodes that told of joints, tf and odometry then
         self._runs = RunMonitor()
         self._moves = True  # by the last odometry
         self._mail = Mailboxes(self._post, lambda: self._core.needs_fresh_sensors, speaker)
@@ -390,7 +396,7 @@ class RosBase:
     def began_again(self) -> None:
         """Handle a restart of the master, and maybe of the robot."""
         self._runs.begin()
-        self._described = False
+        self._described, self._description = False, None
         self._describe()
         self._post(self._core.tasks.refresh)
 
@@ -398,6 +404,7 @@ class RosBase:
         """Report the robot's state; read what is still missing, since the robot may start after its master."""
         self.tell(self._survey(system))
         self._report_listened(system)
+        self._look_for_restart(system)
         self._describe()
         if self._motions and not any(self._motions.repertoire.values()):
             self.read_motions()
@@ -415,8 +422,24 @@ class RosBase:
         """Report that this process's node ended or failed to start."""
         self._post(lambda: self._on_lost(name_taken))
 
+    def _look_for_restart(self, system: SystemState) -> None:
+        """Read the description again when nodes that a new start of the robot replaces came or went.
+
+        A faster start, and a description that changes without one, are found while nobody has control.
+        """
+        topics = self._config.topics
+        names = {"/tf", topics.odometry.name, *([topics.joint_states.name] if topics.joint_states else [])}
+        tellers = {node for name in names for node in system.publishers.get(name, [])}
+        seconds = time.monotonic() - self._read_s
+        is_due = seconds >= DESCRIBED_S and not self._core.needs_fresh_sensors
+        if is_due or (tellers != self._tellers and seconds >= RESTARTED_S):
+            self._described, self._tellers = False, tellers
+
     def _describe(self) -> None:
-        """Give the robot's description to the arm's posture and to the console as soon as the robot has one."""
+        """Give the robot's description to the arm's posture and to the console as soon as the robot has one.
+
+        A known one stays until there is another.
+        """
         if self._described:
             return
         master = Master(self._config.master_uri, BRIDGE, DESCRIPTION_S)
@@ -424,7 +447,10 @@ class RosBase:
             description = master.parameter("/robot_description")
         except MasterError:
             description = None  # the next survey asks again
-        self._described = description is not None
+        self._read_s, self._described = time.monotonic(), description is not None
+        if description == self._description or (description is None and self._description is not None):
+            return
+        self._description = description
         if self._arm:
             self._arm.describe(description)
         if self._described:
@@ -433,7 +459,7 @@ class RosBase:
 
     def _ask_again(self) -> None:
         """Let the next survey read the description again: the console could not keep it."""
-        self._described = False
+        self._described, self._description = False, None
 
     def _drive_publisher(self, name: str) -> rospy.Publisher:
         return immediate_publisher(name, TwistStamped if self._stamped else Twist, SEND_PATIENCE_S)

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from typing import NamedTuple
 
 from robots.bridge.config import ArmSource
 from robots.bridge.gate.geometry.arm_discs import AT_HOME, KNOWN_S, Disc, Posture, discs_along, is_home
@@ -22,6 +23,22 @@ END_M = 0.10  # fingers and what they hold reach so far beyond the last link's o
 HAND_M = 0.25  # the reach of a hand that the description leaves out
 
 
+class _Model(NamedTuple):
+    """The arm by one description. It is replaced as a whole: other threads may be using it."""
+
+    tree: Tree
+    own: list[str]  # links of the profile that the description has
+    moved: dict[str, set[str]]  # all links that the arm moves, and the joints that each needs
+    lacking: list[str]  # links of the profile that the description lacks
+
+    def links(self, positions: Mapping[str, float]) -> list[str]:
+        """Return the links of which all joints are known. KeyError names a joint that a link of the profile lacks."""
+        for link in self.own:
+            for joint in self.moved[link] - positions.keys():
+                raise KeyError(joint)
+        return [link for link, joints in self.moved.items() if joints <= positions.keys()]
+
+
 class ArmPosture:
     """Place of one arm. Times are the bridge's monotonic clock, seconds.
 
@@ -30,10 +47,7 @@ class ArmPosture:
 
     def __init__(self, arm: ArmSource) -> None:
         self._arm = arm
-        self._tree: Tree | None = None
-        self._own: list[str] = []  # links of the profile that the description has
-        self._moved: dict[str, set[str]] = {}  # all links that the arm moves, and the joints that each needs
-        self._lacking: list[str] = []  # links of the profile that the description lacks
+        self._model: _Model | None = None
         self._was: dict[str, float] | None = None  # the arm's joints when they moved last
         self._joints: dict[str, tuple[float, float]] = {}  # position and arrival
         self._drawn: frozenset[str] = frozenset()  # joints of the description that pages draw
@@ -45,28 +59,27 @@ class ArmPosture:
 
         A link that it lacks is left out; the hand's reach is then guessed from the last known link.
         """
-        self._tree = None
-        self._drawn = frozenset()
+        model, drawn = None, frozenset[str]()
         if isinstance(description, str):
             try:
                 tree = Tree(description)
-                self._drawn = frozenset(sorted(tree.joints)[:MOST_DRAWN])
-                self._take_tree(tree)
+                drawn = frozenset(sorted(tree.joints)[:MOST_DRAWN])
+                model = self._modelled(tree)
             except BadDescription as error:
                 log.warning("%s: the arm's posture is known by its motions only", error)
+        self._model, self._drawn = model, drawn
 
-    def _take_tree(self, tree: Tree) -> None:
+    def _modelled(self, tree: Tree) -> _Model:
         own = [link for link in self._arm.links if link in tree]
-        self._lacking = [link for link in self._arm.links if link not in tree]
+        lacking = [link for link in self._arm.links if link not in tree]
         moved = tree.moved_by(self._arm.home)
         if not own or not moved:
             raise BadDescription("the robot’s description has no link of the arm")
-        if self._lacking:
-            log.warning("the robot's description lacks %s: a hand there is guessed", ", ".join(self._lacking))
+        if lacking:
+            log.warning("the robot's description lacks %s: a hand there is guessed", ", ".join(lacking))
         base_first = [link for link in own if link not in moved]
         links = [*base_first, *moved[:MOST_LINKS], *(link for link in moved[MOST_LINKS:] if link in own)]
-        self._moved = {link: tree.moving([link]) for link in links}
-        self._own, self._tree = own, tree
+        return _Model(tree, own, {link: tree.moving([link]) for link in links}, lacking)
 
     def update(self, joints: Iterable[tuple[str, float]], now_s: float) -> None:
         """Take positions (rad or m) of some joints; several nodes may each report some. Ignore what is not finite."""
@@ -78,7 +91,8 @@ class ArmPosture:
 
     def _forget_oldest(self) -> None:
         """Keep the arm's own joints, and the newest of the others."""
-        own = set(self._arm.home) | (set[str]().union(*self._moved.values()) if self._tree else set())
+        model = self._model
+        own = set(self._arm.home) | (set[str]().union(*model.moved.values()) if model else set())
         by_age = sorted(self._joints.items(), key=lambda item: (item[0] in own, item[1][1]))
         self._joints = dict(by_age[-MAX_JOINTS // 2 :])
 
@@ -101,7 +115,7 @@ class ArmPosture:
             self._after = None
             return AT_HOME
         discs, ends = self._lies(positions)
-        if self._tree is None and self._after in self._arm.postures:
+        if self._model is None and self._after in self._arm.postures:
             discs = tuple(self._arm.postures[self._after])
         reach = self._reach(positions, self._end_m) if has_moved or discs is None else None
         return Posture(False, discs, ends, reach)
@@ -132,15 +146,16 @@ class ArmPosture:
 
     def sweep(self, motion: Motion | None, now_s: float) -> tuple[Disc, ...]:
         """Return the space of a motion that begins at the present posture; the whole reach if that is unknown."""
-        tree, positions = self._tree, self._positions(now_s)
-        moving = set(self._arm.home) | (tree.moving(self._own) if tree else set())
+        model, positions = self._model, self._positions(now_s)
+        moving = set(self._arm.home) | (model.tree.moving(model.own) if model else set())
         if motion is not None and moving.isdisjoint(motion.joints):
             return ()
-        if tree is not None and motion is not None:
+        if model is not None and motion is not None:
+            tree = model.tree
             try:
-                links = self._links(positions)
+                links = model.links(positions)
                 ends = [number for number, is_end in enumerate(tree.ends(links)) if is_end]
-                arm_m, hand_m = self._arm.radius_m, HAND_M if self._lacking else 0.0
+                arm_m, hand_m = self._arm.radius_m, HAND_M if model.lacking else 0.0
                 return swept(motion, positions, lambda at: tree.places(links, at), arm_m, ends, hand_m)
             except KeyError as joint:
                 log.warning("no node reports %s: a motion is taken to sweep all within reach", joint)
@@ -149,9 +164,9 @@ class ArmPosture:
     def _reach(self, positions: Mapping[str, float], beyond_m: float = 0.0) -> Disc:
         """Return the arm's reach and `beyond_m` more, about its shoulder; about the base if the shoulder is unknown."""
         x = y = 0.0
-        if self._tree is not None:
+        if (model := self._model) is not None:
             with suppress(KeyError):
-                x, y, _ = map(float, self._tree.places(self._own[:1], positions)[0])
+                x, y, _ = map(float, model.tree.places(model.own[:1], positions)[0])
         return x, y, self._arm.reach_m + beyond_m
 
     def arm(self, now_s: float) -> tuple[Disc, ...] | None:
@@ -161,30 +176,23 @@ class ArmPosture:
 
     def _lies(self, positions: Mapping[str, float]) -> tuple[tuple[Disc, ...] | None, tuple[Disc, ...]]:
         """Return the discs that the arm covers, and those about its ends, where a camera may see more of it."""
-        tree, arm_m = self._tree, self._arm.radius_m
-        if tree is None:
+        model, arm_m = self._model, self._arm.radius_m
+        if model is None:
             return None, ()
         try:
-            links = self._links(positions)
-            places = tree.places(links, positions)
+            links = model.links(positions)
+            places = model.tree.places(links, positions)
         except KeyError:  # a joint that no node reports
             return None, ()
-        ends = [(float(x), float(y)) for x, y, _ in places[tree.ends(links)]]
+        ends = [(float(x), float(y)) for x, y, _ in places[model.tree.ends(links)]]
         discs = discs_along(places, arm_m)
-        if self._lacking:
+        if model.lacking:
             discs += tuple((*end, arm_m + HAND_M) for end in ends)
         return discs, tuple((*end, arm_m + self._end_m) for end in ends)
 
     @property
     def _end_m(self) -> float:
-        return HAND_M if self._lacking else END_M
-
-    def _links(self, positions: Mapping[str, float]) -> list[str]:
-        """Return the links of which all joints are known. KeyError names a joint that a link of the profile lacks."""
-        for link in self._own:
-            for joint in self._moved[link] - positions.keys():
-                raise KeyError(joint)
-        return [link for link, joints in self._moved.items() if joints <= positions.keys()]
+        return HAND_M if self._model and self._model.lacking else END_M
 
     def _positions(self, now_s: float) -> dict[str, float]:
         """Return the positions of all recently reported joints."""

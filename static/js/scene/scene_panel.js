@@ -3,6 +3,7 @@
 import { make, mark, sayOrHide, show } from "../lib/dom.js";
 
 const MAP_EVERY = 5; // looks: the map may be another one
+const DESCRIPTION_EVERY = 15; // looks: the robot may have been started anew
 const AGAIN_MS = 4_000; // while the console knows no description, or nothing answers
 
 export class ScenePanel {
@@ -128,6 +129,7 @@ export class ScenePanel {
   /** Reads description and map, and again while there is none. */
   async #follow(signal) {
     if (!this.#scene.draws) return;
+    if (this.#looks % DESCRIPTION_EVERY === 0) this.#isDescribed = false;
     if (!this.#isDescribed) this.#isDescribed = await this.#readDescription(signal);
     const isOnMap = Boolean(this.#newest?.state.location);
     if (isOnMap && (this.#map === null || this.#looks % MAP_EVERY === 0))

@@ -126,4 +126,15 @@ describe("the 3D view of the page", () => {
     expect(FakeScene.made[0].describe).toHaveBeenLastCalledWith({ ...DESCRIPTION, digest: "b" });
     vi.useRealTimers();
   });
+
+  it("follows a robot that was started anew", async () => {
+    vi.useFakeTimers();
+    panel.opens = true;
+    await vi.advanceTimersByTimeAsync(10);
+    answers["/description"] = [200, { ...DESCRIPTION, digest: "b" }];
+    await vi.advanceTimersByTimeAsync(70_000);
+    expect(FakeScene.made[0].describe).toHaveBeenLastCalledWith({ ...DESCRIPTION, digest: "b" });
+    expect(FakeScene.made[0].describe).toHaveBeenCalledTimes(2);
+    vi.useRealTimers();
+  });
 });

@@ -161,7 +161,7 @@ def test_an_arm_of_a_thousand_links_is_sampled(arm):
         for n in range(1000)
     )
     arm.posture.describe(DESCRIPTION.replace("</robot>", f"{more}</robot>"))
-    assert len(arm.posture._moved) == MOST_LINKS
+    assert len(arm.posture._model.moved) == MOST_LINKS
     assert arm.after(shoulder=0.0, elbow=0.0).discs
 
 

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import pytest
 import rospy
+from msgspec import structs
+from sensor_msgs.msg import JointState
 
 from robots import wire
+from robots.bridge.ros import node
+from robots.bridge.ros.network.master import MasterError, SystemState
+from robots.bridge.ros.node import RosBase
 from robots.bridge.tasks.arm_posture import ArmPosture
+from tests.bridge.support import CONFIG
 from tests.processes import until
-from tests.ros.bridge_support import running_bridge, tiago_config
+from tests.ros.bridge_support import drivable, running_bridge, tiago_config
 from tests.ros.support import Master
-from tests.ros.tiago_arm import ARM, DESCRIPTION, JOINT_STATES, JOINTS
+from tests.ros.tiago_arm import ARM, DESCRIPTION, HAND, JOINT_STATES, JOINTS, without_hand
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -46,6 +52,120 @@ def test_a_huge_description_is_named_and_the_robot_drives(rosmaster: Master, tmp
             hand.drive_until(0.5, lambda state: state.odometry and state.odometry.vx > 0.1, "a drive")
     finally:
         rospy.set_param("/robot_description", before)
+
+
+def test_a_description_that_changes_under_the_same_master_is_read_again(rosmaster: Master, ros, tmp_path):
+    before = rospy.get_param("/robot_description")
+    config = tiago_config(rosmaster, tmp_path, topics={"arm": ARM, "joint_states": JOINT_STATES})
+    try:
+        with running_bridge(config, rosmaster, tmp_path) as (bridge, hand):
+            hand.send(wire.Viewers(["Ann"], joints=True))
+            until(lambda: hand.view and "head_1_joint" in hand.view.joints, "joints")
+            rospy.set_param("/robot_description", before.replace("head_1_joint", "neck_joint"))
+            with ros.speak("/joint_states", JointState):  # a node that begins to tell of the robot
+                until(lambda: "head_1_joint" not in hand.view.joints, "the new description")
+            assert "arm_1_joint" in hand.view.joints
+            rospy.set_param("/robot_description", 7)  # until the node is gone, this is not read
+            until(lambda: "is no text" in bridge.description(), "the problem")
+            until(lambda: not hand.view.joints, "no joints")
+            hand.state_until(drivable, "a robot that can be driven as at its start without description")
+    finally:
+        rospy.set_param("/robot_description", before)
+
+
+class Robot:
+    """A bridge's ROS side with a master and a clock of its own."""
+
+    def __init__(self, monkeypatch):
+        config = structs.replace(
+            CONFIG, topics=structs.replace(CONFIG.topics, arm=ARM, joint_states=JOINT_STATES)
+        )
+        self.base = RosBase(config)
+        self.now_s = 1000.0
+        self.description: object = DESCRIPTION
+        self.publishers = {"/tf": ["/state_publisher"], "/joint_states": ["/controllers"], "/chat": ["/a"]}
+        self.readings = 0
+        self.taken: list[str] = []
+        self.base._core = self
+        self.needs_fresh_sensors = False
+        self.base._arm = ArmPosture(ARM)
+        self.base._loop = None  # type: ignore[assignment]
+        monkeypatch.setattr(node.time, "monotonic", lambda: self.now_s)
+        monkeypatch.setattr(node, "Master", lambda *_: self)
+        monkeypatch.setattr(self.base, "_post", lambda call: call())
+        self.base._describe()
+
+    def parameter(self, _name):
+        self.readings += 1
+        if isinstance(self.description, Exception):
+            raise self.description
+        return self.description
+
+    def described(self, taken, _failed):
+        self.taken.append(taken.problem or taken.digest[:4])
+
+    def surveys(self, seconds, **publishers):
+        for _ in range(int(seconds / 2)):
+            self.now_s += 2.0
+            self.base._look_for_restart(SystemState({**self.publishers, **publishers}, {}, {}, {}))
+            self.base._describe()
+
+
+@pytest.fixture
+def robot(monkeypatch):
+    return Robot(monkeypatch)
+
+
+def test_a_robot_that_stays_is_asked_seldom_and_handed_on_once(robot):
+    robot.surveys(600)
+    assert robot.readings <= 12 and len(robot.taken) == 1
+    robot.needs_fresh_sensors = True
+    before = robot.readings
+    robot.surveys(600)
+    assert robot.readings == before  # nothing is parsed beside the control loop
+
+
+def test_a_start_that_no_survey_saw_is_found_while_nobody_has_control(robot):
+    robot.description = without_hand()
+    robot.surveys(62)
+    assert len(robot.taken) == 2 and robot.base._arm._model.lacking == [HAND]
+
+
+@pytest.mark.parametrize("topic", ["/tf", "/joint_states", CONFIG.topics.odometry.name])
+def test_nodes_that_come_and_go_lead_to_a_reading_also_in_control(robot, topic):
+    robot.surveys(20)
+    robot.needs_fresh_sensors = True
+    robot.surveys(2, **{topic: []})
+    robot.description = without_hand()
+    robot.surveys(6, **{topic: ["/another"]})
+    assert len(robot.taken) == 2 and robot.base._arm._model.lacking == [HAND]
+
+
+def test_nodes_of_other_topics_lead_to_none_and_restless_ones_to_few(robot):
+    robot.surveys(20)
+    before = robot.readings
+    robot.surveys(20, **{"/chat": ["/b"]})
+    assert robot.readings == before
+    for number in range(30):
+        robot.surveys(2, **{"/tf": [f"/restless_{number}"]})
+    assert robot.readings - before <= 60 / node.RESTARTED_S
+
+
+@pytest.mark.parametrize("missing", [None, MasterError("no answer")])
+def test_a_known_description_stays_while_none_can_be_read(robot, missing):
+    known = robot.base._arm._model
+    robot.description = missing
+    robot.surveys(70)
+    assert robot.base._arm._model is known and len(robot.taken) == 1
+    robot.description = without_hand()
+    robot.surveys(2)
+    assert robot.base._arm._model.lacking == [HAND]
+
+
+def test_what_the_console_could_not_keep_is_handed_on_again(robot):
+    robot.base._ask_again()
+    robot.surveys(2)
+    assert len(robot.taken) == 2
 
 
 def test_only_joints_of_the_description_are_shown():
