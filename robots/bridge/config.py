@@ -101,16 +101,22 @@ class ArmSource(Struct, frozen=True):
     postures: dict[str, list[tuple[float, float, float]]] = {}
 
 
-class LimbSource(Struct, frozen=True):
-    """A limb that people move by one number: joints behind a `FollowJointTrajectory` action, moved alike.
+TRAJECTORY, GRIPPER_COMMAND = "control_msgs/FollowJointTrajectoryAction", "control_msgs/GripperCommandAction"
 
-    The number is the sum of the joints' positions: the distance of two fingers, or the height of a torso.
+
+class LimbSource(Struct, frozen=True):
+    """A limb that people move by one number: joints behind an action, moved alike.
+
+    The number is the sum of the joints' positions: the distance of two fingers, or the height of a torso. It is also
+    the position that a goal of `GRIPPER_COMMAND` names.
     """
 
     action: str  # such as /gripper_controller/follow_joint_trajectory
     joints: list[str]  # `Topics.joint_states` gives their positions
     range_m: tuple[float, float]  # of each joint
     speed_mps: float  # of each joint
+    type: str = TRAJECTORY  # or, for a gripper, `GRIPPER_COMMAND`
+    effort_n: float | None = None  # of `GRIPPER_COMMAND`: at most; the controller decides what 0 means
 
 
 class NavigationSource(Struct, frozen=True):

@@ -15,6 +15,8 @@ import msgspec
 from msgspec import Struct
 
 from robots.bridge.config import (
+    GRIPPER_COMMAND,
+    TRAJECTORY,
     ArmSource,
     CameraSource,
     DepthSource,
@@ -286,6 +288,13 @@ def _arm_problems(arm: ArmSource) -> Iterator[str]:
 
 def _limb_problems(limb: LimbSource, path: str) -> Iterator[str]:
     yield from _name_problem(limb.action, f"{path}.action")
+    types = (TRAJECTORY, GRIPPER_COMMAND) if path == "gripper" else (TRAJECTORY,)
+    if limb.type not in types:
+        yield f"{path}.type: {limb.type!r} is not understood here, only {' or '.join(types)}"
+    if (limb.type == GRIPPER_COMMAND) != (limb.effort_n is not None):
+        yield f"{path}.effort_n: belongs to the type {GRIPPER_COMMAND}, which needs it"
+    elif limb.effort_n is not None and not 0.0 <= limb.effort_n <= 1000.0:
+        yield f"{path}.effort_n: must be between 0 and 1000 N, not {limb.effort_n:g}"
     low, high = limb.range_m
     if not -1.0 <= low < high <= 1.0:
         yield f"{path}.range_m: must be two places from -1 to 1 m, the lower one first"

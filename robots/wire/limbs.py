@@ -45,9 +45,10 @@ class LimbEnd(Struct, frozen=True):
     """End of a move.
 
     `outcome`: done; not_there (the controller says done, joint states do not); no_progress (it stopped on its way, as
-    fingers do that hold something); rejected, failed (by the controller, `text` is what it said); taken_over (by
-    another node); cancelled, replaced, stopped, control_ended, link_lost, not_watched (joint states ended), arm_away,
-    unheard (the controller does not answer), not_recorded, bridge_ended; or a refusal's code.
+    fingers do that hold something); stalled (the gripper's controller says the same); rejected, failed (by the
+    controller, `text` is what it said); taken_over (by another node); cancelled, replaced, stopped, control_ended,
+    link_lost, not_watched (joint states ended), arm_away, unheard (the controller does not answer), not_recorded,
+    bridge_ended; or a refusal's code.
     """
 
     number: int | None  # of its record; None: it has none

@@ -219,8 +219,10 @@ class LimbMove(Goals[Target]):
         if goal is None or goal.id != goal_id:
             return
         at_m = self.at_m
-        if outcome == "succeeded":
-            there = at_m is not None and abs(at_m - goal.what.order.to_m) <= THERE_M
+        there = at_m is not None and abs(at_m - goal.what.order.to_m) <= THERE_M
+        if outcome == "stalled" and at_m is not None:
+            outcome, text = ("done", "") if there else ("stalled", self._stuck(at_m))
+        elif outcome == "succeeded":
             where = "unknown" if at_m is None else f"{at_m:.3f} m"
             said = f"The controller says done, and joint states say {where}."
             outcome, text = ("done", "") if there else ("not_there", said)

@@ -13,7 +13,7 @@ import rospy
 from robots.simulator.joints.looks import description
 from robots.simulator.robot import TICK_HZ, TICK_S, Robot
 from robots.simulator.ros.actions.controllers import CONTROLLERS, TrajectoryController
-from robots.simulator.ros.actions.gripper import GripperServer
+from robots.simulator.ros.actions.gripper import GripperAction, GripperServer
 from robots.simulator.ros.actions.head import HeadServer
 from robots.simulator.ros.actions.motions import MotionServer
 from robots.simulator.ros.actions.move_base import MoveBaseServer
@@ -81,7 +81,12 @@ class SimulatorNode:
         if robot.body.names.mux:
             self._servers.append(MoveBaseServer(robot).step)
         if robot.body.upper_body:
-            self._servers += [SpeechServer().step, MotionServer(robot).step, GripperServer(robot).step]
+            self._servers += [
+                SpeechServer().step,
+                MotionServer(robot).step,
+                GripperServer(robot).step,
+                GripperAction(robot).step,
+            ]
             for index, name in enumerate(CONTROLLERS):
                 controller = TrajectoryController(robot, name)
                 self._servers.append(controller.step)

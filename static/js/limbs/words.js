@@ -21,6 +21,7 @@ export function movingText(limbs = {}) {
     .join("; ");
 }
 
+const HOLDING = new Set(["no_progress", "stalled"]); // perhaps
 const QUIET = new Set(["done", "cancelled", "replaced", "stopped"]);
 
 /** Notice of a move's end; null if nothing has to be told. */
@@ -28,6 +29,7 @@ export function endNotice(limb, { outcome, text, at_m: atM }) {
   if (QUIET.has(outcome)) return null;
   const outcomes = {
     no_progress: gettext("%s: stopped on its way."),
+    stalled: gettext("%s: stopped on its way."),
     not_there: gettext("%s: not where it should be."),
     rejected: gettext("%s: the robot did not accept it."),
     failed: gettext("%s: failed."),
@@ -41,7 +43,7 @@ export function endNotice(limb, { outcome, text, at_m: atM }) {
   const words = interpolate(outcomes[outcome] ?? gettext("%s: ended."), [limbName(limb)]);
   const where = atM === null ? "" : interpolate(gettext("It is at %s."), [centimetres(atM)]);
   return {
-    level: limb === "gripper" && outcome === "no_progress" ? "info" : "warning", // it may hold something
+    level: HOLDING.has(outcome) && limb === "gripper" ? "info" : "warning",
     code: `limb ${limb} ${outcome}`,
     text: [words, text, /\d m\b/.test(text) ? "" : where].filter(Boolean).join(" "),
   };

@@ -105,6 +105,21 @@ def test_joint_states_must_agree_with_the_controller(bench):
     assert state(bench).ended.outcome == "not_there" and "0.085 m" in state(bench).ended.text
 
 
+def test_a_gripper_that_its_controller_calls_stalled_may_hold_something(bench):
+    goal_id = moved(bench, CLOSE)
+    bench.base.limbs["gripper"] = 0.031
+    ends(bench, goal_id, "stalled")
+    end = state(bench).ended
+    assert (end.outcome, end.text) == (
+        "stalled",
+        "The gripper stopped at 0.031 m. Perhaps it holds something.",
+    )
+    goal_id = moved(bench, CLOSE)
+    bench.base.limbs["gripper"] = 0.002  # its fingers touch each other a little earlier
+    ends(bench, goal_id, "stalled")
+    assert state(bench).ended.outcome == "done"
+
+
 @pytest.mark.parametrize("to_m", [-0.01, 0.1, math.nan, math.inf])
 def test_a_place_that_the_limb_cannot_reach_is_refused(bench, to_m):
     assert code(bench, MoveLimb(1, "gripper", to_m)) == "out_of_range"

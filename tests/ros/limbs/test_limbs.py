@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 
 import pytest
+from msgspec import structs
 
 from robots import wire
-from robots.bridge.config import ArmSource, LimbSource, Topic
+from robots.bridge.config import GRIPPER_COMMAND, ArmSource, LimbSource, Topic
 from robots.bridge.limbs.limb_move import THERE_M
 from tests.processes import until
 from tests.ros.bridge_support import drivable, running_bridge, tiago_config
@@ -30,6 +31,11 @@ TOPICS = {
         links=[*(f"arm_{number}_link" for number in range(1, 8)), "gripper_grasping_frame"],
     ),
     "motions": Topic("/play_motion", "play_motion_msgs/PlayMotionAction"),
+}
+COMMANDED = {
+    "gripper": structs.replace(
+        TOPICS["gripper"], action="/gripper_controller/gripper_action", type=GRIPPER_COMMAND, effort_n=30.0
+    )
 }
 _numbers = itertools.count(1)
 
@@ -64,8 +70,9 @@ def robot(ros, simulator):
 
 
 @pytest.fixture
-def holder(rosmaster, robot, tmp_path):
-    with running_bridge(tiago_config(rosmaster, tmp_path, topics=TOPICS), rosmaster, tmp_path) as (
+def holder(rosmaster, robot, tmp_path, request):
+    topics = TOPICS | getattr(request, "param", {})
+    with running_bridge(tiago_config(rosmaster, tmp_path, topics=topics), rosmaster, tmp_path) as (
         process,
         hand,
     ):
@@ -118,3 +125,23 @@ def test_a_controller_that_never_answers_is_given_up(holder, fault):
     end = holder.moves("gripper", 0.09 if holder.hand.state.limbs["gripper"].at_m < 0.05 else 0.0)
     assert end.outcome == "no_progress"  # the goal stays pending, and the fingers do not move
     assert holder.hand.ask(wire.DriveBy(1, distance_m=0.1, seq=next(_numbers))) is None
+
+
+@pytest.mark.parametrize("holder", [COMMANDED], indirect=True)
+def test_a_gripper_with_a_controller_of_its_own_opens_closes_stalls_and_stops(holder, fault):
+    far, near = (0.09, 0.0) if holder.hand.state.limbs["gripper"].at_m < 0.05 else (0.0, 0.09)
+    end = holder.moves("gripper", far)
+    assert (end.outcome, end.at_m) == ("done", pytest.approx(far, abs=THERE_M))
+    until(lambda: "limb.end done" in holder.process.recorded(), "the end on record")
+    kinds = [line.split()[0] for line in holder.process.recorded()]
+    assert kinds.index("limb.start") < kinds.index("limb.end")
+    fault("joints_stuck")
+    end = holder.moves("gripper", near)
+    assert (end.outcome, end.at_m) == ("stalled", pytest.approx(far, abs=THERE_M))
+    assert "Perhaps it holds something" in end.text
+    assert holder.hand.ask(wire.DriveBy(1, distance_m=0.1, seq=next(_numbers))) is None
+    holder.until(lambda state: state.drive_by_ended, "the end of the drive")
+    fault("controllers_silent")
+    assert holder.asks("gripper", near) is None
+    holder.hand.send(wire.LinkStop("Bob", "enough", seq=7))
+    assert holder.ended("gripper").outcome == "stopped"

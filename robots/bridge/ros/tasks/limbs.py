@@ -9,13 +9,11 @@ from typing import Any
 import rospy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from robots.bridge.config import LimbSource, Topic
+from robots.bridge.config import GRIPPER_COMMAND, LimbSource, Topic
 from robots.bridge.limbs.limb_move import LimbMove
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.bounds.texts import SENTENCE, cut
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
-
-TYPE = "control_msgs/FollowJointTrajectoryAction"
 
 
 class LimbTopics:
@@ -25,7 +23,7 @@ class LimbTopics:
         self._source = source
         self._mail = mail
         self._move = move
-        self._action = ActionTopics(Topic(source.action, TYPE), self)
+        self._action = ActionTopics(Topic(source.action, source.type), self)
 
     @property
     def heard(self) -> bool:
@@ -33,17 +31,24 @@ class LimbTopics:
         return self._action.heard
 
     def move(self, goal_id: str, to_m: float, seconds: float) -> None:
-        """Send a goal: all joints alike."""
-        joints = self._source.joints
+        """Send a goal: all joints alike. A gripper's own controller knows no time."""
         message = self._action.goal_class()
         message.goal_id.id = goal_id
         message.header.stamp = message.goal_id.stamp = rospy.Time.from_sec(time.time())
+        if self._source.type == GRIPPER_COMMAND:
+            command = message.goal.command
+            command.position, command.max_effort = to_m, self._source.effort_n or 0.0
+        else:
+            message.goal.trajectory = self._trajectory(to_m, seconds)
+        self._action.send(message)
+
+    def _trajectory(self, to_m: float, seconds: float) -> JointTrajectory:
+        joints = self._source.joints
         point = JointTrajectoryPoint(
             positions=[to_m / len(joints)] * len(joints), time_from_start=rospy.Duration.from_sec(seconds)
         )
         # Its stamp is zero: it begins when it arrives. The base's own clock may be ahead.
-        message.goal.trajectory = JointTrajectory(joint_names=joints, points=[point])
-        self._action.send(message)
+        return JointTrajectory(joint_names=joints, points=[point])
 
     def cancel(self, goal_id: str) -> None:
         """Cancel this goal and no other."""
@@ -64,8 +69,13 @@ class LimbTopics:
         """Ignore it: joint states say where the limb is."""
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
-        """Report the end of a goal, with the controller's text."""
-        said = text or cut(result.error_string, SENTENCE)
+        """Report the end of a goal, with the controller's text. A gripper may have stalled, also if it succeeded."""
+        if self._source.type == GRIPPER_COMMAND:
+            said = text
+            if outcome in {"succeeded", "failed"} and result.stalled and not result.reached_goal:
+                outcome = "stalled"
+        else:
+            said = text or cut(result.error_string, SENTENCE)
         self._mail.post(
             (self._source.action, "ended"),
             lambda: self._move.ended(goal_id, outcome, said, time.monotonic()),

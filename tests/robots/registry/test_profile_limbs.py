@@ -1,0 +1,47 @@
+"""What a profile may say of the actions of gripper and torso."""
+
+from __future__ import annotations
+
+import pytest
+
+from robots.bridge.config import GRIPPER_COMMAND, TRAJECTORY, ArmSource, LimbSource, Topic, Topics
+from robots.registry.profile_schema import topic_problems
+
+DRIVE, ODOMETRY = Topic("/cmd_vel", "geometry_msgs/Twist"), Topic("/odom", "nav_msgs/Odometry")
+
+
+def problems(limb: str = "gripper", **said: object) -> list[str]:
+    """Return what is wrong with a limb that says this in addition."""
+    source = LimbSource("/gripper/action", ["left", "right"], (0.0, 0.05), 0.05, **said)  # type: ignore[arg-type]
+    topics = Topics(
+        DRIVE,
+        ODOMETRY,
+        arm=ArmSource({"shoulder": 0.0}, ["upper", "lower"]),
+        joint_states=Topic("/joint_states", "sensor_msgs/JointState"),
+        **{limb: source},  # type: ignore[arg-type]
+    )
+    return list(topic_problems(topics))
+
+
+@pytest.mark.parametrize(
+    "said",
+    [{}, {"type": TRAJECTORY}, *({"type": GRIPPER_COMMAND, "effort_n": effort} for effort in (0.0, 30.0))],
+)
+def test_a_gripper_has_a_trajectory_or_a_command_with_an_effort(said: dict[str, object]) -> None:
+    assert problems(**said) == []
+
+
+@pytest.mark.parametrize(
+    ("said", "where"),
+    [
+        ({"type": "std_msgs/String"}, "gripper.type"),
+        ({"type": GRIPPER_COMMAND}, "gripper.effort_n"),
+        ({"effort_n": 30.0}, "gripper.effort_n"),
+        ({"type": GRIPPER_COMMAND, "effort_n": -1.0}, "gripper.effort_n"),
+        ({"type": GRIPPER_COMMAND, "effort_n": float("nan")}, "gripper.effort_n"),
+        ({"limb": "torso", "type": GRIPPER_COMMAND, "effort_n": 30.0}, "torso.type"),
+    ],
+)
+def test_the_wrong_place_is_named(said: dict[str, object], where: str) -> None:
+    [problem] = problems(**said)  # type: ignore[arg-type]
+    assert problem.startswith(f"{where}: ")
