@@ -188,7 +188,8 @@ def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
 
 
 def _what(record: Record) -> str:
-    return wording.subject(record) or wording.outcome(record.outcome) or ", ".join(wording.facts([record]))
+    said = wording.subject(record) or wording.outcome(record.outcome)
+    return said or "{part}: {to}".format_map(record.parameters)  # of a part, whose words have expired
 
 
 def day_start_s(day: date) -> int:

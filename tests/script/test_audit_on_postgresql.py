@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[2]
 TESTS = [
     "tests/accounts/test_erase_person.py",
     "tests/fleet/test_migration.py",
+    "tests/robots/places/test_places.py",
     "tests/robots/supervisor/test_faults.py",
     "tests/teleop/control/test_lease.py",
     "tests/teleop/reports/test_reports.py",

@@ -372,7 +372,7 @@ def test_a_part_that_got_worse_is_listed_also_after_its_words_expired(robot, at)
         record("health.worse", robot_id=robot.pk, parameters=change, text=text)
     record("health.better", robot_id=robot.pk, parameters=change, text="Speakers: OK")
     assert [fault.what for fault in robot_report.report_of(robot, 7, TUESDAY).faults] == [
-        "part Speakers, from ok, to error",
+        "Speakers: error",
         "Speakers: Amplifier does not answer",
     ]
 
