@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import math
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -66,6 +68,19 @@ LOOKING_AROUND = "Inspect surroundings"
 HEAD = ("head_1_joint", "head_2_joint")
 PLOTTED_S = 7.0  # until there is a curve to show
 
+SET_FAULTS = """
+import sys, time
+import robots.bridge.ros, rospy
+from std_msgs.msg import String
+rospy.init_node("faults", anonymous=True)
+faults = rospy.Publisher("/ground_truth/fault", String, queue_size=1)
+while not faults.get_num_connections():
+    time.sleep(0.01)
+faults.publish(sys.argv[1])
+while rospy.wait_for_message("/ground_truth/faults", String).data != sys.argv[1]:
+    pass
+"""
+
 # These people have read the hints for newcomers.
 BEEN_HERE = """{
   const kept = JSON.parse(localStorage.getItem("fleet-console") ?? "{}");
@@ -97,9 +112,11 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             args=["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"],
         )
         with page_of(stack, browser, cookie, 1440, 900, "light") as page:
+            use_the_drawer(page, stack)
             drive_towards_the_parcel(page, stack)
             page.screenshot(path=PICTURES / "control.png")
             page.keyboard.up("w")
+            fall_ill(page, stack)
             for tab, in_use in TABS.items():
                 page.goto(f"{stack.url}/robots/{ROBOT}/#{tab}")
                 page.locator(f".control[data-tab={tab}] .hit:visible").first.wait_for()
@@ -119,9 +136,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             show_bookings(page, stack)
         for name, width, height in (("phone", 844, 390), ("phone-upright", 360, 640)):
             with page_of(stack, browser, cookie, width, height, "dark", scale=2) as page:
-                page.goto(f"{stack.url}/robots/{ROBOT}/")
-                page.get_by_role("button", name="Take control").click()
-                page.get_by_role("button", name="Release").wait_for()
+                take_control(page, stack)
                 wait_for_the_camera(page)
                 page.screenshot(path=PICTURES / f"{name}.png")
                 page.get_by_role("button", name="Release").click()
@@ -176,9 +191,7 @@ def show_bookings(page: Page, stack: Stack) -> None:
 
 def send_to_a_place(page: Page, stack: Stack) -> None:
     """Take the map and the fleet plan while the robot drives to a named place, then cancel."""
-    page.goto(f"{stack.url}/robots/{ROBOT}/")
-    page.get_by_role("button", name="Take control").click()
-    page.get_by_role("button", name="Release").wait_for()
+    take_control(page, stack)
     page.get_by_role("button", name="Map", exact=True).click()
     page.get_by_role("button", name="Places").click()
     page.wait_for_timeout(1000.0 * SETTLED_S)  # until the bridge knows that the robot stands
@@ -193,9 +206,7 @@ def send_to_a_place(page: Page, stack: Stack) -> None:
 
 def look_in_3d(page: Page, stack: Stack) -> None:
     """Drive at something until the gate slows the robot down, and show that in space."""
-    page.goto(f"{stack.url}/robots/{ROBOT}/")
-    page.get_by_role("button", name="Take control").click()
-    page.get_by_role("button", name="Release").wait_for()
+    take_control(page, stack)
     page.get_by_role("button", name="3D").click()
     page.wait_for_function(ROBOT_IS_DRAWN)
     for _ in range(TRIES):
@@ -226,9 +237,7 @@ def look_at_the_plan(page: Page, stack: Stack) -> None:
 
 def drive_towards_the_parcel(page: Page, stack: Stack) -> None:
     """Hold W until the picture shows the way on the floor."""
-    page.goto(f"{stack.url}/robots/{ROBOT}/")
-    page.get_by_role("button", name="Take control").click()
-    page.get_by_role("button", name="Release").wait_for()
+    take_control(page, stack)
     wait_for_the_camera(page)
     let_go = page.locator("[data-part=banner]:visible")
     for _ in range(TRIES):
@@ -239,6 +248,46 @@ def drive_towards_the_parcel(page: Page, stack: Stack) -> None:
         page.keyboard.up("w")  # a busy machine heard a scan too late: the stick has to return to the middle
         let_go.wait_for(state="hidden")
     raise TimeoutError("The way was not drawn into the picture.")
+
+
+def use_the_drawer(page: Page, stack: Stack) -> None:
+    """Take the camera with the drawer of gripper and torso over it, while the head still looks ahead."""
+    take_control(page, stack)
+    page.get_by_role("button", name="Robot", exact=True).click()
+    page.get_by_role("button", name="Head", exact=True).click()
+    page.locator("[data-part=gripper-at]", has_text="cm").wait_for()
+    wait_for_the_camera(page)
+    page.locator("[data-part=camera]").screenshot(path=PICTURES / "limbs.png")
+    page.get_by_role("button", name="Head", exact=True).click()
+    page.get_by_role("button", name="Release").click()
+
+
+def fall_ill(page: Page, stack: Stack) -> None:
+    """Take the page when two parts of the robot have just become ill."""
+    set_faults(stack, "motor_hot,part_broken")
+    page.locator("[data-part=health-open]").click()
+    page.locator("[data-part=health-parts] li").nth(1).wait_for()
+    page.locator(".notice", has_text="Speakers").wait_for()
+    page.screenshot(path=PICTURES / "health.png", clip={"x": 0, "y": 0, "width": 1440, "height": 470})
+    set_faults(stack, "none")
+    page.keyboard.press("Escape")
+
+
+def take_control(page: Page, stack: Stack) -> None:
+    """Open the robot's page and take control."""
+    page.goto(f"{stack.url}/robots/{ROBOT}/")
+    page.get_by_role("button", name="Take control").click()
+    page.get_by_role("button", name="Release").wait_for()
+
+
+def set_faults(stack: Stack, names: str) -> None:
+    """Set the robot's faults: a publisher that stays until the simulator has heard it."""
+    subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", SET_FAULTS, names],
+        cwd=REPOSITORY,
+        env=stack.robots[ROBOT].environment,
+        check=True,
+    )
 
 
 def make_a_course(page: Page, url: str) -> None:
