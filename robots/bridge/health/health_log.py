@@ -41,6 +41,7 @@ class HealthLog:
         self._diagnostics = diagnostics
         self._records = records
         self._noted: dict[str, _Noted] = {}
+        self._knows_earlier = False
         self._earlier: Future[dict[str, HealthLevel]] | None = None  # on record by an earlier bridge
         self._budget = TokenBucket(1.0 / ROBOT_GAP_S, ROBOT_BURST)
         self._looked_s = -math.inf
@@ -56,7 +57,9 @@ class HealthLog:
             return
         self._looked_s = now_s
         parts = self._diagnostics.members(now_s)
-        if not parts or not self._knows_earlier(now_s):
+        if parts and not self._knows_earlier:
+            self._read_earlier(now_s)
+        if not self._knows_earlier:
             return
         names = plain_names(parts)
         for name, part in parts.items():
@@ -65,17 +68,17 @@ class HealthLog:
                 self._look(name, names[name], part, now_s)
         self._forget(now_s)
 
-    def _knows_earlier(self, now_s: float) -> bool:
+    def _read_earlier(self, now_s: float) -> None:
         """Ask for what is on record; ask again if the database was away."""
         if self._earlier is None:
             self._earlier = self._records.ask(self._records.sink.ill_parts, now_s)
         elif self._earlier.done() and self._earlier.exception():
             self._earlier = None
         elif self._earlier.done():
-            for name, level in self._earlier.result().items():
-                self._noted.setdefault(name, _Noted(level, level, level))
-            return True
-        return False
+            self._noted = {
+                name: _Noted(level, level, level) for name, level in self._earlier.result().items()
+            }
+            self._knows_earlier = True
 
     def _look(self, name: str, plain: str, part: Part, now_s: float) -> None:
         noted = self._noted.get(name)

@@ -130,7 +130,7 @@ def test_a_new_bridge_goes_on_from_what_is_on_record(robot):
     robot.reports(BROKEN)
     assert robot.changes == []
     robot.restart_bridge()
-    robot.reports(WELL)
+    robot.reports(WELL, seconds=2 * PART_GAP_S)  # also after its budget is forgotten
     assert robot.changes == [("health.better", "Speakers", "error", "ok")]
 
 
