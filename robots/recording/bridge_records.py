@@ -49,7 +49,7 @@ from robots.registry.maps import map_store
 from robots.registry.models import BridgePulse
 from robots.wire import HealthLevel
 
-MOST_CHANGES = 500  # of health that are looked through: more than the parts of a robot
+MOST_CHANGES = 10_000  # of health that are looked through: weeks of parts that flap
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -265,7 +265,7 @@ class AuditSink:
         changes = Record.objects.filter(robot_id=self._robot_id, kind__in=("health.worse", "health.better"))
         newest = changes.order_by("-id").values_list("parameters", flat=True)[:MOST_CHANGES]
         levels: dict[str, HealthLevel] = {}
-        for change in newest:
+        for change in newest.iterator(chunk_size=500):
             levels.setdefault(change["part"], change["to"])
         return {part: level for part, level in levels.items() if level != "ok"}
 

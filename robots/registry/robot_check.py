@@ -129,11 +129,11 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
         action = getattr(topics, what)
         if action and action.type.endswith("Action"):  # a plain topic for texts has no results
             yield Listened(what, f"{action.name}/result", f"{action.type}Result", stamped=True)
-    actions: dict[str, str] = {limb: source.action for limb, source in topics.limbs.items()}
+    for limb, source in topics.limbs.items():
+        yield Listened(limb, f"{source.action}/result", f"{source.type}Result", stamped=True)
     if topics.navigation:
-        actions["navigation"] = topics.navigation.action
-    for what, action in actions.items():
-        yield Listened(what, f"{action}/status", "actionlib_msgs/GoalStatusArray", stamped=True)
+        status = f"{topics.navigation.action}/status"
+        yield Listened("navigation", status, "actionlib_msgs/GoalStatusArray", stamped=True)
 
 
 # --- results -------------------------------------------------------------------------------------

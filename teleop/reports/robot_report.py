@@ -21,7 +21,8 @@ from robots.registry.models import Robot
 from teleop.reports.durations import duration_text
 
 PERIODS_DAYS = (7, 30, 90, 365)
-FAULTS = 10  # the newest
+FAULTS = 10  # the newest, and as many parts that got worse
+CHANGES = 100  # of health that are looked through for these
 REASONS = 10  # the most frequent
 
 
@@ -180,11 +181,15 @@ def _reasons(rows: list[Any]) -> list[Reason]:
 
 
 def _faults(robot: Robot, since: date, until: date) -> list[Fault]:
-    page = Selection(
-        Wanted(robot=robot.pk, since=since, until=until, zone=zones.viewers().key), ["fault", "health.worse"]
-    ).page(size=FAULTS)
-    records = [row.record for row in page.rows]
-    return [Fault(record.at, _what(record)) for record in records]
+    """The newest faults, and of each part that got worse the last time: one that flaps hides nothing else."""
+    wanted = Wanted(robot=robot.pk, since=since, until=until, zone=zones.viewers().key)
+    found = [row.record for row in Selection(wanted, ["fault"]).page(size=FAULTS).rows]
+    last: dict[str, Record] = {}
+    for row in Selection(wanted, ["health.worse"]).page(size=CHANGES).rows:
+        last.setdefault(row.record.parameters["part"], row.record)
+    found += [*last.values()][:FAULTS]
+    found.sort(key=lambda record: -record.pk)
+    return [Fault(record.at, _what(record)) for record in found]
 
 
 def _what(record: Record) -> str:

@@ -27,9 +27,9 @@ from teleop.reports.today import supervised_by
 MOST_ENTRIES = 1000  # of a timeline; older ones are not shown
 _CHUNK = 250
 LINE_BEFORE = timedelta(hours=1)  # the wait for control that is shown with a session
-_MOST_ROBOT_EVENTS = 50
+_MOST_ROBOT_EVENTS = 50  # of each group of these
 # Events of the robot that do not depend on control and may name no control session.
-_ROBOT_EVENTS = ("fault", "health.worse", "health.better", "stop.press", "stop.latch")
+_ROBOT_EVENTS = (("fault", "stop.press", "stop.latch"), ("health.worse", "health.better"))
 
 
 class TimelineEntry(Struct, frozen=True):
@@ -116,13 +116,16 @@ def _with_robot_events(rows: list[Row], session: ControlSession) -> list[Row]:
         return rows
     meanwhile = Record.objects.filter(
         robot_id=session.robot_id,
-        kind__in=_ROBOT_EVENTS,
         session_id=None,
         of=None,
         pk__gt=rows[0].number,
         pk__lt=rows[-1].number,
     ).select_related("actor", "real_actor", "content")
-    robot_events = [Row(record.pk, record, None) for record in meanwhile.order_by("-pk")[:_MOST_ROBOT_EVENTS]]
+    robot_events = [
+        Row(record.pk, record, None)
+        for kinds in _ROBOT_EVENTS
+        for record in meanwhile.filter(kind__in=kinds).order_by("-pk")[:_MOST_ROBOT_EVENTS]
+    ]
     return sorted([*rows, *robot_events], key=lambda row: row.number)
 
 

@@ -1,8 +1,9 @@
 """Records of changes of the robot's health, few enough for any robot. Pure: time is an argument.
 
 Each part has the level that is on record. A change is written at once while there is budget; a part that flaps waits,
-and one record with `times` stands for its changes. Nothing is written while the robot is away: that is a fault of its
-own, and most parts are as before when it is back.
+and one record with `times` stands for its changes. Silence while the robot is away is not written: that is a fault of
+its own, and most parts are as before when it is back. Reports of its parts are, for `SETTLED_S` after it went: one of
+them may say why.
 """
 
 from __future__ import annotations
@@ -18,9 +19,10 @@ from robots.bridge.server.flood_limits import TokenBucket
 from robots.wire import HealthLevel
 
 LOOK_S = 1.0
-SETTLED_S = 60.0  # after the robot came, for nodes that report later than odometry
+SETTLED_S = 60.0  # after the robot came, for nodes that report later than odometry; and after it went
 PART_BURST, PART_GAP_S = 4, 600.0  # records of one part at once, and then one in this time
 ROBOT_BURST, ROBOT_GAP_S = 30, 60.0  # of all parts together
+AT_ONCE = 2  # records in one look: what a driver asks for must not wait behind them
 MOST_KEPT = 2 * MOST_PARTS  # of parts on record that may not be there any more
 
 
@@ -45,17 +47,18 @@ class HealthLog:
         self._earlier: Future[dict[str, HealthLevel]] | None = None  # on record by an earlier bridge
         self._budget = TokenBucket(1.0 / ROBOT_GAP_S, ROBOT_BURST)
         self._looked_s = -math.inf
-        self._online_s: float | None = None  # since when the robot is there
+        self._left = 0  # records that this look may still write
+        self._online = False
+        self._since_s = -math.inf  # the robot is there, or away
 
     def tick(self, online: bool, now_s: float) -> None:
         """Look whether a part is better or worse than the log says."""
-        if not online:
-            self._online_s = None
-        elif self._online_s is None:
-            self._online_s = now_s
-        if self._online_s is None or now_s - self._looked_s < LOOK_S:
+        if online != self._online:
+            self._online, self._since_s = online, now_s
+        settles = now_s - self._since_s <= SETTLED_S
+        if now_s - self._looked_s < LOOK_S or not (online or settles):
             return
-        self._looked_s = now_s
+        self._looked_s, self._left = now_s, AT_ONCE
         parts = self._diagnostics.members(now_s)
         if parts and not self._knows_earlier:
             self._read_earlier(now_s)
@@ -63,8 +66,8 @@ class HealthLog:
             return
         names = plain_names(parts)
         for name, part in parts.items():
-            was_away = part.level == "silent" and part.heard_s < self._online_s
-            if not was_away or now_s - self._online_s > SETTLED_S:
+            may_be_away = not online or (settles and part.heard_s < self._since_s)
+            if part.level != "silent" or not may_be_away:
                 self._look(name, names[name], part, now_s)
         self._forget(now_s)
 
@@ -88,16 +91,21 @@ class HealthLog:
             noted = self._noted[name] = _Noted(part.was, part.was, part.was)
         if part.level != noted.now:
             noted.now, noted.times = part.level, noted.times + 1
-            if _is_worse(part.level, noted.worst):
+            waits = noted.worst if noted.worst != noted.level else None  # for its record
+            if _is_worse(part.level, noted.worst) and BADNESS[part.level] >= BADNESS[waits or "ok"]:
                 noted.worst, noted.words = part.level, _words(plain, part)
         if _is_worse(noted.worst, noted.level):
             if self._has_budget(noted, now_s):
-                self._record("health.worse", name, noted, noted.worst, noted.words, part, now_s)
+                words = _words(plain, part) if noted.worst == part.level else noted.words
+                self._record("health.worse", name, noted, noted.worst, words, part, now_s)
         elif noted.now != noted.level and self._has_budget(noted, now_s):
             self._record("health.better", name, noted, noted.now, _words(plain, part), part, now_s)
 
     def _has_budget(self, noted: _Noted, now_s: float) -> bool:
-        return self._budget.wait_s(now_s) == 0.0 and noted.budget.spend(now_s) and self._budget.spend(now_s)
+        if self._left == 0 or self._budget.wait_s(now_s) > 0.0 or not noted.budget.spend(now_s):
+            return False
+        self._left -= 1
+        return self._budget.spend(now_s)
 
     def _record(
         self,

@@ -67,7 +67,9 @@ FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
 DESCRIPTION_S = 5.0  # the description has hundreds of kilobytes, and may come by radio
 DESCRIBED_S = 60.0  # between two readings of it, while nobody has control
-RESTARTED_S = 5.0  # between two, if nodes come and go
+RESTARTED_S = 5.0  # between two, if nodes come and go; in control not after `FRUITLESS` of them
+FRUITLESS = 3
+LARGE = 1_000_000  # characters: to read such a description may stop the control loop for a moment
 JOINED_GAP_S = 5.0  # reading many motions takes up to 0.2 s, and a motion server may come and go
 SONAR_ROUNDS = 3  # readings of each sonar in its topic's queue
 REACH_M = 0.9  # of an arm without description, about the middle of the base
@@ -112,6 +114,7 @@ class RosBase:
         self._described = False
         self._description: object = None  # that was read last
         self._read_s = -math.inf
+        self._fruitless = 0  # readings in control that found nothing new
         self._tellers: set[str] = set()  # nodes that told of joints, tf and odometry then
         self._runs = RunMonitor()
         self._moves = True  # by the last odometry
@@ -432,13 +435,14 @@ class RosBase:
         tellers = {node for name in names for node in system.publishers.get(name, [])}
         seconds = time.monotonic() - self._read_s
         is_due = seconds >= DESCRIBED_S and not self._core.needs_fresh_sensors
-        if is_due or (tellers != self._tellers and seconds >= RESTARTED_S):
+        gap_s = RESTARTED_S if self._fruitless < FRUITLESS else DESCRIBED_S
+        if is_due or (tellers != self._tellers and seconds >= gap_s):
             self._described, self._tellers = False, tellers
 
     def _describe(self) -> None:
         """Give the robot's description to the arm's posture and to the console as soon as the robot has one.
 
-        A known one stays until there is another.
+        A known one stays until there is another: a large one until nobody has control.
         """
         if self._described:
             return
@@ -446,11 +450,14 @@ class RosBase:
         try:
             description = master.parameter("/robot_description")
         except MasterError:
-            description = None  # the next survey asks again
-        self._read_s, self._described = time.monotonic(), description is not None
-        if description == self._description or (description is None and self._description is not None):
+            description = None  # the next survey asks again, unless somebody drives by a known one
+        known, drives = self._description is not None, self._core.needs_fresh_sensors
+        self._read_s, self._described = time.monotonic(), description is not None or (known and drives)
+        waits = description is None or (drives and len(description) > LARGE)
+        if description == self._description or (known and waits):
+            self._fruitless = self._fruitless + 1 if drives else 0
             return
-        self._description = description
+        self._description, self._fruitless = description, 0
         if self._arm:
             self._arm.describe(description)
         if self._described:

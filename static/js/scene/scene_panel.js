@@ -144,6 +144,8 @@ export class ScenePanel {
       const found = await answer.json();
       if (signal.aborted) return false;
       if (!answer.ok) {
+        const isGone = answer.status === 404 || answer.status === 409;
+        if (this.#digest !== null && !isGone) return false; // a passing error: the known robot stays
         if (this.#digest !== null) this.#scene.describe(null);
         this.#digest = null;
         this.#say(found.detail ?? "");

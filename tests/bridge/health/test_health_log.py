@@ -8,6 +8,7 @@ import pytest
 
 from robots.bridge.health.diagnostics import SILENT_S, Diagnostics, Status
 from robots.bridge.health.health_log import (
+    AT_ONCE,
     PART_BURST,
     PART_GAP_S,
     ROBOT_BURST,
@@ -111,7 +112,7 @@ def test_a_robot_whose_parts_all_flap_is_recorded_seldom(robot):
     for _ in range(30):
         robot.reports(*(BROKEN._replace(name=f"part {number}") for number in range(100)), seconds=1.0)
         robot.reports(*(WELL._replace(name=f"part {number}") for number in range(100)), seconds=1.0)
-    assert len(robot.changes) <= ROBOT_BURST + 1
+    assert ROBOT_BURST <= len(robot.changes) <= ROBOT_BURST + 1
 
 
 def test_nothing_is_recorded_of_a_robot_that_is_switched_off_and_on(robot):
@@ -123,6 +124,40 @@ def test_nothing_is_recorded_of_a_robot_that_is_switched_off_and_on(robot):
     robot.reports(seconds=2 * SILENT_S, online=False)
     robot.reports(seconds=SETTLED_S + 2.0)
     assert robot.changes == [("health.worse", "Speakers", "ok", "silent")]
+
+
+def test_the_error_that_takes_the_base_away_is_recorded(robot):
+    robot.reports(WELL, seconds=SETTLED_S)
+    robot.reports(BROKEN, online=False)  # and so its odometry ended
+    assert robot.changes == [("health.worse", "Speakers", "ok", "error")]
+    robot.reports(BROKEN, seconds=2 * SETTLED_S, online=False)
+    robot.reports(WELL, online=False)  # a robot that is repaired, or starts
+    assert len(robot.changes) == 1
+    robot.reports(WELL)
+    assert robot.changes[1:] == [("health.better", "Speakers", "error", "ok")]
+
+
+def test_many_parts_that_fall_silent_at_once_are_recorded_one_after_the_other(robot):
+    parts = [WELL._replace(name=f"part {number}") for number in range(10)]
+    robot.reports(*parts, seconds=SETTLED_S)
+    robot.reports(seconds=SILENT_S + 1.0)
+    assert 0 < len(robot.changes) <= 2 * AT_ONCE
+    robot.reports(seconds=10.0)
+    assert sorted(part for _, part, _, _ in robot.changes) == sorted(part.name for part in parts)
+
+
+def test_silence_hides_no_error_that_waits_for_its_record(robot):
+    robot.reports(WELL, seconds=SETTLED_S)
+    for _ in range(PART_BURST // 2):
+        robot.reports(BROKEN)
+        robot.reports(WELL)
+    robot.reports(BROKEN)
+    robot.reports(seconds=SILENT_S + 2 * PART_GAP_S)
+    told = [(change["to"], change["text"]) for _, change in robot.bench.sink.records[PART_BURST:]]
+    assert told == [
+        ("error", "Speakers: Amplifier does not answer"),
+        ("silent", "Speakers: reports nothing any more"),
+    ]
 
 
 def test_a_new_bridge_goes_on_from_what_is_on_record(robot):

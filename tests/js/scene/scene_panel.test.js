@@ -42,7 +42,7 @@ beforeEach(() => {
   answers = { "/description": [200, DESCRIPTION], "/map": [404, {}] };
   vi.stubGlobal("fetch", async (address) => {
     const [status, body] = answers[address];
-    return { ok: status === 200, json: async () => body };
+    return { ok: status === 200, status, json: async () => body };
   });
   load = vi.fn(async () => ({ SceneView: FakeScene }));
   panel = new ScenePanel(found, ADDRESSES, (message) => sent.push(message), load);
@@ -124,6 +124,19 @@ describe("the 3D view of the page", () => {
     answers["/description"] = [200, { ...DESCRIPTION, digest: "b" }];
     await vi.advanceTimersByTimeAsync(10_000);
     expect(FakeScene.made[0].describe).toHaveBeenLastCalledWith({ ...DESCRIPTION, digest: "b" });
+    vi.useRealTimers();
+  });
+
+  it("keeps the robot over a passing error, and drops one that is gone", async () => {
+    vi.useFakeTimers();
+    panel.opens = true;
+    await vi.advanceTimersByTimeAsync(10);
+    answers["/description"] = [503, { detail: "The database is away." }];
+    await vi.advanceTimersByTimeAsync(70_000);
+    expect(FakeScene.made[0].describe).toHaveBeenCalledTimes(1);
+    answers["/description"] = [404, { detail: "Not known any more." }];
+    await vi.advanceTimersByTimeAsync(10_000);
+    expect(FakeScene.made[0].describe).toHaveBeenLastCalledWith(null);
     vi.useRealTimers();
   });
 

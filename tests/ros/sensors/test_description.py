@@ -162,6 +162,36 @@ def test_a_known_description_stays_while_none_can_be_read(robot, missing):
     assert robot.base._arm._model.lacking == [HAND]
 
 
+def test_a_reading_that_fails_in_control_is_not_repeated_before_its_end(robot):
+    robot.surveys(20)
+    robot.needs_fresh_sensors, robot.description = True, MasterError("no answer")
+    before = robot.readings
+    robot.surveys(60, **{"/tf": ["/another"]})
+    assert robot.readings == before + 1
+    robot.needs_fresh_sensors, robot.description = False, without_hand()
+    robot.surveys(62)
+    assert robot.base._arm._model.lacking == [HAND]
+
+
+def test_restless_nodes_lead_to_few_readings_in_control(robot):
+    robot.surveys(20)
+    robot.needs_fresh_sensors = True
+    before = robot.readings
+    for number in range(60):
+        robot.surveys(2, **{"/tf": [f"/restless_{number}"]})
+    assert robot.readings - before <= node.FRUITLESS + 120 / node.DESCRIBED_S
+
+
+def test_a_large_new_description_waits_for_the_end_of_control(robot):
+    robot.surveys(20)
+    robot.needs_fresh_sensors, robot.description = True, without_hand() + " " * node.LARGE
+    robot.surveys(60, **{"/tf": ["/another"]})
+    assert len(robot.taken) == 1 and robot.base._arm._model.lacking == []
+    robot.needs_fresh_sensors = False
+    robot.surveys(62)
+    assert robot.base._arm._model.lacking == [HAND]
+
+
 def test_what_the_console_could_not_keep_is_handed_on_again(robot):
     robot.base._ask_again()
     robot.surveys(2)

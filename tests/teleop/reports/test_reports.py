@@ -367,14 +367,24 @@ def test_expired_fault_is_named_by_its_outcome(robot, at):
 
 def test_a_part_that_got_worse_is_listed_also_after_its_words_expired(robot, at):
     at(TUESDAY)
-    change = {"part": "Speakers", "from": "ok", "to": "error"}
-    for text in ("Speakers: Amplifier does not answer", ""):
+    for part, text in (("Speakers", "Speakers: Amplifier does not answer"), ("Motor", "")):
+        change = {"part": part, "from": "ok", "to": "error"}
         record("health.worse", robot_id=robot.pk, parameters=change, text=text)
-    record("health.better", robot_id=robot.pk, parameters=change, text="Speakers: OK")
+    record("health.better", robot_id=robot.pk, parameters=change, text="Motor: OK")
     assert [fault.what for fault in robot_report.report_of(robot, 7, TUESDAY).faults] == [
-        "Speakers: error",
+        "Motor: error",
         "Speakers: Amplifier does not answer",
     ]
+
+
+def test_a_part_that_flaps_hides_no_fault_and_no_other_part(robot, at):
+    at(TUESDAY)
+    record("fault", robot_id=robot.pk, outcome="bridge_lost")
+    for part in ("Motor", *["Speakers"] * (robot_report.FAULTS + 1)):
+        change = {"part": part, "from": "ok", "to": "error"}
+        record("health.worse", robot_id=robot.pk, parameters=change, text=part)
+    found = [fault.what for fault in robot_report.report_of(robot, 7, TUESDAY).faults]
+    assert found == ["Speakers", "Motor", "bridge lost"]
 
 
 def test_report_needs_no_more_queries_for_a_long_log(robot, drive, django_assert_max_num_queries):
