@@ -20,6 +20,9 @@ FASTEST_RADPS = 0.8
 SLOW_DOWN_PER_S = 1.0  # speed per metre that is left
 LOOKS_AHEAD_S = (0.25, 0.5, 0.75, 1.0, 1.25)
 THERE_M, THERE_RAD = 0.12, 0.12
+LEFT_M = (
+    0.2  # a robot that turns at its goal may be shifted so far: else it would turn to and fro at its edge
+)
 
 Points = NDArray[np.float64]  # rows of x, y
 
@@ -37,10 +40,14 @@ def steering_point(path: list[Place], pose: Pose) -> Place:
     return path[-1]
 
 
-def follow(path: list[Place], heading: float, pose: Pose, clear_m: float) -> Twist | None:
-    """Return the twist along the path at `pose` (map), then onto `heading`; None: the robot is there."""
-    left_m = math.dist(path[-1], pose[:2])
-    if left_m < THERE_M:
+def is_there(path: list[Place], pose: Pose, was_there: bool) -> bool:
+    """Return whether the robot is at the end of the path, as move_base with `latch_xy_goal_tolerance` judges."""
+    return math.dist(path[-1], pose[:2]) < (LEFT_M if was_there else THERE_M)
+
+
+def follow(path: list[Place], heading: float, pose: Pose, clear_m: float, there: bool) -> Twist | None:
+    """Return the twist along the path at `pose` (map), or onto `heading` if it is `there`; None: it has arrived."""
+    if there:
         off = math.remainder(heading - pose.yaw, math.tau)
         return None if abs(off) < THERE_RAD else Twist(w=turn_towards(off))
     x, y = steering_point(path, pose)
@@ -48,7 +55,7 @@ def follow(path: list[Place], heading: float, pose: Pose, clear_m: float) -> Twi
     if abs(off) > TURN_FIRST_RAD:
         return Twist(w=turn_towards(off))
     fastest = NARROW_MPS if clear_m < NARROW_M else FASTEST_MPS
-    speed = min(fastest * math.cos(off), max(0.08, SLOW_DOWN_PER_S * left_m))
+    speed = min(fastest * math.cos(off), max(0.08, SLOW_DOWN_PER_S * math.dist(path[-1], pose[:2])))
     turn = 2.0 * speed * math.sin(off) / max(AHEAD_M, math.dist((x, y), pose[:2]))
     return Twist(speed, 0.0, clamp(turn, -FASTEST_RADPS, FASTEST_RADPS))
 

@@ -46,6 +46,7 @@ class Going:
     goal: Pose
     path: list[Place] = field(default_factory=list)
     phase: Phase = Phase.DRIVING
+    there: bool = False  # at the goal: only its heading is left
     text: str = ""
     moved_from: Place = (math.inf, math.inf)  # place of the last progress
     moved_s: float = -math.inf  # time of that
@@ -90,7 +91,9 @@ class Navigator:
             return _straight_on(going.goal, pose)
         if now - self._seen_s >= SCAN_S:
             self._look(now)
-        twist = follower.follow(going.path, going.goal.yaw, pose, self._costs.clear_m((pose.x, pose.y)))
+        going.there = follower.is_there(going.path, pose, going.there)
+        clear_m = self._costs.clear_m((pose.x, pose.y))
+        twist = follower.follow(going.path, going.goal.yaw, pose, clear_m, going.there)
         if twist is None:
             going.phase, going.text = Phase.REACHED, REACHED
             return STILL
