@@ -8,10 +8,13 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from datetime import date, datetime, timezone
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 from uuid import UUID
 
 from django.db import connection
+from django.db.models import Model
+
+M = TypeVar("M", bound=Model)
 
 
 def marks(values: Collection[object]) -> str:
@@ -22,9 +25,14 @@ def marks(values: Collection[object]) -> str:
 def read(query: str, values: Sequence[object]) -> list[tuple[Any, ...]]:
     """Return the rows of a query. `values`: of its placeholders; also keys, moments and dates."""
     with connection.cursor() as cursor:
-        cursor.execute(query, [stored(value) for value in values])
+        cursor.execute(query, [_stored(value) for value in values])
         found: list[tuple[Any, ...]] = cursor.fetchall()
     return found
+
+
+def models(kind: type[M], query: str, values: Sequence[object]) -> list[M]:
+    """Return the models that a query selects with all their columns; further columns become attributes."""
+    return list(kind._default_manager.raw(query, [_stored(value) for value in values]))
 
 
 def key(stored: UUID | str) -> UUID:
@@ -38,8 +46,7 @@ def moment(stored: datetime | str) -> datetime:
     return found if found.tzinfo else found.replace(tzinfo=timezone.utc)
 
 
-def stored(value: object) -> Any:
-    """Return a value as a placeholder takes it."""
+def _stored(value: object) -> Any:
     if isinstance(value, UUID):
         return value if _stores_keys() else value.hex
     if isinstance(value, datetime):

@@ -31,7 +31,7 @@ def signed_in(people: Collection[tuple[UUID, str]]) -> dict[tuple[UUID, str], Us
     by_token = {(token.user.id, key): token.user for key, token in valid_tokens(keys).items()}
     found = {person: user for person, user in by_token.items() if person in asked}
     query = _SIGN_INS.format(keys=rows.marks(keys))
-    users: Any = User.objects.raw(query, [*keys, rows.stored(timezone.now())]) if keys else ()
+    users: list[Any] = rows.models(User, query, [*keys, timezone.now()]) if keys else []
     for user in users:
         person = user.id, user.session_id
         if person in asked and constant_time_compare(user.auth_hash, user.get_session_auth_hash()):

@@ -54,5 +54,11 @@ def known_robot(robot_id: UUID) -> KnownRobot | None:
     return known
 
 
+def known_robot_at(slug: str) -> KnownRobot | None:
+    """Return the robot with this slug, as `known_robot`."""
+    found = rows.read("SELECT id FROM robots_robot WHERE slug = %s", [slug])
+    return known_robot(rows.key(found[0][0])) if found else None
+
+
 def _read(robot_id: UUID) -> _Rows:
     return rows.read(_ROBOT, [robot_id]), rows.read(_ALLOWED, [robot_id, robot_id])

@@ -15,13 +15,15 @@ from fleet.accounts.tokens.models import Scope
 from robots.access.selectors import role_on, roles_of
 from robots.link.connections import LinkRefused
 from robots.link.state_reader import state_once
+from robots.registry.known_robots import known_robot_at
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import link_address, phrases_of, robot_facts
+from robots.registry.selectors import link_address, phrases_of
 from robots.stop import courier
 from robots.stop.pending_stops import name_of
 from robots.wire import PendingStop, Refusal, RobotFacts, State
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.parameters import Time, whole_number
+from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.control import lease_checks
 from teleop.control.rules import out_of_service
 from teleop.control.selectors import lease_of
@@ -94,13 +96,17 @@ class RobotView(ApiView):
     @_read("robots_read", "Read one robot and its state", answer=RobotDetail)
     def get(self, _request: Request, slug: str) -> RobotDetail:
         """State, sensors and their ages, battery, stop, gate's verdict, limits."""
-        robot = self.robot(slug)
+        known = known_robot_at(slug)
+        role = role_on(self.person, known.robot) if known else None
+        if known is None or role is None or not self.token_serves(known.robot):
+            raise Problem(NOT_FOUND)
+        robot = known.robot
         lease = lease_of(robot.id)
         held = lease is not None and lease_checks.lapse_reason(lease, timezone.now()) is None
         state, refusal = _state(robot)
         return RobotDetail(
-            **_entry(robot, role_on(self.person, robot)),
-            facts=robot_facts(robot),
+            **_entry(robot, role),
+            facts=known.facts,
             holder=lease.name if lease and held else None,
             state=state,
             seen_at=_seen_at(state),

@@ -77,8 +77,11 @@ class ApiView(APIView):
 
     def robots(self) -> list[Robot]:
         """Return the robots that the person may see, and the token serves."""
-        token = self.token
-        return [robot for robot in robots_visible_to(self.person) if token is None or token.serves(robot.id)]
+        return [robot for robot in robots_visible_to(self.person) if self.token_serves(robot)]
+
+    def token_serves(self, robot: Robot) -> bool:
+        """Return whether the request's token serves the robot. A person's session serves all."""
+        return self.token is None or self.token.serves(robot.id)
 
     def robot(self, slug: str) -> Robot:
         """Return one of them. Raises `Problem`: not found."""
@@ -86,7 +89,7 @@ class ApiView(APIView):
             found = robots_visible_to(self.person).get(slug=slug)
         except Robot.DoesNotExist:
             raise Problem(NOT_FOUND) from None
-        if self.token is not None and not self.token.serves(found.id):
+        if not self.token_serves(found):
             raise Problem(NOT_FOUND)
         return found
 
