@@ -33,6 +33,7 @@ A verdict's codes, in the order of the rules (the verdict names the last rule th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from msgspec import structs
@@ -321,6 +322,40 @@ class Gate:
             parameters = structs.replace(self.profile.parameters, latency_s=latency_s)
             self._profile_now = structs.replace(self.profile, parameters=parameters)
         return self._profile_now
+
+    # --- a robot that drives itself -------------------------------------------------------------
+
+    @property
+    def velocity(self) -> Velocity:
+        """The measured velocity."""
+        return self._velocity
+
+    def depth_age_s(self, now_s: float) -> float | None:
+        """Return the age of the newest depth picture in seconds; None: there is none."""
+        return self._depth.freshness.age_s(now_s) if self._depth else None
+
+    def laser_looks(self, direction: float) -> bool:
+        """Return whether a laser's newest scan watches a direction of the base frame."""
+        return any(laser.covers(direction) for laser in self._lasers.values())
+
+    def obstacles_as_seen(self, now_s: float) -> Obstacles:
+        """Return all points where sensors saw or heard them: without unseen near sides and the odometry's doubt."""
+        return self._cache.as_seen(now_s)
+
+    def must_brake(
+        self, velocities: Sequence[Velocity], obstacles: Obstacles, latency_s: float
+    ) -> Verdict | None:
+        """Return why a robot that keeps one of these velocities must brake now; None: it need not.
+
+        It must if it could not stop clear of the obstacles, should zeros take effect after `latency_s`.
+        """
+        profile = self._with_latency_of(latency_s)
+        for hull, near in self._hulls(obstacles):
+            for velocity in velocities:
+                rolled = self._rolled_out(velocity, [Sent(velocity, math.inf)], hull, near, profile)
+                if rolled.cause is not None:
+                    return self._restrained(velocity, velocity, STILL, rolled.cause)
+        return None
 
     # --- decision -------------------------------------------------------------------------------
 

@@ -1,14 +1,17 @@
 """Watches a robot that drives itself: by its measured velocity, with the obstacles and the roll-out of the gate.
 
-While it may still brake clear of everything that the gate knows, it drives on. Two plays must be clear, until zeros
-take effect and it has braked: it keeps its measured velocity; it follows what navigation sends to the base. A robot
-that stands close to something shows by its velocity too late where it is about to go. The zeros that would brake it
-take as long as commands of people were measured to take, at least the profile's latency with its spare, and longer
-while the robot's messages come late.
+While it may still brake clear of everything that sensors have seen or heard, it drives on. Two plays must be clear,
+until zeros take effect and it has braked: it keeps its measured velocity; it follows what navigation sends to the
+base. A robot that stands close to something shows by its velocity too late where it is about to go. The zeros that
+would brake it take as long as commands of people were measured to take, at least the profile's latency with its spare,
+and longer while the robot's messages come late.
 
-One source counts less than for a person's command: an echo of a sonar that is remembered and no longer heard, at a
-place ahead that the laser or a fresh depth picture covers. A sonar tells the distance of an echo only, its place may be
-anywhere on an arc. A person may look and press Forget; navigation would stop at it.
+Obstacles count where they were seen. For a person's command the gate takes them as near as they may be: it adds the
+near side that the camera could not measure, and the odometry's doubt about remembered places. A person may look, turn,
+and press Forget; navigation, which turns beside a table, would lose its goal to what nobody has seen.
+
+One source counts less: an echo of a sonar that is remembered and no longer heard, at a place ahead that the laser or a
+fresh depth picture covers. A sonar tells the distance of an echo only, its place may be anywhere on an arc.
 """
 
 from __future__ import annotations
@@ -20,14 +23,12 @@ from numpy.typing import NDArray
 
 from robots.bridge.gate import words
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.motion.rollout import Sent
 from robots.bridge.gate.motion.safe_twist import is_finite, is_still
 from robots.bridge.gate.obstacles.sonar_memory import SonarMemory
 from robots.bridge.gate.timing.freshness import DEPTH_STALE_S
 from robots.bridge.gate.values import STILL, Obstacles, Velocity, Verdict
 
 DEPTH_LOST_S = 2.0
-LONG_AGO_S = 10.0  # the measured velocity is in effect for longer than any latency
 ECHOES = SonarMemory.name
 AHEAD_RAD = math.radians(75.0)  # bearings from the base's middle: a sonar behind hears no place ahead of this
 
@@ -37,12 +38,13 @@ def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
 
     `commanded`: what navigation sends to the base, if it does.
     """
-    moving = gate._velocity
+    moving = gate.velocity
     if fault := gate.fault(now_s):
         return Verdict(STILL, moving, fault.code, f"stopped: {fault.text}", fault.sensor)
     expected = [moving] if commanded is None or not is_finite(commanded) else [moving, commanded]
+    free = Verdict(moving, moving, "free", "")
     if all(map(is_still, expected)):
-        return Verdict(moving, moving, "free", "")
+        return free
     parameters = gate.profile.parameters
     if (lost := depth_lost(gate, now_s)) is not None and math.hypot(
         moving.vx, moving.vy
@@ -50,14 +52,16 @@ def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
         return Verdict(STILL, moving, "depth_stale", f"stopped: {lost}")
     usual_s = parameters.latency_s + parameters.latency_spare_s
     measured_s = gate.latency.measured_s or 0.0
-    profile = gate._with_latency_of(max(usual_s, measured_s) + gate.latency.lateness_s(now_s))
-    obstacles = _without_old_echoes(gate, gate.obstacles(now_s), now_s)
-    for hull, near in gate._hulls(obstacles):
-        for velocity in expected:
-            rolled = gate._rolled_out(velocity, [Sent(velocity, LONG_AGO_S)], hull, near, profile)
-            if rolled.cause is not None:
-                return gate._restrained(velocity, velocity, STILL, rolled.cause)
-    return Verdict(moving, moving, "free", "")
+    latency_s = max(usual_s, measured_s) + gate.latency.lateness_s(now_s)
+    verdict = free
+    # Places as seen cost more time and are never nearer: mostly the first look is enough.
+    for known in (gate.obstacles, gate.obstacles_as_seen):
+        obstacles = _without_old_echoes(gate, known(now_s), now_s)
+        found = gate.must_brake(expected, obstacles, latency_s)
+        if found is None:
+            return free
+        verdict = found
+    return verdict
 
 
 def depth_lost(gate: Gate, now_s: float) -> str | None:
@@ -65,9 +69,9 @@ def depth_lost(gate: Gate, now_s: float) -> str | None:
 
     None also for a robot whose profile uses none.
     """
-    if gate._depth is None:
+    if gate.profile.depth is None:
         return None
-    age_s = gate._depth.freshness.age_s(now_s)
+    age_s = gate.depth_age_s(now_s)
     if age_s is None:
         return "no picture of the depth camera has come"
     return f"the depth camera’s picture is {words.age(age_s)} old" if age_s > DEPTH_LOST_S else None
@@ -90,7 +94,7 @@ def spare_m(gate: Gate, now_s: float) -> float:
 
 
 def _without_old_echoes(gate: Gate, obstacles: Obstacles, now_s: float) -> Obstacles:
-    echoes = obstacles.source == gate._sources.index(gate._echoes)
+    echoes = obstacles.source == obstacles.names.index(ECHOES)
     if not echoes.any():
         return obstacles
     kept = ~(echoes & _covered(gate, obstacles, now_s))
@@ -101,8 +105,6 @@ def _covered(gate: Gate, obstacles: Obstacles, now_s: float) -> NDArray[np.bool_
     """Return which points lie ahead, where the laser looks or a fresh depth picture looks."""
     bearings = np.arctan2(obstacles.points[:, 1], obstacles.points[:, 0])
     ahead: NDArray[np.bool_] = np.abs(bearings) < AHEAD_RAD
-    seen = any(laser.covers(0.0) for laser in gate._lasers.values())
-    if gate._depth is not None:
-        age_s = gate._depth.freshness.age_s(now_s)
-        seen = seen or (age_s is not None and age_s <= DEPTH_STALE_S)
+    age_s = gate.depth_age_s(now_s)
+    seen = gate.laser_looks(0.0) or (age_s is not None and age_s <= DEPTH_STALE_S)
     return ahead if seen else np.zeros_like(ahead)

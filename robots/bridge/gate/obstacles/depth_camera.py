@@ -28,7 +28,15 @@ from robots.bridge.gate.geometry.planar import (
     wrapped,
 )
 from robots.bridge.gate.obstacles.near_side import NearSide
-from robots.bridge.gate.obstacles.point_memory import BRIEFLY_S, CELLS, DEPTH_LAYER, PASSES, Memory, grown
+from robots.bridge.gate.obstacles.point_memory import (
+    BRIEFLY_S,
+    CELLS,
+    DEPTH_LAYER,
+    PASSES,
+    Memory,
+    grown,
+    outside_robot,
+)
 from robots.bridge.gate.obstacles.sightings import BEHIND_M, SAME_M, Past, past, seen_free
 from robots.bridge.gate.sensing.depth import (
     Columns,
@@ -301,6 +309,9 @@ class DepthCamera:
     def as_near_as_may_be(self, points: Points) -> Points:
         return points
 
+    def as_seen(self, trail: Trail, now_s: float) -> Points:
+        return self._seen if len(self.places(trail, now_s)) else NO_POINTS
+
     def unseen(self, trail: Trail, now_s: float) -> tuple[Points, NDArray[np.float64]]:
         """Return remembered points outside the newest picture, odometry frame, and the possible error of each."""
         self._forget_another_frame(trail)
@@ -321,6 +332,11 @@ class DepthCamera:
             doubts_m[hanging] = self._memory.doubts_m(kept.take(hanging))
             self._unseen = revision, known, doubts_m
         return self._unseen[1:]
+
+    def seen_before(self, trail: Trail, now_s: float) -> Points:
+        """Return the same points without the places that only may be occupied."""
+        points, _ = self.unseen(trail, now_s)
+        return points if self.is_fresh(now_s) else points[: len(points) - len(self._hidden)]
 
     def heights(self, points: Points) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return between which heights (m) something was seen at points of this source, odometry frame."""
@@ -348,6 +364,9 @@ class DepthMemory:
 
     def as_near_as_may_be(self, points: Points) -> Points:
         return grown(points, self._doubts_m, self._camera.footprint)
+
+    def as_seen(self, trail: Trail, now_s: float) -> Points:
+        return outside_robot(self._camera.seen_before(trail, now_s), trail.newest, self._camera.footprint)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """Return the camera's state."""

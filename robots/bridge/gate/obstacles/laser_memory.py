@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robots.bridge.gate.geometry.planar import ORIGIN, Points, chosen, placed, seen_from
-from robots.bridge.gate.obstacles.point_memory import LASER_LAYER, Memory, grown
+from robots.bridge.gate.obstacles.point_memory import LASER_LAYER, Memory, grown, outside_robot
 from robots.bridge.gate.obstacles.sightings import sight
 from robots.bridge.gate.obstacles.sources import Carried, Laser
 from robots.bridge.gate.timing.trail import Trail
@@ -25,7 +25,7 @@ class LaserMemory:
         self.word = f"{laser.word}, remembered"
         self._laser = laser
         self._memory = Memory(LASER_LAYER)
-        self._carried = Carried()
+        self._carried = self._as_seen = Carried()
         self._resets = 0
 
     def learn(self, trail: Trail, now_s: float) -> None:
@@ -45,18 +45,22 @@ class LaserMemory:
         unseen = placed(chosen(remembered, kept), origin)
         points = grown(unseen, self._memory.doubts_m(kept), self._laser.footprint)
         self._carried = Carried(points, stamp_s)
+        self._as_seen = Carried(unseen, stamp_s)
         self._memory.pass_through(sighting.through)
 
     def forget(self) -> None:
         """Forget the points of earlier scans."""
         self._memory.clear()
-        self._carried = Carried()
+        self._carried = self._as_seen = Carried()
 
     def places(self, trail: Trail, now_s: float) -> Points:
         return self._carried.places(trail)
 
     def as_near_as_may_be(self, points: Points) -> Points:
         return points
+
+    def as_seen(self, trail: Trail, now_s: float) -> Points:
+        return outside_robot(self._as_seen.places(trail), trail.newest, self._laser.footprint)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """As good as the laser."""

@@ -58,6 +58,14 @@ class ObstacleCache:
             self._corridors = Corridors(obstacles.points, self._met)
         return obstacles, self._corridors
 
+    def as_seen(self, now_s: float) -> Obstacles:
+        """All points where they were seen or heard, base frame of the newest odometry: none is assumed to be nearer."""
+        parts = [source.as_seen(self._trail, now_s) for source in self._sources]
+        points = placed(joined(parts), seen_from(ORIGIN, self._trail.newest or ORIGIN))
+        return Obstacles(
+            points, self._numbers.repeat([len(part) for part in parts]), self._names, self._kinds
+        )
+
     def _at(self, base: Pose) -> Obstacles:
         points, rows = placed(self._places, seen_from(ORIGIN, base)), self._rows
         begin, parts, fits = 0, [], True

@@ -15,7 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robots.bridge.gate.geometry.footprint import Footprint
-from robots.bridge.gate.geometry.planar import Points, chosen, from_columns
+from robots.bridge.gate.geometry.planar import (
+    NO_POINTS,
+    ORIGIN,
+    Points,
+    chosen,
+    from_columns,
+    placed,
+    seen_from,
+)
 from robots.bridge.gate.sensing.scan import INSIDE_HULL_M
 from robots.bridge.gate.timing.tremble import Way
 from robots.bridge.gate.values import Pose
@@ -76,6 +84,14 @@ def grown(points: Points, doubts_m: NDArray[np.float64], footprint: Footprint) -
     nearer[0, doubtful] = share * doubted_x
     nearer[1, doubtful] = share * doubted_y
     return nearer.T
+
+
+def outside_robot(places: Points, base: Pose | None, footprint: Footprint) -> Points:
+    """Return the places (odometry frame) outside the hull of a robot at `base`: none inside it can be true."""
+    if base is None or not len(places):
+        return NO_POINTS
+    gaps = footprint.gaps(placed(places, seen_from(ORIGIN, base)))
+    return chosen(places, np.flatnonzero(gaps >= -INSIDE_HULL_M))
 
 
 class Memory:

@@ -101,6 +101,9 @@ class SonarMemory:
     def as_near_as_may_be(self, points: Points) -> Points:
         return points
 
+    def as_seen(self, trail: Trail, now_s: float) -> Points:
+        return self.places(trail, now_s)
+
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """Memory does not fail; each sonar has its own state."""
         return SensorHealth(self.name, "sonar", True, None, "")

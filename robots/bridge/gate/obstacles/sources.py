@@ -35,6 +35,9 @@ class Source(Protocol):
     def as_near_as_may_be(self, points: Points) -> Points:
         """Return its points, base frame of the newest odometry, as near to the hull as they may be."""
 
+    def as_seen(self, trail: Trail, now_s: float) -> Points:
+        """Return its obstacles where they were seen or heard, odometry frame: none is assumed to be nearer."""
+
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         """Return the state of its sensor."""
 
@@ -108,6 +111,9 @@ class Laser:
 
     def as_near_as_may_be(self, points: Points) -> Points:
         return points
+
+    def as_seen(self, trail: Trail, now_s: float) -> Points:
+        return self.places(trail, now_s)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(LASER_LATE_S, now_s, self._complaint)
@@ -194,6 +200,9 @@ class Sonar:
 
     def as_near_as_may_be(self, points: Points) -> Points:
         return points
+
+    def as_seen(self, trail: Trail, now_s: float) -> Points:
+        return self.places(trail, now_s)
 
     def health(self, trail: Trail, now_s: float) -> SensorHealth:
         text = self.freshness.silence(SONAR_STALE_S, now_s, self._complaint) or self.own_echo
