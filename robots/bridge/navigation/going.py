@@ -136,7 +136,7 @@ class Going(Goals[Target]):
         if (lost := navigation_watch.depth_lost(self._gate, now_s)) is not None:
             return Refusal("depth_stale", f"The gate does not see table tops: {lost}.", "gate")
         if (spare_m := navigation_watch.spare_m(self._gate, now_s)) < LEAST_SPARE_M:
-            text = "Something is within 3 cm of the robot: drive it away from there by the stick first."
+            text = "Something is within 3 cm of the robot, or may be: drive it away from there by the stick first."
             return Refusal("too_close", text, "gate", {"gap_m": round(spare_m, 3), "limit_m": LEAST_SPARE_M})
         return self.refuse_place(now_s) or self._refuse_goal(goal)
 
