@@ -9,11 +9,13 @@ import pytest
 
 from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import Pose, Velocity
+from robots.bridge.navigation.going import LEAST_SPARE_M
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 from tests.gate.test_depth import FLOOR, LOOK_AHEAD, TABLE, Looker, camera
 from tests.gate.test_near_side import RADIUS_M, NearSighted
 
 AWAY = [0.15 * step for step in (*range(21), *range(20, 12, -1), *range(12, 21))]  # to and fro, rad
+BOX = ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))
 DEPTH, REMEMBERED = "depth", "depth, remembered"
 
 
@@ -49,9 +51,83 @@ def test_an_unseen_near_side_holds_the_stick_only(pictures_end):
         looker.stand(0.6, looks=False)
     assert looker.decide(0.2).velocity.vx == 0.0
     assert watched(looker, 0.2).code == "free"
-    verdict = watched(looker, 0.8)  # it could not stop at what was seen either
-    assert verdict.code == "obstacle"
-    assert verdict.sensor in ((REMEMBERED,) if pictures_end else (DEPTH, REMEMBERED))
+    assert watched(looker, 0.8).code == "obstacle"  # it could not stop at what was seen either
+
+
+def test_it_brakes_for_what_the_picture_shows():
+    looker = Looker([FLOOR, TABLE])
+    looker.pose = Pose(0.9, 0.0, 0.0)
+    looker.to_base = camera(LOOK_AHEAD)
+    looker.stand(0.5)
+    verdict = watched(looker, 0.6)
+    assert (verdict.code, verdict.sensor) == ("obstacle", DEPTH)
+
+
+def test_it_brakes_for_an_echo_behind_and_not_for_an_old_one_ahead():
+    feeder = Feeder(tiago_profile(has_depth=True))  # then the laser alone shows no echo's place free
+    feeder.odometry()
+    feeder.scan()
+    behind = "base_sonar_02_link"
+    feeder.gate.observe_range(behind, feeder.stamp_s, feeder.now_s, 0.15, 1.0)
+    verdict = watched(feeder, -0.4)
+    assert (verdict.code, verdict.sensor) == ("obstacle", behind)
+    assert watched(feeder, 0.4).code == "free"
+    for step in range(1, 22):  # the echo's place is ahead then, where the laser sees nothing
+        feeder.pose = Pose(0.0, 0.0, math.pi * step / 21)
+        feeder.now_s += 0.1
+        feeder.odometry()
+        feeder.scan()
+    feeder.sonars()  # they hear nothing where they look now
+    known = feeder.gate.obstacles_as_seen(feeder.now_s)
+    assert known.points[known.source == known.names.index(navigation_watch.ECHOES), 0].max() > 0.3
+    assert watched(feeder, 0.4).code == "free"
+    assert feeder.decide(0.4).velocity.vx < 0.4  # a person's stick is held
+
+
+def test_what_navigation_is_about_to_do_counts():
+    feeder = Feeder(tiago_profile())
+    feeder.ahead_at(0.12)
+    feeder.all()
+    assert watched(feeder, 0.0).code == "free"
+    ahead, back = Velocity(0.5, 0.0, 0.0), Velocity(-0.2, 0.0, 0.0)
+    assert navigation_watch.judge(feeder.gate, ahead, feeder.now_s).code == "obstacle"
+    assert navigation_watch.judge(feeder.gate, back, feeder.now_s).code == "free"
+
+
+def test_a_thin_thing_at_the_edge_of_the_way_is_braked_for_in_time():
+    """The doubt brings its place nearer, where a box could not avoid it any more: that hides no place as seen."""
+    thing = ((1.6, 0.22, 0.66), (1.64, 0.27, 0.74))
+    looker = Looker([FLOOR, thing], radius_m=None, outline=BOX)
+    looker.to_base = camera(LOOK_AHEAD)
+    looker.stand(0.6)
+    looker.to_base = camera(pan=1.2)
+    for yaw in (*AWAY, *AWAY[::-1]):
+        looker.pose = looker.pose._replace(yaw=yaw)
+        looker.stand(0.1)
+    while watched(looker, 0.4).code == "free":
+        assert looker.pose.x < 1.6 - BOX[0][0] - 0.1, "the thing is 0.1 m ahead of the box"
+        looker.pose = looker.pose._replace(x=looker.pose.x + 0.008, yaw=0.0)
+        looker.all()
+
+
+@pytest.mark.parametrize("edge_m", [0.035 + 0.02 * step for step in range(7)])
+def test_a_goal_is_refused_where_an_unseen_near_side_may_begin(edge_m):
+    looker = NearSighted(edge_m, 1.067)
+    looker.stand(0.5)
+    looker.turn(math.pi / 2.0)
+    assert len(looker.gate.unseen_near_sides())
+    assert navigation_watch.spare_m(looker.gate, looker.now_s) < LEAST_SPARE_M
+
+
+def test_the_odometrys_doubt_refuses_no_goal():
+    looker = Looker([FLOOR, TABLE])
+    looker.pose = Pose(0.85, 0.0, 0.0)
+    looker.to_base = camera(LOOK_AHEAD)
+    looker.stand(0.5)
+    for yaw in AWAY:
+        looker.pose = looker.pose._replace(yaw=yaw)
+        looker.stand(0.1)
+        assert navigation_watch.spare_m(looker.gate, looker.now_s) > LEAST_SPARE_M + 0.01
 
 
 def test_a_table_top_that_no_picture_shows_any_more_is_braked_for():

@@ -43,7 +43,7 @@ from robots.bridge.gate import words
 from robots.bridge.gate.geometry import arm_discs
 from robots.bridge.gate.geometry.arc import speed
 from robots.bridge.gate.geometry.footprint import Discs, Footprint, footprint_of
-from robots.bridge.gate.geometry.planar import Points, placed, put
+from robots.bridge.gate.geometry.planar import NO_POINTS, Points, placed, put
 from robots.bridge.gate.motion.certificate import plays_clear, restrains_nothing
 from robots.bridge.gate.motion.corridors import Corridors
 from robots.bridge.gate.motion.rollout import LONGEST_STEP_S, Commands, Sent, safe_share, stepped_up
@@ -342,12 +342,17 @@ class Gate:
         """Return all points where sensors saw or heard them: without unseen near sides and the odometry's doubt."""
         return self._cache.as_seen(now_s)
 
+    def unseen_near_sides(self) -> Points:
+        """Return places that a near side which the depth camera could not measure may reach to, base frame."""
+        return self._depth.near_sides(self._trail) if self._depth else NO_POINTS
+
     def must_brake(
         self, velocities: Sequence[Velocity], obstacles: Obstacles, latency_s: float
     ) -> Verdict | None:
         """Return why a robot that keeps one of these velocities must brake now; None: it need not.
 
-        It must if it could not stop clear of the obstacles, should zeros take effect after `latency_s`.
+        It must if it could not stop clear of the obstacles, should zeros take effect after `latency_s`. Once it cannot
+        stop clear even by braking now, and driving on brings it no nearer, it need not (docs/gate.md, 6): ask in time.
         """
         profile = self._with_latency_of(latency_s)
         for hull, near in self._hulls(obstacles):

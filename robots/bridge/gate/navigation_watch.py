@@ -25,6 +25,7 @@ from robots.bridge.gate import words
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.motion.safe_twist import is_finite, is_still
 from robots.bridge.gate.obstacles.sonar_memory import SonarMemory
+from robots.bridge.gate.sensing.depth import CELL_M
 from robots.bridge.gate.timing.freshness import DEPTH_STALE_S
 from robots.bridge.gate.values import STILL, Obstacles, Velocity, Verdict
 
@@ -53,15 +54,8 @@ def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
     usual_s = parameters.latency_s + parameters.latency_spare_s
     measured_s = gate.latency.measured_s or 0.0
     latency_s = max(usual_s, measured_s) + gate.latency.lateness_s(now_s)
-    verdict = free
-    # Places as seen cost more time and are never nearer: mostly the first look is enough.
-    for known in (gate.obstacles, gate.obstacles_as_seen):
-        obstacles = _without_old_echoes(gate, known(now_s), now_s)
-        found = gate.must_brake(expected, obstacles, latency_s)
-        if found is None:
-            return free
-        verdict = found
-    return verdict
+    obstacles = _without_old_echoes(gate, gate.obstacles_as_seen(now_s), now_s)
+    return gate.must_brake(expected, obstacles, latency_s) or free
 
 
 def depth_lost(gate: Gate, now_s: float) -> str | None:
@@ -78,19 +72,19 @@ def depth_lost(gate: Gate, now_s: float) -> str | None:
 
 
 def spare_m(gate: Gate, now_s: float) -> float:
-    """Return the gap to the nearest thing that is seen or remembered; sonars do not tell where it is, and do not count.
+    """Return the gap to the nearest thing that is seen or remembered, or whose unseen near side may be there.
 
-    Navigation may start towards it at any moment, and zeros take effect some centimetres later.
+    Sonars do not tell where a thing is, and do not count. Navigation may start towards it at any moment, and zeros take
+    effect some centimetres later.
     """
-    obstacles = gate.obstacles(now_s)
-    placed = np.array(
-        [
-            kind != "sonar" and name != ECHOES
-            for kind, name in zip(obstacles.kinds, obstacles.names, strict=True)
-        ]
-    )
-    points = obstacles.points[placed[obstacles.source]] if len(obstacles.points) else obstacles.points
-    return float(gate.footprint.gaps(points).min()) if len(points) else math.inf
+    obstacles = gate.obstacles_as_seen(now_s)
+    kinds = zip(obstacles.kinds, obstacles.names, strict=True)
+    placed = np.array([kind != "sonar" and name != ECHOES for kind, name in kinds])
+    seen = obstacles.points[placed[obstacles.source]] if len(obstacles.points) else obstacles.points
+    # A near side is known in steps of a cell: it may begin so much nearer than its nearest place.
+    sides = ((seen, 0.0), (gate.unseen_near_sides(), CELL_M))
+    gaps_m = [float(gate.footprint.gaps(points).min()) - less_m for points, less_m in sides if len(points)]
+    return min(gaps_m, default=math.inf)
 
 
 def _without_old_echoes(gate: Gate, obstacles: Obstacles, now_s: float) -> Obstacles:

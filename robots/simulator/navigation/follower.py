@@ -41,7 +41,7 @@ def steering_point(path: list[Place], pose: Pose) -> Place:
 
 
 def is_there(path: list[Place], pose: Pose, was_there: bool) -> bool:
-    """Return whether the robot is at the end of the path, as move_base with `latch_xy_goal_tolerance` judges."""
+    """Return whether the robot is at the end of the path. Once there, it may be up to `LEFT_M` away."""
     return math.dist(path[-1], pose[:2]) < (LEFT_M if was_there else THERE_M)
 
 

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from datetime import timedelta
+from functools import cache
 from itertools import cycle
 from typing import Any
 from urllib.parse import parse_qsl
@@ -17,6 +18,7 @@ from django.core.wsgi import get_wsgi_application
 from django.db import close_old_connections
 from django.utils import timezone
 from hypothesis import HealthCheck, Phase, given, settings
+from schemathesis.schemas import BaseSchema
 from schemathesis.specs.openapi.checks import (
     content_type_conformance,
     response_schema_conformance,
@@ -72,6 +74,15 @@ def tokens(person: User) -> list[dict[str, str]]:
     return [one for pair in zip([every] * len(single), single, strict=True) for one in pair]
 
 
+@cache
+def described() -> tuple[BaseSchema, list[tuple[Any, Any]]]:
+    """Return the schema, and each operation with what draws requests to it: once for all people."""
+    schema = schemathesis.openapi.from_dict(json.loads(openapi()))
+    schema.app = get_wsgi_application()
+    found = [operation.ok() for operation in schema.get_all_operations()]
+    return schema, [(operation, operation.as_strategy()) for operation in found]
+
+
 @pytest.fixture
 def one_connection() -> Iterator[None]:
     """Requests leave the test's connection open, as those of Django's test client do."""
@@ -104,8 +115,7 @@ def test_every_answer_keeps_to_the_schema(
     objects = lab.objects[who, "own"] if who in PEOPLE else lab.objects["operator", "other"]
     signed_in = [{}] if who == "nobody" else tokens(lab.people[who])
     turns, used, done = cycle(enumerate(signed_in)), set(), set()
-    schema = schemathesis.openapi.from_dict(json.loads(openapi()))
-    schema.app = get_wsgi_application()
+    schema, operations_drawn = described()
 
     def ask(name: str, case: schemathesis.Case, headers: dict[str, str]) -> Any:
         with undone():
@@ -116,8 +126,7 @@ def test_every_answer_keeps_to_the_schema(
             done.add(name)
         return answer
 
-    for found in schema.get_all_operations():
-        operation = found.ok()
+    for operation, drawn in operations_drawn:
         name = str(operation.definition.raw["operationId"])
         if name == "events":
             continue  # its answer does not end
@@ -139,7 +148,7 @@ def test_every_answer_keeps_to_the_schema(
             phases=[Phase.generate],
             suppress_health_check=list(HealthCheck),
         )
-        @given(case=operation.as_strategy())
+        @given(case=drawn)
         def check(case: schemathesis.Case) -> None:
             number, headers = next(turns)
             used.add(number)

@@ -312,6 +312,11 @@ class DepthCamera:
     def as_seen(self, trail: Trail, now_s: float) -> Points:
         return self._seen if len(self.places(trail, now_s)) else NO_POINTS
 
+    def near_sides(self, trail: Trail) -> Points:
+        """Return places that an unseen near side may reach to, base frame of the newest odometry."""
+        self._forget_another_frame(trail)
+        return placed(self._hidden, seen_from(ORIGIN, trail.newest)) if trail.newest else NO_POINTS
+
     def unseen(self, trail: Trail, now_s: float) -> tuple[Points, NDArray[np.float64]]:
         """Return remembered points outside the newest picture, odometry frame, and the possible error of each."""
         self._forget_another_frame(trail)
