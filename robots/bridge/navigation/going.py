@@ -428,7 +428,10 @@ def _result(outcome: str, text: str) -> str:
     if outcome == "succeeded":
         return ""
     said = f"Navigation said: {text}" if text else "Navigation did not say why."
-    return f"Something else took navigation over. {said}" if outcome == "cancelled" else said
+    by_others = (
+        "Another program cancelled it, or the watchdog did, because the console’s computer hung for a second."
+    )
+    return f"{by_others} {said}" if outcome == "cancelled" else said
 
 
 def _sentence(reason: str) -> str:

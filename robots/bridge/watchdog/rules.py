@@ -12,6 +12,7 @@ from uuid import UUID
 from msgspec import Struct, structs
 
 SILENT_S = 0.15  # s, three heartbeats: the bridge is dead, frozen, or its loop is blocked
+LOST_S = 1.0  # s: a bridge that hangs so long cannot watch navigation; zeros hold the base from `SILENT_S` on
 QUIET_AFTER_S = 1.0  # s: zeros are repeated this long for a robot that was driven and is not stopped
 
 
@@ -107,4 +108,5 @@ class StopRules:
     def cancel(self, now_s: float) -> bool:
         """Return whether to cancel goals from here: no bridge that reaches the robot does it."""
         works = self._bridge_lives and self._beat.publishing and now_s - self._beat_s < SILENT_S
-        return self._unwatched(now_s) or (self.latched and (self._own is not None or not works))
+        lost = not self._bridge_lives or now_s - self._beat_s >= LOST_S
+        return (lost and self._unwatched(now_s)) or (self.latched and (self._own is not None or not works))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robots.bridge.watchdog.rules import QUIET_AFTER_S, SILENT_S, Heartbeat, StopPress, StopRules
+from robots.bridge.watchdog.rules import LOST_S, QUIET_AFTER_S, SILENT_S, Heartbeat, StopPress, StopRules
 
 DRIVING = Heartbeat(publishing=True, drive="/key_vel")
 STOPPED = Heartbeat(publishing=True, latched=True, by="Ann", reason="smoke", drive="/key_vel")
@@ -121,3 +121,13 @@ def test_a_bridge_that_dies_while_navigation_drives_is_replaced_until_another_co
     rules.bridge_came(61.0)
     rules.beat(Heartbeat(drive="/key_vel"), 61.0)
     assert not rules.zeros(61.0) and not rules.cancel(61.0)
+
+
+def test_navigation_goes_on_after_a_bridge_that_hung_for_a_moment(rules: StopRules) -> None:
+    driven = Heartbeat(publishing=True, drive="/key_vel", drives_itself=True)
+    rules.beat(driven, 10.1)
+    assert rules.zeros(10.1 + SILENT_S) and not rules.cancel(10.1 + SILENT_S)
+    rules.beat(driven, 10.6)
+    assert not rules.zeros(10.6) and not rules.cancel(10.6)
+    assert not rules.cancel(11.5)
+    assert rules.zeros(10.61 + LOST_S) and rules.cancel(10.61 + LOST_S)
