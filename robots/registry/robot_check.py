@@ -43,7 +43,7 @@ FAIL: Level = "fail"
 PROBE_TIMEOUT_S = 20.0
 NEEDED = ("odometry", "scan")  # required for motion
 STAMPED = ("sensor_msgs/BatteryState", "diagnostic_msgs/DiagnosticArray")
-QUIET = ("battery", "charging", "speech", "motions")  # may be silent for a long time
+QUIET = ("battery", "charging", "speech", "motions", "gripper", "torso")  # may be silent for a long time
 _findings = msgspec.json.Decoder(Findings)
 
 

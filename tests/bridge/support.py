@@ -28,6 +28,7 @@ from robots.bridge.core import Core, RosStatus
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Disc
+from robots.bridge.gate.geometry.planar import NO_POINTS, Points
 from robots.bridge.gate.speed_limits import Fault
 from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.values import (
@@ -124,6 +125,11 @@ class OpenGate:
         points = np.array([*self.seen, *self.pictured], float).reshape(-1, 2)
         source = np.repeat([0, 1], [len(self.seen), len(self.pictured)])
         return Obstacles(points, source, ("laser", "depth"), ("scan", "depth"))
+
+    obstacles_as_seen = obstacles
+
+    def unseen_near_sides(self) -> Points:
+        return NO_POINTS
 
     def sensor_health(self, _now_s: float) -> list[SensorHealth]:
         return list(self.health)

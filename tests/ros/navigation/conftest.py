@@ -6,6 +6,7 @@ import itertools
 import math
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
@@ -48,24 +49,31 @@ class Traveller:
         """Ask for a drive; return the number of the request."""
         self.renew()
         seq = next(_numbers)
-        assert self.hand.ask(wire.Go(self.fence, x, y, heading, seq)) is None
+        with self.renewing():
+            assert self.hand.ask(wire.Go(self.fence, x, y, heading, seq)) is None
         return seq
 
     def until(self, condition, what: str) -> wire.State:
-        """Renew control until a state is so: by a thread, since states come late on a busy computer."""
+        """Renew control until a state is so."""
+        with self.renewing():
+            return self.hand.state_until(condition, what)
+
+    @contextmanager
+    def renewing(self) -> Iterator[None]:
+        """Renew control by a thread, since answers and states come late on a busy computer."""
         over = threading.Event()
 
         def renew() -> None:
             while not over.wait(RENEW_S):
                 self.renew()
 
-        renewing = threading.Thread(target=renew, daemon=True)
-        renewing.start()
+        thread = threading.Thread(target=renew, daemon=True)
+        thread.start()
         try:
-            return self.hand.state_until(condition, what)
+            yield
         finally:
             over.set()
-            renewing.join()
+            thread.join()
 
     def drives(self) -> wire.State:
         """Renew until navigation drives the base."""
