@@ -20,9 +20,7 @@ FASTEST_RADPS = 0.8
 SLOW_DOWN_PER_S = 1.0  # speed per metre that is left
 LOOKS_AHEAD_S = (0.25, 0.5, 0.75, 1.0, 1.25)
 THERE_M, THERE_RAD = 0.12, 0.12
-LEFT_M = (
-    0.2  # a robot that turns at its goal may be shifted so far: else it would turn to and fro at its edge
-)
+LEFT_M = 0.2  # localisation may shift a robot that turns at its goal so far, and it still counts as there
 
 Points = NDArray[np.float64]  # rows of x, y
 

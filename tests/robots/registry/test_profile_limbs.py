@@ -1,4 +1,4 @@
-"""What a profile may say of the actions of gripper and torso."""
+"""A profile names the actions of gripper and torso."""
 
 from __future__ import annotations
 
