@@ -351,6 +351,8 @@ class Core:
         if run != self._run:
             self._run = run
             self._gate.forget(restarted=True)
+        if self.tasks.going.drives:
+            self._miss_sensors(arrival_s)  # the messages of a burst are old: the robot only looks slow to answer
         if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
             return  # repeated or out of order: ignore it
         self._reported.odometry = (arrival_s, pose, velocity)
@@ -547,7 +549,7 @@ class Core:
         elif grant and (requester := by.running):
             refusal, asked = self._drive_by(grant, requester, awaited, now_s)
         elif grant and (requester := self.tasks.going.drives):
-            self._go_on(grant, requester, awaited, now_s)
+            self._go_on(grant, requester, now_s)
         self._passed = asked if refusal is None else STILL
         verdict = self._gate.decide(self._passed, self._sent, now_s)
         if self._passed != STILL:
@@ -562,9 +564,12 @@ class Core:
             self._stop_until_neutral(awaited.code, awaited.text)
         if reason := refusal or self._unrecorded:
             verdict = verdict._replace(asked=asked, code=reason.code, text=reason.text)
+        if self.tasks.going.waits:
+            verdict = self._verdict  # why the base is held
         if not self._latch.latched:
             self._verdict = verdict
-        if self._passed == STILL and self.tasks.going.drives:
+        if self._passed == STILL and self.tasks.going.drives and not self.tasks.going.waits:
+            self._drives.decided(verdict, now_s)  # an intervention may end
             self._sent = STILL  # silent: zeros on the drive topic would win over navigation
         else:
             self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
@@ -584,28 +589,40 @@ class Core:
             by.awaits(awaited, now_s)
         return refusal, by.velocity(grant, self.lease.confirmed_s, self._sent, now_s)
 
-    def _go_on(
-        self, grant: Grant, requester: Requester, awaited: wire.NeutralNeeded | None, now_s: float
-    ) -> None:
-        """End a drive to a place that a rule forbids to go on; keep its way on record."""
+    def _go_on(self, grant: Grant, requester: Requester, now_s: float) -> None:
+        """End a drive to a place that a rule forbids to go on, or hold the base; keep its way on record."""
         going = self.tasks.going
         if refusal := self.why_not_begin(requester, now_s):
             going.end(
                 "control_lost" if refusal.rule == "lease" else refusal.code, refusal.text, now_s, refusal.code
             )
-        elif awaited:
-            going.end("held_back", f"The robot {awaited.text}.", now_s, awaited.code)
-        else:
+            return
+        if not self._miss_sensors(now_s):
+            going.settles(now_s)
+        if going.drives:
             going.confirm(self.lease.confirmed_s, now_s)
             self._drives.may_move(holder_of(grant), now_s)
+
+    def _miss_sensors(self, now_s: float) -> bool:
+        """Brake a robot that drives itself while a sensor is silent; return whether one is."""
+        fault = self._gate.fault(now_s)
+        if fault is not None:
+            text = f"stopped: {fault.text}"
+            self._take_over(Verdict(STILL, self._gate.velocity, fault.code, text, fault.sensor), now_s)
+        return fault is not None
 
     def _watch(self, now_s: float) -> None:
         """Judge the velocity at which the robot drives itself; take over where the gate's promise would be broken."""
         verdict = navigation_watch.judge(self._gate, self.tasks.going.commanded(now_s), now_s)
-        if verdict.code == "free":
-            return
+        if verdict.code != "free":
+            self._take_over(verdict, now_s)
+
+    def _take_over(self, verdict: Verdict, now_s: float) -> None:
+        """Brake a robot that drives itself. Its drive ends, unless the cause may pass in a moment."""
         self._verdict = verdict
-        self.tasks.going.held_back(verdict, now_s)
+        if not self.tasks.going.waits_for(verdict, now_s):
+            self.tasks.going.held_back(verdict, now_s)
+            verdict = verdict._replace(neutral=True)  # on record by itself
         self._send(STILL, now_s)
         self._drives.decided(verdict, now_s)
 

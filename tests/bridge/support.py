@@ -85,6 +85,7 @@ class OpenGate:
         self.latency = Latency(LIMITS, 0.2)
         self.arm_discs: tuple[tuple[float, float, float], ...] = ()
         self.operator_delay_s: float | None = None
+        self.velocity = STILL  # measured
         self.forgot: list[bool] = []  # calls of `forget`, each with `restarted`
 
     def look_to(self, now_s: float) -> float | None: ...
@@ -348,6 +349,7 @@ class Bench:
         left: SavedState | None = None,
         config: BridgeConfig = CONFIG,
         sink: RecordSink | None = None,
+        gate: Gate | None = None,
     ) -> None:
         self.now_s = 100.0
         self.base = MemoryBase(lambda: self.now_s)
@@ -361,7 +363,7 @@ class Bench:
         self.core = Core(
             config,
             self.base,
-            self.gate,  # type: ignore[arg-type]
+            gate or self.gate,  # type: ignore[arg-type]
             self.records,
             self.drives,
             state,

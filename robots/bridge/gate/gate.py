@@ -261,12 +261,9 @@ class Gate:
 
     def fault(self, now_s: float) -> Fault | None:
         """Return the missing data that forbids motion; afterwards the stick must return to the middle."""
-        fault = self._limits.fault(now_s)
-        if self._restarted and (
-            fault is None or fault.sensor != "odometry"
-        ):  # a restart also explains unpaired scans
+        if self._restarted:  # first: it is known only until the stick is in the middle
             return Fault("odometry_anew", "the robot’s odometry restarted", "odometry")
-        return fault
+        return self._limits.fault(now_s)
 
     def depth_heights(self, points: Points) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
         """Return between which heights (m) the depth camera saw something at obstacles of its own, base frame.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from robots import wire
@@ -23,6 +23,7 @@ from robots.bridge.navigation.goal_map import NO_MAP, GoalMap
 from robots.bridge.navigation.hold import Hold
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.path import PlannedPath
+from robots.bridge.navigation.patience import MAY_PASS, Patience
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
 from robots.wire import Go, Refusal
 
@@ -82,6 +83,7 @@ class Target:
     because: str | None = None  # code of the verdict, refusal or halt
     heard_s: float = math.inf  # when navigation last said something about it, or the robot moved
     ending_s: float = math.inf  # when it was cancelled
+    patience: Patience = field(default_factory=Patience)
     digest: str = ""  # of the map on which it was checked
     left_m: float | None = None
 
@@ -234,6 +236,26 @@ class Going(Goals[Target]):
         if self.drives and code != "stopped":
             self.end(_OUTCOMES.get(code, code), _sentence(reason), now_s, code)
 
+    @property
+    def waits(self) -> bool:
+        """Return whether the bridge holds the base for a sensor that is silent; navigation keeps its goal."""
+        goal = self._current
+        return goal is not None and self.drives is not None and goal.what.patience.holds
+
+    def waits_for(self, verdict: Verdict, now_s: float) -> bool:
+        """Return whether the base is held for the cause of this verdict, which may pass, instead of ending the goal.
+
+        While it is held, late messages make the robot look slow to answer, and so near to obstacles.
+        """
+        goal = self._current
+        late = verdict.code in MAY_PASS or (self.waits and verdict.sensor != "odometry")
+        return goal is not None and late and goal.what.patience.lasts(now_s)
+
+    def settles(self, now_s: float) -> None:
+        """Note that no sensor is silent: navigation drives on soon, when the zeros have worn off."""
+        if self._current is not None:
+            self._current.what.patience.settle(now_s)
+
     def held_back(self, verdict: Verdict, now_s: float) -> None:
         """End the goal: the gate has taken over."""
         self.end("held_back", _sentence(verdict.text), now_s, verdict.code)
@@ -276,7 +298,7 @@ class Going(Goals[Target]):
         super().tick(now_s)
         if goal is not None and goal.cancel_sent_s is not None and now_s - goal.what.ending_s > OBEYS_S:
             self._end("cancelled", "", now_s)  # the hold goes on
-        if self.drives and self._has_arm and now_s - self._at_home_s > KNOWN_S:
+        if self.drives and not self.waits and self._has_arm and now_s - self._at_home_s > KNOWN_S:
             self.end("arm_away", "Where the robot’s arm is is not known any more.", now_s)
         runs_on = self.hold.goal_id in self._strays and now_s - self._reported_s < REPORTS_S
         self.hold.tick(still, bool(self._busy(now_s)) and fence is None, runs_on or self._ending, now_s)

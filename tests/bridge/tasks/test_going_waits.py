@@ -1,0 +1,230 @@
+"""Sensors that are silent for a moment hold a robot that drives itself; its drive goes on. With the real gate."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from robots import wire
+from robots.bridge.config import NavigationSource, Topic
+from robots.bridge.core import RosStatus
+from robots.bridge.gate.gate import Gate
+from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity
+from robots.bridge.navigation.localisation import Spread
+from robots.bridge.navigation.patience import SETTLES_S, WAITS_S, WELL_S, Patience
+from tests.bridge.support import CONFIG, Bench
+
+TOPICS = msgspec.structs.replace(
+    CONFIG.topics,
+    navigation=NavigationSource("/move_base", "/nav_vel", "/amcl_pose", set_pose="/initialpose"),
+    map=Topic("/map", "nav_msgs/OccupancyGrid"),
+)
+PROFILE = msgspec.structs.replace(CONFIG.gate, scan_poses={"scan": (0.2, 0.0, 0.0)})
+SPEED = Velocity(0.4, 0.0, 0.0)
+STEP_S = 0.02
+BEARINGS = np.radians(np.arange(-90, 91))
+
+
+class FreeMap:
+    digest = "free"
+
+    def refuse(self, goal, footprint):
+        return None
+
+
+class SelfDriver(Bench):
+    """A robot with a laser that drives itself towards a wall at x = `wall_m`."""
+
+    def __init__(self, wall_m=8.0):
+        config = msgspec.structs.replace(CONFIG, topics=TOPICS, gate=PROFILE)
+        super().__init__(config=config, gate=Gate(PROFILE))
+        self.wall_m = wall_m
+        self.kept: list[tuple[float, float]] = []  # odometry that has not arrived: stamp and x
+        self.going = self.core.tasks.going
+        self.core.ros_status(RosStatus("connecting", ""), self.now_s)
+        self.odometry(STILL)
+        self.core.mapped(FreeMap(), self.now_s)
+        self.going.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), self.now_s)
+        self.steps(0.5)
+        self.ask(wire.Go(1, 3.0, 1.0, 0.5, seq=7))
+        self.recorded()
+        self.steps(0.2)
+        self.speed = SPEED
+        self.steps(1.0)
+        assert self.going.drives and not self.going.waits
+
+    def steps(self, seconds, odometry=True, scans=True):
+        """Let time pass. Odometry that does not arrive is kept."""
+        for _ in range(round(seconds / STEP_S)):
+            self.now_s = round(self.now_s + STEP_S, 4)
+            self.stamp_s = round(self.stamp_s + STEP_S, 4)
+            self.x += self.speed.vx * STEP_S
+            self.kept.append((self.stamp_s, self.x))
+            if odometry:
+                self.arrive()
+            if scans and round(self.now_s / STEP_S) % 4 == 0:
+                self.scan()
+            self.base.transform = (self.now_s, Pose(0.0, 0.0, 0.0))
+            self.core.grant(wire.Grant(1, 60.0, "session-1", "Ann", "ann-id", 1.0), 1, self.now_s)
+            if self.base.goals:
+                goal_id = self.base.goals[-1][0]
+                self.going.running("/move_base", [goal_id], self.now_s)
+                self.going.answered(goal_id, self.now_s)
+                self.going.drove(self.speed, self.now_s)
+            self.core.tick(self.now_s)
+            self.recorded()
+
+    def arrive(self):
+        """Let all kept odometry arrive, as messages behind each other."""
+        for stamp_s, x in self.kept:
+            self.core.odometry(stamp_s, self.now_s, Pose(x, 0.0, 0.0), self.speed, stamp_s)
+        self.kept.clear()
+
+    def scan(self):
+        away_m = self.wall_m - 0.2 - self.x
+        with np.errstate(divide="ignore"):
+            ranges = np.where(np.abs(BEARINGS) < 1.4, away_m / np.cos(BEARINGS), 30.0)
+        self.core.laser(
+            LaserScan(
+                "scan",
+                self.stamp_s - 0.01,
+                self.now_s,
+                tuple(np.minimum(ranges, 25.0).tolist()),
+                -math.pi / 2,
+                math.radians(1.0),
+                0.05,
+                25.0,
+            )
+        )
+
+    def zeros(self, run):
+        """Run it; return the zeros that were sent meanwhile. Nothing else may be sent."""
+        before = len(self.base.sent)
+        run()
+        sent = self.base.sent[before:]
+        assert set(sent) <= {STILL}
+        return len(sent)
+
+    @property
+    def end(self):
+        """Why the drive was given up; None: it goes on."""
+        current = self.going._current
+        return self.going.last.because if current is None else current.what.because
+
+
+@pytest.fixture
+def driver():
+    driver = SelfDriver()
+    yield driver
+    driver.close()
+
+
+def test_it_is_silent_while_all_is_well(driver):
+    assert driver.zeros(lambda: driver.steps(2.0)) == 0
+
+
+@pytest.mark.parametrize("lost_s", [0.22, 0.28])
+def test_lost_odometry_holds_the_base_and_the_drive_goes_on(driver, lost_s):
+    driver.steps(lost_s, odometry=False)
+    driver.kept.clear()
+    driver.steps(SETTLES_S)
+    assert driver.going.waits and driver.last == STILL
+    driver.steps(0.3)
+    assert driver.going.drives and not driver.going.waits
+    assert driver.zeros(lambda: driver.steps(1.5)) == 0
+    assert [kind for kind in driver.sink.kinds if kind.startswith("gate")] == ["gate.begin", "gate.end"]
+
+
+@pytest.mark.parametrize("late_s", [0.3, 0.4, 0.6])
+def test_odometry_that_comes_late_in_a_burst_does_not_end_a_drive(driver, late_s):
+    driver.steps(late_s, odometry=False)
+    driver.arrive()
+    driver.scan()
+    assert driver.zeros(lambda: driver.steps(0.06)) == 3  # until the late messages have settled
+    driver.steps(0.2)
+    assert driver.going.drives
+    assert driver.zeros(lambda: driver.steps(0.5)) == 0
+
+
+def test_a_late_process_beside_a_wall_does_not_end_a_drive():
+    driver = SelfDriver()
+    driver.wall_m = driver.x + 0.43 + 0.27 + 0.4 * 0.02
+    driver.scan()
+    driver.speed = STILL  # it stands before the wall when its late messages come
+    for _ in range(20):  # nothing runs in this process
+        driver.now_s, driver.stamp_s = driver.now_s + STEP_S, driver.stamp_s + STEP_S
+        driver.kept.append((driver.stamp_s, driver.x))
+    driver.speed = SPEED
+    driver.arrive()  # old messages say that it drives
+    assert driver.going.waits and driver.end is None and driver.last == STILL
+    driver.close()
+
+
+def test_a_silent_laser_holds_the_base_with_zeros_without_a_gap(driver):
+    driver.steps(0.5, scans=False)
+    assert driver.zeros(lambda: driver.steps(0.5, scans=False)) >= 25
+    state = driver.core.state(driver.now_s, [])
+    assert (state.verdict.code, state.verdict.sensor) == ("scan_stale", "scan")
+    assert driver.going.drives
+    driver.steps(0.4, scans=False)
+    assert driver.end == "scan_stale" and driver.last == STILL
+
+
+def test_the_wait_for_several_sensors_is_one(driver):
+    driver.steps(0.4, odometry=False)
+    driver.steps(0.5, scans=False)
+    driver.steps(0.65, scans=False)
+    assert driver.end == "scan_stale"
+
+
+def test_a_laser_that_stutters_ends_a_drive(driver):
+    for _ in range(12):
+        driver.steps(0.72, scans=False)
+        driver.scan()
+    assert driver.end == "scan_stale"
+
+
+@pytest.mark.parametrize("silent_s", [0.0, 0.24])
+def test_another_robot_ends_a_drive_at_once(driver, silent_s):
+    driver.steps(silent_s, odometry=False)
+    stamp_s = driver.stamp_s - 0.5  # not newer than the last one
+    driver.core.odometry(stamp_s, driver.now_s, Pose(7.0, 0.0, 0.0), STILL, stamp_s, run=5)
+    assert driver.end == "odometry_anew" and driver.last == STILL
+
+
+def test_a_hole_in_the_odometry_ends_a_drive(driver):
+    driver.steps(0.4, odometry=False)
+    driver.kept.clear()
+    driver.steps(0.06)
+    assert driver.end == "odometry_anew"
+
+
+DURING = {
+    "stick": lambda driver: driver.stick(0.3),
+    "cancel": lambda driver: driver.order(wire.GoCancel(1)),
+    "stop": lambda driver: driver.core.stop("Bob", "", driver.now_s),
+    "page gone": lambda driver: driver.core.pause(1, "the page left", 1, driver.now_s),
+    "control taken": lambda driver: driver.core.revoke(1, "control was taken", driver.now_s),
+    "failed": lambda driver: driver.going.ended(driver.base.goals[-1][0], "failed", "", driver.now_s),
+}
+
+
+@pytest.mark.parametrize("cause", DURING)
+def test_all_that_ends_a_drive_ends_it_during_a_wait(driver, cause):
+    driver.steps(0.7, scans=False)
+    assert driver.going.waits
+    DURING[cause](driver)
+    assert driver.going.drives is None
+    driver.scan()
+    assert driver.zeros(lambda: driver.core.tick(driver.now_s)) >= 1  # the base stays the bridge’s
+
+
+def test_patience_returns_after_a_time_without_a_fault():
+    patience = Patience()
+    assert patience.lasts(10.0) and patience.lasts(10.0 + WAITS_S)
+    patience.settle(10.01 + WAITS_S + SETTLES_S)
+    assert not patience.holds
+    assert patience.lasts(11.5) and not patience.lasts(11.6)  # too soon: what was left counts
+    patience.settle(12.0)
+    assert patience.lasts(11.6 + WELL_S + 0.1) and patience.lasts(11.6 + WELL_S + 0.7)
