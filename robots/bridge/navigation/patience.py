@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 # Faults that may end within a moment while all that was seen is still known. A busy computer or radio causes them.
-MAY_PASS = frozenset({"odometry_stale", "scan_stale"})
+MAY_PASS = frozenset({"odometry_stale", "scan_stale", "scan_unpaired"})
 WAITS_S = 0.75  # so long the base is held, in all, until the sensors have been well for `WELL_S`
 WELL_S = 2.0
 SETTLES_S = 0.1  # late messages come in a burst: the first of them are old

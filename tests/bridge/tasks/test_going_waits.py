@@ -81,14 +81,14 @@ class SelfDriver(Bench):
             self.core.odometry(stamp_s, self.now_s, Pose(x, 0.0, 0.0), self.speed, stamp_s)
         self.kept.clear()
 
-    def scan(self):
+    def scan(self, ahead_s=0.0):
         away_m = self.wall_m - 0.2 - self.x
         with np.errstate(divide="ignore"):
             ranges = np.where(np.abs(BEARINGS) < 1.4, away_m / np.cos(BEARINGS), 30.0)
         self.core.laser(
             LaserScan(
                 "scan",
-                self.stamp_s - 0.01,
+                self.stamp_s - 0.01 + ahead_s,
                 self.now_s,
                 tuple(np.minimum(ranges, 25.0).tolist()),
                 -math.pi / 2,
@@ -169,6 +169,14 @@ def test_a_silent_laser_holds_the_base_with_zeros_without_a_gap(driver):
     assert driver.going.drives
     driver.steps(0.4, scans=False)
     assert driver.end == "scan_stale" and driver.last == STILL
+
+
+def test_a_scan_that_comes_before_its_odometry_does_not_end_a_drive(driver):
+    driver.scan(ahead_s=0.3)
+    driver.steps(0.04, scans=False)
+    assert driver.going.waits and driver.last == STILL
+    driver.steps(0.6)
+    assert driver.going.drives and not driver.going.waits
 
 
 def test_the_wait_for_several_sensors_is_one(driver):
