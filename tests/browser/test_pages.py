@@ -423,6 +423,50 @@ def test_banner_and_requests_leave_the_picture_of_a_phone_free(
     operator.release()
 
 
+# Show a part for a moment: texts of buttons over the picture that it moves or covers.
+CROSSED = """(part) => {
+  const box = (one) => {
+    const { left, top, right, bottom } = one.getBoundingClientRect();
+    return [left, top, right, bottom].map(Math.round);
+  };
+  const isFree = (one) => {
+    const [left, top, right, bottom] = box(one);
+    return one.contains(document.elementFromPoint((left + right) / 2, (top + bottom) / 2));
+  };
+  const buttons = [...document.querySelectorAll(".picture-area button")].filter(isFree);
+  const before = buttons.map(box);
+  const shown = document.querySelectorAll(`[data-part=${part}], [data-part=${part}] [data-part=go-runs]`);
+  for (const one of shown) Object.assign(one, { hidden: false });
+  shown[0].dataset.level = "console";
+  const over = box(shown[0]);
+  const crossed = buttons.filter((one, i) => {
+    const [left, top, right, bottom] = box(one);
+    const isMoved = String(box(one)) !== String(before[i]);
+    return isMoved || !(right <= over[0] || over[2] <= left || bottom <= over[1] || over[3] <= top);
+  });
+  const texts = crossed.map((one) => one.ariaLabel || one.textContent);
+  for (const one of shown) one.hidden = true;
+  return [buttons.length, texts];
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [*SIZES, (820, 1180), (1180, 820)])
+def test_what_comes_by_itself_moves_and_covers_no_button_of_the_picture(
+    person: Arrive, width: int, height: int
+) -> None:
+    operator = person("operator", width=width, height=height)
+    operator.watch("tiago-2")
+    for opener in ("robot-open", "map-open"):
+        expect(operator.part(opener)).to_be_visible()
+    for _ in ("the picture", "the map"):
+        for part in ("banner", "running"):
+            buttons, crossed = operator.page.evaluate(CROSSED, part)
+            assert buttons > 2
+            assert crossed == [], part
+        operator.part("map-open").click()
+        expect(operator.page.locator(".map-canvas")).to_be_visible()
+
+
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_a_long_line_covers_neither_speeds_nor_stop(person: Arrive, width: int, height: int) -> None:
     operator, staff = person("operator", width=width, height=height), person("staff")
@@ -517,7 +561,7 @@ def test_cards_say_how_each_robot_is(person: Arrive) -> None:
     operator.open("/")
     card = operator.page.locator("[data-robot=tiago-1]")
     card.get_by_text("Online").wait_for()
-    assert card.get_by_text("practice").is_visible()
+    assert card.get_by_text("simulated").is_visible()
     card.get_by_role("link", name="Open TIAGo One").click()
     operator.page.wait_for_url("**/robots/tiago-1/")
 

@@ -60,8 +60,12 @@ export class CameraPanel {
     });
     this.#fullScreen = new FullScreen(root, parts["full-screen"]);
     this.#listen(parts, tell);
-    this.#observer = new ResizeObserver(() => this.#follow());
-    this.#observer.observe(this.#area);
+    this.#observer = new ResizeObserver(() => {
+      this.#makeRoom(root, parts);
+      this.#follow();
+    });
+    for (const part of [this.#area, parts["view-bar"], parts["view-open"]])
+      this.#observer.observe(part);
     this.#timer = setInterval(() => this.#look(), LOOK_MS);
     if (root.dataset.hasCameras && !["plan", "scene"].includes(recall("camera-view")))
       this.#socket.open();
@@ -119,6 +123,13 @@ export class CameraPanel {
     on(this.#main, "painted", (header) => (this.#floor.header = header));
     on(this.#views, "change", () => this.#follow());
     on(parts.snapshot, "click", () => this.#main.save(this.#facts?.slug));
+  }
+
+  /** Tell the style sheet what the buttons of the view take: what runs lies beside them, never over them. */
+  #makeRoom(root, { "view-bar": bar, "view-open": opener }) {
+    const isBelow = getComputedStyle(bar).gridRowStart === "2";
+    root.style.setProperty("--view-bar", `${isBelow ? bar.offsetHeight : 0}px`);
+    root.style.setProperty("--view-open", `${opener.offsetWidth}px`);
   }
 
   /** Both connections tell which cameras there are: the faster one does not wait for the other. */
