@@ -1,5 +1,6 @@
 /** Turns the robot's head by its picture: drag, click, double click; and by buttons for the keyboard. */
 
+import { takeControlFirst } from "../control/lease.js";
 import { dim, mark, show } from "../lib/dom.js";
 import { placeIn } from "./frame.js";
 
@@ -74,7 +75,8 @@ export class Head {
   /** @param {boolean} may this tab has control */
   set mayAct(may) {
     this.#may = may;
-    for (const key of this.#keys.querySelectorAll("[data-turn]")) dim(key, !may);
+    for (const key of this.#keys.querySelectorAll("[data-turn]"))
+      dim(key, !may, takeControlFirst());
     this.#follow();
   }
 

@@ -24,6 +24,11 @@ export function minutesText(seconds) {
   return `${Math.floor(minutes / 60)} h ${String(minutes % 60).padStart(2, "0")} min`;
 }
 
+/** Why a button does nothing for somebody without control. */
+export function takeControlFirst() {
+  return gettext("Take control first.");
+}
+
 /** Return whether the person should be offered to keep control. */
 export function isLastCall(seconds) {
   return seconds !== null && seconds <= LAST_CALL_S;

@@ -1,5 +1,6 @@
 /** The button by which a holder lets the robot forget what it saw before. */
 
+import { takeControlFirst } from "../control/lease.js";
 import { dim } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 
@@ -16,13 +17,13 @@ export class Forget {
   constructor(button, dialog, send) {
     this.#button = button;
     this.#question = question(dialog, () => send({ t: "forget" }));
-    dim(button, true);
+    dim(button, true, takeControlFirst());
     button.addEventListener("click", () => this.#ask(), { signal: this.#listening.signal });
   }
 
   /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
-    dim(this.#button, !may);
+    dim(this.#button, !may, takeControlFirst());
   }
 
   close() {

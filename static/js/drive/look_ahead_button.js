@@ -1,5 +1,6 @@
 /** The button by which a holder sends the robot's head to where the robot drives. */
 
+import { takeControlFirst } from "../control/lease.js";
 import { dim, show } from "../lib/dom.js";
 
 export class LookAhead {
@@ -9,7 +10,7 @@ export class LookAhead {
   /** @param {HTMLButtonElement} button @param {(order: object) => void} send */
   constructor(button, send) {
     this.#button = button;
-    dim(button, true);
+    dim(button, true, takeControlFirst());
     button.addEventListener("click", () => send({ t: "look_ahead" }), {
       signal: this.#listening.signal,
     });
@@ -22,7 +23,7 @@ export class LookAhead {
 
   /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
-    dim(this.#button, !may);
+    dim(this.#button, !may, takeControlFirst());
   }
 
   close() {

@@ -3,6 +3,7 @@
  * It acts as a stick held sideways while a finger is on it; dead-man rule and gate apply as always.
  */
 
+import { takeControlFirst } from "../control/lease.js";
 import { dim, show } from "../lib/dom.js";
 import { NEUTRAL } from "./stick.js";
 
@@ -32,7 +33,7 @@ export class TurnAndLook {
     this.#button = button;
     this.#stick = stick;
     this.#hint = hint;
-    dim(button, true);
+    dim(button, true, takeControlFirst());
     const { signal } = this.#listening;
     const on = (type, act) => button.addEventListener(type, act, { signal });
     on("pointerdown", (event) => {
@@ -59,7 +60,7 @@ export class TurnAndLook {
   /** @param {boolean} may this tab drives */
   set mayAct(may) {
     this.#may = may;
-    dim(this.#button, !may);
+    dim(this.#button, !may, takeControlFirst());
     if (!may) this.#stick.feed(INPUT, NEUTRAL);
   }
 

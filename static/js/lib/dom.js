@@ -15,10 +15,17 @@ export function sayOrHide(element, text) {
   show(element, text !== "");
 }
 
-/** Marks a button as disabled. It can still be focused and pressed: then the page gives the reason. */
-export function dim(button, dimmed) {
+/**
+ * Marks a button as disabled, and says why to those who point at it or hear its description. It can still be focused and
+ * pressed: then the page gives the reason.
+ * @param {string} [why] in place of the button's own title
+ */
+export function dim(button, dimmed, why = "") {
   if (dimmed) button.setAttribute("aria-disabled", "true");
   else button.removeAttribute("aria-disabled");
+  button.dataset.title ??= button.title;
+  const title = (dimmed && why) || button.dataset.title;
+  if (button.title !== title) button.title = title;
 }
 
 /** Sets or removes a data attribute that the style sheet reads. */

@@ -59,7 +59,7 @@ export class SearchList {
   #items = [];
   #rows = [];
   #groups = new Map();
-  #dimmed = false;
+  #dimmed = [false, ""];
 
   /**
    * @param {HTMLElement} root is filled with field and list
@@ -110,7 +110,7 @@ export class SearchList {
     this.#groups = new Map();
     this.#hits.replaceChildren(...this.#headed());
     this.#filter();
-    this.dimmed = this.#dimmed;
+    this.dim(...this.#dimmed);
     show(this.#field, items.length > 0);
     this.empty = this.#empty.textContent;
     if (held === undefined) return;
@@ -122,10 +122,10 @@ export class SearchList {
     return this.#items;
   }
 
-  /** @param {boolean} dimmed the rows' buttons do nothing now, and say so */
-  set dimmed(dimmed) {
-    this.#dimmed = dimmed;
-    for (const button of this.#hits.querySelectorAll("button")) dim(button, dimmed);
+  /** @param {boolean} dimmed the rows' buttons do nothing now, and say so @param {string} why */
+  dim(dimmed, why) {
+    this.#dimmed = [dimmed, why];
+    for (const button of this.#hits.querySelectorAll("button")) dim(button, dimmed, why);
   }
 
   /** @param {string} text shown while there are no items at all */

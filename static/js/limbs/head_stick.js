@@ -5,6 +5,7 @@
  * within 0.3 s. A request waits for the answers to earlier ones, so that none piles up in a slow network.
  */
 
+import { takeControlFirst } from "../control/lease.js";
 import { isEditing } from "../drive/keyboard.js";
 import { dim, mark, show } from "../lib/dom.js";
 
@@ -72,7 +73,7 @@ export class HeadStick {
   /** @param {boolean} may this tab has control of a robot */
   set mayAct(may) {
     this.#may = may;
-    dim(this.#parts["head-ahead"], !may);
+    dim(this.#parts["head-ahead"], !may, takeControlFirst());
     mark(this.#pad, "idle", !may);
     if (!may) this.release();
   }

@@ -3,6 +3,7 @@
  * nothing goes on when input ends.
  */
 
+import { takeControlFirst } from "../control/lease.js";
 import { dim, say, show } from "../lib/dom.js";
 import { centimetres, endNotice } from "./words.js";
 
@@ -83,8 +84,8 @@ export class LimbPanel {
 
   /** @param {boolean} may this tab has control */
   set mayAct(may) {
-    for (const part of ["arm-home", "gripper-open", "gripper-close"]) dim(this.#parts[part], !may);
-    for (const limb of ["gripper", "torso"]) this.#parts[`${limb}-to`].disabled = !may;
+    for (const part of ["arm-home", "gripper-open", "gripper-close", "gripper-to", "torso-to"])
+      dim(this.#parts[part], !may, takeControlFirst());
   }
 
   close() {

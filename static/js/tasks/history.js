@@ -1,6 +1,7 @@
 /** This robot's spoken texts that the person may read, newest first; each can be repeated. */
 
 import { readJson } from "../connection/read.js";
+import { takeControlFirst } from "../control/lease.js";
 import { make, makeButton, mark, sayOrHide, show } from "../lib/dom.js";
 import { inLanguage, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
@@ -60,7 +61,7 @@ export class History {
 
   /** @param {?boolean} may this tab has control; null: not known yet */
   set mayAct(may) {
-    this.#list.dimmed = !may;
+    this.#list.dim(!may, takeControlFirst());
   }
 
   /** @param {?string} topic where speech goes now: its entries are marked */

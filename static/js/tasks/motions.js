@@ -1,5 +1,6 @@
 /** The robot's recorded motions, searchable: press one and it plays; press it again and it is cancelled. */
 
+import { takeControlFirst } from "../control/lease.js";
 import { dim, make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
 import { levelOf } from "./task_ends.js";
@@ -167,7 +168,8 @@ export class Motions {
       const [now, later] = runs ? [cancel, play] : [play, cancel];
       say(act, now);
       act.dataset.later = later; // it takes the room of the wider one, so that nothing moves
-      dim(button, runs ? !this.#mayCancel : !this.#mayAct || this.#idle !== "");
+      const mayNot = runs ? !this.#mayCancel : !this.#mayAct || this.#idle !== "";
+      dim(button, mayNot, (!runs && this.#idle) || takeControlFirst());
     }
   }
 }

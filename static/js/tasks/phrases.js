@@ -1,6 +1,7 @@
 /** Ready-made messages, each in its own script: a press and the robot says it. */
 
 import { readJson } from "../connection/read.js";
+import { takeControlFirst } from "../control/lease.js";
 import { make, makeButton, mark, sayOrHide } from "../lib/dom.js";
 import { inLanguage, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
@@ -72,7 +73,7 @@ export class Phrases {
   }
 
   #tell() {
-    this.#list.dimmed = !this.#mayAct || this.#mute !== "";
+    this.#list.dim(!this.#mayAct || this.#mute !== "", this.#mute || takeControlFirst());
     const { "phrases-none": words } = this.#parts;
     sayOrHide(words, this.#none || this.#mute);
     mark(words, "mute", this.#none === ""); // where one can write a text, that form says so

@@ -1,5 +1,6 @@
 /** Speech: a free text in a chosen language. */
 
+import { takeControlFirst } from "../control/lease.js";
 import { dim, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { inLanguage, isolated, languageChoices, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
@@ -141,7 +142,7 @@ export class Say {
 
   /** The reason why the robot cannot speak any text. */
   #hint() {
-    const takeControl = this.#mayAct === false ? gettext("Take control first.") : "";
+    const takeControl = this.#mayAct === false ? takeControlFirst() : "";
     sayOrHide(this.#parts["say-hint"], this.#mute || takeControl);
     this.#count();
   }
@@ -156,7 +157,8 @@ export class Say {
     const { "say-count": count, "say-send": send } = this.#parts;
     say(count, `${length} / ${LONGEST}`);
     mark(count, "over", length > LONGEST);
-    dim(send, !this.#mayAct || this.#mute !== "" || length > LONGEST);
+    const mayNot = !this.#mayAct || this.#mute !== "";
+    dim(send, mayNot || length > LONGEST, mayNot ? this.#mute || takeControlFirst() : "");
   }
 
   /** Enter sends; Shift and Enter break the line; what is being composed (an accent, a syllable) is not yet a text. */

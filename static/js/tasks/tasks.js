@@ -1,5 +1,6 @@
 /** Tasks for the robot except driving: each has a number, one answer, and one notice. */
 
+import { takeControlFirst } from "../control/lease.js";
 import { isolated } from "../lib/languages.js";
 import { limbName } from "../limbs/words.js";
 import { useLabel } from "./uses.js";
@@ -34,7 +35,7 @@ function orderText(order) {
     case "go_cancel":
       return gettext("Cancel the drive to a place");
     case "set_pose":
-      return gettext("I am here");
+      return gettext("Robot is here");
     case "move_limb":
       return limbName(order.limb);
     case "limb_cancel":
@@ -126,7 +127,7 @@ export class Orders {
    */
   send(order) {
     if (this.#fence === null && !WITHOUT_CONTROL.has(order.t)) {
-      const text = gettext("Take control first.");
+      const text = takeControlFirst();
       return Promise.resolve(this.#refused(order, { code: "no_lease", text }));
     }
     const { title, quiet, ...message } = order;

@@ -1,5 +1,6 @@
 /** Targets of input: for each use its present topic, the way back to the default, and other choices. */
 
+import { takeControlFirst } from "../control/lease.js";
 import { whyNot } from "../control/roles.js";
 import { dim, make, makeButton, say, sayOrHide, show } from "../lib/dom.js";
 import { USES, useLabel } from "../tasks/uses.js";
@@ -91,7 +92,7 @@ export class InputChoice extends EventTarget {
       item.dataset.chosen = Boolean(chosen);
       show(back, Boolean(chosen));
       sayOrHide(why, this.#offers[use].refusal?.text ?? "");
-      for (const button of [back, change]) dim(button, !this.#mayAct);
+      for (const button of [back, change]) dim(button, !this.#mayAct, takeControlFirst());
     }
   }
 }

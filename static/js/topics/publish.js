@@ -1,5 +1,6 @@
 /** Publishing what the allow-list admits: a form from the definition, or a dictionary with dotted keys. */
 
+import { takeControlFirst } from "../control/lease.js";
 import { dim, make, makeButton, sayOrHide, show } from "../lib/dom.js";
 import { MessageForm } from "./form.js";
 import { parsedJson } from "./value_parsing.js";
@@ -77,7 +78,7 @@ export class PublishPanel extends EventTarget {
       const stop = makeButton({ className: "button", text: gettext("Stop") }, () =>
         this.#tell("stop", { topic }),
       );
-      dim(stop, !this.#mayAct);
+      dim(stop, !this.#mayAct, takeControlFirst());
       const words = make("span", { children: [make("code", { text: topic }), ` ${rateHz} Hz`] });
       return make("li", { children: [words, stop] });
     });
@@ -88,7 +89,8 @@ export class PublishPanel extends EventTarget {
   set mayAct(may) {
     this.#mayAct = may;
     const stops = this.#parts["publish-running"].querySelectorAll("button");
-    for (const button of [this.#parts["publish-send"], ...stops]) dim(button, !may);
+    for (const button of [this.#parts["publish-send"], ...stops])
+      dim(button, !may, takeControlFirst());
     show(this.#parts["publish-control"], may === false);
   }
 

@@ -120,12 +120,15 @@ describe("a searchable list", () => {
   });
 
   it("stays dim until told otherwise, also with new items", () => {
-    const dim = () =>
-      [...root.querySelectorAll("button")].map((button) => button.getAttribute("aria-disabled"));
-    list.dimmed = true;
+    const shown = () =>
+      [...root.querySelectorAll("button")].map((one) => [
+        one.getAttribute("aria-disabled"),
+        one.title,
+      ]);
+    list.dim(true, "Take control first.");
     list.items = [{ name: "wave" }];
-    expect(dim()).toEqual(["true"]);
-    list.dimmed = false;
-    expect(dim()).toEqual([null]);
+    expect(shown()).toEqual([["true", "Take control first."]]);
+    list.dim(false, "");
+    expect(shown()).toEqual([[null, ""]]);
   });
 });

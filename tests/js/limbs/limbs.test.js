@@ -58,6 +58,17 @@ describe("the drawer of arm, gripper and torso", () => {
     ]);
   });
 
+  it("passes on a slider without control as well: the refusal says why", () => {
+    panel.mayAct = false;
+    const slider = page["torso-to"];
+    expect([slider.disabled, slider.title]).toEqual([false, "Take control first."]);
+    slider.dispatchEvent(new Event("pointerdown"));
+    slider.dispatchEvent(new Event("change"));
+    expect(order).toHaveBeenCalledOnce();
+    panel.mayAct = true;
+    expect(slider.title).toBe("");
+  });
+
   it("waits until arrow keys rest", () => {
     const slider = page["gripper-to"];
     for (const value of [0.01, 0.02, 0.03]) {
