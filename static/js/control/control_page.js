@@ -31,6 +31,7 @@ import { ControlRequests, isControlRequest } from "./control_requests.js";
 import { Hints } from "./hints.js";
 import { Drawers } from "./layout/drawers.js";
 import { Panels } from "./layout/panels.js";
+import { takeControlFirst } from "./lease.js";
 import { isHeld, isSilent, isStale, seenAt } from "./status/robot_words.js";
 import { StatusBar } from "./status/status_bar.js";
 import { StopButton } from "./stop/stop_button.js";
@@ -97,7 +98,7 @@ class ControlPage {
   #seen = null; // when the robot was last heard, in seconds since 1970
   #viewMs = -Infinity;
   #hiddenMs = -Infinity; // when the page was last hidden: it is sent no pictures then, which is no silence
-  #moved = false; // the stick was moved on this page
+  #moved = false; // the stick is not at rest
   #freeMs = 0; // when the stick was last not asked to return to the middle
   #timer;
   #endings = [];
@@ -117,7 +118,7 @@ class ControlPage {
         "turn",
         may
           ? gettext("Hold the button: the robot turns for as long as you do.")
-          : gettext("Take control first."),
+          : takeControlFirst(),
       ),
     );
     this.#sender = new DriveSender(this.#countedSocket(), this.#stick, this.#clock);
@@ -308,8 +309,9 @@ class ControlPage {
   #stickMoved(axes, input) {
     this.#statusBar.hint(this.#reverseHint(axes));
     if (input && input !== "turn") this.#drawers.close(); // that one is held by a button in a drawer
-    if (input) this.#moved = true;
-    else if (this.#moved) this.#hints.done("stick"); // it was pushed and released
+    const wasMoved = this.#moved;
+    this.#moved = Boolean(input);
+    if (wasMoved && !input) this.#hints.done("stick"); // it was pushed and released
   }
 
   /** The socket, with every command's number remembered until the robot's bridge echoes it. */
@@ -408,8 +410,10 @@ class ControlPage {
     this.#mine = control.state === "yours";
     this.#panel.control = control;
     const begins = this.#mine && control.fence !== fence;
-    if (begins) this.#stick.neutralise("control-began");
-    if (this.#mine) this.#hints.done("take");
+    if (begins) {
+      this.#stick.neutralise("control-began");
+      this.#hints.done("take");
+    }
     // Without having been asked for just now: it was handed over.
     if (!this.#requests.heard(control) && begins && asking)
       this.#tell("success", "control", gettext("Control was handed to you."));

@@ -1,12 +1,11 @@
 /**
- * Three hints for a first visit: take control, push the stick, stop. Each goes when it was done, or after 20 s; all are
+ * Three hints for a first visit: take control, push the stick, stop. Each goes when it was done, or by a press; all are
  * shown once for each account.
  */
 
 import { mark, say, show } from "../lib/dom.js";
 
 const STEPS = ["take", "stick", "stop"];
-const SHOWN_MS = 20_000;
 
 function hintText(step) {
   return {
@@ -21,7 +20,6 @@ export class Hints {
   #parts;
   #choices;
   #step = null;
-  #timer = null;
   #listening = new AbortController();
 
   /**
@@ -51,7 +49,6 @@ export class Hints {
 
   close() {
     this.#listening.abort();
-    clearTimeout(this.#timer);
   }
 
   #next() {
@@ -72,18 +69,10 @@ export class Hints {
     say(text, hintText(STEPS[step]));
     say(next, step === STEPS.length - 1 ? gettext("Got it") : gettext("Next"));
     show(card, true);
-    this.#wait();
-  }
-
-  /** A hint on a hidden page is not read: its time begins again. */
-  #wait() {
-    clearTimeout(this.#timer);
-    this.#timer = setTimeout(() => (document.hidden ? this.#wait() : this.#next()), SHOWN_MS);
   }
 
   #end() {
     this.#step = null;
-    clearTimeout(this.#timer);
     this.#choices.remember("hints_seen", true);
     mark(this.#root, "hint", null);
     show(this.#parts["first-steps"], false);
