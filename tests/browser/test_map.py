@@ -139,6 +139,12 @@ def test_a_supervisor_adds_a_place_renames_and_deletes_it(person: Arrive) -> Non
     expect(row(f"{name} 2")).to_be_visible()
     row(f"Change {name} 2").click()
     named("Delete", f"{name} 2")
+    question = supervisor.page.get_by_role("dialog", name=f"Delete the place “{name} 2”?")
+    question.get_by_role("button", name="Keep it").click()
+    expect(row(f"{name} 2")).to_be_visible()
+    row(f"Change {name} 2").click()
+    named("Delete", f"{name} 2")
+    question.get_by_role("button", name="Delete").click()
     expect(row(f"{name} 2")).to_have_count(0)
     supervisor.complaints.clear()  # the refused name is a 409
 

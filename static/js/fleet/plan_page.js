@@ -20,6 +20,7 @@ class PlanMap {
   element;
   list = make("ul", { className: "plan-robots" });
   #title = make("h2");
+  #picked = make("a", { className: "button primary plan-picked" }); // to the robot that was pressed on the map
   #view;
   #map = null;
   #drawn = false;
@@ -34,7 +35,7 @@ class PlanMap {
     const buttons = [
       ["+", gettext("Zoom in"), () => this.#view.zoom(ZOOM)],
       ["−", gettext("Zoom out"), () => this.#view.zoom(1 / ZOOM)],
-      [gettext("All"), null, () => this.#view.fit()],
+      [gettext("Whole map"), null, () => this.#view.fit()],
     ].map(([text, label, press]) => {
       const button = makeButton({ className: "toggle", text }, press);
       if (label) button.setAttribute("aria-label", label);
@@ -43,13 +44,15 @@ class PlanMap {
     const zoom = make("div", { className: "plan-zoom", children: buttons });
     zoom.setAttribute("role", "group");
     zoom.setAttribute("aria-label", gettext("Zoom"));
-    const view = make("div", { className: "plan-view", children: [canvas, zoom] });
+    const view = make("div", { className: "plan-view", children: [canvas, zoom, this.#picked] });
     this.element = make("section", {
       className: "plan-map",
       children: [this.#title, view, this.list],
     });
     into.append(this.element);
     this.#view = new MapView(canvas);
+    this.#view.addEventListener("pick", ({ detail }) => this.#pick(detail.robot ?? null));
+    this.#pick(null);
   }
 
   get places() {
@@ -66,9 +69,17 @@ class PlanMap {
     this.#drawn = true;
   }
 
-  /** @param {{name: string, location: object, going: ?object}[]} robots */
+  /** @param {{name: string, address: string, location: object, going: ?object}[]} robots */
   set robots(robots) {
     this.#view.robots = robots;
+  }
+
+  /** By keys one comes to the same page from the list. */
+  #pick(robot) {
+    show(this.#picked, robot !== null);
+    if (!robot) return;
+    say(this.#picked, interpolate(gettext("Open %s"), [robot.name]));
+    this.#picked.href = robot.address;
   }
 
   close() {
@@ -93,7 +104,7 @@ export class PlanPage {
     this.#root = root;
     this.#parts = parts(document);
     for (const row of root.querySelectorAll("[data-robot]"))
-      this.#rows.set(row.dataset.robot, { row, own: parts(row), name: nameIn(row) });
+      this.#rows.set(row.dataset.robot, { row, own: parts(row), ...linkIn(row) });
     this.#socket = new LiveSocket(socketUrl(root.dataset.socket));
     this.#heartbeat = new Heartbeat(this.#socket);
     this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail));
@@ -162,7 +173,7 @@ export class PlanPage {
     );
   }
 
-  #showRobot({ row, own, name }, robot, slug, drawn) {
+  #showRobot({ row, own, name, address }, robot, slug, drawn) {
     show(row, robot !== undefined); // one that this person may not see any more is not told of
     if (!robot) return;
     const map = this.#maps.get(this.#mapOf.get(slug)) ?? null;
@@ -177,7 +188,7 @@ export class PlanPage {
     say(own.battery, shown.battery);
     const list = why ? this.#parts["rest-list"] : map.list;
     if (row.parentElement !== list) list.append(row);
-    if (!why) drawn.get(map).push({ name, ...robot.state });
+    if (!why) drawn.get(map).push({ name, address, ...robot.state });
   }
 
   #look() {
@@ -194,8 +205,9 @@ export class PlanPage {
   }
 }
 
-function nameIn(row) {
-  return row.querySelector("h3 a").textContent;
+function linkIn(row) {
+  const { textContent: name, href: address } = row.querySelector("h3 a");
+  return { name, address };
 }
 
 const root = document.querySelector("[data-page=plan]");

@@ -1,6 +1,7 @@
 /** The panel "Map" over the picture: opens, loads the robot's map, and sends goals and poses that are chosen on it. */
 
-import { make, mark, say, sayOrHide, show } from "../lib/dom.js";
+import { takeControlFirst } from "../control/lease.js";
+import { dim, make, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { MapView } from "./map_view.js";
 import { readMaps, readPicture } from "./places_api.js";
 import { PlacesPanel } from "./places_panel.js";
@@ -26,6 +27,7 @@ export class MapPanel {
   #newest = null;
   #ended; // number of the last end that is known; undefined before the first state
   #loaded = null; // the map that is shown
+  #picked = null; // the named place that was pressed on the map
   #timer = null;
   #listening = new AbortController();
 
@@ -56,6 +58,8 @@ export class MapPanel {
     on("map-in", () => this.#view.zoom(ZOOM));
     on("map-out", () => this.#view.zoom(1 / ZOOM));
     on("map-fit", () => this.#view.fit());
+    on("map-picked-go", () => this.#goTo(this.#picked));
+    for (const part of ["map-picked-close", "map-places"]) on(part, () => this.#pick(null));
     this.#places = new PlacesPanel(parts, {
       go: (place) => this.#goTo(place),
       choose: () => this.#choose("place"),
@@ -85,6 +89,7 @@ export class MapPanel {
   set drives(drives) {
     this.#drives = drives;
     this.#places.drives = drives;
+    dim(this.#parts["map-picked-go"], !drives, takeControlFirst());
     if (!drives && IN_CONTROL.includes(this.#mode)) this.#choose(null);
   }
 
@@ -107,6 +112,7 @@ export class MapPanel {
     clearInterval(this.#timer);
     if (!opens) {
       this.#places.open(false);
+      this.#pick(null);
       return this.#choose(null);
     }
     if (!this.#view) this.#begin();
@@ -128,8 +134,10 @@ export class MapPanel {
     canvas.setAttribute("aria-label", this.#parts.map.dataset.help);
     this.#parts.map.prepend(canvas);
     this.#view = new MapView(canvas);
-    this.#view.addEventListener("choose", ({ detail }) => this.#chosen(detail), {
-      signal: this.#listening.signal,
+    const { signal } = this.#listening;
+    this.#view.addEventListener("choose", ({ detail }) => this.#chosen(detail), { signal });
+    this.#view.addEventListener("pick", ({ detail }) => this.#pick(detail.place ?? null), {
+      signal,
     });
   }
 
@@ -146,6 +154,7 @@ export class MapPanel {
         this.#loaded = map.map;
       }
       this.#view.places = map?.places ?? [];
+      this.#pick(map?.places.find(({ number }) => number === this.#picked?.number) ?? null);
     } catch (error) {
       sayOrHide(this.#parts["map-none"], error.message);
     }
@@ -155,6 +164,7 @@ export class MapPanel {
   #choose(mode) {
     if (IN_CONTROL.includes(mode) && !this.#mayOrder()) mode = null;
     this.#mode = mode === this.#mode ? null : mode;
+    if (this.#mode !== null) this.#pick(null);
     mark(this.#parts.map, "chooses", this.#mode);
     show(this.#parts["map-place"], this.#mode === "place");
     for (const name of MODES)
@@ -164,9 +174,15 @@ export class MapPanel {
     this.#speak();
   }
 
+  /** Offer to drive to the place that was pressed: a press that only was to move the map sends no robot. */
+  #pick(place) {
+    this.#picked = place;
+    show(this.#parts["map-picked"], place !== null);
+    if (place) say(this.#parts["map-picked-go"], interpolate(gettext("Go to “%s”"), [place.name]));
+  }
+
   #mayOrder() {
-    if (!this.#drives)
-      this.#tell({ level: "info", code: "map control", text: gettext("Take control first.") });
+    if (!this.#drives) this.#tell({ level: "info", code: "map control", text: takeControlFirst() });
     return this.#drives;
   }
 
@@ -191,6 +207,7 @@ export class MapPanel {
   #goTo(place) {
     if (!this.#mayOrder()) return;
     this.#places.open(false);
+    this.#pick(null);
     this.#order({ t: "go", ...rounded(place), place: place.name });
   }
 

@@ -1,4 +1,7 @@
-/** The map with the robot on it: drawn, zoomed and moved by wheel, pinch and keys; a drag chooses place and heading. */
+/**
+ * The map with the robot on it: drawn, zoomed and moved by wheel, pinch and keys; a drag chooses place and heading, a
+ * press picks a named place or a robot.
+ */
 
 import { Canvas } from "../lib/canvas.js";
 import {
@@ -29,7 +32,14 @@ const TURN_STEP = Math.PI / 12;
 const WHEEL = 0.0015;
 const RIM = 4; // pixels
 const FONT = "600 13px system-ui, sans-serif";
+const REST_PX = 8; // a finger that moves less presses, and does not move the map
+const REACH_PX = 22; // half of what a finger needs
+const LETTER_PX = 3; // half of a letter of a name
 
+/**
+ * Events: "choose" (detail: {x, y, heading}); "pick" (detail: {place} or {robot}, as they were given; else {}), by a
+ * press while no place is chosen.
+ */
 export class MapView extends EventTarget {
   #element;
   #canvas;
@@ -47,6 +57,7 @@ export class MapView extends EventTarget {
   #heading = 0; // of a place that is chosen by keys
   #pointers = new Map();
   #from = null; // pixel where the choice began
+  #pressedAt = null; // pixel of a finger that has not moved yet
   #listening = new AbortController();
 
   /** @param {HTMLCanvasElement} element its colours are custom properties named --view-... */
@@ -157,6 +168,7 @@ export class MapView extends EventTarget {
     if (event.button > 0) return; // a context menu sends no robot
     this.#element.setPointerCapture?.(event.pointerId);
     this.#pointers.set(event.pointerId, this.#pixel(event));
+    this.#pressedAt = !this.#chooses && this.#pointers.size === 1 ? this.#pixel(event) : null;
     if (this.#chooses && this.#pointers.size === 1) {
       this.#from = this.#pixel(event);
       this.#choose(this.#from);
@@ -169,6 +181,8 @@ export class MapView extends EventTarget {
     const before = this.#pointers.get(event.pointerId);
     if (!before) return;
     const now = this.#pixel(event);
+    if (this.#pressedAt && apart(now, this.#pressedAt) < REST_PX) return;
+    this.#pressedAt = null;
     if (this.#from) {
       this.#choose(now);
     } else {
@@ -181,10 +195,10 @@ export class MapView extends EventTarget {
   }
 
   #pinch(before, now, other) {
-    const apart = (one) => Math.max(Math.hypot(one[0] - other[0], one[1] - other[1]), 1);
+    const width = (one) => Math.max(apart(one, other), 1);
     const moved = panned(this.#seen, (now[0] - before[0]) / 2, (now[1] - before[1]) / 2);
     const between = [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2];
-    this.#frame = zoomed(moved, apart(now) / apart(before), between, ...this.#size);
+    this.#frame = zoomed(moved, width(now) / width(before), between, ...this.#size);
   }
 
   #choose(pixel) {
@@ -198,11 +212,31 @@ export class MapView extends EventTarget {
   #released(event) {
     this.#pointers.delete(event.pointerId);
     if (this.#from) this.#send();
+    else if (this.#pressedAt) this.#pick(this.#pressedAt);
+    this.#pressedAt = null;
+  }
+
+  /** The nearest one under the finger, or its name. Robots stand above places, as they are drawn. */
+  #pick([left, top]) {
+    const near = (spots) => {
+      const ways = spots.map(({ name, x, y }) => {
+        const [spotLeft, spotTop] = toPixels(this.#seen, [x, y], ...this.#size);
+        const beside = Math.max(Math.abs(left - spotLeft) - LETTER_PX * name.length, 0);
+        return Math.hypot(beside, top - spotTop);
+      });
+      const least = Math.min(...ways);
+      return least <= REACH_PX ? ways.indexOf(least) : -1;
+    };
+    const spots = this.#robots.map(({ name, location: { x, y } }) => ({ name, x, y }));
+    const robot = this.#robots[near(spots)];
+    const place = this.#places[near(this.#places)];
+    const detail = robot ? { robot } : place ? { place } : {};
+    this.dispatchEvent(new CustomEvent("pick", { detail }));
   }
 
   #dropped(event) {
     this.#pointers.delete(event.pointerId);
-    this.#from = this.#chosen = null;
+    this.#from = this.#chosen = this.#pressedAt = null;
     this.#canvas.redraw();
   }
 
@@ -274,14 +308,14 @@ export class MapView extends EventTarget {
     const pixel = density / pixels;
     this.#drawMap(pen);
     this.#line(pen, this.#path, colour.path, 2.5 * pixel);
-    if (this.#goal) this.#arrow(pen, this.#goal, colour.path, pixel);
+    if (this.#goal) this.#target(pen, this.#goal, colour.path, pixel);
     if (this.#robot) this.#drawLaser(pen, colour.laser, pixel);
     for (const place of this.#places) this.#drawPlace(pen, place, pixel);
     if (this.#robot) this.#drawRobot(pen, this.#robot, pixel);
     for (const robot of this.#robots) this.#drawOneOfMany(pen, robot, pixel);
-    if (this.#chosen) this.#arrow(pen, this.#chosen, colour.hold, pixel);
+    if (this.#chosen) this.#target(pen, this.#chosen, colour.hold, pixel);
     else if (this.#chooses && document.activeElement === this.#element)
-      this.#arrow(pen, this.#middlePlace, colour.hold, pixel);
+      this.#target(pen, this.#middlePlace, colour.hold, pixel);
   }
 
   #drawMap(pen) {
@@ -385,12 +419,38 @@ export class MapView extends EventTarget {
       const line = [location.x, location.y, going.x, going.y].map((metres) => 100 * metres);
       this.#line(pen, line, colour.path, 2 * pixel);
       pen.setLineDash([]);
-      this.#arrow(pen, going, colour.path, pixel);
+      this.#target(pen, going, colour.path, pixel);
     }
     this.#drawRobot(pen, location, pixel);
     this.#write(pen, name, [location.x, location.y], -18, colour.laser, pixel);
   }
 
+  /** Where a robot drives to: two rings, and a tick to where it looks there. Nothing that looks like a robot. */
+  #target(pen, { x, y, heading }, colour, pixel) {
+    const size = 11 * pixel;
+    pen.save();
+    pen.translate(x, y);
+    pen.rotate(heading);
+    for (const [stroke, width] of [
+      [this.#canvas.colour.surface, 6 * pixel],
+      [colour, 2.5 * pixel],
+    ]) {
+      pen.strokeStyle = stroke;
+      pen.lineWidth = width;
+      for (const radius of [size, size / 3]) {
+        pen.beginPath();
+        pen.arc(0, 0, radius, 0, 2 * Math.PI);
+        pen.stroke();
+      }
+      pen.beginPath();
+      pen.moveTo(size, 0);
+      pen.lineTo(1.9 * size, 0);
+      pen.stroke();
+    }
+    pen.restore();
+  }
+
+  /** A robot and its heading. */
   #arrow(pen, { x, y, heading }, colour, pixel) {
     const size = Math.max(0.27, 9 * pixel);
     pen.save();
@@ -409,4 +469,9 @@ export class MapView extends EventTarget {
     pen.fill();
     pen.restore();
   }
+}
+
+/** Pixels between two pixels. */
+function apart(one, other) {
+  return Math.hypot(one[0] - other[0], one[1] - other[1]);
 }

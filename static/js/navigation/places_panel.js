@@ -1,7 +1,9 @@
 /** The list of named places over the map: people send the robot there; supervisors and staff change the places. */
 
+import { takeControlFirst } from "../control/lease.js";
 import { closable } from "../lib/dialog.js";
 import { dim, make, makeButton, say, sayOrHide, show } from "../lib/dom.js";
+import { question } from "../lib/question.js";
 import {
   addPlace,
   changePlace,
@@ -17,6 +19,7 @@ export class PlacesPanel {
   #map = null;
   #earlier = [];
   #asked = null; // what the dialog's name is for: {title, name, yes, remove}
+  #deletes; // the question before a place is deleted
   #drives = false;
   #listening = new AbortController();
 
@@ -38,16 +41,18 @@ export class PlacesPanel {
     on("place-here", () => this.#addHere());
     on("map-name", () => this.#askMapName());
     on("places-import", () => parts["places-file"].click());
-    on("place-delete", () => this.#answered(this.#asked?.remove));
+    on("place-delete", () => this.#askDelete());
     parts["places-file"].addEventListener("change", () => this.#import(), { signal });
     parts["place-form"].addEventListener("submit", (event) => this.#named(event), { signal });
     parts.places.addEventListener("keydown", (event) => this.#typed(event), { signal });
     closable(parts["place-dialog"], signal);
+    this.#deletes = question(parts["place-delete-dialog"], () => this.#delete());
   }
 
   close() {
     this.#listening.abort();
     this.#parts["place-dialog"].close();
+    this.#deletes.close();
   }
 
   open(opens) {
@@ -58,7 +63,7 @@ export class PlacesPanel {
   set drives(drives) {
     this.#drives = drives;
     for (const button of this.#parts["places-list"].querySelectorAll(".place-go"))
-      dim(button, !drives);
+      dim(button, !drives, takeControlFirst());
   }
 
   /** @param {?object} map as the API describes it @param {object[]} earlier maps of the robot that have places */
@@ -150,6 +155,22 @@ export class PlacesPanel {
         return interpolate(gettext("The map is now “%s”."), [name]);
       },
     });
+  }
+
+  #askDelete() {
+    const { name } = this.#asked;
+    this.#parts["place-dialog"].close();
+    say(this.#parts["place-delete-title"], interpolate(gettext("Delete the place “%s”?"), [name]));
+    this.#deletes.ask();
+  }
+
+  async #delete() {
+    try {
+      this.#tell("success", await this.#asked.remove());
+    } catch (error) {
+      this.#tell("error", error.message);
+    }
+    this.#page.changed();
   }
 
   // --- dialog and file -----------------------------------------------------------------------------

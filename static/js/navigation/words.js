@@ -9,7 +9,7 @@ export function endText({ outcome, text }) {
   return interpolate(gettext("The drive to the place has ended. %s"), [text]);
 }
 
-/** "Drives to “kitchen”: 2.4 m left, 12 s". @param {{left_m: ?number, since_s: number, ending: string, place: string}} going */
+/** "Drives to “kitchen”: 2.4 m left, 12 s on the way". @param {{left_m: ?number, since_s: number, ending: string, place: string}} going */
 export function goingText({ left_m: left, since_s: since, ending = "", place = "" }) {
   const drives = place
     ? interpolate(gettext("Drives to “%s”"), [place])
@@ -17,6 +17,6 @@ export function goingText({ left_m: left, since_s: since, ending = "", place = "
   if (ending) return interpolate(gettext("%s: is being ended"), [drives]);
   const seconds = Math.round(since);
   return left === null || left === undefined
-    ? interpolate(gettext("%s: %s s"), [drives, seconds])
-    : interpolate(gettext("%s: %s m left, %s s"), [drives, left.toFixed(1), seconds]);
+    ? interpolate(gettext("%s: %s s on the way"), [drives, seconds])
+    : interpolate(gettext("%s: %s m left, %s s on the way"), [drives, left.toFixed(1), seconds]);
 }

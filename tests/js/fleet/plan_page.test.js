@@ -1,10 +1,19 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { PlanPage } from "../../../static/js/fleet/plan_page.js";
 import { whereText, whyNowhere } from "../../../static/js/fleet/plan_words.js";
+import { corners, toPixels, whole } from "../../../static/js/navigation/map_frame.js";
 import { FakeSocket, made } from "../fake_socket.js";
 
 const KITCHEN = { number: 1, name: "kitchen", x: 1, y: 1, heading: 0 };
-const MAP = { map: "abc", name: "Office", robots: ["one", "two"], places: [KITCHEN] };
+const SIDES = {
+  width: 100,
+  height: 80,
+  resolution_m: 0.1,
+  origin_x_m: -2,
+  origin_y_m: -2,
+  origin_rad: 0,
+};
+const MAP = { ...SIDES, map: "abc", name: "Office", robots: ["one", "two"], places: [KITCHEN] };
 const LOCATION = { x: 1.2, y: 1, heading: 0, sigma_m: 0, sigma_across_m: 0, problem: "" };
 const STATE = {
   phase: "online",
@@ -81,6 +90,23 @@ describe("the fleet plan", () => {
     expect(row("two").closest(".plan-map")).not.toBeNull();
     expect(row("three").hidden).toBe(true); // this person may not see it any more
     expect(document.querySelector("[data-part=rest]").hidden).toBe(true);
+  });
+
+  it("leads to the page of a robot that is pressed on the map", async () => {
+    await opened();
+    tell({ one: { state: STATE } });
+    const canvas = document.querySelector(".plan-map canvas");
+    Object.defineProperties(canvas, { clientWidth: { value: 400 }, clientHeight: { value: 300 } });
+    const link = document.querySelector(".plan-picked");
+    const pressed = (x, y) => {
+      for (const type of ["pointerdown", "pointerup"])
+        canvas.dispatchEvent(Object.assign(new Event(type), { clientX: x, clientY: y }));
+    };
+    expect(link.hidden).toBe(true);
+    pressed(...toPixels(whole(corners(MAP), 400, 300), [LOCATION.x, LOCATION.y], 400, 300));
+    expect([link.textContent, new URL(link.href).pathname]).toEqual(["Open Robot", "/robots/x/"]);
+    pressed(5, 5);
+    expect(link.hidden).toBe(true);
   });
 
   it("says that maps cannot be read, and lists all robots", async () => {

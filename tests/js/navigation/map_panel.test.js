@@ -1,15 +1,35 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { parts } from "../../../static/js/lib/dom.js";
+import { corners, toPixels, whole } from "../../../static/js/navigation/map_frame.js";
 import { MapPanel } from "../../../static/js/navigation/map_panel.js";
 import { endText, goingText } from "../../../static/js/navigation/words.js";
 
-const NAMES = ["map-none", "map-words", "places-none", "place-dialog-title", "place-refused"];
+const NAMES = [
+  ...["map-none", "map-words", "places-none", "place-dialog-title", "place-refused"],
+  ...["map-picked", "place-delete-title"],
+];
 const BUTTONS = [
   ...["map-open", "map-go", "map-places", "map-pose", "map-place", "map-in", "map-out", "map-fit"],
   ...["place-add", "place-here", "map-name", "places-import", "place-delete"],
+  ...["map-picked-go", "map-picked-close"],
 ];
 const KITCHEN = { number: 7, name: "kitchen", x: 3, y: 1.5, heading: 0.5 };
-const MAP = { map: "abc", name: "Office", robots: ["tiago-1"], earlier: [], changeable: true };
+const SIDES = {
+  width: 100,
+  height: 80,
+  resolution_m: 0.1,
+  origin_x_m: -2,
+  origin_y_m: -2,
+  origin_rad: 0,
+};
+const MAP = {
+  map: "abc",
+  name: "Office",
+  robots: ["tiago-1"],
+  earlier: [],
+  changeable: true,
+  ...SIDES,
+};
 const LOCATION = {
   x: 1,
   y: 2,
@@ -76,6 +96,7 @@ describe("the map over the picture", () => {
       <section data-part="places" hidden><h2 data-part="places-title"></h2><ul data-part="places-list"></ul>
       <ul data-part="places-earlier"></ul><div data-part="places-change"></div><a data-part="places-export"></a>
       <input type="file" data-part="places-file"></section>
+      <dialog data-part="place-delete-dialog"><form></form></dialog>
       <dialog data-part="place-dialog"><form data-part="place-form"><input data-part="place-name"></form></dialog>${BUTTONS.map(
         (name) => `<button data-part="${name}"></button>`,
       ).join("")}${NAMES.map((name) => `<p data-part="${name}"></p>`).join("")}`;
@@ -229,6 +250,43 @@ describe("the map over the picture", () => {
     expect(page.places.hidden).toBe(true);
   });
 
+  function pressed(canvas, x, y, slip = 0) {
+    canvas.dispatchEvent(pointer("pointerdown", x, y));
+    canvas.dispatchEvent(pointer("pointermove", x + slip, y));
+    canvas.dispatchEvent(pointer("pointerup", x + slip, y));
+  }
+
+  it("offers to drive to a place that is pressed on the map, and sends no robot before", async () => {
+    const canvas = await openedWith({ ...MAP, places: [KITCHEN] });
+    const [x, y] = toPixels(whole(corners(MAP), 400, 300), [KITCHEN.x, KITCHEN.y], 400, 300);
+    panel.drives = true;
+    pressed(canvas, x - 60, y);
+    expect(page["map-picked"].hidden).toBe(true);
+    pressed(canvas, x, y + 10, 5);
+    expect(page["map-picked-go"].textContent).toBe("Go to “kitchen”");
+    expect(order).not.toHaveBeenCalled();
+    page["map-picked-go"].click();
+    const goal = { t: "go", x: 3, y: 1.5, heading: 0.5, place: "kitchen" };
+    expect(order).toHaveBeenCalledExactlyOnceWith(goal);
+    expect(page["map-picked"].hidden).toBe(true);
+    pressed(canvas, x, y);
+    pressed(canvas, x - 60, y); // beside it
+    expect(page["map-picked"].hidden).toBe(true);
+    pressed(canvas, x, y, 30); // moves the map
+    expect(page["map-picked"].hidden).toBe(true);
+  });
+
+  it("says why it does not drive to a pressed place without control", async () => {
+    const canvas = await openedWith({ ...MAP, places: [KITCHEN] });
+    panel.drives = false;
+    pressed(canvas, ...toPixels(whole(corners(MAP), 400, 300), [KITCHEN.x, KITCHEN.y], 400, 300));
+    expect(page["map-picked-go"].title).toBe("Take control first.");
+    page["map-picked-go"].click();
+    expect(tell).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
+    expect(order).not.toHaveBeenCalled();
+    expect(page["map-picked"].hidden).toBe(false);
+  });
+
   it("keeps the focus at its place when the list changes, for letters drive the robot", async () => {
     await openedWith({ ...MAP, places: [KITCHEN] });
     const office = { ...KITCHEN, number: 8, name: "office" };
@@ -274,6 +332,11 @@ describe("the map over the picture", () => {
     answers.DELETE = { status: 204 };
     rowButtons()[1].click();
     page["place-delete"].click();
+    expect(page["place-delete-title"].textContent).toBe("Delete the place “kitchen”?");
+    expect(page["place-dialog"].open).toBe(false);
+    await Promise.resolve();
+    expect(asked.some(([method]) => method === "DELETE")).toBe(false);
+    page["place-delete-dialog"].querySelector("form").dispatchEvent(new Event("submit"));
     await vi.waitFor(() =>
       expect(tell).toHaveBeenCalledWith(
         expect.objectContaining({ text: "The place “kitchen” was deleted." }),
@@ -298,11 +361,15 @@ describe("words", () => {
   it("pass on why a drive ended", () => {
     expect(endText({ outcome: "failed", text: "Navigation said: no plan." })).toContain("no plan");
     expect(endText({ outcome: "replaced", text: "" })).toContain("stick");
-    expect(goingText({ left_m: 2.44, since_s: 5.2 })).toBe("Drives to a place: 2.4 m left, 5 s");
-    expect(goingText({ left_m: 2.44, since_s: 5.2, place: "kitchen" })).toBe(
-      "Drives to “kitchen”: 2.4 m left, 5 s",
+    expect(goingText({ left_m: 2.44, since_s: 5.2 })).toBe(
+      "Drives to a place: 2.4 m left, 5 s on the way",
     );
-    expect(goingText({ left_m: null, since_s: 3, ending: "" })).toBe("Drives to a place: 3 s");
+    expect(goingText({ left_m: 2.44, since_s: 5.2, place: "kitchen" })).toBe(
+      "Drives to “kitchen”: 2.4 m left, 5 s on the way",
+    );
+    expect(goingText({ left_m: null, since_s: 3, ending: "" })).toBe(
+      "Drives to a place: 3 s on the way",
+    );
     expect(goingText({ left_m: 1, since_s: 3, ending: "because" })).toContain("ended");
   });
 });

@@ -437,7 +437,7 @@ describe("what is being said", () => {
     expect(parts["drive-words"].textContent).toBe("Turns: -46 of -90°");
     running.state = { going: { who: "Bo", left_m: 2.4, since_s: 5, ending: "" } };
     expect(parts["drive-runs"].hidden).toBe(true);
-    expect(parts["go-words"].textContent).toBe("Drives to a place: 2.4 m left, 5 s");
+    expect(parts["go-words"].textContent).toBe("Drives to a place: 2.4 m left, 5 s on the way");
     parts["go-cancel"].click();
     expect(send).toHaveBeenCalledWith({ t: "go_cancel" });
     running.state = {};
