@@ -40,7 +40,7 @@ def test_an_ill_part_is_on_card_and_page_with_its_time_and_told_once(
     observer, staff = person("observer"), person("staff")
     staff.open("/")
     card = staff.page.locator(f"[data-robot={ROBOT}] [data-part=health]")
-    expect(card).to_have_text(re.compile("All well: . parts say so, at most .. °C"))
+    expect(card).to_have_text(re.compile("All well \\(. parts\\), at most .. °C"))
     observer.watch(ROBOT)
     observer.until(lambda: (observer.state.get("health") or {}).get("level") == "ok", "a healthy robot")
     expect(observer.part("health-open")).to_be_hidden()

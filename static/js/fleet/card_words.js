@@ -59,7 +59,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
     battery: unknown ? "–" : batteryText(state),
     health: unknown ? "–" : cardHealth(state.health ?? null, Date.now()),
     healthLevel: unknown ? "ok" : MARKS[state.health?.level ?? "ok"],
-    gate: unknown || plain(verdictText(state.verdict)) || gettext("Free"),
+    gate: unknown || plain(verdictText(state.verdict)) || gettext("Nothing holds it back"),
     stop: stopWord(stop.state, unknown),
     stopped: latched,
     stopWhy: latched
@@ -91,7 +91,7 @@ function watchdogMissing() {
 }
 
 function stopWord(state, unknown) {
-  if (state === "clear") return unknown || gettext("Clear");
+  if (state === "clear") return unknown || gettext("Not pressed");
   if (unknown) return gettext("Pressed");
   return state === "stopping" ? gettext("Stopping") : gettext("Stopped");
 }

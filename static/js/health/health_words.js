@@ -40,9 +40,7 @@ export function healthText(health) {
   if (!health) return "–";
   const { parts, parts_more: more, well } = health;
   if (!parts.length)
-    return well === 1
-      ? gettext("All well: its one part says so")
-      : interpolate(gettext("All well: %s parts say so"), [well]);
+    return interpolate(ngettext("All well (%s part)", "All well (%s parts)", well), [well]);
   const others = parts.length + more - 1;
   const worst = partText(parts[0]);
   return others ? interpolate(gettext("%s, and %s more"), [worst, others]) : worst;

@@ -43,8 +43,8 @@ describe("a card", () => {
       status: "Online",
       battery: "84 %, charging",
       driver: "Nobody",
-      gate: "Free",
-      stop: "Clear",
+      gate: "Nothing holds it back",
+      stop: "Not pressed",
     });
   });
 
@@ -362,7 +362,7 @@ describe("the fleet page", () => {
     refuses({ figures: { slug: "tiago-2" } });
     hears({ "tiago-1": clear, "tiago-2": clear, "tiago-3": clear });
     hears({ "tiago-1": clear, "tiago-2": away, "tiago-3": clear });
-    expect(ofCards("stop-state")).toEqual(["Clear", "unknown", "Clear"]);
+    expect(ofCards("stop-state")).toEqual(["Not pressed", "unknown", "Not pressed"]);
   });
 
   it("shows the server's words for an unknown robot", () => {

@@ -45,13 +45,13 @@ describe("health in words", () => {
 
   it("names the worst part, and counts the others", () => {
     expect(healthText(null)).toBe("–");
-    expect(healthText(WELL)).toBe("All well: 6 parts say so");
+    expect(healthText(WELL)).toBe("All well (6 parts)");
     expect(healthText(ill(SPEAKERS))).toBe("Speakers: no answer");
     expect(healthText({ ...ill(SPEAKERS, MOTOR), parts_more: 4 })).toBe(
       "Speakers: no answer, and 5 more",
     );
     expect(cardHealth({ ...WELL, temperatures: [{ name: "Motor", celsius: 84 }] }, 0)).toBe(
-      "All well: 6 parts say so, at most 84 °C",
+      "All well (6 parts), at most 84 °C",
     );
     expect(cardHealth(ill(SPEAKERS), 1e12)).toMatch(/^Speakers: no answer \(since .+\)$/);
     expect(partText({ ...MOTOR, level: "silent" })).toBe("Motor: reports nothing any more");
