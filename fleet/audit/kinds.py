@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import Enum
 
 from django.db.models import TextChoices
@@ -166,6 +167,32 @@ KINDS: dict[str, Kind] = {
     "audit.clock": Kind(_("clock of the console judged")),
     "audit.erase": Kind(_("person erased")),
 }
+
+
+# Subjects of kinds, for a filter that is read group by group: by the first part of a kind's name.
+_GROUPS: tuple[tuple[str | Promise, tuple[str, ...]], ...] = (
+    (_("Speech"), ("speech",)),
+    (_("Driving and motions"), ("drive", "go", "limb", "pose", "motion", "head", "memory")),
+    (_("Gate and refusals"), ("gate", "refusal")),
+    (_("Control"), ("control",)),
+    (_("Stop"), ("stop",)),
+    (_("Health and faults"), ("health", "fault")),
+    (_("Topics, services and cameras"), ("publish", "topic", "service", "parameter", "camera")),
+    (_("Bookings"), ("booking", "policy")),
+    (_("Robots, phrases and places"), ("robot", "profile", "phrase", "place", "map", "allowance")),
+    (_("Rights and courses"), ("role", "group", "course", "qualification")),
+    (_("Accounts"), ("account", "token", "setup")),
+    (_("Log and webhooks"), ("audit", "webhook")),
+)
+
+
+def grouped(kinds: Iterable[str]) -> list[tuple[str | Promise, list[str]]]:
+    """The kinds by their subject, each group with its name. A group without kinds is left out."""
+    kinds = list(kinds)
+    groups = [
+        (name, [kind for kind in kinds if kind.split(".")[0] in subjects]) for name, subjects in _GROUPS
+    ]
+    return [(name, found) for name, found in groups if found]
 
 
 def kinds_listed(listing: Listing) -> list[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fleet.audit.kinds import KINDS
+from fleet.audit.kinds import KINDS, grouped
 from fleet.audit.reading import wording
 from robots.recording.bridge_records import ENDS
 
@@ -88,6 +88,12 @@ def test_every_kind_has_words_of_its_own():
     labels = [wording.label(name) for name in KINDS]
     assert len(set(labels)) == len(labels)
     assert all(label and "." not in label for label in labels)
+
+
+def test_the_filter_has_every_kind_in_one_group():
+    assert sorted(kind for _name, kinds in grouped(KINDS) for kind in kinds) == sorted(KINDS)
+    found = {str(name): kinds for name, kinds in grouped(["health.worse", "fault", "speech.start"])}
+    assert found == {"Speech": ["speech.start"], "Health and faults": ["health.worse", "fault"]}
 
 
 def test_every_kind_has_a_row_in_the_docs_and_every_row_a_kind():

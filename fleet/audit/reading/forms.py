@@ -14,7 +14,7 @@ from django.utils.translation import gettext_lazy as _
 
 from fleet import zones
 from fleet.audit.integrity.canonical import NO_ROBOT
-from fleet.audit.kinds import KINDS
+from fleet.audit.kinds import KINDS, grouped
 from fleet.audit.models import Actor, Chain
 from fleet.audit.reading import wording
 from fleet.audit.reading.listing import CONSOLE, Wanted, seen, that_begin, with_ends
@@ -85,7 +85,10 @@ class FilterForm(forms.Form):
         self.fields["person"].widget = forms.TextInput(
             attrs={"type": "search", "autocomplete": "off", "data-people": reverse("admin:audit_people")}
         )
-        self.offer("kind", [(kind, wording.label(kind)) for kind in that_begin(listed)])
+        groups = grouped(that_begin(listed))
+        self.offer(
+            "kind", [(name, [(kind, wording.label(kind)) for kind in found]) for name, found in groups]
+        )
         outcomes = dict.fromkeys(outcome for _kind, outcome in seen(with_ends(listed)))
         self.offer("outcome", sorted((outcome, wording.outcome(outcome)) for outcome in outcomes))
         if outcomes_are is not None:
@@ -121,7 +124,7 @@ class FilterForm(forms.Form):
         """Return whether it asks for less than everything."""
         return any(self.data.get(name) for name in self.fields)
 
-    def offer(self, name: str, choices: Sequence[tuple[str, Any]]) -> None:
+    def offer(self, name: str, choices: Sequence[tuple[Any, Any]]) -> None:
         """Let one of these be chosen, or none."""
         cast(forms.ChoiceField, self.fields[name]).choices = [*ANY, *choices]
 

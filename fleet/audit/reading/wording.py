@@ -60,8 +60,8 @@ def who(record: Record) -> str:
 
 
 def outcome(code: str) -> str:
-    """An outcome, or why something was refused, to be read: codes are words."""
-    return code.replace("_", " ")
+    """An outcome, or why something was refused, to be read: most codes are words."""
+    return _("interrupted from outside") if code == "intruder" else code.replace("_", " ")
 
 
 def subject(record: Record) -> str:
@@ -90,7 +90,7 @@ def figure(name: str, value: Any) -> str:
     for ending, unit in _UNITS.items():
         if name.endswith(ending) and isinstance(value, int | float):
             return f"{_plain(name.removesuffix(ending))} {value:g} {unit}"
-    return f"{_plain(name)} {_moment(value) or said(value)}"
+    return f"{_plain(name)} {said(value)}"
 
 
 def _moment(value: Any) -> str:
@@ -137,7 +137,7 @@ def said(value: Any) -> str:
             return ", ".join(said(entry) for entry in value) or _("none")
         case float():
             return f"{value:g}"
-    return str(value)
+    return _moment(value) or str(value)
 
 
 def _is_short(value: Any) -> bool:

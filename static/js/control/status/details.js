@@ -1,6 +1,7 @@
 /** The side panel: sensors, standing limits, who watches, what the robot refused. */
 
 import { make, say, sayOrHide, show } from "../../lib/dom.js";
+import { pageLanguage } from "../../lib/languages.js";
 import { timeText } from "../../lib/times.js";
 import { namesOf, plain, sensorName, stickWords } from "./plain_words.js";
 import { overloadText, watchdogText } from "./robot_words.js";
@@ -29,6 +30,13 @@ export function skewText({ clock_skew_s: skewS }) {
       ? gettext("The robot’s clock is %s s ahead of this console’s.")
       : gettext("The robot’s clock is %s s behind this console’s.");
   return interpolate(text, [Math.abs(skewS).toFixed(1)]);
+}
+
+/** A count as people read it: a large one is rounded. */
+function roughly(count) {
+  if (count < 100) return String(count);
+  const rounded = Number(count.toPrecision(2)).toLocaleString(pageLanguage());
+  return interpolate(gettext("about %s"), [rounded]);
 }
 
 /** A sensor's plain name over its technical one, and how it is. */
@@ -92,7 +100,7 @@ export class Details {
       interpolate(gettext("Also publishing to the drive topic: %s"), [state.foreign.join(", ")]),
     );
     const counts = Object.entries(state.refused).map(
-      ([code, count]) => `${code.replaceAll("_", " ")}: ${count}`, // as all pages read codes
+      ([code, count]) => `${code.replaceAll("_", " ")}: ${roughly(count)}`, // as all pages read codes
     );
     fill(refusals, counts.length ? counts : [gettext("None")]);
   }
