@@ -9,7 +9,7 @@ import django
 
 from robots.bridge.config import ArmSource, HeadSource
 from robots.bridge.gate.values import GateProfile
-from robots.registry.robot_config import Effective
+from robots.registry.configuration.robot_config import Effective
 
 
 def tiago_profile() -> GateProfile:
@@ -37,7 +37,7 @@ def tiago_head() -> HeadSource:
 def _config() -> Effective:
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
     django.setup()
-    from robots.registry import robot_config
+    from robots.registry.configuration import robot_config
     from robots.registry.models import Robot, RobotProfile
     from robots.registry.shipped import fill, profile_files
 

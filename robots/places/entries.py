@@ -15,8 +15,8 @@ from msgspec import Struct
 
 from robots.bridge.gate.geometry.planar import wrapped
 from robots.bridge.gate.values import Pose
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.phrases import shortened
-from robots.registry.profile_schema import Problems
 from robots.wire.navigation import FARTHEST_PLACE_M
 
 LONGEST_NAME = 60  # characters

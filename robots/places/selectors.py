@@ -16,9 +16,9 @@ from robots.bridge.gate.values import Pose
 from robots.bridge.navigation.goal_map import GoalMap
 from robots.places.entries import key_of
 from robots.places.models import Place, SharedMap
-from robots.registry import robot_config
+from robots.registry.configuration import robot_config
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot, RobotMap, Role
-from robots.registry.profile_schema import Problems
 from robots.wire import NotDone, Refusal
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from fleet.audit.services import record
 from robots.places.entries import MOST_PLACES, PlaceEntry, entry_of, why_no_name
 from robots.places.models import Place, SharedMap
 from robots.places.selectors import Room
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.phrases import shortened
-from robots.registry.profile_schema import Problems
 from robots.wire import NotDone, Refusal
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
 from robots.registry import phrases, services
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Allowance, Phrase, Robot, RobotProfile
-from robots.registry.profile_schema import Problems
 from robots.registry.selectors import first_language
 
 

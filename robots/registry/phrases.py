@@ -13,7 +13,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from robots.bridge.tasks.speech import why_not_speakable
-from robots.registry.profile_schema import LANGUAGE, Problems
+from robots.registry.configuration.profile_schema import LANGUAGE, Problems
 
 LARGEST_FILE_BYTES = 1_000_000
 MOST_PHRASES = 1000  # in one file

@@ -31,8 +31,8 @@ from robots.bridge.probe_findings import (
     TopicFound,
     watchdog_name,
 )
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot
-from robots.registry.profile_schema import Problems
 from robots.registry.selectors import bridge_config
 from robots.supervisor.ros_environment import WrapperMissing, ros_environment
 

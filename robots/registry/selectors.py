@@ -17,10 +17,10 @@ from robots.bridge.config import Allowed, BridgeConfig, LimbSource, LinkAddress,
 from robots.bridge.drive.input_filters import describe
 from robots.bridge.gate.values import GateProfile
 from robots.bridge.tasks.denylist import admissible
-from robots.registry import robot_config
+from robots.registry.configuration import robot_config
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Allowance, Phrase, Robot, RobotProfile
 from robots.registry.phrases import FALLBACK_LANGUAGE
-from robots.registry.profile_schema import Problems
 from robots.wire import CameraEntry, LimbRange, Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
 DISC_CORNERS = 32  # of the polygon that a disc is drawn as

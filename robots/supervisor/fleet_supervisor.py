@@ -23,8 +23,8 @@ from fleet.audit.errors import AuditUnavailable
 from robots.bridge.watchdog.config import watchdog_config
 from robots.processes.shutdown import exit_within
 from robots.recording.faults import bridge_is
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import BridgeStatus, Robot
-from robots.registry.profile_schema import Problems
 from robots.registry.selectors import bridge_config, require_link_settings
 from robots.registry.services import bridge_status_set
 from robots.supervisor.process_keeper import (

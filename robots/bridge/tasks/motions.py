@@ -59,7 +59,7 @@ class _MotionTexts(Struct):
 for _kind in (
     _MotionPoints,
     _MotionTexts,
-):  # create decoders before threads start: see robots/registry/profile_schema.py
+):  # create decoders before threads start: see robots/registry/configuration/profile_schema.py
     msgspec.json.Decoder(_kind)
 
 

@@ -10,7 +10,8 @@ from django.utils.translation import gettext_lazy as _
 
 from robots.bridge.config import Topics
 from robots.bridge.tasks.denylist import why_denied
-from robots.registry import phrases, profile_schema, robot_config
+from robots.registry import phrases
+from robots.registry.configuration import profile_schema, robot_config
 from robots.registry.models.registry import Robot, RobotProfile, Role, topic_name
 
 

@@ -18,7 +18,7 @@ from django.utils.translation import gettext_lazy as _
 
 from robots.bridge.drive import input_filters as stick
 from robots.bridge.tasks.denylist import USE_TYPES
-from robots.registry import addresses, profile_schema, robot_config
+from robots.registry.configuration import addresses, profile_schema, robot_config
 
 T = TypeVar("T")
 

@@ -4,22 +4,9 @@ from __future__ import annotations
 
 from django.urls import path, re_path
 
-from teleop.api.v1 import (
-    bookings,
-    control,
-    courses,
-    description,
-    events,
-    limbs,
-    navigation,
-    records,
-    robots,
-    tasks,
-    topics,
-    unknown_address,
-    views,
-)
+from teleop.api.v1 import bookings, courses, events, records, unknown_address, views
 from teleop.api.v1.maps import maps, places
+from teleop.api.v1.robot import control, description, limbs, navigation, robots, tasks, topics
 from teleop.api.v1.setup import (
     groups,
     invitations,

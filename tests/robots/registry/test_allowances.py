@@ -13,8 +13,8 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.bridge.config import Allowed, Topic
 from robots.bridge.tasks.denylist import why_denied
+from robots.registry.configuration.robot_config import profile_topics
 from robots.registry.models import Allowance, Robot, RobotProfile, Role
-from robots.registry.robot_config import profile_topics
 from robots.registry.selectors import allowed_on, bridge_config
 from robots.registry.services import entry_delete, entry_save
 from teleop.control.selectors import robot_entry

@@ -16,9 +16,9 @@ from django.urls import reverse
 
 from fleet.accounts.models import User
 from fleet.audit.models import Record
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Phrase, Robot, RobotProfile
 from robots.registry.phrases import MOST_PHRASES, Line, read, written
-from robots.registry.profile_schema import Problems
 from robots.registry.services import entry_delete, entry_save, phrases_import
 
 # 139 characters before spaces are added

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robots.bridge.config import GRIPPER_COMMAND, TRAJECTORY, ArmSource, LimbSource, Topic, Topics
-from robots.registry.profile_schema import topic_problems
+from robots.registry.configuration.profile_schema import topic_problems
 
 DRIVE, ODOMETRY = Topic("/cmd_vel", "geometry_msgs/Twist"), Topic("/odom", "nav_msgs/Odometry")
 

@@ -8,8 +8,8 @@ import pytest
 from django.core.exceptions import ValidationError
 from django.test import override_settings
 
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot, RobotProfile
-from robots.registry.profile_schema import Problems
 from robots.registry.selectors import bridge_config, require_link_settings, robot_facts
 
 pytestmark = pytest.mark.django_db

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from robots.bridge.config import Topics
 from robots.bridge.gate.values import Parameters
-from robots.registry import robot_config
+from robots.registry.configuration import robot_config
 from robots.registry.models import Robot, RobotProfile
 from robots.registry.shipped import profile_files
 
@@ -23,8 +23,8 @@ pytestmark = pytest.mark.django_db
 # As in a new web process, when several pages use it first at once.
 FIRST_USES = """
 import sys, threading
-from robots.registry import profile_schema
-from robots.registry.profile_schema import Footprint, Overrides, Parameters, Problems, StickChain, Topics
+from robots.registry.configuration import profile_schema
+from robots.registry.configuration.profile_schema import Footprint, Overrides, Parameters, Problems, StickChain, Topics
 
 sys.setswitchinterval(1e-6)
 together = threading.Barrier(4)

@@ -22,9 +22,9 @@ from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import token_make
 from robots import wire
 from robots.registry.models import Robot
-from teleop.api.v1 import topics
 from teleop.api.v1.framework import idempotency, rates
 from teleop.api.v1.programs import connection, registry, topic_queries
+from teleop.api.v1.robot import topics
 from teleop.background.database import in_database
 from teleop.models import KeyedRequest
 from tests.teleop.api.test_bookings import hour, words
@@ -229,7 +229,7 @@ async def not_recorded(ask: Asker) -> str:
 
 
 async def not_cleared(ask: Asker) -> str:
-    from teleop.api.v1 import tasks
+    from teleop.api.v1.robot import tasks
 
     ask.patch.setattr(tasks, "CLEARED_S", 0.0)
     return await served(ask, sends("POST", f"{ROBOT}/stop/clear", {"number": 1}))

@@ -14,7 +14,7 @@ from robots.places.entries import PlaceEntry
 from robots.places.models import Place
 from robots.places.services import place_add
 from robots.registry.models import Robot, Role
-from teleop.api.v1.tasks import TasksBase
+from teleop.api.v1.robot.tasks import TasksBase
 from tests.robots.places.maps import map_of
 from tests.teleop.api.conftest import Caller
 

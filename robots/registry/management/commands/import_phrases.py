@@ -9,8 +9,8 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from fleet.audit.command_line import here
 from robots.registry import phrases
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.management.owner import add_owner_arguments, owner_in
-from robots.registry.profile_schema import Problems
 from robots.registry.selectors import first_language
 from robots.registry.services import phrases_import
 

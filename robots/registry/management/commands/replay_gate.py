@@ -15,8 +15,8 @@ from robots.bridge.config import BridgeConfig
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import Verdict
 from robots.bridge.gate_recording import BadRecording, replay
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot
-from robots.registry.profile_schema import Problems
 from robots.registry.selectors import bridge_config
 
 

@@ -13,8 +13,8 @@ from django.db import connections
 
 from robots.bridge.process import run
 from robots.recording.bridge_records import AuditSink
+from robots.registry.configuration.profile_schema import Problems
 from robots.registry.models import Robot
-from robots.registry.profile_schema import Problems
 from robots.registry.selectors import bridge_config, require_link_settings
 
 

@@ -15,7 +15,7 @@ from robots.places import entries, selectors, services
 from robots.places.entries import LARGEST_FILE, LONGEST_NAME, PlaceEntry
 from robots.places.models import Place
 from robots.places.services import Imported
-from robots.registry.profile_schema import Problems
+from robots.registry.configuration.profile_schema import Problems
 from robots.wire import Refusal
 from robots.wire.navigation import Coordinate, Heading
 from teleop.api.v1.framework.operation import operation

@@ -16,7 +16,7 @@ from msgspec import Struct
 from robots.bridge.config import ArmSource, DepthSource, Topic, Topics
 from robots.bridge.drive.input_filters import StickStep
 from robots.bridge.gate.values import DepthView, GateProfile, Limits, Parameters
-from robots.registry.profile_schema import (
+from robots.registry.configuration.profile_schema import (
     CAREFUL_WHEN_SMALL,
     Footprint,
     Overrides,

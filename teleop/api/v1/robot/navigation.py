@@ -18,11 +18,11 @@ from robots.places.selectors import place_of_robot
 from robots.registry.models import Robot, RobotMap
 from robots.wire import Refusal
 from robots.wire.navigation import Coordinate, Heading
-from teleop.api.v1.control import ProgramView
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
-from teleop.api.v1.tasks import TaskEntry, TasksBase
+from teleop.api.v1.robot.control import ProgramView
+from teleop.api.v1.robot.tasks import TaskEntry, TasksBase
 
 NO_MAP = Refusal(
     "not_found", "The console knows no map of this robot yet: it is read while somebody has control.", "robot"

@@ -17,7 +17,7 @@ from robots.wire import Limb, Refusal
 from robots.wire.limbs import LimbPlace
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.problems import Problem
-from teleop.api.v1.tasks import TaskEntry, TasksBase
+from teleop.api.v1.robot.tasks import TaskEntry, TasksBase
 
 
 class GripperRequest(Struct, frozen=True, forbid_unknown_fields=True):

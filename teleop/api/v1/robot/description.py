@@ -17,10 +17,10 @@ from robots.description.drawable import Drawable, drawable
 from robots.description.meshes import Mesh, NoMesh, mesh_at
 from robots.registry.models import Robot, RobotDescription
 from robots.wire import Refusal
-from teleop.api.v1.control import ProgramView
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
+from teleop.api.v1.robot.control import ProgramView
 
 NO_DESCRIPTION = Refusal(
     "not_found",

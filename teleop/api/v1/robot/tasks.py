@@ -23,13 +23,13 @@ from robots.registry.models import Robot
 from robots.registry.selectors import link_address
 from robots.wire import MotionOffer, NotDone, Refusal, StopState
 from robots.wire.base import FARTHEST_HEAD_RAD
-from teleop.api.v1.control import ProgramView
 from teleop.api.v1.framework.long_poll import LongPoll
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time, whole_number
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.api.v1.programs.outcomes import outcomes
 from teleop.api.v1.programs.registry import programs
+from teleop.api.v1.robot.control import ProgramView
 from teleop.webhooks.news import newest_record
 
 LONGEST_WAIT_S = 30

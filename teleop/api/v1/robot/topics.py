@@ -28,11 +28,11 @@ from robots.wire import (
     TypeName,
     Use,
 )
-from teleop.api.v1.control import ProgramView
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.programs import topic_queries
 from teleop.api.v1.programs.registry import programs
+from teleop.api.v1.robot.control import ProgramView
 
 MOST_ASKING = 6  # questions at once: each keeps a thread, and pages need some, too
 
