@@ -42,7 +42,7 @@ class Follower:
 
 
 def pushed(axis: float) -> float:
-    """Joystick deflection for this stick value: the inverse of the curve in static/js/drive/shaping.js."""
+    """Joystick deflection for this stick value: the inverse of the curve in static/js/drive/input/shaping.js."""
     wanted, low, high = abs(axis), 0.0, 1.0
     for _ in range(20):
         middle = (low + high) / 2.0

@@ -1,6 +1,6 @@
 /** Times of sending the stick: often out of neutral, seldom at rest, never while the network is full. */
 
-import { isNeutral, NEUTRAL } from "./stick.js";
+import { isNeutral, NEUTRAL } from "./input/stick.js";
 
 const DRIVING_MS = 1000 / 30;
 const RESTING_MS = 200;
@@ -30,7 +30,7 @@ export class DriveSender {
 
   /**
    * @param {{send: (message: object) => boolean, backlog: number}} socket
-   * @param {import("./stick.js").Stick} stick
+   * @param {import("./input/stick.js").Stick} stick
    * @param {() => number} clock milliseconds, growing over reloads of the tab
    */
   constructor(socket, stick, clock) {

@@ -6,7 +6,7 @@
  */
 
 import { takeControlFirst } from "../control/lease.js";
-import { isEditing } from "../drive/keyboard.js";
+import { isEditing } from "../drive/input/keyboard.js";
 import { dim, mark, show } from "../lib/dom.js";
 
 const PERIOD_MS = 150;

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { DriveSender, isDue } from "../../../static/js/drive/drive_sender.js";
-import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
+import { NEUTRAL, Stick } from "../../../static/js/drive/input/stick.js";
 
 const FORWARD = { x: 1, y: 0, w: 0 };
 

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Joystick, STICKY_MS } from "../../../static/js/drive/joystick.js";
-import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
+import { Joystick, STICKY_MS } from "../../../../static/js/drive/input/joystick.js";
+import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
 
 const SIZE = 200;
 let resized;

@@ -5,8 +5,8 @@ import {
   fromJoystick,
   fullAtRim,
   withoutDeadZone,
-} from "../../../static/js/drive/shaping.js";
-import { NEUTRAL } from "../../../static/js/drive/stick.js";
+} from "../../../../static/js/drive/input/shaping.js";
+import { NEUTRAL } from "../../../../static/js/drive/input/stick.js";
 
 describe("the dead zone", () => {
   it("ignores small values and still reaches full", () => {

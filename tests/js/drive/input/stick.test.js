@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, it } from "vitest";
-import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
+import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
 
 const FORWARD = { x: 1, y: 0, w: 0 };
 const LEFT = { x: 0, y: 0, w: 1 };

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it } from "vitest";
-import { keysHelp } from "../../../static/js/drive/keys_help.js";
+import { keysHelp } from "../../../../static/js/drive/input/keys_help.js";
 
 describe("the map of the keys", () => {
   let dialog;

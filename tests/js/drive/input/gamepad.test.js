@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { firstPad, listenToGamepad } from "../../../static/js/drive/gamepad.js";
-import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
+import { firstPad, listenToGamepad } from "../../../../static/js/drive/input/gamepad.js";
+import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
 
 const pushed = () => ({ connected: true, axes: [0, -1, 0, 0], buttons: [{}, { pressed: false }] });
 

@@ -1,6 +1,6 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
-import { reverseIsBlind, TurnAndLook } from "../../../static/js/drive/turn.js";
+import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
+import { reverseIsBlind, TurnAndLook } from "../../../../static/js/drive/input/turn.js";
 
 const BLIND = {
   code: "blind_direction",

@@ -1,6 +1,6 @@
 /** The map of keyboard and gamepad: shown on "?", and from the menu. */
 
-import { closable } from "../lib/dialog.js";
+import { closable } from "../../lib/dialog.js";
 import { isEditing } from "./keyboard.js";
 
 /**

@@ -1,6 +1,6 @@
 /** The joystick on the page: nipplejs draws it and follows the finger, this feeds the stick. */
 
-import { create, factory } from "../../vendor/nipplejs/index.mjs";
+import { create, factory } from "../../../vendor/nipplejs/index.mjs";
 import { fromJoystick } from "./shaping.js";
 import { NEUTRAL } from "./stick.js";
 

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { axesOf, listenToKeys } from "../../../static/js/drive/keyboard.js";
-import { NEUTRAL, Stick } from "../../../static/js/drive/stick.js";
+import { axesOf, listenToKeys } from "../../../../static/js/drive/input/keyboard.js";
+import { NEUTRAL, Stick } from "../../../../static/js/drive/input/stick.js";
 
 describe("held keys", () => {
   it("mean the same as letters and as arrows", () => {

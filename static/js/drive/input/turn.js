@@ -3,8 +3,8 @@
  * It acts as a stick held sideways while a finger is on it; dead-man rule and gate apply as always.
  */
 
-import { takeControlFirst } from "../control/lease.js";
-import { dim, show } from "../lib/dom.js";
+import { takeControlFirst } from "../../control/lease.js";
+import { dim, show } from "../../lib/dom.js";
 import { NEUTRAL } from "./stick.js";
 
 const INPUT = "turn";
