@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import posixpath
 import re
 from functools import cache
@@ -15,7 +16,11 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
 DOCS: Path = settings.BASE_DIR / "docs"
+PICTURES = {".png": "image/png", ".svg": "image/svg+xml"}
 INDEX = "README"  # of each folder; it has the folder's own address
+
+
+_MARKDOWN = MarkdownIt("commonmark", {"html": False}).enable("table")
 
 
 class Page(NamedTuple):
@@ -34,14 +39,18 @@ def known() -> frozenset[str]:
 @cache
 def pictures() -> frozenset[str]:
     """Return the file names of all pictures."""
-    return frozenset(path.name for path in (DOCS / "img").glob("*.png"))
+    return frozenset(path.name for path in (DOCS / "img").iterdir() if path.suffix in PICTURES)
+
+
+def drawings(name: str) -> dict[str, str]:
+    """Return the Mermaid sources in a page by the file names of their drawings, which script/drawings makes."""
+    return {_drawing(name, token.content): token.content for token in _parsed(name) if _is_source(token)}
 
 
 @cache
 def page(name: str) -> Page:
     """Return a page of `known`."""
-    markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
-    tokens = markdown.parse((DOCS / f"{name}.md").read_text(encoding="utf-8"))
+    tokens = _parsed(name)
     title = name
     for at, token in enumerate(tokens):
         if token.type == "heading_open":
@@ -49,8 +58,12 @@ def page(name: str) -> Page:
             token.attrSet("id", _anchor(words))
             title = words if token.tag == "h1" else title
         _lead(token, posixpath.dirname(name))
-    tokens = _scrolling(tokens)
-    return Page(title, markdown.renderer.render(tokens, markdown.options, {}))
+    tokens = _scrolling(_drawn(tokens, name))
+    return Page(title, _MARKDOWN.renderer.render(tokens, _MARKDOWN.options, {}))
+
+
+def _parsed(name: str) -> list[Token]:
+    return _MARKDOWN.parse((DOCS / f"{name}.md").read_text(encoding="utf-8"))
 
 
 def _words(inline: Token) -> str:
@@ -99,13 +112,36 @@ def address_of(name: str) -> str:
     return reverse("help-page", args=[shown]) if shown else reverse("help")
 
 
+def _is_source(token: Token) -> bool:
+    return token.type == "fence" and token.info == "mermaid"
+
+
+def _drawing(name: str, source: str) -> str:
+    """Return the file name of a drawing. It changes with the source, so that no page shows an old drawing."""
+    return f"{posixpath.basename(name)}-{hashlib.sha256(source.encode()).hexdigest()[:12]}.svg"
+
+
+def _drawn(tokens: list[Token], name: str) -> list[Token]:
+    """Put drawings in the place of their sources. A source without a drawing stays as text."""
+    return [_image(token, name) if _is_source(token) else token for token in tokens]
+
+
+def _image(source: Token, name: str) -> Token:
+    file = _drawing(name, source.content)
+    if file not in pictures():
+        return source
+    said = re.search(r"^ *accDescr: (.+)$", source.content, re.MULTILINE)
+    attrs = {"class": "drawing", "src": reverse("help-picture", args=[file]), "alt": said[1] if said else ""}
+    return Token("drawing", "img", 0, attrs=attrs)
+
+
 def _scrolling(tokens: list[Token]) -> list[Token]:
-    """Put each table into a box that scrolls, so that a phone's page does not."""
+    """Put each table and drawing into a box that scrolls, so that a phone's page does not."""
     boxed: list[Token] = []
     for token in tokens:
-        if token.type == "table_open":
+        if token.type in ("table_open", "drawing"):
             boxed.append(Token("box_open", "div", 1, attrs={"class": "table-scroll", "tabindex": "0"}))
         boxed.append(token)
-        if token.type == "table_close":
+        if token.type in ("table_close", "drawing"):
             boxed.append(Token("box_close", "div", -1))
     return boxed

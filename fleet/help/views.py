@@ -25,4 +25,5 @@ def picture(_request: HttpRequest, name: str) -> HttpResponse:
     """Send a picture of the pages."""
     if name not in pages.pictures():
         raise Http404
-    return HttpResponse((pages.DOCS / "img" / name).read_bytes(), content_type="image/png")
+    file = pages.DOCS / "img" / name
+    return HttpResponse(file.read_bytes(), content_type=pages.PICTURES[file.suffix])

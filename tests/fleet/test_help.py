@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 
 import pytest
@@ -59,3 +60,25 @@ def test_help_is_for_people_who_are_signed_in(client: Client) -> None:
     answer = client.get(reverse("help-page", args=["operators"]), headers={"Accept": "text/html"})
     assert answer.status_code == 302
     assert "/accounts/sign-in/" in answer.headers["Location"]
+
+
+def test_each_drawing_is_as_new_as_its_source_and_says_what_it_shows(reader: Client) -> None:
+    """A drawing's name has the hash of its source: after a change of the source run script/drawings."""
+    wanted = {file: (name, text) for name in pages.known() for file, text in pages.drawings(name).items()}
+    assert wanted
+    drawn = {picture for picture in pages.pictures() if picture.endswith(".svg")}
+    assert drawn == set(wanted), "script/drawings was not run"
+    for file, (name, source) in wanted.items():
+        [said] = re.findall(r"accDescr: (.+)", source)
+        body = pages.page(name).body
+        assert f'src="/help/img/{file}" alt="{html.escape(said, quote=False)}"' in body
+        assert "flowchart" not in body
+        answer = reader.get(f"/help/img/{file}")
+        assert answer.headers["Content-Type"] == "image/svg+xml"
+        assert b' role="img"' in answer.content and b"<script" not in answer.content
+
+
+def test_a_source_without_a_drawing_stays_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pages, "pictures", frozenset)
+    body = pages.page.__wrapped__("cameras").body
+    assert "flowchart LR" in body and ".svg" not in body
