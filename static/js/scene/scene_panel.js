@@ -17,6 +17,7 @@ export class ScenePanel {
   #newest = null;
   #path = [];
   #isDescribed = false; // the newest description has been read
+  #tag = ""; // of the newest description, for the server
   #digest; // of the description that is drawn; null: there is none; undefined: not asked yet
   #map = null; // number of the map that is drawn
   #looks = 0;
@@ -140,18 +141,22 @@ export class ScenePanel {
 
   async #readDescription(signal) {
     try {
-      const answer = await fetch(this.#addresses.description, { signal });
-      const found = await answer.json();
+      const headers = this.#tag ? { "If-None-Match": this.#tag } : {};
+      const answer = await fetch(this.#addresses.description, { signal, headers });
+      const isKnown = answer.status === 304;
+      const found = isKnown ? { digest: this.#digest } : await answer.json();
       if (signal.aborted) return false;
-      if (!answer.ok) {
+      if (!answer.ok && !isKnown) {
         const isGone = answer.status === 404 || answer.status === 409;
         if (this.#digest !== null && !isGone) return false; // a passing error: the known robot stays
         if (this.#digest !== null) this.#scene.describe(null);
         this.#digest = null;
+        this.#tag = "";
         this.#say(found.detail ?? "");
         return false;
       }
       this.#say("");
+      this.#tag = answer.headers.get("ETag") ?? "";
       if (found.digest === this.#digest) return true;
       this.#digest = found.digest;
       this.#scene.describe(found);

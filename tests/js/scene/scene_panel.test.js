@@ -32,6 +32,7 @@ let panel;
 let sent;
 let load;
 let answers;
+let asked; // for the description
 
 beforeEach(() => {
   document.body.innerHTML = PAGE;
@@ -40,9 +41,18 @@ beforeEach(() => {
   FakeScene.draws = true;
   sent = [];
   answers = { "/description": [200, DESCRIPTION], "/map": [404, {}] };
-  vi.stubGlobal("fetch", async (address) => {
+  asked = [];
+  vi.stubGlobal("fetch", async (address, { headers = {} }) => {
     const [status, body] = answers[address];
-    return { ok: status === 200, status, json: async () => body };
+    const tag = `"${body.digest}"`;
+    const isKnown = headers["If-None-Match"] === tag;
+    if (address === "/description") asked.push({ isKnown, ...headers });
+    return {
+      ok: status === 200 && !isKnown,
+      status: isKnown ? 304 : status,
+      headers: new Headers(status === 200 ? { ETag: tag } : {}),
+      json: async () => (isKnown ? Promise.reject(new SyntaxError("no body")) : body),
+    };
   });
   load = vi.fn(async () => ({ SceneView: FakeScene }));
   panel = new ScenePanel(found, ADDRESSES, (message) => sent.push(message), load);
@@ -148,6 +158,22 @@ describe("the 3D view of the page", () => {
     await vi.advanceTimersByTimeAsync(70_000);
     expect(FakeScene.made[0].describe).toHaveBeenLastCalledWith({ ...DESCRIPTION, digest: "b" });
     expect(FakeScene.made[0].describe).toHaveBeenCalledTimes(2);
+    vi.useRealTimers();
+  });
+
+  it("reads a description once while it stays the same", async () => {
+    vi.useFakeTimers();
+    panel.opens = true;
+    await vi.advanceTimersByTimeAsync(10);
+    await vi.advanceTimersByTimeAsync(70_000);
+    answers["/description"] = [404, { detail: "Not known any more." }];
+    await vi.advanceTimersByTimeAsync(70_000);
+    expect(asked.slice(0, 2)).toEqual([
+      { isKnown: false },
+      { isKnown: true, "If-None-Match": '"a"' },
+    ]);
+    expect(asked.at(-1)).toEqual({ isKnown: false }); // what is drawn no more has to be read whole
+    expect(found["scene-words"].textContent).toBe("Not known any more.");
     vi.useRealTimers();
   });
 });

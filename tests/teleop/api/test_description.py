@@ -80,6 +80,26 @@ def test_a_mesh_is_fetched_once(ask, robot, describe, share):
     assert ask(path, If_None_Match=first["ETag"]).status_code == 200
 
 
+def test_a_description_is_sent_again_only_when_it_or_a_mesh_changed(ask, robot, describe, share):
+    describe(urdf("package://arm_description/meshes/base.stl"))
+    tags = []
+
+    def same():
+        """Whether the newest answer counts as unchanged."""
+        unchanged = ask("description", If_None_Match=tags[-1] if tags else '"0"')
+        tags.append(unchanged["ETag"])
+        return (unchanged.status_code, unchanged.content) == (304, b"")
+
+    assert [same(), same(), same()] == [False, True, True]
+    tags[-1] = f"W/{tags[-1]}"  # as a proxy that compresses makes it
+    assert same()
+    assert ask("description")["Cache-Control"] == "private, no-cache"
+    (share / "arm_description/meshes/base.stl").write_bytes(MESH + b"\n")
+    assert [same(), same()] == [False, True]
+    describe(urdf())
+    assert [same(), same()] == [False, True]
+
+
 def test_a_robot_that_one_may_not_see_has_no_description(program, observer, other_robot, describe):
     assert program(observer, "read")("GET", f"/robots/{other_robot.slug}/description").status_code == 404
 

@@ -1,9 +1,11 @@
-"""ETag and If-Match: nobody overwrites a change that they have not seen."""
+"""ETag, If-Match, If-None-Match: nobody overwrites a change that they have not seen, or reads again what they have."""
 
 from __future__ import annotations
 
 import re
 
+from django.http import HttpResponseBase
+from django.utils.cache import get_conditional_response
 from rest_framework.request import Request
 
 from robots.wire import Refusal
@@ -28,3 +30,12 @@ def version_seen(request: Request) -> int:
         raise Problem(_MISSING)
     match = re.fullmatch('"([0-9]{1,9})"', given)
     return int(match[1]) if match else -1
+
+
+def unchanged(request: Request, tag: str) -> HttpResponseBase | None:
+    """Return the answer to a client that has the version with this tag already (If-None-Match); None: it has not.
+
+    A proxy that compresses makes the tag a weak one: that counts, too.
+    """
+    found: HttpResponseBase | None = get_conditional_response(request, etag=tag)
+    return found

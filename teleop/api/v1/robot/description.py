@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import zlib
 from functools import lru_cache
 from urllib.parse import quote
 
+import msgspec
 from django.conf import settings
-from django.http import HttpResponse, HttpResponseBase, HttpResponseNotModified
+from django.http import HttpResponse, HttpResponseBase
 from msgspec import Struct
 from rest_framework.request import Request
+from rest_framework.response import Response
 
 from fleet.accounts.tokens.models import Scope
 from robots.bridge.tasks.urdf import BadDescription
@@ -20,6 +23,7 @@ from robots.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
+from teleop.api.v1.framework.versions import unchanged
 from teleop.api.v1.robot.control import ProgramView
 
 NO_DESCRIPTION = Refusal(
@@ -62,18 +66,24 @@ class DescriptionView(ProgramView):
         answer=DescriptionEntry,
         refuses=(404, 409),
     )
-    def get(self, _request: Request, slug: str) -> DescriptionEntry:
-        """The newest one that its bridge has read from /robot_description, without collision, inertia and plug-ins."""
+    def get(self, request: Request, slug: str) -> HttpResponseBase:
+        """The newest one that its bridge has read from /robot_description, without collision, inertia and plug-ins.
+        With its ETag in If-None-Match the answer is 304 while nothing has changed."""
         robot = self.robot(slug)
         kept = _kept(robot)
         found = _drawable(kept)
-        return DescriptionEntry(
+        entry = DescriptionEntry(
             digest=kept.digest,
             seen_at=kept.seen_at,
             urdf=found.urdf,
             meshes=[_entry(robot, filename) for filename in found.meshes],
             problems=found.problems,
         )
+        tag = f'"{hashlib.sha256(msgspec.json.encode(entry)).hexdigest()[:16]}"'
+        response = unchanged(request, tag) or Response(msgspec.to_builtins(entry))
+        response["Cache-Control"] = "private, no-cache"
+        response["ETag"] = tag
+        return response
 
 
 class MeshView(ProgramView):
@@ -90,15 +100,15 @@ class MeshView(ProgramView):
         """STL, Collada or OBJ, one that the robot's description names. With its present version as the query, as
         `GET …/description` gives it, it may be kept for good."""
         mesh = _named(_drawable(_kept(self.robot(slug))), package, path)
-        if request.headers.get("If-None-Match") == f'"{mesh.version}"':
-            response: HttpResponseBase = HttpResponseNotModified()
-        else:
-            response = HttpResponse(_read(mesh), content_type="application/octet-stream")
+        tag = f'"{mesh.version}"'
+        response = unchanged(request, tag) or HttpResponse(
+            _read(mesh), content_type="application/octet-stream"
+        )
         is_fixed = request.META.get("QUERY_STRING") == mesh.version
         response["Cache-Control"] = (
             f"private, max-age={_YEAR_S}, immutable" if is_fixed else "private, no-cache"
         )
-        response["ETag"] = f'"{mesh.version}"'
+        response["ETag"] = tag
         return response
 
 
