@@ -186,3 +186,22 @@ def test_no_place_inside_the_hull_counts():
     looker.odometry()
     nearest = nearest_m(looker.gate.obstacles_as_seen(looker.now_s), REMEMBERED)
     assert RADIUS_M - 0.03 <= nearest < RADIUS_M + 0.05
+
+
+def test_no_place_inside_the_hull_that_the_laser_remembers_counts():
+    feeder = Feeder(tiago_profile())
+    feeder.ahead_at(0.4)
+    for _ in range(20):
+        feeder.now_s += 0.1
+        feeder.all()
+    wall_m = nearest_m(feeder.gate.obstacles(feeder.now_s), LASER)
+    feeder.ranges = np.where(np.abs(np.arange(571) - 285) < 100, math.nan, 2.0)  # it sees nothing ahead
+    name = f"{LASER}, remembered"
+    found = {}
+    for x in (0.1, 0.2, 0.3, 0.4, 0.5):
+        feeder.pose = Pose(x, 0.0, 0.0)
+        feeder.now_s += 0.1
+        feeder.all()
+        found[x] = nearest_m(feeder.gate.obstacles_as_seen(feeder.now_s), name)
+    assert found[0.3] == pytest.approx(wall_m - 0.3, abs=0.02)
+    assert found[0.5] > RADIUS_M
