@@ -11,6 +11,8 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from move_base_msgs.msg import MoveBaseActionFeedback, MoveBaseActionGoal, MoveBaseActionResult
 from nav_msgs.msg import Odometry, Path
 
+from robots.simulator.navigation.follower import LEFT_M, THERE_M, THERE_RAD
+
 _numbers = itertools.count()
 
 
@@ -37,6 +39,10 @@ class Goals:
 
     def result(self, goal_id: str):
         return self.results.until(lambda report: report.status.goal_id.id == goal_id).status
+
+
+def heading(pose) -> float:
+    return 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
 
 
 @pytest.fixture
@@ -72,6 +78,31 @@ def test_it_plans_drives_and_arrives(ros, goals, base):
     base.until(
         lambda truth: math.dist((truth.pose.pose.position.x, truth.pose.pose.position.y), (3.2, 1.8)) < 0.2
     )
+
+
+def test_a_robot_that_its_localisation_shifts_at_the_goal_turns_on(ros, goals, base):
+    """The goal's place is latched: a robot that goes back to it would turn to and fro."""
+    with ros.speak("/initialpose", PoseWithCovarianceStamped) as setter:
+        start = base.next().pose.pose
+        yaw = heading(start) + 3.0
+        goal = goals.go(start.position.x, start.position.y, yaw)
+        at = base.until(lambda truth: truth.twist.twist.angular.z > 0.3).pose.pose
+        shifted = PoseWithCovarianceStamped()
+        shifted.header.frame_id = "map"
+        shifted.pose.pose = at
+        left, off_m = heading(at) + math.pi / 2, (THERE_M + LEFT_M) / 2  # the goal is on the right then
+        at.position.x += off_m * math.cos(left)
+        at.position.y += off_m * math.sin(left)
+        setter.publish(shifted)
+        turns = []
+
+        def has_turned(truth):
+            turns.append(truth.twist.twist.angular.z)
+            return abs(math.remainder(heading(truth.pose.pose) - yaw, math.tau)) < 2 * THERE_RAD
+
+        base.until(has_turned)
+        assert min(turns) > -0.1
+        assert goals.result(goal).status == GoalStatus.SUCCEEDED
 
 
 def test_a_cancel_stops_the_base(goals, base):
