@@ -7,7 +7,10 @@ const FARTHEST_M = 1_000;
 const AGAIN_MS = 2_000; // until a mesh is asked for once more
 
 const READERS = {
-  stl: (bytes) => geometryOf(new STLLoader().parse(bytes)),
+  stl: (bytes) => {
+    if (bytes.byteLength > LARGEST_TEXT && isText(bytes)) throw new TooLarge();
+    return geometryOf(new STLLoader().parse(bytes));
+  },
   dae: (bytes) => {
     // Pictures are not fetched: an address in the file may lead anywhere.
     const text = textOf(bytes).replace(/<library_images[\s\S]*?<\/library_images>/g, "");
@@ -53,6 +56,12 @@ class TooLarge extends Error {}
 
 function sentence(text, filename) {
   return interpolate(text, [filename]);
+}
+
+/** Whether an STL file is one of words, as the loader tells: its length is not that of its count of triangles. */
+function isText(bytes) {
+  const triangles = new DataView(bytes).getUint32(80, true);
+  return bytes.byteLength !== 84 + 50 * triangles && new Uint8Array(bytes)[0] === 0x73; // s of "solid"
 }
 
 function textOf(bytes) {
