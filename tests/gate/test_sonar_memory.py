@@ -46,11 +46,12 @@ BEHIND = {
 
 
 def full_reverse(world, seconds=10.0):
-    """Park before an unseen obstacle, then drive with full stick. Returns False if no sonar heard it."""
+    """Park before an unseen obstacle, then drive with full stick. Returns False if no sonar heard it while parked."""
     world.drive(STILL, 4.0)
-    heard = bool(world.heard)
+    if not world.heard:
+        return False
     world.drive(REVERSE, seconds)
-    return heard
+    return True
 
 
 @pytest.mark.parametrize("degrees", [15, 28.6, 60])
