@@ -352,9 +352,8 @@ class Core:
             self._run = run
             self._gate.forget(restarted=True)
         if self.tasks.going.drives:
-            self._miss_sensors(
-                arrival_s
-            )  # the messages of a burst are old: the robot only looks slow to answer
+            # After a silence, messages come in a burst. The first are old: the robot only looks slow to answer.
+            self._miss_sensors(arrival_s)
         if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
             return  # repeated or out of order: ignore it
         self._reported.odometry = (arrival_s, pose, velocity)

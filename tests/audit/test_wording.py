@@ -15,5 +15,5 @@ def test_a_moment_is_shown_in_the_readers_zone():
 
 
 def test_an_outcome_that_only_programmers_know_has_words():
-    assert outcome("intruder") == "interrupted from outside"
+    assert outcome("intruder") == "cancelled, but not by its holder"
     assert outcome("control_ended") == "control ended"

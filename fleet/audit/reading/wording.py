@@ -61,7 +61,7 @@ def who(record: Record) -> str:
 
 def outcome(code: str) -> str:
     """An outcome, or why something was refused, to be read: most codes are words."""
-    return _("interrupted from outside") if code == "intruder" else code.replace("_", " ")
+    return _("cancelled, but not by its holder") if code == "intruder" else code.replace("_", " ")
 
 
 def subject(record: Record) -> str:

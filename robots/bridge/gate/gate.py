@@ -7,9 +7,9 @@ A verdict's codes, in the order of the rules (the verdict names the last rule th
 
     idle              no motion is asked
     invalid           the asked twist is not finite: stop
+    odometry_anew     the odometry restarted, so memory is empty: stop, then neutral
     odometry_missing  no odometry has come yet: stop, then neutral
     odometry_stale    the newest odometry is older than 0.2 s: stop, then neutral
-    odometry_anew     the odometry restarted, so memory is empty: stop, then neutral
     scan_missing      a laser has sent nothing yet: stop, then neutral
     scan_stale        a laser's newest scan is older than 0.5 s: stop, then neutral
     scan_unpaired     a scan's stamp does not match the odometry's: stop, then neutral

@@ -31,4 +31,5 @@ class Patience:
     def settle(self, now_s: float) -> None:
         """Note that no sensor is silent: soon the base need not be held."""
         if self.holds and now_s - self._fault_s >= SETTLES_S:
+            self._held_s += now_s - self._fault_s
             self.holds = False

@@ -17,6 +17,7 @@ export class LimbPanel {
   #ranges = {};
   #home = null;
   #pressed = new Set(); // limbs whose slider is under a finger
+  #limbs = {}; // as the robot last told
   #held = new Set(); // and those that arrow keys move, too
   #timers = {};
   #ended = null; // ends that are known, by limb; null before the first state
@@ -73,12 +74,9 @@ export class LimbPanel {
 
   /** @param {object} state of the robot */
   set state({ limbs = {} }) {
-    for (const [limb, { at_m: atM = null, to_m: toM = null }] of Object.entries(limbs)) {
-      if (!this.#ranges[limb] || this.#held.has(limb)) continue;
-      const slider = this.#parts[`${limb}-to`];
-      if (atM !== null) slider.value = toM ?? atM;
-      this.#label(limb, atM);
-    }
+    this.#limbs = limbs;
+    for (const limb of Object.keys(limbs))
+      if (this.#ranges[limb] && !this.#held.has(limb)) this.#follow(limb);
     this.#followEnds(limbs);
   }
 
@@ -96,6 +94,13 @@ export class LimbPanel {
   #showOpener() {
     const any = Object.keys(this.#ranges).length > 0 || this.#home !== null;
     show(this.#parts["robot-open"], any);
+  }
+
+  /** Show the limb as the robot last told. */
+  #follow(limb) {
+    const { at_m: atM = null, to_m: toM = null } = this.#limbs[limb] ?? {};
+    if (atM !== null) this.#parts[`${limb}-to`].value = toM ?? atM;
+    this.#label(limb, atM);
   }
 
   #label(limb, metres) {
@@ -122,9 +127,11 @@ export class LimbPanel {
     this.#timers[limb] = setTimeout(() => this.#move(limb, to), KEYS_REST_MS);
   }
 
-  #move(limb, to) {
+  async #move(limb, to) {
     this.#letGo(limb);
-    this.#order({ t: "move_limb", limb, to_m: Math.round(to * 1000) / 1000, quiet: true });
+    const goal = { t: "move_limb", limb, to_m: Math.round(to * 1000) / 1000, quiet: true };
+    const refusal = await this.#order(goal);
+    if (refusal && !this.#held.has(limb)) this.#follow(limb);
   }
 
   #letGo(limb) {

@@ -10,6 +10,7 @@ import { endText } from "./words.js";
 const LOOK_MS = 2_000; // while it is open and there is no map yet
 const AGAIN_EVERY = 10; // looks: the map may be another one
 const ZOOM = 1.5;
+const TWO_TAPS_MS = 500; // the second of two quick taps was not meant for what the first one showed
 const MODES = ["go", "pose", "place"];
 const IN_CONTROL = ["go", "pose"];
 
@@ -28,6 +29,7 @@ export class MapPanel {
   #ended; // number of the last end that is known; undefined before the first state
   #loaded = null; // the map that is shown
   #picked = null; // the named place that was pressed on the map
+  #pickedMs = 0;
   #timer = null;
   #listening = new AbortController();
 
@@ -58,7 +60,9 @@ export class MapPanel {
     on("map-in", () => this.#view.zoom(ZOOM));
     on("map-out", () => this.#view.zoom(1 / ZOOM));
     on("map-fit", () => this.#view.fit());
-    on("map-picked-go", () => this.#goTo(this.#picked));
+    on("map-picked-go", () => {
+      if (performance.now() - this.#pickedMs > TWO_TAPS_MS) this.#goTo(this.#picked);
+    });
     for (const part of ["map-picked-close", "map-places"]) on(part, () => this.#pick(null));
     this.#places = new PlacesPanel(parts, {
       go: (place) => this.#goTo(place),
@@ -176,6 +180,7 @@ export class MapPanel {
 
   /** Offer to drive to the place that was pressed: a press that only was to move the map sends no robot. */
   #pick(place) {
+    if (place?.number !== this.#picked?.number) this.#pickedMs = performance.now();
     this.#picked = place;
     show(this.#parts["map-picked"], place !== null);
     if (place) say(this.#parts["map-picked-go"], interpolate(gettext("Go to “%s”"), [place.name]));

@@ -74,6 +74,8 @@ export class MapView extends EventTarget {
     on("pointerdown", (event) => this.#pressed(event));
     on("pointermove", (event) => this.#dragged(event));
     on("pointerup", (event) => this.#released(event));
+    // Not when the finger lifts: what then appears under it would get the click.
+    on("click", () => this.#clicked());
     on("pointercancel", (event) => this.#dropped(event));
     on(
       "lostpointercapture",
@@ -212,7 +214,10 @@ export class MapView extends EventTarget {
   #released(event) {
     this.#pointers.delete(event.pointerId);
     if (this.#from) this.#send();
-    else if (this.#pressedAt) this.#pick(this.#pressedAt);
+  }
+
+  #clicked() {
+    if (this.#pressedAt) this.#pick(this.#pressedAt);
     this.#pressedAt = null;
   }
 

@@ -20,6 +20,7 @@ export class PlacesPanel {
   #earlier = [];
   #asked = null; // what the dialog's name is for: {title, name, yes, remove}
   #deletes; // the question before a place is deleted
+  #remove; // deletes the place that the question names
   #drives = false;
   #listening = new AbortController();
 
@@ -158,7 +159,8 @@ export class PlacesPanel {
   }
 
   #askDelete() {
-    const { name } = this.#asked;
+    const { name, remove } = this.#asked;
+    this.#remove = remove;
     this.#parts["place-dialog"].close();
     say(this.#parts["place-delete-title"], interpolate(gettext("Delete the place “%s”?"), [name]));
     this.#deletes.ask();
@@ -166,7 +168,7 @@ export class PlacesPanel {
 
   async #delete() {
     try {
-      this.#tell("success", await this.#asked.remove());
+      this.#tell("success", await this.#remove());
     } catch (error) {
       this.#tell("error", error.message);
     }

@@ -58,10 +58,14 @@ function sentence(text, filename) {
   return interpolate(text, [filename]);
 }
 
-/** Whether an STL file is one of words, as the loader tells: its length is not that of its count of triangles. */
+/**
+ * Whether an STL file is text, as the loader tells: its length is not that of its count of triangles, and "solid" stands
+ * at its begin, perhaps behind a byte order mark or an empty line.
+ */
 function isText(bytes) {
   const triangles = new DataView(bytes).getUint32(80, true);
-  return bytes.byteLength !== 84 + 50 * triangles && new Uint8Array(bytes)[0] === 0x73; // s of "solid"
+  const begin = new TextDecoder("latin1").decode(new Uint8Array(bytes, 0, 9));
+  return bytes.byteLength !== 84 + 50 * triangles && begin.includes("solid");
 }
 
 function textOf(bytes) {

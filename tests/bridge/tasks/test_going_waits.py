@@ -228,11 +228,20 @@ def test_all_that_ends_a_drive_ends_it_during_a_wait(driver, cause):
     assert driver.zeros(lambda: driver.core.tick(driver.now_s)) >= 1  # the base stays the bridge’s
 
 
+def test_short_faults_that_recur_use_up_the_patience():
+    patience, at_s, held = Patience(), 10.0, 0
+    while patience.lasts(at_s):
+        patience.settle(at_s + SETTLES_S + 0.01)
+        at_s, held = at_s + 0.15, held + 1
+        assert held < 20
+    assert held == 7
+
+
 def test_patience_returns_after_a_time_without_a_fault():
     patience = Patience()
-    assert patience.lasts(10.0) and patience.lasts(10.0 + WAITS_S)
-    patience.settle(10.01 + WAITS_S + SETTLES_S)
+    assert patience.lasts(10.0) and patience.lasts(10.5)
+    patience.settle(10.51 + SETTLES_S)
     assert not patience.holds
-    assert patience.lasts(11.5) and not patience.lasts(11.6)  # too soon: what was left counts
+    assert patience.lasts(11.0) and not patience.lasts(11.2)  # too soon: what was left counts
     patience.settle(12.0)
-    assert patience.lasts(11.6 + WELL_S + 0.1) and patience.lasts(11.6 + WELL_S + 0.7)
+    assert patience.lasts(11.2 + WELL_S + 0.1) and patience.lasts(11.2 + WELL_S + WAITS_S)

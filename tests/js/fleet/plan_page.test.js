@@ -99,7 +99,7 @@ describe("the fleet plan", () => {
     Object.defineProperties(canvas, { clientWidth: { value: 400 }, clientHeight: { value: 300 } });
     const link = document.querySelector(".plan-picked");
     const pressed = (x, y) => {
-      for (const type of ["pointerdown", "pointerup"])
+      for (const type of ["pointerdown", "pointerup", "click"])
         canvas.dispatchEvent(Object.assign(new Event(type), { clientX: x, clientY: y }));
     };
     expect(link.hidden).toBe(true);

@@ -58,13 +58,20 @@ describe("the drawer of arm, gripper and torso", () => {
     ]);
   });
 
-  it("passes on a slider without control as well: the refusal says why", () => {
+  it("passes on a slider without control as well: the refusal says why", async () => {
     panel.mayAct = false;
     const slider = page["torso-to"];
     expect([slider.disabled, slider.title]).toEqual([false, "Take control first."]);
+    panel.state = { limbs: { torso: { at_m: 0.1 } } };
+    order.mockResolvedValueOnce({ code: "no_lease" });
     slider.dispatchEvent(new Event("pointerdown"));
+    slider.value = 0.2;
+    slider.dispatchEvent(new Event("input"));
     slider.dispatchEvent(new Event("change"));
     expect(order).toHaveBeenCalledOnce();
+    await vi.waitFor(() =>
+      expect([slider.value, page["torso-at"].textContent]).toEqual(["0.1", "10 cm"]),
+    );
     panel.mayAct = true;
     expect(slider.title).toBe("");
   });

@@ -110,6 +110,7 @@ describe("the map over the picture", () => {
 
   afterEach(() => {
     panel.close();
+    vi.restoreAllMocks();
     vi.unstubAllGlobals();
   });
 
@@ -254,17 +255,23 @@ describe("the map over the picture", () => {
     canvas.dispatchEvent(pointer("pointerdown", x, y));
     canvas.dispatchEvent(pointer("pointermove", x + slip, y));
     canvas.dispatchEvent(pointer("pointerup", x + slip, y));
+    canvas.dispatchEvent(pointer("click", x + slip, y));
   }
 
   it("offers to drive to a place that is pressed on the map, and sends no robot before", async () => {
     const canvas = await openedWith({ ...MAP, places: [KITCHEN] });
     const [x, y] = toPixels(whole(corners(MAP), 400, 300), [KITCHEN.x, KITCHEN.y], 400, 300);
+    const clock = vi.spyOn(performance, "now").mockReturnValue(1000);
     panel.drives = true;
     pressed(canvas, x - 60, y);
+    canvas.dispatchEvent(pointer("pointerdown", x, y));
+    canvas.dispatchEvent(pointer("pointerup", x, y)); // what it showed would get the click
     expect(page["map-picked"].hidden).toBe(true);
     pressed(canvas, x, y + 10, 5);
     expect(page["map-picked-go"].textContent).toBe("Go to “kitchen”");
+    page["map-picked-go"].click(); // a double tap
     expect(order).not.toHaveBeenCalled();
+    clock.mockReturnValue(1600);
     page["map-picked-go"].click();
     const goal = { t: "go", x: 3, y: 1.5, heading: 0.5, place: "kitchen" };
     expect(order).toHaveBeenCalledExactlyOnceWith(goal);
@@ -281,6 +288,7 @@ describe("the map over the picture", () => {
     panel.drives = false;
     pressed(canvas, ...toPixels(whole(corners(MAP), 400, 300), [KITCHEN.x, KITCHEN.y], 400, 300));
     expect(page["map-picked-go"].title).toBe("Take control first.");
+    vi.spyOn(performance, "now").mockReturnValue(performance.now() + 600);
     page["map-picked-go"].click();
     expect(tell).toHaveBeenCalledWith(expect.objectContaining({ text: "Take control first." }));
     expect(order).not.toHaveBeenCalled();
@@ -336,6 +344,7 @@ describe("the map over the picture", () => {
     expect(page["place-dialog"].open).toBe(false);
     await Promise.resolve();
     expect(asked.some(([method]) => method === "DELETE")).toBe(false);
+    page["map-name"].click(); // another dialog changes nothing about this question
     page["place-delete-dialog"].querySelector("form").dispatchEvent(new Event("submit"));
     await vi.waitFor(() =>
       expect(tell).toHaveBeenCalledWith(
