@@ -11,6 +11,7 @@ Each transactional test starts with the freshly migrated database: `tests.pristi
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -55,6 +56,12 @@ LONG_FILES = (
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run long files first: none is left to a single worker at the end."""
     items.sort(key=lambda item: not item.path.as_posix().endswith(LONG_FILES))
+
+
+def pytest_collection_finish() -> None:
+    """Collected tests and loaded code stay: without this, each full garbage collection looks at all of them."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
