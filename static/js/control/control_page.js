@@ -407,7 +407,7 @@ class ControlPage {
   #onControl(control) {
     const { fence = null, asking = null } = this.#control ?? {};
     this.#control = control;
-    this.#mine = this.#hints.mine = control.state === "yours";
+    this.#mine = control.state === "yours";
     this.#panel.control = control;
     const begins = this.#mine && control.fence !== fence;
     if (begins) {

@@ -20,7 +20,6 @@ export class Hints {
   #parts;
   #choices;
   #step = null;
-  mine = false; // this tab has control: the first step is done
   #listening = new AbortController();
 
   /**
@@ -35,7 +34,7 @@ export class Hints {
     const { signal } = this.#listening;
     parts["hint-next"].addEventListener("click", () => this.#next(), { signal });
     parts["hint-close"].addEventListener("click", () => this.#end(), { signal });
-    parts["hints-open"].addEventListener("click", () => this.#show(this.mine ? 1 : 0), { signal });
+    parts["hints-open"].addEventListener("click", () => this.#show(0), { signal });
   }
 
   /** Begin, for somebody who may drive and has not seen them. */
