@@ -44,6 +44,7 @@ def test_a_newcomer_is_led_by_three_hints(person: Arrive, width: int, height: in
     expect(hint).to_contain_text("1 of 3")
     assert found_by_axe(operator) == []
     assert [one for one in too_small(operator) if "hint" in one] == []
+    expect(hint).to_be_visible()  # after the banner, if the busy machine shows one
     for opener in operator.page.locator(".picture-tools button:visible").all():
         assert not overlap(box_of(hint), box_of(opener))
     operator.press("Take control")
