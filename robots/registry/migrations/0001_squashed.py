@@ -37,7 +37,7 @@ class Migration(migrations.Migration):
                 ("slug", models.SlugField(help_text="Short name in addresses and commands, such as tiago-1.", unique=True, verbose_name="slug")),
                 ("name", models.CharField(max_length=80, verbose_name="name")),
                 ("enabled", models.BooleanField(default=True, help_text="Untick to take the robot out of service: it is stopped, its bridge ends within 3 s.", verbose_name="enabled")),
-                ("practice", models.BooleanField(default=False, help_text="The pages mark it as a practice robot, so that nobody mistakes it for a real one.", verbose_name="simulated")),
+                ("practice", models.BooleanField(default=False, help_text="The pages mark it as simulated, so that nobody mistakes it for a real robot.", verbose_name="simulated")),
                 ("master_uri", models.CharField(help_text="ROS_MASTER_URI of the robot, such as http://tiago-42c:11311.", max_length=200, verbose_name="ROS master")),
                 ("advertised_address", models.CharField(blank=True, help_text="The address under which the robot calls the console back: this computer’s address in the robot’s network, such as 10.68.0.2. Empty: this computer’s host name.", max_length=200, verbose_name="advertised address")),
                 ("host_aliases", models.JSONField(blank=True, default=dict, help_text='Host names that the robot’s nodes use and this network does not know, with addresses: {"tiago-42c": "10.68.0.1"}.', verbose_name="host aliases")),

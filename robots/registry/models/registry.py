@@ -233,7 +233,7 @@ class Robot(models.Model):
     practice = models.BooleanField(
         _("simulated"),
         default=False,
-        help_text=_("The pages mark it as a practice robot, so that nobody mistakes it for a real one."),
+        help_text=_("The pages mark it as simulated, so that nobody mistakes it for a real robot."),
     )
 
     master_uri = models.CharField(

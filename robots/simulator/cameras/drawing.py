@@ -1,4 +1,4 @@
-"""MuJoCo draws pictures in colour off-screen through EGL, without shadows.
+"""MuJoCo draws pictures in colour off-screen through EGL, without costly effects.
 
 A context belongs to the thread that made it: make, use and close a `Drawing` in one thread.
 """
@@ -22,6 +22,13 @@ from robots.simulator.physics.mujoco_world import WorldReader
 from robots.simulator.physics.scene import DECORATION_GROUP
 
 _MOST_GEOMS = 500
+# Costly without a graphics card. The worlds are rooms: no picture shows their sky or horizon.
+_EFFECTS = (
+    mujoco.mjtRndFlag.mjRND_SHADOW,
+    mujoco.mjtRndFlag.mjRND_REFLECTION,
+    mujoco.mjtRndFlag.mjRND_SKYBOX,
+    mujoco.mjtRndFlag.mjRND_HAZE,
+)
 
 
 class NoCameraError(Exception):
@@ -36,8 +43,8 @@ class Drawing:
         self._context.make_current()
         self._reader = reader
         self._scene = mujoco.MjvScene(reader.model, maxgeom=_MOST_GEOMS)
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
+        for effect in _EFFECTS:
+            self._scene.flags[effect] = 0
         self._options = mujoco.MjvOption()
         self._options.geomgroup[DECORATION_GROUP] = 1
         self._renderer = mujoco.MjrContext(reader.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
