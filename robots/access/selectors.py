@@ -5,7 +5,7 @@ A role on a robot is the highest of a person's own and those of their courses th
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from datetime import date, datetime
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
@@ -46,9 +46,13 @@ def role_on(user: User, robot: Robot, at: datetime | None = None) -> Role | None
 
 def roles_of(user: User, robots: Iterable[Robot], at: datetime | None = None) -> dict[UUID, Role]:
     """`role_on` many robots, in one query; a robot without a role is left out."""
+    return roles_by_id(user, [robot.id for robot in robots], at)
+
+
+def roles_by_id(user: User, ids: Sequence[UUID], at: datetime | None = None) -> dict[UUID, Role]:
+    """`roles_of` robots of which only the keys are known."""
     if not user.is_active:
         return {}
-    ids = [robot.id for robot in robots]
     if user.is_staff:
         return dict.fromkeys(ids, Role.STAFF)
     held: dict[UUID, Role] = {}

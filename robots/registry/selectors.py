@@ -6,11 +6,14 @@ import math
 from itertools import chain, count
 from typing import cast
 from urllib.parse import urlsplit
+from uuid import UUID
 
 from django.conf import settings
 from django.db.models import Q
 from django.utils.text import slugify
+from msgspec import Struct
 
+from fleet import rows
 from fleet.audit.models import Record
 from robots import wire
 from robots.bridge.config import Allowed, BridgeConfig, LimbSource, LinkAddress, Topics, What
@@ -19,17 +22,43 @@ from robots.bridge.gate.values import GateProfile
 from robots.bridge.tasks.denylist import admissible
 from robots.registry.configuration import robot_config
 from robots.registry.configuration.profile_schema import Problems
-from robots.registry.models import Allowance, Phrase, Robot, RobotProfile
-from robots.registry.phrases import FALLBACK_LANGUAGE
+from robots.registry.models import Allowance, Robot, RobotProfile
+from robots.registry.phrases import FALLBACK_LANGUAGE, Line, tags_in
 from robots.wire import CameraEntry, LimbRange, Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
 DISC_CORNERS = 32  # of the polygon that a disc is drawn as
 
 
-def phrases_of(robot: Robot) -> list[Phrase]:
-    """Phrases of the robot: its profile's, then its own."""
-    kinds = Phrase.objects.filter(profile=robot.profile_id)
-    return [*kinds, *Phrase.objects.filter(robot=robot)]
+class RobotRow(Struct, frozen=True):
+    """A robot in a list."""
+
+    id: UUID
+    slug: str
+    name: str
+    profile: str  # slug
+    practice: bool
+    enabled: bool
+
+
+_ROBOTS = """
+SELECT r.id, r.slug, r.name, p.slug, r.practice, r.enabled
+FROM robots_robot r JOIN robots_robotprofile p ON p.id = r.profile_id ORDER BY r.name
+"""
+_PHRASES = """
+SELECT id, text, language, tags FROM robots_phrase WHERE profile_id = %s OR robot_id = %s
+ORDER BY robot_id IS NOT NULL, "order", id
+"""
+
+
+def robot_rows() -> list[RobotRow]:
+    """Return all robots by name, whoever may see them. One query."""
+    return [RobotRow(rows.key(key), *others) for key, *others in rows.read(_ROBOTS, [])]
+
+
+def phrases_of(robot: Robot) -> list[tuple[int, Line]]:
+    """Return the robot's phrases by their keys: its profile's, then its own. One query."""
+    found = rows.read(_PHRASES, [robot.profile_id, robot.id])
+    return [(key, Line(text, language, tags_in(tags))) for key, text, language, tags in found]
 
 
 def first_language(owner: Robot | RobotProfile) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta
 from functools import partial
-from typing import Any
 
 from django.utils import timezone
 from drf_spectacular.utils import OpenApiParameter
@@ -12,18 +11,16 @@ from msgspec import Struct
 from rest_framework.request import Request
 
 from fleet.accounts.tokens.models import Scope
-from robots.access.selectors import role_on, roles_of
+from robots.access.selectors import roles_by_id
 from robots.link.connections import LinkRefused
 from robots.link.state_reader import state_once
-from robots.registry.known_robots import known_robot_at
 from robots.registry.models import Robot, Role
-from robots.registry.selectors import link_address, phrases_of
+from robots.registry.selectors import link_address, phrases_of, robot_rows
 from robots.stop import courier
 from robots.stop.pending_stops import name_of
 from robots.wire import PendingStop, Refusal, RobotFacts, State
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.parameters import Time, whole_number
-from teleop.api.v1.framework.problems import NOT_FOUND, Problem
 from teleop.control import lease_checks
 from teleop.control.rules import out_of_service
 from teleop.control.selectors import lease_of
@@ -85,9 +82,15 @@ class RobotsView(ApiView):
     @_read("robots_list", "List the robots that you may see", refuses=(), answer=RobotList)
     def get(self, _request: Request) -> RobotList:
         """The state of a robot is at its own address."""
-        robots = self.robots()
-        roles = roles_of(self.person, robots)
-        return RobotList([RobotEntry(**_entry(robot, roles.get(robot.id))) for robot in robots])
+        served = [row for row in robot_rows() if self.token_serves(row.id)]
+        roles = roles_by_id(self.person, [row.id for row in served])
+        return RobotList(
+            [
+                RobotEntry(row.slug, row.name, row.profile, row.practice, row.enabled, roles[row.id].value)
+                for row in served
+                if row.id in roles
+            ]
+        )
 
 
 class RobotView(ApiView):
@@ -96,16 +99,18 @@ class RobotView(ApiView):
     @_read("robots_read", "Read one robot and its state", answer=RobotDetail)
     def get(self, _request: Request, slug: str) -> RobotDetail:
         """State, sensors and their ages, battery, stop, gate's verdict, limits."""
-        known = known_robot_at(slug)
-        role = role_on(self.person, known.robot) if known else None
-        if known is None or role is None or not self.token_serves(known.robot):
-            raise Problem(NOT_FOUND)
+        known, role = self.known_robot(slug)
         robot = known.robot
         lease = lease_of(robot.id)
         held = lease is not None and lease_checks.lapse_reason(lease, timezone.now()) is None
         state, refusal = _state(robot)
         return RobotDetail(
-            **_entry(robot, role),
+            slug=robot.slug,
+            name=robot.name,
+            profile=robot.profile.slug,
+            practice=robot.practice,
+            enabled=robot.enabled,
+            role=role.value,
             facts=known.facts,
             holder=lease.name if lease and held else None,
             state=state,
@@ -121,7 +126,8 @@ class PhrasesView(ApiView):
     @_read("phrases_list", "List a robot’s phrases", answer=PhraseList)
     def get(self, _request: Request, slug: str) -> PhraseList:
         """Sentences that staff wrote for this robot."""
-        lines = [(phrase.pk, phrase.line) for phrase in phrases_of(self.robot(slug))]
+        known, _ = self.known_robot(slug)
+        lines = phrases_of(known.robot)
         return PhraseList([PhraseEntry(key, one.text, one.language, list(one.tags)) for key, one in lines])
 
 
@@ -142,22 +148,13 @@ class SpeechHistoryView(ApiView):
     )
     def get(self, request: Request, slug: str) -> SpeechHistory:
         """Newest first, from the audit log. Only supervisors of the robot and staff get entries of other people."""
-        robot = self.robot(slug)
-        before = whole_number(request, "before", HIGHEST_NUMBER, HIGHEST_NUMBER)
+        known, role = self.known_robot(slug)
         return speech_history(
-            robot, self.person, before=before, limit=whole_number(request, "limit", 50, LONGEST_PAGE)
+            known.robot.id,
+            None if role >= Role.SUPERVISOR else self.person.id,
+            before=whole_number(request, "before", HIGHEST_NUMBER, HIGHEST_NUMBER),
+            limit=whole_number(request, "limit", 50, LONGEST_PAGE),
         )
-
-
-def _entry(robot: Robot, role: Role | None) -> dict[str, Any]:
-    return {
-        "slug": robot.slug,
-        "name": robot.name,
-        "profile": robot.profile.slug,
-        "practice": robot.practice,
-        "enabled": robot.enabled,
-        "role": role.value if role else None,
-    }
 
 
 def _seen_at(state: State | None) -> datetime | None:
