@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from datetime import datetime
 from typing import Annotated, Any
 from uuid import UUID
 
+import msgspec
 from msgspec import Meta, Struct
 
 from fleet import rows
@@ -77,5 +77,5 @@ def speech_history(robot_id: UUID, person_id: UUID | None, *, before: int, limit
 
 def _details(parameters: str, data: str | None) -> dict[str, Any]:
     """Return a record's parameters and what is still kept of its content besides a text."""
-    found: dict[str, Any] = json.loads(parameters) | json.loads(data or "{}")
+    found: dict[str, Any] = msgspec.json.decode(parameters) | msgspec.json.decode(data or "{}")
     return found
