@@ -5,7 +5,7 @@ Queries that run many times a second are written by hand: Django builds a query 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from datetime import date, datetime, timezone
 from functools import cache
 from typing import Any, TypeVar
@@ -32,7 +32,10 @@ def read(query: str, values: Sequence[object]) -> list[tuple[Any, ...]]:
 
 def models(kind: type[M], query: str, values: Sequence[object]) -> list[M]:
     """Return the models that a query selects with all their columns; further columns become attributes."""
-    return list(kind._default_manager.raw(query, [_stored(value) for value in values]))
+    with connection.cursor() as cursor:
+        cursor.execute(query, [_stored(value) for value in values])
+        build = _builder(kind, tuple(column[0] for column in cursor.description))
+        return [build(row) for row in cursor.fetchall()]
 
 
 def key(stored: UUID | str) -> UUID:
@@ -57,3 +60,32 @@ def _stored(value: object) -> Any:
 @cache
 def _stores_keys() -> bool:
     return connection.features.has_native_uuid_field
+
+
+@cache
+def _builder(kind: type[M], columns: tuple[str, ...]) -> Callable[[Sequence[Any]], M]:
+    """Return what makes a model of a row. Django's raw queries look up fields and converters each time, for 0.3 ms."""
+    fields = kind._meta.concrete_fields
+    names = [field.attname for field in fields]
+    parts = []
+    for field in fields:
+        column = field.get_col(kind._meta.db_table)
+        converters = [*connection.ops.get_db_converters(column), *column.get_db_converters(connection)]
+        parts.append((columns.index(field.column), column, converters))
+    further = [
+        (place, name) for place, name in enumerate(columns) if place not in {part[0] for part in parts}
+    ]
+
+    def build(row: Sequence[Any]) -> M:
+        values = []
+        for place, column, converters in parts:
+            value = row[place]
+            for convert in converters:
+                value = convert(value, column, connection)
+            values.append(value)
+        found = kind.from_db(connection.alias, names, values)
+        for place, name in further:
+            setattr(found, name, row[place])
+        return found
+
+    return build
