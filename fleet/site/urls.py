@@ -21,6 +21,7 @@ handler404 = "fleet.site.views.not_found"
 handler500 = "fleet.unavailable.error_page"
 
 urlpatterns = [
+    path("api/", include("teleop.api.urls")),  # first, because programs ask most often
     path("setup/", include(setup)),
     path("accounts/", include("fleet.accounts.pages.urls")),
     path("admin/login/", views.admin_login),
@@ -35,7 +36,6 @@ urlpatterns = [
     path("", include(app)),
     path("help/", include("fleet.help.urls")),
     path("texts.js", _script_texts, name="script-texts"),
-    path("api/", include("teleop.api.urls")),
     path("", include("fleet.bookings.pages.urls")),
     path("", include("teleop.urls")),
     path("", include("robots.registry.urls")),
