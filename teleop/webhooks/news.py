@@ -7,9 +7,10 @@ from typing import NamedTuple
 from uuid import UUID
 
 from django.db import transaction
-from django.db.models import Max, QuerySet
+from django.db.models import QuerySet
 from django.utils import timezone
 
+from fleet import rows
 from fleet.audit.models import Record
 from fleet.audit.services import wait_for_writers
 from teleop.models import Webhook, WebhookDelivery
@@ -31,7 +32,7 @@ class Line(NamedTuple):
 
 def newest_record() -> int:
     """Return the last order number of the log."""
-    return Record.objects.aggregate(newest=Max("pk"))["newest"] or 0
+    return rows.read("SELECT MAX(id) FROM audit_record", [])[0][0] or 0
 
 
 class NewsReader:

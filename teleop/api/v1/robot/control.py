@@ -90,7 +90,11 @@ _control = partial(operation, scope=ACTING, refuses=(404, 409), tag="control")
 
 
 class ProgramView(ApiView):
-    """Base of the views that act through a program's connection."""
+    """Base of the views that act through a program's connection, and change nothing of the robot's entry."""
+
+    def robot(self, slug: str) -> Robot:
+        """Return one of the robots that the person may see, for reading only. Raises `Problem`: not found."""
+        return self.known_robot(slug)[0].robot
 
     def caller(self) -> Caller:
         """Return how the program is signed in."""

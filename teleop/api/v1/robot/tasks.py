@@ -96,7 +96,7 @@ class TasksBase(ProgramView):
         async_to_sync(connection.request)(make)
         session = control.session if control else None
         requests = Record.objects.filter(pk__gt=newest, kind=_KINDS[kind][0], session_id=session, of=None)
-        found = requests.order_by("pk").first()
+        found = requests.select_related("actor").order_by("pk").first()
         if found is None:
             raise Problem(_NOT_RECORDED)
         address = f"/api/v1/robots/{robot.slug}/tasks/{found.pk}"
