@@ -72,7 +72,11 @@ OPEN = (
     Stage.DUE,
     Stage.IN_USE,
 )  # a person may still change it
-_ENDED = {State.FINISHED: Stage.FINISHED, State.NO_SHOW: Stage.NO_SHOW, State.CANCELLED: Stage.CANCELLED}
+_ENDED: dict[str, Stage] = {
+    State.FINISHED: Stage.FINISHED,
+    State.NO_SHOW: Stage.NO_SHOW,
+    State.CANCELLED: Stage.CANCELLED,
+}
 
 
 class Times(Protocol):
@@ -95,19 +99,19 @@ class Row(Times, Protocol):
 
 def stage_of(booking: Row, grace: timedelta, now: datetime) -> Stage:
     """Return the stage of a booking: a no-show is decided here, by the clock."""
-    state = State(booking.state)
+    state = booking.state
     if state in _ENDED:
         return _ENDED[state]
-    if booking.used_at is None and now >= booking.starts_at + grace and state is State.BOOKED:
+    if booking.used_at is None and now >= booking.starts_at + grace and state == State.BOOKED:
         return Stage.NO_SHOW
-    if state is State.AWAITING and now >= booking.starts_at + grace:
+    if state == State.AWAITING and now >= booking.starts_at + grace:
         return Stage.OVER
-    if state is State.OFFERED:
+    if state == State.OFFERED:
         return Stage.OFFERED
     if now >= booking.held_until:
         return Stage.OVER
     if now < booking.starts_at:
-        return Stage.AWAITING if state is State.AWAITING else Stage.BOOKED
+        return Stage.AWAITING if state == State.AWAITING else Stage.BOOKED
     return Stage.IN_USE if booking.used_at else Stage.DUE
 
 

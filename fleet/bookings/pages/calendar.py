@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import date, datetime, timedelta
+from functools import cache, partial
 from typing import Any
+from uuid import UUID
 from zoneinfo import ZoneInfo
 
+from msgspec import UNSET, Struct, UnsetType
+
+from fleet import rows
 from fleet.accounts.models import User
+from fleet.bookings import rules
 from fleet.bookings.models import WEEKDAYS, OutOfService, Policy
 from fleet.bookings.rules import day_of, opening_of
 from fleet.bookings.selectors import (
@@ -15,7 +21,6 @@ from fleet.bookings.selectors import (
     SWITCHED_OFF,
     Stage,
     grace_of,
-    held_between,
     held_slot,
     policies_of,
     stage_of,
@@ -25,21 +30,41 @@ from robots.access.selectors import courses_managed_by, robots_managed_by
 from robots.registry.models import Robot
 
 LONGEST = timedelta(days=45)  # of a view
-# A week of ten robots has hundreds of bookings: rows are read without making models of them.
-_COLUMNS = (
-    "id",
-    "robot_id",
-    "person_id",
-    "starts_at",
-    "ends_at",
-    "held_until",
-    "state",
-    "used_at",
-    "version",
-    "course_id",
-    "person__full_name",
-    "person__username",
-)
+
+# A week of ten robots has hundreds of bookings, many of which begin at the same time: no models are made of them, and
+# each time is parsed, and written, once.
+_HELD = """
+SELECT b.id, r.slug, CAST(b.starts_at AS text), CAST(b.held_until AS text), CAST(b.used_at AS text), b.state, b.version,
+    b.person_id = %s, b.course_id, COALESCE(NULLIF(p.full_name, ''), p.username)
+FROM bookings_booking b JOIN robots_robot r ON r.id = b.robot_id JOIN accounts_user p ON p.id = b.person_id
+WHERE b.robot_id IN ({robots}) AND b.starts_at > %s AND b.starts_at < %s AND b.held_until > %s
+    AND b.held_until > b.starts_at
+ORDER BY b.starts_at
+"""
+
+
+class Event(Struct, kw_only=True, omit_defaults=True, rename="camel"):
+    """What the browser's calendar shows. Its own defaults are left out."""
+
+    id: UUID | str
+    resource_ids: tuple[str]  # the robot
+    start: str
+    end: str
+    title: str
+    display: str | UnsetType = UNSET
+    class_names: tuple[str, ...]
+    editable: bool | UnsetType = UNSET
+    start_editable: bool | UnsetType = UNSET
+    extended_props: dict[str, int] | UnsetType = UNSET
+
+
+class _Row(Struct):
+    """The columns of a booking that the time it holds, and its stage, depend on."""
+
+    starts_at: datetime
+    held_until: datetime
+    used_at: datetime | None
+    state: str
 
 
 def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now: datetime) -> dict[str, Any]:
@@ -50,26 +75,14 @@ def calendar(person: User, robots: Iterable[Robot], first: date, last: date, now
     zone, robots, last = viewers(), list(robots), min(last, first + LONGEST)
     starts, ends = day_of(first, zone).starts_at, day_of(last, zone).starts_at
     policies = policies_of(robots)
+    events = _booked(person, robots, policies, starts, ends, zone, now)
+    out = OutOfService.objects.filter(robot__in=robots, starts_at__lt=ends)
     slugs = {robot.id: robot.slug for robot in robots}
-    graces = {robot.id: grace_of(policies[robot.id]) for robot in robots}
-    managed = set(robots_managed_by(person).values_list("pk", flat=True))
-    courses = set(courses_managed_by(person).values_list("pk", flat=True))
-    held = held_between(robots, starts, ends).values_list(*_COLUMNS, named=True)
-    me = person.pk  # a request's user is a lazy object: slow in a loop
-    events = [
-        _booked(
-            row,
-            slugs[row.robot_id],
-            graces[row.robot_id],
-            row.person_id == me,
-            row.robot_id in managed or row.course_id in courses,
-            zone,
-            now,
-        )
-        for row in held
+    events += [
+        _out(one, slugs[one.robot_id], ends, zone)
+        for one in out
+        if one.ends_at is None or one.ends_at > starts
     ]
-    out = OutOfService.objects.filter(robot__in=robots, starts_at__lt=ends).select_related("robot")
-    events += [_out(one, ends, zone) for one in out if one.ends_at is None or one.ends_at > starts]
     events += [_off(robot, starts, ends, zone) for robot in robots if not robot.enabled]
     for robot in robots:
         events += _closed(robot, policies[robot.id], first, last, zone)
@@ -86,55 +99,71 @@ def local(moment: datetime, zone: ZoneInfo) -> str:
 
 
 def _booked(
-    row: Any, slug: str, grace: timedelta, mine: bool, manages: bool, zone: ZoneInfo, now: datetime
-) -> dict[str, Any]:
-    held = held_slot(row, grace, now)
-    stage = stage_of(row, grace, now)
-    may_change = (mine or manages) and stage in OPEN
-    # A week of ten robots has hundreds of events: the library's defaults are left out.
-    changeable = {
-        "editable": True,
-        "startEditable": stage in (Stage.AWAITING, Stage.BOOKED),
-        "extendedProps": {"version": row.version},
-    }
-    return {
-        "id": str(row.id),
-        "resourceIds": [slug],
-        "start": local(held.starts_at, zone),
-        "end": local(held.ends_at, zone),
-        "title": row.person__full_name or row.person__username,
-        "classNames": ["mine" if mine else "other", f"stage-{stage.name.lower()}"],
-        **(changeable if may_change else {}),
-    }
+    person: User,
+    robots: list[Robot],
+    policies: dict[UUID, Policy],
+    starts: datetime,
+    ends: datetime,
+    zone: ZoneInfo,
+    now: datetime,
+) -> list[Event]:
+    """Return the bookings that hold time between two moments."""
+    if not robots:
+        return []
+    managed = set(robots_managed_by(person).values_list("slug", flat=True))
+    courses = set(courses_managed_by(person).values_list("pk", flat=True))
+    graces = {robot.slug: grace_of(policies[robot.id]) for robot in robots}
+    moment, written = cache(rows.moment), cache(partial(local, zone=zone))
+    query = _HELD.format(robots=rows.marks(robots))
+    asked = (person.pk, *(robot.id for robot in robots), starts - rules.LONGEST, ends, starts)
+    events = []
+    for key, slug, starts_at, held_until, used_at, state, version, mine, course, name in rows.read(
+        query, asked
+    ):
+        row = _Row(moment(starts_at), moment(held_until), used_at and moment(used_at), state)
+        held = held_slot(row, graces[slug], now)
+        stage = stage_of(row, graces[slug], now)
+        event = Event(
+            id=rows.key(key),
+            resource_ids=(slug,),
+            start=written(held.starts_at),
+            end=written(held.ends_at),
+            title=name,
+            class_names=("mine" if mine else "other", f"stage-{stage.name.lower()}"),
+        )
+        if stage in OPEN and (mine or slug in managed or course in courses):
+            event.editable = True
+            event.start_editable = stage in (Stage.AWAITING, Stage.BOOKED)
+            event.extended_props = {"version": version}
+        events.append(event)
+    return events
 
 
-def _out(period: OutOfService, ends: datetime, zone: ZoneInfo) -> dict[str, Any]:
-    return {
-        "id": str(period.pk),
-        "resourceIds": [period.robot.slug],
-        "start": local(period.starts_at, zone),
-        "end": local(period.ends_at or ends, zone),
-        "title": str(period.get_why_display()),
-        "display": "background",
-        "classNames": ["out"],
-    }
+def _out(period: OutOfService, slug: str, ends: datetime, zone: ZoneInfo) -> Event:
+    return Event(
+        id=period.pk,
+        resource_ids=(slug,),
+        start=local(period.starts_at, zone),
+        end=local(period.ends_at or ends, zone),
+        title=str(period.get_why_display()),
+        display="background",
+        class_names=("out",),
+    )
 
 
-def _off(robot: Robot, starts: datetime, ends: datetime, zone: ZoneInfo) -> dict[str, Any]:
-    return {
-        "id": f"off-{robot.slug}",
-        "resourceIds": [robot.slug],
-        "start": local(starts, zone),
-        "end": local(ends, zone),
-        "title": str(SWITCHED_OFF),
-        "display": "background",
-        "classNames": ["out"],
-    }
+def _off(robot: Robot, starts: datetime, ends: datetime, zone: ZoneInfo) -> Event:
+    return Event(
+        id=f"off-{robot.slug}",
+        resource_ids=(robot.slug,),
+        start=local(starts, zone),
+        end=local(ends, zone),
+        title=str(SWITCHED_OFF),
+        display="background",
+        class_names=("out",),
+    )
 
 
-def _closed(
-    robot: Robot, policy: Policy, first: date, last: date, zone: ZoneInfo
-) -> Iterable[dict[str, Any]]:
+def _closed(robot: Robot, policy: Policy, first: date, last: date, zone: ZoneInfo) -> Iterable[Event]:
     """Return the closed hours of each day as background events."""
     if not policy.opening:
         return
@@ -148,13 +177,13 @@ def _closed(
         )
         for number, (starts, ends) in enumerate(times):
             if starts < ends:
-                yield {
-                    "id": f"closed-{robot.slug}-{WEEKDAYS[day.weekday()]}-{day}-{number}",
-                    "resourceIds": [robot.slug],
-                    "start": local(starts, zone),
-                    "end": local(ends, zone),
-                    "title": "",
-                    "display": "background",
-                    "classNames": ["closed"],
-                }
+                yield Event(
+                    id=f"closed-{robot.slug}-{WEEKDAYS[day.weekday()]}-{day}-{number}",
+                    resource_ids=(robot.slug,),
+                    start=local(starts, zone),
+                    end=local(ends, zone),
+                    title="",
+                    display="background",
+                    class_names=("closed",),
+                )
         day += timedelta(days=1)

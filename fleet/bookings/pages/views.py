@@ -102,7 +102,7 @@ def feed(request: HttpRequest) -> HttpResponse:
     first, last = typed_day(request.GET.get("start")), typed_day(request.GET.get("end"))
     if first is None or last is None or last <= first:
         return JsonResponse({"text": "Name two days: start=2026-03-02&end=2026-03-09."}, status=400)
-    robots = robots_visible_to(person_of(request))
+    robots = robots_visible_to(person_of(request)).select_related(None)
     if only := _text(request.GET, "robot"):
         robots = robots.filter(slug=only)
     found = calendar(person_of(request), robots, first, last, timezone.now())
