@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from datetime import date, datetime, timedelta, timezone
 from enum import Enum
-from typing import Any, Protocol
+from functools import cache
+from typing import Protocol
 from uuid import UUID
 
 from django.db.models import F, Q, QuerySet
 from django.utils.translation import gettext_lazy
 from msgspec import Struct, structs
 
+from fleet import rows
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, OutOfService, Policy, State
 from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish, refusals
@@ -29,26 +31,20 @@ TRIES = 200  # starts of one robot
 WEEK = timedelta(days=7)
 SWITCHED_OFF = gettext_lazy("staff switched it off")
 
-_OWN = (
-    "starts_at",
-    "held_until",
-    "state",
-    "used_at",
-    "robot_id",
-    "robot__name",
-    "series",
-    "course_id",
-)
-_TAKEN = (
-    "id",
-    "starts_at",
-    "held_until",
-    "state",
-    "used_at",
-    "person_id",
-    "person__full_name",
-    "person__username",
-)
+# By hand: of fifty who want one slot, each asks for both.
+_OWN = """
+SELECT b.id, b.starts_at, b.held_until, b.used_at, b.robot_id, r.name, b.series IS NOT NULL AND b.course_id IS NOT NULL
+FROM bookings_booking b JOIN robots_robot r ON r.id = b.robot_id
+WHERE b.person_id = %s AND b.starts_at > %s AND b.held_until > b.starts_at
+ORDER BY b.starts_at
+"""
+_TAKEN = """
+SELECT b.id, CAST(b.starts_at AS text), CAST(b.held_until AS text), CAST(b.used_at AS text), b.person_id,
+    COALESCE(NULLIF(p.full_name, ''), p.username)
+FROM bookings_booking b JOIN accounts_user p ON p.id = b.person_id
+WHERE b.robot_id = %s AND b.starts_at > %s AND b.starts_at < %s AND b.held_until > %s AND b.held_until > b.starts_at
+ORDER BY b.starts_at
+"""
 
 
 class Stage(Enum):
@@ -95,6 +91,29 @@ class Row(Times, Protocol):
 
     @property
     def state(self) -> str: ...
+
+
+class _Held(Struct, frozen=True):
+    """A booking that holds time."""
+
+    id: UUID
+    starts_at: datetime
+    held_until: datetime
+    used_at: datetime | None
+    person_id: UUID
+    name: str  # of the person
+
+
+class _Own(Struct, frozen=True):
+    """A booking of the person who wants another one."""
+
+    id: UUID
+    starts_at: datetime
+    held_until: datetime
+    used_at: datetime | None
+    robot_id: UUID
+    robot: str  # its name
+    lesson: bool  # of a course
 
 
 def stage_of(booking: Row, grace: timedelta, now: datetime) -> Stage:
@@ -186,7 +205,7 @@ def _taken(facts: RobotFacts, now: datetime, *, but: Booking | None, of: UUID) -
     """Return the bookings of a robot, apart from the one that is moved. `of`: whose are own."""
     grace = grace_of(facts.policy)
     return [
-        Taken(held_slot(one, grace, now), one.person__full_name or one.person__username, one.person_id == of)
+        Taken(held_slot(one, grace, now), one.name, one.person_id == of)
         for one in facts.held
         if but is None or one.id != but.pk
     ]
@@ -196,7 +215,7 @@ class RobotFacts(Struct, frozen=True):
     """The facts of a robot by which every wish for a slot is judged, whoever wants it."""
 
     policy: Policy
-    held: tuple[Any, ...]  # rows of the bookings that hold time in the week from the slot's start on
+    held: tuple[_Held, ...]  # bookings that hold time in the week from the slot's start on
     out: tuple[Taken, ...]  # out-of-service periods of that week
     demanded: frozenset[int]  # keys of qualifications
 
@@ -204,13 +223,21 @@ class RobotFacts(Struct, frozen=True):
 def robot_facts(robot: Robot, slot: Slot) -> RobotFacts:
     """Read a robot's facts for a slot. Four queries."""
     week = _week_from(slot)
-    held = held_between([robot], week.starts_at, week.ends_at).values_list(*_TAKEN, named=True)
     return RobotFacts(
         policy_of(robot),
-        tuple(held),  # a fourth of the time of models
+        tuple(_held(robot, week)),
         tuple(out_between(robot, week.starts_at, week.ends_at)),
         frozenset(demanded(robot.id)),
     )
+
+
+def _held(robot: Robot, time: Slot) -> Iterator[_Held]:
+    """Return the robot's bookings that hold some of this time."""
+    asked = (robot.id, _before(time.starts_at, LONGEST), time.ends_at, time.starts_at)
+    moment, person_key = cache(rows.moment), cache(rows.key)  # one begins when another ends
+    for key, starts_at, held_until, used_at, person, name in rows.read(_TAKEN, asked):
+        times = moment(starts_at), moment(held_until), used_at and moment(used_at)
+        yield _Held(rows.key(key), *times, person_key(person), name)
 
 
 def _week_from(slot: Slot) -> Slot:
@@ -340,30 +367,29 @@ def _quota_of(course: Course, person: User, slot: Slot, now: datetime, moved: Bo
     )
 
 
-def _own_rows(policy: Policy, person: User, slot: Slot, now: datetime, moved: Booking | None) -> list[Any]:
+def _own_rows(policy: Policy, person: User, slot: Slot, now: datetime, moved: Booking | None) -> list[_Own]:
     """Return the person's bookings, as far back as the policy asks for them."""
     quotas = policy.day_min or policy.week_min or policy.at_once or policy.gap_min
     first = _before(
         min(now, slot.starts_at) if quotas else slot.starts_at, WEEK + LONGEST if quotas else LONGEST
     )
-    mine = Booking.objects.filter(person=person, starts_at__gt=first, held_until__gt=F("starts_at"))
-    if moved is not None:
-        mine = mine.exclude(pk=moved.pk)
-    return list(mine.order_by("starts_at").values_list(*_OWN, named=True))
+    found = []
+    for key, starts_at, held_until, used_at, robot, name, lesson in rows.read(_OWN, (person.pk, first)):
+        times = rows.moment(starts_at), rows.moment(held_until), used_at and rows.moment(used_at)
+        found.append(_Own(rows.key(key), *times, rows.key(robot), name, bool(lesson)))
+    return [one for one in found if moved is None or one.id != moved.pk]
 
 
-def _beside(own: list[Any], robot: Robot, now: datetime) -> tuple[Taken, ...]:
+def _beside(own: list[_Own], robot: Robot, now: datetime) -> tuple[Taken, ...]:
     """Return the person's bookings of other robots that hold time and are no lessons of a course."""
-    others = [
-        one for one in own if one.robot_id != robot.id and (one.series is None or one.course_id is None)
-    ]
+    others = [one for one in own if one.robot_id != robot.id and not one.lesson]
     begun = {one.robot_id for one in others if one.used_at is None and one.starts_at <= now}
     policies = policies_of(Robot.objects.filter(pk__in=begun)) if begun else {}
     found = []
     for one in others:
         policy = policies.get(one.robot_id)  # a no-show is decided by that robot's grace time
         held = held_slot(one, grace_of(policy), now) if policy else Slot(one.starts_at, one.held_until)
-        found.append(Taken(held, one.robot__name))
+        found.append(Taken(held, one.robot))
     return tuple(found)
 
 

@@ -10,8 +10,10 @@ from django.urls import reverse
 
 from fleet.bookings.changes.policy_changes import POLICY_FIELDS, policy_set
 from fleet.bookings.models import Booking, Policy
+from fleet.bookings.pages import views
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make
+from fleet.bookings.shared_facts import in_turn
 from robots.access.models import Course, Enrolment
 from robots.access.services import role_set
 from robots.registry.models import Robot, Role
@@ -99,9 +101,16 @@ def test_a_courses_common_quota_holds_over_several_robots(robots, django_user_mo
     assert Booking.objects.count() == 1
 
 
-def test_those_who_come_together_share_what_one_read(signed_in, robot, operator):
+def test_those_who_come_together_share_what_one_read(signed_in, robot, operator, monkeypatch):
     browsers = [signed_in(operator) for _ in range(12)]
     answers, reads = [], []
+    together = threading.Barrier(12)
+
+    def in_turn_together():
+        together.wait(timeout=30.0)
+        return in_turn()
+
+    monkeypatch.setattr(views, "in_turn", in_turn_together)
 
     def book(browser):
         with CaptureQueriesContext(connection) as queries:
