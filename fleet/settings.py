@@ -198,6 +198,7 @@ SOCIALACCOUNT_ADAPTER = "fleet.accounts.sign_in.adapters.SingleSignOnAdapter"
 SOCIALACCOUNT_LOGIN_ON_GET = True  # a link: the content security policy lets no form lead to another host
 SOCIALACCOUNT_PROVIDERS = environment.single_sign_on(_env)
 
+SESSION_ENGINE = "fleet.accounts.sign_in.sessions"
 SESSION_COOKIE_AGE = 12 * 60 * 60  # seconds without a page opened: a working day
 SESSION_COOKIE_SECURE = CSRF_COOKIE_SECURE = FLEET_TLS
 # Cookies know hosts, not ports: two consoles on one host would sign each other's people out.
