@@ -108,18 +108,19 @@ def robots_supervised_by(user: User) -> QuerySet[Robot]:
 
 def robots_visible_to(user: User) -> QuerySet[Robot]:
     """Return the robots that `user` may view, also disabled ones, by name."""
-    return robots_and_role(user)[0]
-
-
-def robots_and_role(user: User) -> tuple[QuerySet[Robot], Role | None]:
-    """Return the robots that `user` may view, by name, and the highest role on any of them."""
+    keys, _role = visible_to(user)
     robots = Robot.objects.select_related("profile", "bridge")
+    return robots if keys is None else robots.filter(pk__in=keys)
+
+
+def visible_to(user: User) -> tuple[set[UUID] | None, Role | None]:
+    """Return the keys of the robots that `user` may view, None for all, and the highest role on any of them."""
     if not user.is_active:
-        return robots.none(), None
+        return set(), None
     if user.is_staff:
-        return robots, Role.STAFF
+        return None, Role.STAFF
     found = _given([user.id], None)
-    return robots.filter(pk__in={one.robot for one in found}), max((one.role for one in found), default=None)
+    return {one.robot for one in found}, max((one.role for one in found), default=None)
 
 
 def robot_visible_to(user: User, slug: str) -> Robot:

@@ -50,10 +50,10 @@ from robots.access.selectors import (
     courses_managed_by,
     lab_date,
     manages_robot,
-    robots_and_role,
     robots_managed_by,
     robots_visible_to,
     supervises,
+    visible_to,
 )
 from robots.registry.models import Robot, Role
 from robots.wire import Refusal
@@ -351,15 +351,14 @@ def _in_words(booking: Booking) -> str:
 
 
 def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
-    """Return the robots to choose from, or the one, and whether the person supervises any, or overrides a policy."""
+    """Return which robots there are to choose from, and whether the person supervises any, or overrides a policy."""
     if robot is None:
-        robots, role = robots_and_role(person)
+        visible, role = visible_to(person)
         above = role is not None and role >= Role.SUPERVISOR
         overrides = above and robots_managed_by(person).exists()
-        robots = robots.select_related(None)  # two tables less for each request
-        return {"robots": robots, "supervises": above, "overrides": overrides}
+        return {"visible": visible, "supervises": above, "overrides": overrides}
     manages = manages_robot(person, robot)
-    return {"robots": Robot.objects.filter(pk=robot.pk), "supervises": manages, "overrides": manages}
+    return {"visible": {robot.pk}, "supervises": manages, "overrides": manages}
 
 
 def _courses_to_choose(person: User) -> QuerySet[Course] | None:
