@@ -28,7 +28,8 @@ class BaseTopics:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         names = robot.body.names
-        self._odometry = rospy.Publisher(names.odometry, Odometry, queue_size=1, tcp_nodelay=True)
+        # 100 as diff_drive_controller has it: on a busy computer odometry comes late, but none is missing.
+        self._odometry = rospy.Publisher(names.odometry, Odometry, queue_size=100, tcp_nodelay=True)
         self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10, tcp_nodelay=True)
         self._frozen: Odometry | None = None
         if names.mux:
