@@ -609,6 +609,8 @@ class Core:
         fault = self._gate.fault(now_s)
         if fault is not None:
             text = f"stopped: {fault.text}"
+            if overload := self._late.report(now_s):
+                text += f"; this computer is overloaded: the bridge was {overload.late_s:.1f} s late"
             self._take_over(Verdict(STILL, self._gate.velocity, fault.code, text, fault.sensor), now_s)
         return fault is not None
 

@@ -171,6 +171,15 @@ def test_a_silent_laser_holds_the_base_with_zeros_without_a_gap(driver):
     assert driver.end == "scan_stale" and driver.last == STILL
 
 
+def test_a_drive_that_ends_on_an_overloaded_computer_names_the_computer(driver):
+    driver.core.tick(driver.now_s, late_s=0.8)
+    driver.steps(1.5, scans=False)
+    said = "Stopped: laser is 1.3 s old; this computer is overloaded: the bridge was 0.8 s late."
+    assert driver.end == "scan_stale"
+    driver.going.ended(driver.base.goals[-1][0], "cancelled", "", driver.now_s)
+    assert driver.going.last.text == said
+
+
 def test_a_scan_that_comes_before_its_odometry_does_not_end_a_drive(driver):
     driver.scan(ahead_s=0.3)
     driver.steps(0.04, scans=False)
