@@ -11,8 +11,9 @@ from functools import cache
 from typing import Any, TypeVar
 from uuid import UUID
 
-from django.db import connection
+from django.db import OperationalError, connection
 from django.db.models import Model
+from django.utils.dateparse import parse_datetime
 
 M = TypeVar("M", bound=Model)
 
@@ -44,8 +45,13 @@ def key(stored: UUID | str) -> UUID:
 
 
 def moment(stored: datetime | str) -> datetime:
-    """Return a moment that a query returned; SQLite's driver knows the type of some columns, and no zone."""
-    found = datetime.fromisoformat(stored) if isinstance(stored, str) else stored
+    """Return a moment that a query returned; SQLite's driver knows the type of some columns, and no zone.
+
+    PostgreSQL's text ends in "+00", which `datetime.fromisoformat` reads from Python 3.11 on only.
+    """
+    found = parse_datetime(stored) if isinstance(stored, str) else stored
+    if found is None:
+        raise ValueError(f"not a moment: {stored}")
     return found if found.tzinfo else found.replace(tzinfo=timezone.utc)
 
 
@@ -64,11 +70,18 @@ def _stores_keys() -> bool:
 
 @cache
 def _builder(kind: type[M], columns: tuple[str, ...]) -> Callable[[Sequence[Any]], M]:
-    """Return what makes a model of a row. Django's raw queries look up fields and converters each time, for 0.3 ms."""
+    """Return a function that makes a model from a row.
+
+    Django's raw queries look up fields and converters each time, which takes 0.3 ms.
+    """
     fields = kind._meta.concrete_fields
     names = [field.attname for field in fields]
     parts = []
     for field in fields:
+        if field.column not in columns:
+            raise OperationalError(
+                f"{kind._meta.db_table} has no column {field.column}: run manage.py migrate"
+            )
         column = field.get_col(kind._meta.db_table)
         converters = [*connection.ops.get_db_converters(column), *column.get_db_converters(connection)]
         parts.append((columns.index(field.column), column, converters))

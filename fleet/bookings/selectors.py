@@ -31,7 +31,7 @@ TRIES = 200  # starts of one robot
 WEEK = timedelta(days=7)
 SWITCHED_OFF = gettext_lazy("staff switched it off")
 
-# By hand: of fifty who want one slot, each asks for both.
+# Hand-written, because fifty people may ask for one slot at the same moment.
 _OWN = """
 SELECT b.id, b.starts_at, b.held_until, b.used_at, b.robot_id, r.name, b.series IS NOT NULL AND b.course_id IS NOT NULL
 FROM bookings_booking b JOIN robots_robot r ON r.id = b.robot_id
@@ -234,7 +234,10 @@ def robot_facts(robot: Robot, slot: Slot) -> RobotFacts:
 def _held(robot: Robot, time: Slot) -> Iterator[_Held]:
     """Return the robot's bookings that hold some of this time."""
     asked = (robot.id, _before(time.starts_at, LONGEST), time.ends_at, time.starts_at)
-    moment, person_key = cache(rows.moment), cache(rows.key)  # one begins when another ends
+    moment, person_key = (
+        cache(rows.moment),
+        cache(rows.key),
+    )  # the end of one is often the start of the next: parse it once
     for key, starts_at, held_until, used_at, person, name in rows.read(_TAKEN, asked):
         times = moment(starts_at), moment(held_until), used_at and moment(used_at)
         yield _Held(rows.key(key), *times, person_key(person), name)

@@ -47,7 +47,7 @@ WHERE r.kind = 'speech.end' AND r.of_id IN ({starts}) ORDER BY r.id DESC
 def speech_history(robot_id: UUID, person_id: UUID | None, *, before: int, limit: int) -> SpeechHistory:
     """Return at most `limit` texts with numbers below `before` that a person (None: anybody) had the robot speak.
 
-    By hand-written queries: dashboards of programs read it again and again.
+    The queries are hand-written, because programs with dashboards poll it.
     """
     by_person = "" if person_id is None else "AND r.actor_id = %s"
     people = [] if person_id is None else [str(person_id)]
@@ -76,6 +76,6 @@ def speech_history(robot_id: UUID, person_id: UUID | None, *, before: int, limit
 
 
 def _details(parameters: str, data: str | None) -> dict[str, Any]:
-    """Return a record's parameters and what is still kept of its content besides a text."""
+    """Return a record's parameters together with the details that have not expired; its text is not included."""
     found: dict[str, Any] = msgspec.json.decode(parameters) | msgspec.json.decode(data or "{}")
     return found

@@ -44,7 +44,7 @@ ORDER BY b.starts_at
 
 
 class Event(Struct, kw_only=True, omit_defaults=True, rename="camel"):
-    """What the browser's calendar shows. Its own defaults are left out."""
+    """An event of the browser's calendar. Values that are the calendar's defaults are left out."""
 
     id: UUID | str
     resource_ids: tuple[str]  # the robot

@@ -197,7 +197,7 @@ class OutOfServiceForm(forms.Form):
 
 
 class RobotField(forms.ModelChoiceField):  # type: ignore[type-arg]
-    """A robot by its slug. By a hand-written query: of fifty who want one slot, each names it."""
+    """A robot by its slug. The query is hand-written, because fifty people may ask for one slot at the same moment."""
 
     visible: Collection[UUID] | None = ()  # keys of the robots to choose from; None: all
 

@@ -22,11 +22,10 @@ from robots.simulator.physics.mujoco_world import WorldReader
 from robots.simulator.physics.scene import DECORATION_GROUP
 
 _MOST_GEOMS = 500
-# Costly without a graphics card. The worlds are rooms: no picture shows their sky or horizon.
+# Costly without a graphics card. In a room nobody sees the haze at the horizon.
 _EFFECTS = (
     mujoco.mjtRndFlag.mjRND_SHADOW,
     mujoco.mjtRndFlag.mjRND_REFLECTION,
-    mujoco.mjtRndFlag.mjRND_SKYBOX,
     mujoco.mjtRndFlag.mjRND_HAZE,
 )
 

@@ -28,7 +28,7 @@ class BaseTopics:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         names = robot.body.names
-        # 100 as diff_drive_controller has it: on a busy computer odometry comes late, but none is missing.
+        # 100, as in diff_drive_controller: on a busy computer messages may be late, but none is lost.
         self._odometry = rospy.Publisher(names.odometry, Odometry, queue_size=100, tcp_nodelay=True)
         self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10, tcp_nodelay=True)
         self._frozen: Odometry | None = None

@@ -96,7 +96,7 @@ class ApiView(APIView):
         return found
 
     def known_robot(self, slug: str) -> tuple[KnownRobot, Role]:
-        """Return one of them, for reading only, and the person's role on it. Costs a third of `robot`."""
+        """Return one of them, for reading only, and the person's role on it. Takes a third of the time of `robot`."""
         known = known_robot_at(slug)
         role = role_on(self.person, known.robot) if known else None
         if known is None or role is None or not self.token_serves(known.robot.id):
