@@ -1,7 +1,6 @@
 """The swept space covers the arm at every moment of its motion, and little more."""
 
 import math
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -67,16 +66,6 @@ def test_thinned_discs_cover_the_original_discs():
     assert len(few) <= (2.0 / CELL_M + 1) ** 2
     for x, y in many:
         assert any(math.hypot(x - a, y - b) + RADIUS_M <= r + 1e-9 for a, b, r in few)
-
-
-def test_a_motion_of_many_points_is_reckoned_in_a_moment():
-    points = tuple(map(tuple, np.random.default_rng(4).uniform(-1.5, 1.5, (50, 2))))
-    took_s = []
-    for _ in range(5):
-        began = time.perf_counter()
-        swept(Motion(WAVE.joints, points), PRESENT, two_links, RADIUS_M)
-        took_s.append(time.perf_counter() - began)
-    assert min(took_s) < 0.05
 
 
 def test_an_unreported_joint_leaves_the_sweep_unknown():
