@@ -1,4 +1,4 @@
-"""Cost of a gate decision with few and many points, its share of the drive path, a depth picture, an arm's sweep."""
+"""Cost of a gate decision with few and many points, its share of the drive path, and a depth picture."""
 
 from __future__ import annotations
 
@@ -32,28 +32,32 @@ from robots.bridge.core import Core, RosStatus
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Disc
-from robots.bridge.gate.geometry.arm_sweep import Motion, swept
 from robots.bridge.gate.motion.safe_twist import is_still
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
-from robots.bridge.gate.sensing.depth import picture_of_image
-from robots.bridge.gate.values import STILL, GateProfile, LaserScan, Limits, Pose, Velocity, Verdict
+from robots.bridge.gate.sensing.depth import DepthImage, Lens, picture_of_image
+from robots.bridge.gate.values import (
+    STILL,
+    DepthView,
+    GateProfile,
+    LaserScan,
+    Limits,
+    Pose,
+    Velocity,
+    Verdict,
+)
 from robots.bridge.gate_recording import replay
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.tasks.head import Aim
 from robots.bridge.tasks.holder_tasks import Swept
 from robots.bridge.tasks.speech import Utterance
 from robots.wire import Drive, Grant, Refusal
-from tests.gate import test_depth as depth
-from tests.gate import test_sweep as sweep
 
 SEED = 1  # of the recorded minute
 DECISIONS = 3000
 HELD = 40  # decisions with one stick: 0.8 s
 LASER = "laser"
 PICTURE_US = 1000.0
-SWEPT = 50
-SWEEP_US = 50_000.0
 FIELD_OF_VIEW = math.radians(190)
 Outline = tuple[tuple[float, float], ...]
 BOX: Outline = ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))
@@ -90,32 +94,28 @@ def measure() -> list[Figure]:
     with_gate_us, without_us = _drive_path()
     added_us = quantile(with_gate_us, 0.5) - quantile(without_us, 0.5)
     figures.append(Figure("added to the drive path in a room, wall time: p50", added_us, "us", 500.0))
-    progress("a depth picture, an arm's sweep")
+    progress("a depth picture")
     figures.append(Figure("a depth picture becomes obstacles: p50", _picture_us(), "us", PICTURE_US))
-    figures.append(Figure(f"sweep of a motion of {SWEPT} points: p50", _sweep_us(), "us", SWEEP_US))
     return figures
 
 
 def _picture_us() -> float:
-    """A noisy picture of floor, table and wall by a camera that looks down."""
-    to_base = depth.camera(-0.3)
-    drawn = depth.drawn([depth.FLOOR, depth.TABLE, depth.WALL], to_base, noise=0.0015)
-    message = depth.image(drawn)
-    return _computing_us(lambda: frame_of(picture_of_image(message, depth.LENS), to_base, depth.VIEW))
-
-
-def _sweep_us() -> float:
-    points = tuple(map(tuple, np.random.default_rng(4).uniform(-1.5, 1.5, (SWEPT, 2))))
-    motion = Motion(sweep.WAVE.joints, points)
-    return _computing_us(lambda: swept(motion, sweep.PRESENT, sweep.two_links, sweep.RADIUS_M))
-
-
-def _computing_us(work: Callable[[], object], times: int = 40) -> float:
-    """The computing time of `work`, p50."""
-    spent_us = []
-    for _ in range(times):
+    """Computing time of a noisy picture of floor and a wall, by a camera that looks down, p50."""
+    lens = Lens.seeing(math.radians(63.0), 640, 480)
+    tilt, height_m, wall_m = -0.3, 1.2, 3.0
+    down, ahead = (np.arange(480) - lens.cy) / lens.fy, np.array((math.cos(tilt), math.sin(tilt)))
+    onwards, upwards = ahead[0] + down * ahead[1], ahead[1] - down * ahead[0]  # of a ray, for 1 m of depth
+    depth = np.where(upwards < 0.0, np.fmin(wall_m / onwards, height_m / -upwards), wall_m / onwards)
+    rows = np.repeat(depth[:, None], 640, axis=1)
+    rows += 0.0015 * rows**2 * np.random.default_rng(SEED).standard_normal(rows.shape)
+    message = DepthImage(640, 480, "32FC1", False, 4 * 640, rows.astype("<f4").tobytes())
+    to_base = np.eye(4)
+    to_base[:3, :3] = ((0.0, ahead[1], ahead[0]), (-1.0, 0.0, 0.0), (0.0, -ahead[0], ahead[1]))
+    to_base[:3, 3] = (0.175, 0.0, height_m)
+    view, spent_us = DepthView(height_m=1.1), []
+    for _ in range(40):
         began_ns = time.thread_time_ns()
-        work()
+        frame_of(picture_of_image(message, lens), to_base, view)
         spent_us.append((time.thread_time_ns() - began_ns) / 1000.0)
     return quantile(spent_us, 0.5)
 

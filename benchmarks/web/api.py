@@ -1,26 +1,21 @@
 """The API: reads, speech, the stream of a token beside the page's, and driving beside 100 reads a second and an export.
 
-Requests come from threads of this process, each with a connection that is kept. Load and driving share the machine.
+Load and driving share the machine. While driving is measured against its limit, driver and observer have real-time
+priority: they would be other computers.
 """
 
 from __future__ import annotations
 
 import asyncio
-import http.client
-import itertools
-import json
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 
 from benchmarks.driving.drive import BARE_STICKS, ROBOT, drive
 from benchmarks.harness import Figure, progress, quantile
+from benchmarks.parts.api_programs import READS_PER_S, Client, running
 from benchmarks.parts.observer import Observer
-from benchmarks.parts.priority import prefer_loops_or_say
+from benchmarks.parts.priority import prefer_loops_or_say, prefer_witness
 from benchmarks.parts.viewer_crowd import Crowd
 from script.stack.client import Driver, sign_in
 from script.stack.places import REPOSITORY
@@ -29,11 +24,9 @@ from script.stack.stack import Stack, temporary_stack
 OTHER = BARE_STICKS[1].slug  # speaks
 READS = 200
 TEXTS = 20
-READERS = 10
-READS_PER_S = 100.0
-LOAD_S = 10.0
 VIEWERS = 10
 TURNS = 4  # of page and token each
+PATHS = ("/robots", f"/robots/{ROBOT}", f"/robots/{ROBOT}/phrases", f"/robots/{OTHER}/speech/history")
 
 RECORDS = 20_000  # in the log that is exported again and again
 _FILL = f"""
@@ -79,15 +72,14 @@ async def _measure_on(stack: Stack) -> list[Figure]:
         await asyncio.to_thread(_fill_log, stack)
         async with Crowd(stack, ROBOT, watching, VIEWERS), Driver(stack, ROBOT, f"Bearer {token}") as driver:
             await driver.take()
-            with _load(stack, token) as alone_ms:
+            with running(stack, token, PATHS) as alone:
                 for _ in range(TURNS):
                     await drive(driver, observer)
-            with _load(stack, token) as spent_ms, _exports(stack, auditor) as exported:
-                began_s = time.monotonic()
+            with running(stack, token, PATHS, auditor) as spent:
                 ordinary = [delay for _ in range(TURNS) for delay in await drive(driver, observer)]
                 prefer_loops_or_say(stack)
+                prefer_witness(observer.pid)
                 beside = [delay for _ in range(TURNS) for delay in await drive(driver, observer)]
-                reads_s = time.monotonic() - began_s
             dead_man = sum(one.refusal.code == "dead_man" for one in driver.refused)
     return [
         *figures,
@@ -99,10 +91,12 @@ async def _measure_on(stack: Stack) -> list[Figure]:
             "times",
             TOKEN_TIMES,
         ),
-        Figure(f"{READS_PER_S:.0f} mixed reads a second: p95", quantile(alone_ms, 0.95), "ms", MIXED_P95_MS),
-        Figure("the same beside an export: p95", quantile(spent_ms, 0.95), "ms", MIXED_P95_MS),
-        Figure("reads a second beside it", len(spent_ms) / reads_s, ""),
-        Figure("records exported a second meanwhile", exported.records / exported.seconds, ""),
+        Figure(
+            f"{READS_PER_S:.0f} mixed reads a second: p95", quantile(alone.reads_ms, 0.95), "ms", MIXED_P95_MS
+        ),
+        Figure("the same beside an export: p95", quantile(spent.reads_ms, 0.95), "ms", MIXED_P95_MS),
+        Figure("reads a second beside it", len(spent.reads_ms) / spent.seconds, ""),
+        Figure("records exported a second meanwhile", spent.exported / spent.seconds, ""),
         Figure("beside them: command p99, ordinary priority", 1000.0 * quantile(ordinary, 0.99), "ms"),
         Figure("beside them: command p99", 1000.0 * quantile(beside, 0.99), "ms", COMMAND_P99_MS),
         Figure("beside them: dead-man", float(dead_man), "", 0.0),
@@ -132,29 +126,9 @@ def _manage(stack: Stack, *words: str) -> str:
     return done.stdout.strip()
 
 
-class _Client:
-    """A program with one connection."""
-
-    def __init__(self, stack: Stack, token: str) -> None:
-        self._connection = http.client.HTTPConnection("127.0.0.1", stack.port, timeout=30.0)
-        self._headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
-
-    def ask(self, method: str, path: str, body: object = None) -> float:
-        """Ask, and return how long the answer took, ms. Raises if it is an error."""
-        began_s = time.perf_counter()
-        self._connection.request(
-            method, f"/api/v1{path}", None if body is None else json.dumps(body), self._headers
-        )
-        answer = self._connection.getresponse()
-        text = answer.read()
-        if answer.status >= 400:
-            raise AssertionError(f"{method} {path}: {answer.status} {text[:300]!r}")
-        return 1000.0 * (time.perf_counter() - began_s)
-
-
 def _alone(stack: Stack, token: str) -> list[Figure]:
     progress("reads and speech alone ...")
-    client = _Client(stack, token)
+    client = Client(stack.port, token)
     reads = [client.ask("GET", f"/robots/{ROBOT}") for _ in range(READS)]
     client.ask("POST", f"/robots/{OTHER}/control", {})
     spoken = []
@@ -178,67 +152,3 @@ async def _stream(stack: Stack, signed_in: str, observer: Observer) -> list[floa
         delays = await drive(driver, observer)
         await driver.release()
     return delays
-
-
-@dataclass
-class Exported:
-    """The work of the exporter."""
-
-    records: int = 0
-    seconds: float = 0.0
-
-
-@contextmanager
-def _exports(stack: Stack, token: str) -> Iterator[Exported]:
-    """Export the whole log, again and again, as one program with one connection."""
-    over, exported = threading.Event(), Exported()
-
-    def export() -> None:
-        headers = {"Authorization": f"Bearer {token}"}
-        began_s = time.monotonic()
-        while not over.is_set():
-            connection = http.client.HTTPConnection("127.0.0.1", stack.port, timeout=30.0)
-            connection.request("POST", "/api/v1/audit/export?format=jsonl", headers=headers)
-            answer = connection.getresponse()
-            if answer.status != 200:
-                raise AssertionError(f"export: {answer.status} {answer.read(300)!r}")
-            while not over.is_set() and (piece := answer.read(64 * 1024)):
-                exported.records += piece.count(b"\n")
-            connection.close()
-        exported.seconds = time.monotonic() - began_s
-
-    thread = threading.Thread(target=export)
-    thread.start()
-    try:
-        yield exported
-    finally:
-        over.set()
-        thread.join()
-
-
-@contextmanager
-def _load(stack: Stack, token: str) -> Iterator[list[float]]:
-    """Read `READS_PER_S` times a second from `READERS` threads."""
-    paths = ("/robots", f"/robots/{ROBOT}", f"/robots/{ROBOT}/phrases", f"/robots/{OTHER}/speech/history")
-    over = threading.Event()
-    spent_ms: list[float] = []
-
-    def reader(number: int) -> None:
-        client = _Client(stack, token)
-        period_s = READERS / READS_PER_S
-        due_s = time.monotonic() + number * period_s / READERS
-        for path in itertools.cycle(paths):
-            if over.wait(max(0.0, due_s - time.monotonic())):
-                return
-            spent_ms.append(client.ask("GET", path))
-            due_s += period_s
-
-    threads = [threading.Thread(target=reader, args=(number,)) for number in range(READERS)]
-    for thread in threads:
-        thread.start()
-    try:
-        yield spent_ms
-    finally:
-        over.set()
-        for thread in threads:
-            thread.join()

@@ -16,7 +16,7 @@ from types import FrameType
 
 import uvicorn
 
-from robots.processes.scheduling import prefer_nobody
+from robots.processes.scheduling import give_way, prefer_nobody
 from robots.processes.shutdown import SIGNALS, exit_within
 
 NICENESS = 15
@@ -56,7 +56,7 @@ def main() -> None:
     )
     parser.add_argument("application")
     asked = parser.parse_args()
-    os.nice(NICENESS)
+    give_way(NICENESS)
     prefer_nobody()
     server = Server(
         uvicorn.Config(

@@ -12,12 +12,14 @@ import os
 import resource
 import signal
 from contextlib import suppress
+from pathlib import Path
 
 log = logging.getLogger(__name__)
 
 REAL_TIME = 5  # of 1 to 99: above all ordinary processes, below the kernel and drivers
 RUNAWAY_S = 0.2  # a loop that computes so long without a pause gets ordinary priority
 RUNAWAY_ENDS_S = 2.0  # a loop that still computes then is ended, and the robot stops
+SESSION_NICE = 5
 _OLD_S = 30.0
 
 
@@ -58,6 +60,18 @@ def prefer_stop_thread() -> None:
 def prefer_nobody() -> None:
     """Never ask for real-time priority in this process."""
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+
+
+def give_way(nice: int) -> None:
+    """Lower the priority of this process: those that carry commands and stops go first.
+
+    Linux may group processes by session (autogroup). Then `nice` counts inside the session only, and the session's own
+    value counts between sessions. Start the process in a session of its own.
+    """
+    os.nice(nice)
+    if os.getsid(0) == os.getpid():
+        with suppress(OSError):  # no autogroups here
+            Path("/proc/self/autogroup").write_text(str(SESSION_NICE))
 
 
 def _lower_priority(*_: object) -> None:

@@ -1,0 +1,119 @@
+"""Programs that use the API beside a driver, in a process of their own: they would be other computers.
+
+In the driver's process they would delay the driver itself, and one another, for want of its interpreter.
+"""
+
+from __future__ import annotations
+
+import http.client
+import itertools
+import json
+import multiprocessing
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+
+from script.stack.stack import Stack
+
+READERS = 10
+READS_PER_S = 100.0
+START_S = 20.0
+
+
+@dataclass
+class Load:
+    """The programs' own figures, filled in when they have ended."""
+
+    reads_ms: list[float] = field(default_factory=list)
+    seconds: float = 0.0
+    exported: int = 0  # records
+
+
+class Client:
+    """A program with one connection."""
+
+    def __init__(self, port: int, token: str) -> None:
+        self._connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30.0)
+        self._headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/json"}
+
+    def ask(self, method: str, path: str, body: object = None) -> float:
+        """Ask, and return how long the answer took, ms. Raises if it is an error."""
+        began_s = time.perf_counter()
+        self._connection.request(
+            method, f"/api/v1{path}", None if body is None else json.dumps(body), self._headers
+        )
+        answer = self._connection.getresponse()
+        text = answer.read()
+        if answer.status >= 400:
+            raise AssertionError(f"{method} {path}: {answer.status} {text[:300]!r}")
+        return 1000.0 * (time.perf_counter() - began_s)
+
+
+@contextmanager
+def running(stack: Stack, token: str, paths: Sequence[str], auditor: str = "") -> Iterator[Load]:
+    """Read `READS_PER_S` times a second; with the token of an auditor, export the whole log again and again, too."""
+    load = Load()
+    processes = multiprocessing.get_context("spawn")
+    ours, theirs = processes.Pipe()
+    process = processes.Process(target=_run, args=(theirs, stack.port, token, paths, auditor), daemon=True)
+    process.start()
+    theirs.close()
+    if not ours.poll(START_S):
+        raise TimeoutError("The programs did not start.")
+    ours.recv()
+    try:
+        yield load
+    finally:
+        ours.send("over")
+        load.reads_ms, load.seconds, load.exported = ours.recv()
+        process.join()
+
+
+def _run(ours: Connection, port: int, token: str, paths: Sequence[str], auditor: str) -> None:
+    over, load = threading.Event(), Load()
+    threads = [
+        threading.Thread(target=_read, args=(port, token, paths, number, over, load), daemon=True)
+        for number in range(READERS)
+    ]
+    if auditor:
+        threads.append(threading.Thread(target=_export, args=(port, auditor, over, load), daemon=True))
+    for thread in threads:
+        thread.start()
+    began_s = time.monotonic()
+    ours.send("started")
+    ours.recv()
+    load.seconds = time.monotonic() - began_s
+    over.set()
+    for thread in threads:
+        thread.join()
+    ours.send((load.reads_ms, load.seconds, load.exported))
+
+
+def _read(
+    port: int, token: str, paths: Sequence[str], number: int, over: threading.Event, load: Load
+) -> None:
+    client = Client(port, token)
+    period_s = READERS / READS_PER_S
+    due_s = time.monotonic() + number * period_s / READERS
+    for path in itertools.cycle(paths):
+        if over.wait(max(0.0, due_s - time.monotonic())):
+            return
+        load.reads_ms.append(client.ask("GET", path))
+        due_s += period_s
+
+
+def _export(port: int, token: str, over: threading.Event, load: Load) -> None:
+    """Export the whole log, again and again, as one program with one connection."""
+    headers = {"Authorization": f"Bearer {token}"}
+    while not over.is_set():
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30.0)
+        connection.request("POST", "/api/v1/audit/export?format=jsonl", headers=headers)
+        answer = connection.getresponse()
+        if answer.status != 200:
+            raise AssertionError(f"export: {answer.status} {answer.read(300)!r}")
+        while not over.is_set() and (piece := answer.read(64 * 1024)):
+            load.exported += piece.count(b"\n")
+        connection.close()
