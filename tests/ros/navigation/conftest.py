@@ -15,6 +15,7 @@ from nav_msgs.msg import Odometry
 
 from robots import wire
 from robots.bridge.config import NavigationSource, Topic
+from tests.processes import PATIENCE_S
 from tests.ros.bridge_support import WatchdogProcess, drivable, running_bridge, tiago_config
 
 NAVIGATION = NavigationSource(
@@ -28,6 +29,7 @@ TOPICS = {"navigation": NAVIGATION, "map": Topic("/map", "nav_msgs/OccupancyGrid
 _numbers = itertools.count(1)
 
 
+FAR, NEAR = (8.0, 2.0), (2.0, 1.8)
 RENEW_S = 0.2
 CONTROL_S = 10.0  # longer than the product's 3 s: a busy computer sets a fault in more than that
 
@@ -46,12 +48,26 @@ class Traveller:
         return self.hand.ask(wire.Go(self.fence, x, y, heading, next(_numbers)))
 
     def go(self, x: float, y: float, heading: float = 0.0) -> int:
-        """Ask for a drive; return the number of the request."""
-        self.renew()
-        seq = next(_numbers)
+        """Ask for a drive, once the robot's map has come; return the number of the request."""
+        until_s = time.monotonic() + PATIENCE_S
         with self.renewing():
-            assert self.hand.ask(wire.Go(self.fence, x, y, heading, seq)) is None
-        return seq
+            while True:
+                self.renew()
+                seq = next(_numbers)
+                refusal = self.hand.ask(wire.Go(self.fence, x, y, heading, seq))
+                if refusal is None:
+                    return seq
+                assert refusal.code == "no_map" and time.monotonic() < until_s, refusal
+                time.sleep(RENEW_S)
+
+    def drives_until_ended(self) -> wire.GoEnd:
+        """Drive to and fro until something else than an arrival ends a drive: on a slow computer a map comes late."""
+        for place in 2 * (FAR, NEAR):
+            seq = self.go(*place)
+            end = self.ended(seq)
+            if end.outcome != "arrived":
+                break
+        return end
 
     def until(self, condition, what: str) -> wire.State:
         """Renew control until a state is so."""

@@ -13,11 +13,10 @@ from nav_msgs.msg import OccupancyGrid
 from robots.bridge.config import Topic
 from tests.processes import until
 from tests.ros.bridge_support import WatchdogProcess, drivable, running_bridge, tiago_config
-from tests.ros.navigation.conftest import TOPICS, Traveller, guarded_bridge, pause, place
+from tests.ros.navigation.conftest import FAR, NEAR, TOPICS, Traveller, guarded_bridge, pause, place
 
 BEHIND_THE_WALL = (1.2, 5.5)
 WALL_Y_M = 3.5
-FAR = (8.0, 2.0)
 
 
 def test_a_blind_planner_is_stopped_before_it_touches_anything(traveller, truth, fault):
@@ -134,16 +133,14 @@ def test_a_map_that_changes_or_ends_ends_a_drive(ros, rosmaster, tmp_path):
         hand.let_go()
         traveller = Traveller(process, hand)
         pause(traveller, 1.0)
-        seq = traveller.go(8.0, 2.0)
-        traveller.drives()
+        seq = traveller.go(*NEAR)
+        traveller.ended(seq)
         maps.publish(grid(150))
-        end = traveller.ended(seq)
+        end = traveller.drives_until_ended()
         assert (end.outcome, end.text) == ("map_changed", "The robot’s map changed.")
         traveller.stands()
-        seq = traveller.go(2.0, 1.8)
-        traveller.drives()
         maps.unregister()
-        assert traveller.ended(seq).outcome == "map_gone"
+        assert traveller.drives_until_ended().outcome == "map_gone"
         traveller.stands()
 
 
