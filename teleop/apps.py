@@ -7,6 +7,5 @@ class TeleopConfig(AppConfig):
     verbose_name = _("Control")
 
     def ready(self) -> None:
-        """Import the modules that connect the signal receiver and extend the schema."""
-        from teleop.api.v1.framework import schema  # noqa: F401
+        """Import the module that connects the signal receiver."""
         from teleop.control import signals  # noqa: F401

@@ -12,6 +12,8 @@ from django.views.decorators.http import require_safe
 from drf_spectacular.generators import SchemaGenerator
 from drf_spectacular.renderers import OpenApiJsonRenderer
 
+import teleop.api.v1.framework.schema  # noqa: F401  # extends the description
+
 
 @csp_update({"img-src": ["data:"]})  # the library's icons
 @require_safe
