@@ -1,4 +1,4 @@
-"""Cost of a gate decision with few and many points, its share of the drive path, and a depth picture."""
+"""Cost of a gate decision with few and many points, its share of the drive path, a depth picture, an arm's sweep."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import math
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.harness import Figure, progress, quantile
 from benchmarks.world.cases import clutter
@@ -32,6 +33,7 @@ from robots.bridge.core import Core, RosStatus
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Disc
+from robots.bridge.gate.geometry.arm_sweep import Motion, swept
 from robots.bridge.gate.motion.safe_twist import is_still
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
@@ -58,7 +60,10 @@ DECISIONS = 3000
 HELD = 40  # decisions with one stick: 0.8 s
 LASER = "laser"
 PICTURE_US = 1000.0
+SWEPT = 50
+SWEEP_US = 50_000.0
 FIELD_OF_VIEW = math.radians(190)
+Floats = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
 BOX: Outline = ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))
 # Straight on, on an arc, and while the base still turns the other way: what a decision looks at grows.
@@ -94,9 +99,35 @@ def measure() -> list[Figure]:
     with_gate_us, without_us = _drive_path()
     added_us = quantile(with_gate_us, 0.5) - quantile(without_us, 0.5)
     figures.append(Figure("added to the drive path in a room, wall time: p50", added_us, "us", 500.0))
-    progress("a depth picture")
+    progress("a depth picture, an arm's sweep")
     figures.append(Figure("a depth picture becomes obstacles: p50", _picture_us(), "us", PICTURE_US))
+    figures.append(Figure(f"a motion of {SWEPT} points is swept: p50", _sweep_us(), "us", SWEEP_US))
     return figures
+
+
+def _sweep_us() -> float:
+    """Computing time of the swept space of two links of 0.4 m, on their way through random places, p50."""
+
+    def links_at(joints: Mapping[str, float | Floats]) -> Floats:
+        first = np.asarray(joints["shoulder"])
+        second = first + joints["elbow"]
+        elbow = 0.4 * np.stack((np.cos(first), np.sin(first)), axis=-1)
+        tip = elbow + 0.4 * np.stack((np.cos(second), np.sin(second)), axis=-1)
+        return np.stack((np.zeros_like(tip), elbow, tip), axis=-2)
+
+    points = np.random.default_rng(SEED).uniform(-1.5, 1.5, (SWEPT, 2))
+    motion = Motion(("elbow", "shoulder"), tuple((float(a), float(b)) for a, b in points))
+    return _computing_us(lambda: swept(motion, {"elbow": 2.5, "shoulder": 0.0}, links_at, 0.1))
+
+
+def _computing_us(work: Callable[[], object]) -> float:
+    """Computing time of `work`, p50."""
+    spent_us = []
+    for _ in range(40):
+        began_ns = time.thread_time_ns()
+        work()
+        spent_us.append((time.thread_time_ns() - began_ns) / 1000.0)
+    return quantile(spent_us, 0.5)
 
 
 def _picture_us() -> float:
@@ -112,12 +143,8 @@ def _picture_us() -> float:
     to_base = np.eye(4)
     to_base[:3, :3] = ((0.0, ahead[1], ahead[0]), (-1.0, 0.0, 0.0), (0.0, -ahead[0], ahead[1]))
     to_base[:3, 3] = (0.175, 0.0, height_m)
-    view, spent_us = DepthView(height_m=1.1), []
-    for _ in range(40):
-        began_ns = time.thread_time_ns()
-        frame_of(picture_of_image(message, lens), to_base, view)
-        spent_us.append((time.thread_time_ns() - began_ns) / 1000.0)
-    return quantile(spent_us, 0.5)
+    view = DepthView(height_m=1.1)
+    return _computing_us(lambda: frame_of(picture_of_image(message, lens), to_base, view))
 
 
 def record(path: Path) -> int:

@@ -1,6 +1,6 @@
 """Programs that use the API beside a driver, in a process of their own: they would be other computers.
 
-In the driver's process they would delay the driver itself, and one another, for want of its interpreter.
+In the driver's process they would delay the driver itself: they would share its interpreter.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import json
 import multiprocessing
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
@@ -20,7 +20,7 @@ from script.stack.stack import Stack
 
 READERS = 10
 READS_PER_S = 100.0
-START_S = 20.0
+START_S, END_S = 20.0, 60.0
 
 
 @dataclass
@@ -30,6 +30,7 @@ class Load:
     reads_ms: list[float] = field(default_factory=list)
     seconds: float = 0.0
     exported: int = 0  # records
+    faults: list[str] = field(default_factory=list)  # of programs that ended too early
 
 
 class Client:
@@ -61,25 +62,37 @@ def running(stack: Stack, token: str, paths: Sequence[str], auditor: str = "") -
     process = processes.Process(target=_run, args=(theirs, stack.port, token, paths, auditor), daemon=True)
     process.start()
     theirs.close()
-    if not ours.poll(START_S):
-        raise TimeoutError("The programs did not start.")
-    ours.recv()
     try:
+        if not ours.poll(START_S):
+            raise TimeoutError("The programs did not start.")
+        ours.recv()
         yield load
-    finally:
         ours.send("over")
-        load.reads_ms, load.seconds, load.exported = ours.recv()
+        if not ours.poll(END_S):
+            raise TimeoutError("The programs did not end.")
+        load.__dict__.update(ours.recv().__dict__)
+    finally:
+        process.kill()
         process.join()
+    if load.faults:
+        raise AssertionError(f"programs beside the driver: {load.faults}")
 
 
 def _run(ours: Connection, port: int, token: str, paths: Sequence[str], auditor: str) -> None:
     over, load = threading.Event(), Load()
-    threads = [
-        threading.Thread(target=_read, args=(port, token, paths, number, over, load), daemon=True)
-        for number in range(READERS)
-    ]
+
+    def program(work: Callable[..., None], *given: object) -> threading.Thread:
+        def run() -> None:
+            try:
+                work(port, *given, over, load)
+            except (OSError, http.client.HTTPException, AssertionError) as error:
+                load.faults.append(repr(error))
+
+        return threading.Thread(target=run, daemon=True)
+
+    threads = [program(_read, token, paths, number) for number in range(READERS)]
     if auditor:
-        threads.append(threading.Thread(target=_export, args=(port, auditor, over, load), daemon=True))
+        threads.append(program(_export, auditor))
     for thread in threads:
         thread.start()
     began_s = time.monotonic()
@@ -89,7 +102,7 @@ def _run(ours: Connection, port: int, token: str, paths: Sequence[str], auditor:
     over.set()
     for thread in threads:
         thread.join()
-    ours.send((load.reads_ms, load.seconds, load.exported))
+    ours.send(load)
 
 
 def _read(

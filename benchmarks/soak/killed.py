@@ -60,8 +60,9 @@ class Embedded:
     writers_too = True
 
     def kill(self, stack: Stack) -> None:
-        """Kill web process, supervisor, bridge and housekeeping; then let SQLite check the file."""
-        for pid in (stack.web.pid, stack.supervisor.pid, *process_stats.children(stack.supervisor.pid)):
+        """Kill web and pages process, supervisor, bridge and housekeeping; then let SQLite check the file."""
+        web, supervisor = stack.web.pid, stack.supervisor.pid
+        for pid in (web, supervisor, *process_stats.children(web), *process_stats.children(supervisor)):
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         with closing(sqlite3.connect(stack.directory / "fleet.sqlite3", timeout=10.0)) as database:

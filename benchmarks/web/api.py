@@ -1,7 +1,7 @@
 """The API: reads, speech, the stream of a token beside the page's, and driving beside 100 reads a second and an export.
 
-Load and driving share the machine. While driving is measured against its limit, driver and observer have real-time
-priority: they would be other computers.
+Load and driving share the machine. Beside the export, driver and observer have real-time priority: they would be other
+computers.
 """
 
 from __future__ import annotations
@@ -75,10 +75,10 @@ async def _measure_on(stack: Stack) -> list[Figure]:
             with running(stack, token, PATHS) as alone:
                 for _ in range(TURNS):
                     await drive(driver, observer)
+            prefer_witness(observer.pid)
             with running(stack, token, PATHS, auditor) as spent:
                 ordinary = [delay for _ in range(TURNS) for delay in await drive(driver, observer)]
                 prefer_loops_or_say(stack)
-                prefer_witness(observer.pid)
                 beside = [delay for _ in range(TURNS) for delay in await drive(driver, observer)]
             dead_man = sum(one.refusal.code == "dead_man" for one in driver.refused)
     return [

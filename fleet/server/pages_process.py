@@ -58,6 +58,7 @@ class Keeper:
         )  # where the pages process connects to ours
         self._application = application
         self._ending = threading.Event()
+        self._process: subprocess.Popen[bytes] | None = None
         self._life_line, self._ours = os.pipe2(os.O_CLOEXEC)
         run_directory.mkdir(mode=0o700, parents=True, exist_ok=True)
         _tidy(run_directory)
@@ -74,14 +75,16 @@ class Keeper:
         self.programs.unlink(missing_ok=True)
 
     def wait(self) -> None:
-        """Wait for the end of the process, which may still write records. `script/serve` kills what is left then."""
+        """Wait for the end of the process, which may still write records. What is left then is killed."""
         self._thread.join(LAST_S)
+        if self._thread.is_alive() and self._process is not None:
+            self._process.kill()
 
     def _keep(self) -> None:
         while not self._ending.is_set():
             self.path.unlink(missing_ok=True)
             try:
-                process = subprocess.Popen(  # noqa: S603
+                process = self._process = subprocess.Popen(  # noqa: S603
                     self._command(),
                     pass_fds=[self._life_line],
                     start_new_session=True,

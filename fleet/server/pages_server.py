@@ -16,7 +16,7 @@ from types import FrameType
 
 import uvicorn
 
-from robots.processes.scheduling import give_way, prefer_nobody
+from robots.processes.scheduling import prefer_nobody, session_gives_way
 from robots.processes.shutdown import SIGNALS, exit_within
 
 NICENESS = 15
@@ -56,7 +56,7 @@ def main() -> None:
     )
     parser.add_argument("application")
     asked = parser.parse_args()
-    give_way(NICENESS)
+    os.nice(NICENESS)
     prefer_nobody()
     server = Server(
         uvicorn.Config(
@@ -76,6 +76,7 @@ def main() -> None:
         target=_end_with, args=(asked.life_line, asked.socket, server), name="life line", daemon=True
     ).start()
     server.config.load()  # before anybody can connect
+    session_gives_way()  # not sooner: beside many busy sessions, the start would take a minute
     server.run([_listening(asked.socket)])
     asked.socket.unlink(missing_ok=True)  # the life line may have ended before there was one
     for number in SIGNALS:  # a second one must not kill threads that still write records

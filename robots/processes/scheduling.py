@@ -11,6 +11,7 @@ import logging
 import os
 import resource
 import signal
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -20,6 +21,7 @@ REAL_TIME = 5  # of 1 to 99: above all ordinary processes, below the kernel and 
 RUNAWAY_S = 0.2  # a loop that computes so long without a pause gets ordinary priority
 RUNAWAY_ENDS_S = 2.0  # a loop that still computes then is ended, and the robot stops
 SESSION_NICE = 5
+_ONE_WISH_S = 0.1
 _OLD_S = 30.0
 
 
@@ -62,16 +64,21 @@ def prefer_nobody() -> None:
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 
 
-def give_way(nice: int) -> None:
-    """Lower the priority of this process: those that carry commands and stops go first.
+def session_gives_way() -> None:
+    """Let the processes of other sessions go first; this process leads its session.
 
-    Linux may group processes by session (autogroup). Then `nice` counts inside the session only, and the session's own
-    value counts between sessions. Start the process in a session of its own.
+    Linux can share the processor between sessions (autogroup). Then `nice` counts inside a session only, and the
+    session's own value counts between sessions.
     """
-    os.nice(nice)
-    if os.getsid(0) == os.getpid():
-        with suppress(OSError):  # no autogroups here
-            Path("/proc/self/autogroup").write_text(str(SESSION_NICE))
+    if os.getsid(0) != os.getpid():
+        return
+    with (
+        suppress(OSError),
+        Path("/proc/self/autogroup").open("wb", buffering=0) as group,
+    ):  # not every kernel has it
+        # The kernel takes one such wish in a tenth of a second; until then, nothing is written.
+        while group.write(b"%d" % SESSION_NICE) is None:
+            time.sleep(_ONE_WISH_S)
 
 
 def _lower_priority(*_: object) -> None:

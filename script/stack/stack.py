@@ -430,7 +430,7 @@ class Stack:
         end_all(child for child in self.children if child in masters)
         self.children.clear()
         for left_over in self.run_directory.glob("*.sock"):
-            left_over.unlink()
+            left_over.unlink(missing_ok=True)  # pages whose web process was killed remove their own
         self._closing.close()
 
 
