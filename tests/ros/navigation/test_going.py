@@ -114,10 +114,15 @@ def test_a_lost_link_makes_it_stand(traveller, truth):
 
 
 def test_goals_that_make_no_sense_are_refused_in_words(traveller):
+    def starts():
+        return [line for line in traveller.process.recorded() if line.startswith("go.start")]
+
     pause(traveller, 3.0)
     assert traveller.refused(*OUTSIDE).code == "goal_outside"
+    begun = starts()  # one, if the goal had to wait for the map
+    assert traveller.refused(*OUTSIDE).code == "goal_outside"
     assert traveller.refused(*WALL).code == "goal_in_obstacle"
-    assert not [line for line in traveller.process.recorded() if line.startswith("go.start")]
+    assert starts() == begun
     for x in ("NaN", "1e99", '"a"'):
         traveller.hand._socket.send(f'{{"t":"go","fence":1,"x":{x},"y":1.8,"heading":0,"seq":950}}')
         traveller.hand.until(
