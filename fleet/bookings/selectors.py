@@ -414,7 +414,13 @@ def free_slots(
     found: list[tuple[Robot, Slot]] = []
     for robot in robots:
         facts = wish or wish_of(robot=robot, person=person, slot=Slot(after, after + length), now=now)
-        found += [(robot, slot) for slot in _free_on(facts, length, after, now, most)]
+        found += [
+            (robot, slot)
+            for slot in _free_on(facts, length, after, now, most)
+            # A course may end, or another one begin, between that day and this one.
+            if lab_date(slot.starts_at) == lab_date(after)
+            or not refusals(wish_of(robot=robot, person=person, slot=slot, now=now))
+        ]
     return sorted(found, key=lambda one: one[1].starts_at)[:most]
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from uuid import UUID
 
 from django.db import IntegrityError, connection, transaction
-from django.db.models import QuerySet
+from django.db.models import F, QuerySet
 from django.dispatch import Signal
 from django.utils.translation import gettext as _
 from msgspec import structs
@@ -25,8 +25,9 @@ from fleet.bookings import overlaps
 from fleet.bookings.messages.letters import changed_by_another
 from fleet.bookings.models import Booking, State
 from fleet.bookings.permissions import knows, may_book_for, may_manage_booking
-from fleet.bookings.rules import Slot, Wish, check_cancel, refusals
+from fleet.bookings.rules import LONGEST, Slot, Wish, check_cancel, refusals
 from fleet.bookings.selectors import (
+    NOT_YET,
     RobotFacts,
     Stage,
     courses_for,
@@ -45,6 +46,7 @@ from robots.registry.models import Robot, Role
 from robots.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)
+NOTED_FOR = timedelta(days=1)  # so long after its end, housekeeping notes that nobody used a slot
 
 changed = Signal()  # robot_id: the robot's bookings changed; sent after the commit
 
@@ -68,6 +70,11 @@ _NOT_YOURS = Refusal(
     "not_yours",
     "Only its owner, a supervisor of the robot or of the booking’s course, or staff may change it.",
     "account",
+)
+_OFFERED = Refusal(
+    "offered",
+    "This time is only offered to you: accept it first, or decline it for the next in line.",
+    "booking",
 )
 _NO_ACCOUNT = Refusal(
     "no_account",
@@ -200,6 +207,7 @@ def booking_move(
 ) -> Booking:
     """Move or lengthen a booking. `version`: the one that the person saw."""
     with _changeable(booking_id, actor, version, now) as booking:
+        _require_accepted(booking)
         if now >= booking.starts_at:  # it runs: its start is history
             slot = Slot(booking.starts_at, slot.ends_at)
         override = _valid_reason(override, actor, booking.robot)
@@ -251,6 +259,7 @@ def booking_cancel(
 def booking_hand(*, booking_id: UUID, version: int, to: User, actor: User, now: datetime) -> Booking:
     """Hand a booking to a colleague, for whom the rules must allow it."""
     with _changeable(booking_id, actor, version, now) as booking:
+        _require_accepted(booking)
         if to == booking.person:
             text = _("This is the booking of %(name)s already.") % {"name": to.display_name}
             raise BookingRefused([Refusal("invalid", text, "booking")])
@@ -344,6 +353,12 @@ def _changeable(booking_id: UUID, actor: User, version: int, now: datetime) -> I
         yield booking
 
 
+def _require_accepted(booking: Booking) -> None:
+    """Refuse to move or hand on what is only offered: others wait for it."""
+    if booking.state == State.OFFERED:
+        raise BookingRefused([_OFFERED])
+
+
 def save_booking(booking: Booking) -> None:
     """Save a change: its version grows. For a robot that is locked."""
     booking.version += 1
@@ -414,7 +429,9 @@ def _valid_reason(override: str, actor: User, robot: Robot) -> str:
 
 
 def _require_may_cancel(booking: Booking, actor: User, now: datetime) -> None:
-    """Refuse to give time up later than the policy allows. Supervisors may."""
+    """Refuse to give time up later than the policy allows. Supervisors may, and all whose time was never promised."""
+    if booking.state in NOT_YET:
+        return
     slot = Slot(booking.starts_at, booking.held_until)
     refusal = check_cancel(slot, policy_of(booking.robot), now)
     if refusal is not None and (refusal.code != "late_to_cancel" or not may_manage_booking(actor, booking)):
@@ -449,13 +466,34 @@ def free_unused(robot: Robot, slot: Slot, now: datetime, but: Booking | None = N
         held = held_slot(booking, grace, now)
         if held.ends_at >= booking.held_until:
             continue
-        unused, booking.held_until = booking.state == State.BOOKED, held.ends_at
-        booking.state = State.NO_SHOW if unused else State.CANCELLED
-        save_booking(booking)
-        if unused:
-            record_booking("booking.no_show", booking, None)
-        else:
-            record_booking("booking.cancel", booking, None, parameters={"why": "not_approved"})
+        _store_unused(booking, held.ends_at)
+
+
+def store_no_shows(now: datetime) -> None:
+    """Store that nobody used a slot that ended in the last day. Where others book sooner, `free_unused` did it."""
+    ended = Booking.objects.filter(
+        state=State.BOOKED,
+        used_at=None,
+        starts_at__gt=now - LONGEST,
+        held_until__gt=now - NOTED_FOR,
+        held_until__lte=now,
+    )
+    for booking in ended.filter(held_until__gt=F("starts_at")):
+        with robot_locked(booking.robot_id) as robot:
+            mine = Booking.objects.filter(pk=booking.pk, version=booking.version, used_at=None)
+            for unused in mine.select_related("person", "robot"):
+                _store_unused(unused, held_slot(unused, grace_of(policy_of(robot)), now).ends_at)
+
+
+def _store_unused(booking: Booking, until: datetime) -> None:
+    """Store that nobody used a slot, or approved or accepted it in time: it is free from `until`."""
+    unused, booking.held_until = booking.state == State.BOOKED, until
+    booking.state = State.NO_SHOW if unused else State.CANCELLED
+    save_booking(booking)
+    if unused:
+        record_booking("booking.no_show", booking, None)
+    else:
+        record_booking("booking.cancel", booking, None, parameters={"why": "not_approved"})
 
 
 def record_booking(kind: str, booking: Booking, actor: User | None, **facts: Any) -> Record:

@@ -21,7 +21,9 @@ from fleet.bookings.services import (
     booking_hand,
     booking_make,
     booking_move,
+    store_no_shows,
 )
+from robots.access.models import Course, Enrolment
 from robots.registry.models import RobotRole, Role
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -140,6 +142,40 @@ def test_finishing_early_frees_the_rest(robot, operator, second_operator):
     booking_cancel(booking_id=booking.pk, version=1, actor=operator, now=half)
     assert Booking.objects.get(pk=booking.pk).state == State.FINISHED
     book(robot, second_operator, slot(1.5), now=half)
+
+
+def test_an_offer_is_declined_at_any_time_but_not_passed_on(robot, operator, second_operator, staff):
+    Policy.objects.create(cancel_notice_min=600)
+    offer = book(robot, operator)
+    Booking.objects.update(state=State.OFFERED)
+    asked = {"booking_id": offer.pk, "version": 1, "now": NOW}
+    assert refused(booking_move, **asked, actor=operator, slot=slot(5)) == ["offered"]
+    assert refused(booking_hand, **asked, actor=operator, to=second_operator) == ["offered"]
+    booking_cancel(**asked, actor=operator)
+    assert Booking.objects.get().state == State.CANCELLED
+
+
+def test_a_slot_that_nobody_used_is_on_record_when_it_has_ended(robot, operator, second_operator):
+    unused, used = book(robot, operator), book(robot, second_operator, slot(2))
+    Booking.objects.filter(pk=used.pk).update(used_at=slot(2).starts_at)
+    store_no_shows(slot(1.9).starts_at)
+    assert not Record.objects.filter(kind="booking.no_show").exists()
+    for _ in range(2):  # housekeeping may run twice
+        store_no_shows(slot(3).starts_at)
+    [noted] = Record.objects.filter(kind="booking.no_show")
+    assert noted.parameters["booking"] == str(unused.pk)
+    states = dict(Booking.objects.values_list("pk", "state"))
+    assert states == {unused.pk: State.NO_SHOW, used.pk: State.BOOKED}
+
+
+def test_no_time_after_the_course_is_proposed(robot, stranger):
+    course = Course.objects.create(
+        name="HRI", slug="hri", role=Role.OPERATOR, starts_on=NOW.date(), ends_on=NOW.date()
+    )
+    course.robots.add(robot)
+    Enrolment.objects.create(course=course, person=stranger)
+    free = free_slots([robot], stranger, 60, after=slot(12).starts_at, now=NOW, most=4)
+    assert [one for _, one in free] == [slot(hours) for hours in (12, 13, 14)]
 
 
 def test_an_unused_slot_is_free_after_the_grace_time(robot, operator, second_operator):

@@ -46,6 +46,8 @@ PAGES = [
     "/accounts/password/",
     "/accounts/sign-in/",
     "/admin/",
+    "/admin/robots/robot/add/",
+    "/admin/robots/robotrole/add/",
     "/admin/robots/phrase/",
     "/admin/robots/phrase/import/",
     "/robots/tiago-1/report/",
@@ -118,7 +120,16 @@ def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
     staff.open("/today/")
     session = page.locator(".today-rows a[href^='/sessions/']").last.get_attribute("href")
     paths = [
-        *("/today/", booking, session, someone, invitation),
+        *(
+            "/bookings/",
+            "/bookings/new/",
+            "/bookings/mine/",
+            "/today/",
+            booking,
+            session,
+            someone,
+            invitation,
+        ),
         *(course, f"{course}enrol/", f"{course}edit/", f"/bookings/courses{course.removeprefix('/courses')}"),
         *("/accounts/settings/", "/accounts/second-factor/totp/activate/", "/your-data/"),
     ]

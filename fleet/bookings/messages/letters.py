@@ -13,6 +13,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from django.core.mail import send_mail
+from django.db import transaction
 from django.db.models import F, Q, QuerySet
 from django.dispatch import receiver
 from django.utils.translation import gettext as _
@@ -85,10 +86,11 @@ def write_reminders(now: datetime) -> None:
         state=State.BOOKED, reminded_at=None, starts_at__gt=now, starts_at__lte=now + AHEAD
     )
     for booking in due.filter(made_at__lt=F("starts_at") - AHEAD).select_related("person", "robot"):
-        if Booking.objects.filter(pk=booking.pk, reminded_at=None).update(reminded_at=now):
-            subject = _("%(robot)s is yours soon") % {"robot": booking.robot.name}
-            words = in_words(booking, zone_of(booking.person.time_zone))
-            letter_write(to=booking.person, subject=subject, text=words, now=now)
+        with transaction.atomic():  # a process that dies here writes it the next time
+            if Booking.objects.filter(pk=booking.pk, reminded_at=None).update(reminded_at=now):
+                subject = _("%(robot)s is yours soon") % {"robot": booking.robot.name}
+                words = in_words(booking, zone_of(booking.person.time_zone))
+                letter_write(to=booking.person, subject=subject, text=words, now=now)
 
 
 def send_letters(now: datetime) -> int:

@@ -8,7 +8,8 @@ from collections.abc import AsyncIterator, Collection
 from typing import Annotated
 from uuid import UUID
 
-from django.http import StreamingHttpResponse
+from django.http import HttpResponse, StreamingHttpResponse
+from django.http.response import HttpResponseBase
 from msgspec import Meta, Struct
 from rest_framework.renderers import BaseRenderer, JSONRenderer
 from rest_framework.request import Request
@@ -26,7 +27,7 @@ from teleop.background.database import in_database
 from teleop.webhooks.events import NEWS, data_of, is_news, rfc3339
 from teleop.webhooks.news import lines_after, newest_record
 
-LOOK_S = 1.0
+LOOK_S = 0.7
 REST_S = 0.1  # between two parts of a long way to the newest record
 QUIET_S = 15.0  # then a comment shows that the stream is alive
 LONGEST_S = 600.0  # then the client connects again: what it has not read is not kept for ever
@@ -78,7 +79,7 @@ class EventsView(ApiView):
         tag="events",
         query=EventsAsked,
     )
-    def get(self, request: Request, query: EventsAsked) -> StreamingHttpResponse:
+    def get(self, request: Request, query: EventsAsked) -> HttpResponseBase:
         """Server-sent events: bookings, control, stops, ends of motions and speech, as webhooks have them. Each has the
         number of its record as id; with Last-Event-ID nothing is missed. The stream ends after ten minutes, when the
         token ends, or when the person may no longer see a robot: connect again."""
@@ -93,6 +94,8 @@ class EventsView(ApiView):
         key = key_of(token) if token else request.session.session_key or ""
         start, newest = _last_event(request, query), newest_record()
         start = newest if start is None else min(start, newest)
+        if request.method == "HEAD":  # the stream would never end
+            return HttpResponse(content_type="text/event-stream")
         response = StreamingHttpResponse(
             _stream(Reader(self.person, key, bound, query.robot), start), content_type="text/event-stream"
         )

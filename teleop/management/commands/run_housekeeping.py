@@ -25,6 +25,7 @@ from fleet.audit.errors import AuditUnavailable
 from fleet.bookings.changes import lost_rights
 from fleet.bookings.changes import waiting_list as waiting
 from fleet.bookings.messages import letters
+from fleet.bookings.services import store_no_shows
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
 from teleop.api.v1.framework.idempotency import remove_old_answers
@@ -40,7 +41,7 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 1.0
 END_S = 4.0  # from the signal to the end of the process, even while the database hangs
-RIGHTS_S = 5 * 60.0  # between two looks for bookings of people without the right to them
+RIGHTS_S = 5 * 60.0  # between two looks for bookings of people without the right to them, and unused ones
 DAY_S = 24 * 60 * 60.0
 AGAIN_S = 60 * 60.0  # pause after the daily work failed
 SET_S = 60 * 60.0  # a change of the clock by more than this starts the daily work again
@@ -65,6 +66,7 @@ class Command(BaseCommand):
         if options["once"]:
             end_lapsed()
             lost_rights.bookings_free_lost(None, timezone.now())
+            store_no_shows(timezone.now())
             for _ in daily_steps():
                 pass
             return
@@ -78,6 +80,7 @@ class Command(BaseCommand):
                 end_lapsed()
                 if time.monotonic() - looked_s > RIGHTS_S:  # a process may have died before it freed them
                     lost_rights.bookings_free_lost(None, timezone.now())
+                    store_no_shows(timezone.now())
                     looked_s = time.monotonic()
                 robots.step(time.monotonic())
                 daily.work_a_little()

@@ -7,7 +7,12 @@ from django.test.utils import CaptureQueriesContext
 from fleet.audit.models import Content
 from fleet.audit.services import record
 from robots import wire
+from robots.bridge.drive.drive_input import velocity_of
+from robots.registry.configuration import robot_config
 from robots.registry.models import Phrase, RobotRole
+from teleop.api.v1 import events
+from teleop.api.v1.framework.problems import Problem
+from teleop.api.v1.robot.control import VelocityRequest, _velocity
 from teleop.background.database import in_database
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -47,6 +52,30 @@ async def test_robot_address_says_why_the_state_is_unknown(browsers, robot):
     answer = (await get(browsers["observer"], f"/api/v1/robots/{robot.slug}")).json()
     assert answer["state"] is None
     assert answer["refusal"]["code"] == "bridge_down"
+
+
+@pytest.mark.parametrize("steering", ["turn", "car"])
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("forward_mps", [-0.1, 0.05])
+def test_the_bridge_reads_the_velocity_that_was_asked_for(robot, forward_mps, share, steering):
+    robot.max_share, robot.profile.reverse_steering = share, steering
+    asked = VelocityRequest(forward_mps=forward_mps, turn_radps=0.1)
+    sent = _velocity(robot, asked)
+    drive = wire.Drive(1, 1, 0.0, sent.x, sent.w, sent.y, share=sent.share)
+    read = velocity_of(drive, robot_config.of(robot).gate.limits, share, steering)
+    assert read == pytest.approx((forward_mps, 0.0, 0.1))
+
+
+def test_no_velocity_backwards_is_beyond_the_robots_limit(robot):
+    robot.max_share = 0.5
+    _velocity(robot, VelocityRequest(forward_mps=-0.2))
+    with pytest.raises(Problem, match=r"at most 0\.20"):
+        _velocity(robot, VelocityRequest(forward_mps=-0.21))
+
+
+def test_the_head_of_the_events_ends_at_once(operator, robot, signed_in):
+    answer = signed_in(operator).head("/api/v1/events")
+    assert (answer.status_code, answer.content, events._open) == (200, b"", {})
 
 
 async def test_rest_stops_one_robot(browsers, robot, bridge):

@@ -224,22 +224,24 @@ class VelocityView(ProgramView):
 
 
 def _velocity(robot: Robot, asked: VelocityRequest) -> Velocity:
-    """Return the parts of the robot's limits that drive messages carry. Raises `Problem`: too fast."""
+    """Return the stick position that the bridge reads as this velocity. Raises `Problem`: too fast."""
     facts = robot_facts(robot)
     limits: Limits = facts.limits
+    forward = limits.forward_mps * facts.max_share
     parts: dict[str, Any] = {}
-    for name, value, limit in (
-        ("x", asked.forward_mps, limits.forward_mps if asked.forward_mps >= 0.0 else limits.reverse_mps),
-        ("y", asked.left_mps, limits.lateral_mps),
-        ("w", asked.turn_radps, limits.turn_radps),
+    for name, value, most in (
+        ("x", asked.forward_mps, forward if asked.forward_mps >= 0.0 else min(forward, limits.reverse_mps)),
+        ("y", asked.left_mps, limits.lateral_mps * facts.max_share),
+        ("w", asked.turn_radps, limits.turn_radps * facts.max_share),
     ):
-        most = limit * facts.max_share
         if abs(value) > most + 1e-9:
             text = (
                 f"{robot.name} takes at most {most:.2f} in this direction; {abs(value):.2f} were asked for."
             )
             raise Problem(Refusal("too_fast", text, "wire", {"limit": most, "asked": value}))
         parts[name] = value / most if most > 0.0 else 0.0
+    if asked.forward_mps < 0.0 and facts.reverse_steering == "car":
+        parts["w"] = -parts["w"]
     return Velocity(**parts, share=facts.max_share)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, Any
 
+from django.db import transaction
 from msgspec import UNSET, Meta, Struct, UnsetType, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -18,7 +19,7 @@ from robots.wire import Refusal
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time
 from teleop.api.v1.framework.problems import Problem
-from teleop.api.v1.setup.base import IF_MATCH, SetupView, faults_named, require_unchanged
+from teleop.api.v1.setup.base import IF_MATCH, SetupView, faults_named, locked, require_unchanged
 
 Name = Annotated[str, Meta(min_length=1, max_length=80)]
 Address = Annotated[str, Meta(max_length=200)]
@@ -111,14 +112,17 @@ class RegistrationView(RegistryView):
     )
     def patch(self, request: Request, slug: str, body: RegistrationChange) -> Response:
         """By staff. The bridge is started again where that is needed."""
-        staff, robot = self.staff(), self.robot(slug)
+        staff, found = self.staff(), self.robot(slug)
         if body.master_uri is not UNSET:
             self.require_all_robots()  # another master is another robot
-        require_unchanged(request, _entry(robot))
-        for name, value in structs.asdict(body).items():
-            if value is not UNSET:
-                setattr(robot, name, value)
-        return self.answer(_saved(robot, staff))
+        with transaction.atomic():
+            robot = locked(found)
+            require_unchanged(request, _entry(robot))
+            for name, value in structs.asdict(body).items():
+                if value is not UNSET:
+                    setattr(robot, name, value)
+            saved = _saved(robot, staff)
+        return self.answer(saved)
 
 
 def _saved(robot: Robot, staff: User) -> Robot:
