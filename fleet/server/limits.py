@@ -39,7 +39,10 @@ MESSAGES_WAITING = 1000  # of one WebSocket, not yet heard by the console
 
 @dataclass(frozen=True)
 class Refusal:
-    """A request that is not let in: HTTP status, and the refusal as every interface of the console says it."""
+    """A request that is not let in: HTTP status, and the refusal as every interface of the console says it.
+
+    The answer is a problem document (RFC 9457), as the API promises.
+    """
 
     status: int
     reason: str
@@ -50,11 +53,12 @@ class Refusal:
 
     def response(self) -> bytes:
         """The whole HTTP response; the connection closes after it."""
-        said = {"code": self.code, "text": self.text, "rule": "limits", "figures": dict(self.figures)}
-        body = json.dumps(said).encode()
+        refusal = {"code": self.code, "text": self.text, "rule": "limits", "figures": dict(self.figures)}
+        problem = {"type": "about:blank", "title": self.reason, "status": self.status, "detail": self.text}
+        body = json.dumps({**problem, **refusal, "refusals": [refusal]}).encode()
         retry = f"Retry-After: {self.retry_after_s}\r\n" if self.retry_after_s else ""
         head = (
-            f"HTTP/1.1 {self.status} {self.reason}\r\nContent-Type: application/json\r\n"
+            f"HTTP/1.1 {self.status} {self.reason}\r\nContent-Type: application/problem+json\r\n"
             f"Content-Length: {len(body)}\r\n{retry}Cache-Control: no-store\r\nConnection: close\r\n\r\n"
         )
         return head.encode() + body

@@ -76,3 +76,6 @@ def test_a_generated_client_does_a_days_work(stack: Stack, package: str) -> None
     assert call("bookings", "bookings_read", booked.id).starts_at == starts
     said = call("robots", "speech_history", ROBOT).entries
     assert said[0].text == "The square is done."
+    log = {one.number: one for one in call("records", "audit_list", person="me").records}
+    assert [log[task.number].ended.outcome for task in tasks] == [task.outcome for task in tasks]
+    assert {"control.take", "booking.make"} <= {one.kind for one in log.values()}

@@ -26,6 +26,7 @@ def test_a_huge_body_is_refused_before_it_is_sent(web, path):
     declared = b"POST %s HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: %d\r\n\r\n" % (path, 500 * MEGABYTE)
     status, refusal = parsed(web.say(declared))
     assert (status, refusal["code"]) == (413, "body_too_large")
+    assert refusal["title"] and (refusal["status"], refusal["detail"]) == (413, refusal["text"])
     assert refusal["figures"] == {"most_bytes": limits.BODY_BYTES}
 
 

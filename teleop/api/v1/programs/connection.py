@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -77,6 +78,7 @@ class ProgramConnection:
         self.welcome: Welcome | None = None
         self.offers: Offers | None = None
         self.used_s = time.monotonic()  # by its program
+        self.starting = threading.Lock()  # held while a task is asked for, until its record is found
         self._socket = socket
         self._numbers = count(1)
         self._count = 0  # of messages heard

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -82,6 +83,10 @@ class MotionList(Struct, frozen=True):
     text: str
 
 
+MOST_LISTING = 6  # at once: each waits in a thread for a robot that may not answer, and pages need some, too
+
+_listing = threading.BoundedSemaphore(MOST_LISTING)
+_BUSY = Refusal("busy", "Motions of too many robots are asked for at once: try again in a moment.", "robot")
 _task = partial(operation, refuses=(404, 409), tag="tasks")
 _start = partial(_task, keyed=True, answer=TaskEntry, status=202)
 
@@ -92,11 +97,12 @@ class TasksBase(ProgramView):
     def start(self, robot: Robot, make: Callable[[int, int], Any], kind: str) -> Response:
         """Ask for a task; answer 202 with its status and its address."""
         connection = self.connected(robot)
-        control, newest = connection.control, newest_record()
-        async_to_sync(connection.request)(make)
-        session = control.session if control else None
-        requests = Record.objects.filter(pk__gt=newest, kind=_KINDS[kind][0], session_id=session, of=None)
-        found = requests.select_related("actor").order_by("pk").first()
+        with connection.starting:
+            control, newest = connection.control, newest_record()
+            async_to_sync(connection.request)(make)
+            session = control.session if control else None
+            requests = Record.objects.filter(pk__gt=newest, kind=_KINDS[kind][0], session_id=session, of=None)
+            found = requests.select_related("actor").order_by("pk").first()
         if found is None:
             raise Problem(_NOT_RECORDED)
         address = f"/api/v1/robots/{robot.slug}/tasks/{found.pk}"
@@ -137,7 +143,12 @@ class MotionsView(TasksBase):
     def get(self, _request: Request, slug: str) -> MotionList:
         """In the robot’s own words."""
         connection = self.connection(self.robot(slug))
-        offers = async_to_sync(connection.offered)()
+        if not _listing.acquire(blocking=False):
+            raise Problem(_BUSY)
+        try:
+            offers = async_to_sync(connection.offered)()
+        finally:
+            _listing.release()
         return MotionList(offers.motions, offers.motions_text)
 
 
