@@ -87,7 +87,6 @@ class Keeper:
                 process = self._process = subprocess.Popen(  # noqa: S603
                     self._command(),
                     pass_fds=[self._life_line],
-                    start_new_session=True,
                     env={**os.environ, "FLEET_PROGRAMS_SOCKET": str(self.programs)},
                 )
             except OSError as error:  # no memory, or too many processes: that may pass

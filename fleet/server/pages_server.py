@@ -16,7 +16,7 @@ from types import FrameType
 
 import uvicorn
 
-from robots.processes.scheduling import prefer_nobody, session_gives_way
+from robots.processes.scheduling import prefer_nobody
 from robots.processes.shutdown import SIGNALS, exit_within
 
 NICENESS = 15
@@ -76,7 +76,6 @@ def main() -> None:
         target=_end_with, args=(asked.life_line, asked.socket, server), name="life line", daemon=True
     ).start()
     server.config.load()  # before anybody can connect
-    session_gives_way()  # not sooner: beside many busy sessions, the start would take a minute
     server.run([_listening(asked.socket)])
     asked.socket.unlink(missing_ok=True)  # the life line may have ended before there was one
     for number in SIGNALS:  # a second one must not kill threads that still write records

@@ -11,17 +11,13 @@ import logging
 import os
 import resource
 import signal
-import time
 from contextlib import suppress
-from pathlib import Path
 
 log = logging.getLogger(__name__)
 
 REAL_TIME = 5  # of 1 to 99: above all ordinary processes, below the kernel and drivers
 RUNAWAY_S = 0.2  # a loop that computes so long without a pause gets ordinary priority
 RUNAWAY_ENDS_S = 2.0  # a loop that still computes then is ended, and the robot stops
-SESSION_NICE = 5
-_ONE_WISH_S = 0.1
 _OLD_S = 30.0
 
 
@@ -62,23 +58,6 @@ def prefer_stop_thread() -> None:
 def prefer_nobody() -> None:
     """Never ask for real-time priority in this process."""
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
-
-
-def session_gives_way() -> None:
-    """Let the processes of other sessions go first; this process leads its session.
-
-    Linux can share the processor between sessions (autogroup). Then `nice` counts inside a session only, and the
-    session's own value counts between sessions.
-    """
-    if os.getsid(0) != os.getpid():
-        return
-    with (
-        suppress(OSError),
-        Path("/proc/self/autogroup").open("wb", buffering=0) as group,
-    ):  # not every kernel has it
-        # The kernel takes one such wish in a tenth of a second; until then, nothing is written.
-        while group.write(b"%d" % SESSION_NICE) is None:
-            time.sleep(_ONE_WISH_S)
 
 
 def _lower_priority(*_: object) -> None:

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -30,17 +29,6 @@ def ask(web, method, path, **headers):
         return answer.status, answer.read(), answer.headers
     finally:
         connection.close()
-
-
-def test_pages_give_way_to_sticks(web):
-    """In the session of the process that owns the port, `nice` would not count against robots' bridges."""
-    pages = pages_process(web)
-    assert os.getpriority(os.PRIO_PROCESS, pages) == min(
-        19, os.getpriority(os.PRIO_PROCESS, web.child.pid) + 15
-    )
-    assert os.getsid(pages) == pages
-    group = Path(f"/proc/{pages}/autogroup")
-    assert not group.exists() or group.read_text().endswith(" nice 5\n")
 
 
 def test_pages_come_back_when_their_process_dies(web):
