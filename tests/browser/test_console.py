@@ -226,7 +226,7 @@ def test_buttons_that_have_done_their_work_hand_the_focus_on(person: Arrive) -> 
     operator.page.get_by_role("button", name="Take control").press("Enter")
     operator.until_in_control()
     expect(focused).to_have_attribute("data-action", "renew")
-    operator.page.get_by_role("button", name="Release").press("Enter")
+    operator.page.get_by_role("button", name="Release", exact=True).press("Enter")
     expect(focused).to_have_attribute("data-action", "take")
 
 
@@ -237,7 +237,7 @@ def test_quick_presses_do_not_give_control_away(person: Arrive) -> None:
     mouse, (x, y) = operator.page.mouse, (take["x"] + take["width"] * 0.6, take["y"] + take["height"] / 2)
     mouse.click(x, y)
     operator.until_in_control()
-    operator.page.get_by_role("button", name="Release").wait_for()
+    operator.page.get_by_role("button", name="Release", exact=True).wait_for()
     assert (
         operator.page.evaluate("([x, y]) => document.elementFromPoint(x, y).innerText", [x, y]) == "Release"
     )
@@ -334,7 +334,7 @@ def test_control_taken_over_during_a_lost_link_is_reported(person: Arrive) -> No
     operator.page.route_web_socket(re.compile("/ws/robots/tiago-2/$"), connect)
     operator.open("/robots/tiago-2/")
     operator.press("Take control")
-    operator.page.get_by_role("button", name="Release").wait_for()
+    operator.page.get_by_role("button", name="Release", exact=True).wait_for()
     supervisor.watch("tiago-2")
     lost = True
     sockets[0].close()
@@ -365,7 +365,7 @@ def test_an_old_page_after_an_upgrade_can_only_stop(person: Arrive) -> None:
     operator.page.route_web_socket(re.compile("/ws/robots/tiago-2/$"), connect)
     operator.open("/robots/tiago-2/#topics")
     operator.press("Take control")
-    operator.page.get_by_role("button", name="Release").wait_for()
+    operator.page.get_by_role("button", name="Release", exact=True).wait_for()
     upgraded = True
     sockets[0].close()
     banner = operator.part("banner")

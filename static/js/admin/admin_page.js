@@ -15,7 +15,10 @@ function nameFields() {
     const value = shown.querySelector(".select2-selection__rendered");
     shown.setAttribute("aria-label", name.replace(/:$/, ""));
     shown.removeAttribute("aria-labelledby");
-    if (value) shown.setAttribute("aria-describedby", value.id);
+    if (!value) continue;
+    shown.setAttribute("aria-describedby", value.id);
+    value.removeAttribute("role"); // a field of its own, without a name
+    value.removeAttribute("aria-readonly");
   }
   for (const search of document.querySelectorAll(".select2-search__field:not([aria-label])")) {
     search.setAttribute("aria-label", gettext("Search"));
