@@ -9,7 +9,13 @@ from django.shortcuts import render
 from django.views.decorators.http import require_safe
 
 from fleet.accounts.requests import person_of
-from robots.access.selectors import robot_visible_to, robots_visible_to, roles_of, supervises
+from robots.access.selectors import (
+    courses_to_come,
+    robot_visible_to,
+    robots_visible_to,
+    roles_of,
+    supervises,
+)
 from robots.registry.models import Role
 from robots.registry.selectors import robot_facts
 from robots.wire import PROTOCOL
@@ -21,7 +27,8 @@ def fleet(request: HttpRequest) -> HttpResponse:
     person = person_of(request)
     robots = robots_visible_to(person)
     if "wall" not in request.GET:
-        return render(request, "teleop/fleet.html", {"robots": robots})
+        context = {"robots": robots, "to_come": courses_to_come(person)}
+        return render(request, "teleop/fleet.html", context)
     only_watches = set(roles_of(person, robots).values()) <= {Role.OBSERVER} and not person.is_staff
     return render(request, "teleop/wall.html", {"robots": robots, "stays": only_watches})
 

@@ -33,7 +33,7 @@ WHERE robot_id IN ({{robots}}) AND starts_at > %s AND starts_at < %s AND held_un
 UNION ALL
 SELECT {_OUT}, robot_id, starts_at, ends_at, NULL, NULL, NULL, NULL, why, note, 0, TRUE
 FROM bookings_outofservice
-WHERE robot_id IN ({{robots}}) AND starts_at <= %s AND (ends_at IS NULL OR ends_at > %s)
+WHERE robot_id IN ({{robots}}) AND starts_at < %s AND (ends_at IS NULL OR ends_at > %s)
 UNION ALL
 SELECT CASE WHEN robot_id IS NULL THEN {_OF_ALL} ELSE {_OWN} END, robot_id, NULL, NULL, NULL, NULL, NULL, NULL,
     '', '', grace_min, free_time
@@ -72,6 +72,7 @@ class Schedule(Struct, frozen=True):
     next: tuple[Held, ...] = ()  # those that begin later, earliest first
     free_time: bool = True
     out: Taken | None = None  # the robot is out of service now
+    out_next: Taken | None = None  # the next such period that begins later
 
     def free_from(self, now: datetime) -> datetime | None:
         """Return the begin of the robot's next free time of a minute or more; None: not within `AHEAD`."""
@@ -91,7 +92,7 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
     """`schedule_of` many robots, in one query."""
     policies: dict[UUID | None, tuple[timedelta, bool]] = {}  # grace time, free time; None: of all robots
     held: dict[UUID, list[Held]] = {robot.id: [] for robot in robots}
-    out: dict[UUID, Taken] = {}
+    out: dict[UUID, list[Taken]] = {robot.id: [] for robot in robots}
 
     def policy(robot: UUID) -> tuple[timedelta, bool]:
         return policies.get(robot) or policies.get(None) or _UNSET
@@ -116,7 +117,8 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
             )
         elif kind == _OUT:
             ends = rows.moment(ends_at) if ends_at else FAR
-            out[robot] = Taken(Slot(rows.moment(starts_at), ends), why_out(OutOfService(why=name, note=note)))
+            why = why_out(OutOfService(why=name, note=note))
+            out[robot].append(Taken(Slot(rows.moment(starts_at), ends), why))
         else:
             policies.setdefault(robot, (timedelta(minutes=grace_min), bool(free)))
     return {
@@ -124,7 +126,8 @@ def schedules_of(robots: Collection[Robot], now: datetime) -> dict[UUID, Schedul
             next((one for one in slots if one.slot.starts_at <= now < one.slot.ends_at), None),
             tuple(one for one in slots if one.slot.starts_at > now),
             policy(robot)[1],
-            out.get(robot),
+            next((one for one in out[robot] if one.slot.starts_at <= now), None),
+            next((one for one in out[robot] if one.slot.starts_at > now), None),
         )
         for robot, slots in held.items()
     }
@@ -143,4 +146,4 @@ def _read(robots: Collection[UUID], now: datetime) -> list[tuple[Any, ...]]:
         return []
     query = _ROWS.format(robots=rows.marks(robots))
     bookings = (*robots, now - LONGEST, now + AHEAD, now)
-    return rows.read(query, (*bookings, *robots, now, now, *robots, *robots))
+    return rows.read(query, (*bookings, *robots, now + AHEAD, now, *robots, *robots))

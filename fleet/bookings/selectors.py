@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 from datetime import date, datetime, timedelta, timezone
 from enum import Enum
-from functools import cache
-from typing import Protocol
+from functools import cache, partial
+from typing import Any, Protocol
 from uuid import UUID
 
 from django.db.models import F, Q, QuerySet
@@ -268,13 +268,13 @@ def wish_of(
     """
     facts = facts or robot_facts(robot, slot)
     policy, out = facts.policy, facts.out
-    starts, ends = slot.starts_at, max(slot.ends_at, slot.starts_at)
+    starts = slot.starts_at
     taken = _taken(facts, now, but=moved, of=person.pk)
     own = _own_rows(policy, person, slot, now, moved)
     role, courses = _role_and_courses(person, robot, starts)
-    last = max(starts, ends - timedelta.resolution)  # midnight belongs to the next day
-    if lab_date(starts) != lab_date(last):  # a course may end in between
-        role = min((role, role_on(person, robot, last)), key=_rank)
+    first_day, last_day = _days_of(slot)
+    if first_day != last_day:  # a course may end in between
+        role = min((role, role_on(person, robot, slot.ends_at - timedelta.resolution)), key=_rank)
     wish = Wish(
         robot=robot.name,
         slot=slot,
@@ -396,50 +396,57 @@ def _beside(own: list[_Own], robot: Robot, now: datetime) -> tuple[Taken, ...]:
     return tuple(found)
 
 
+def free_on_any(
+    robots: Iterable[Robot], person: User, minutes: float, *, after: datetime, now: datetime, most: int
+) -> list[tuple[Robot, Slot]]:
+    """Return the next slots of this length on any of these robots that no rule refuses, earliest first."""
+    asked: dict[str, Any] = {"minutes": minutes, "after": after, "person": person, "now": now, "most": most}
+    found = [one for robot in robots for one in free_slots(robot=robot, **asked)]
+    return sorted(found, key=lambda one: one[1].starts_at)[:most]
+
+
 def free_slots(
-    robots: Iterable[Robot],
+    *,
+    robot: Robot,
     person: User,
     minutes: float,
-    *,
     after: datetime,
     now: datetime,
     most: int = ALTERNATIVES,
     wish: Wish | None = None,
+    **asked: Any,
 ) -> list[tuple[Robot, Slot]]:
     """Return the next slots of this length that no rule refuses, earliest first.
 
-    `wish`: the facts about the person and the one robot, of a slot at `after`, if they are known already.
+    `wish`: the facts of a slot that begins at `after`, if they are known already. `asked`: further ones of `wish_of`.
     """
     length = timedelta(minutes=minutes)
+    ask = partial(wish_of, robot=robot, person=person, now=now, **asked)
+    known = wish or ask(slot=Slot(after, after + length))
+    facts = {_days_of(known.slot): known}  # roles and courses are those of a day
     found: list[tuple[Robot, Slot]] = []
-    for robot in robots:
-        facts = wish or wish_of(robot=robot, person=person, slot=Slot(after, after + length), now=now)
-        found += [
-            (robot, slot)
-            for slot in _free_on(facts, length, after, now, most)
-            # A course may end, or another one begin, between that day and this one.
-            if lab_date(slot.starts_at) == lab_date(after)
-            or not refusals(wish_of(robot=robot, person=person, slot=slot, now=now))
-        ]
-    return sorted(found, key=lambda one: one[1].starts_at)[:most]
-
-
-def _free_on(facts: Wish, length: timedelta, after: datetime, now: datetime, most: int) -> list[Slot]:
-    found: list[Slot] = []
     starts = _rounded_up(max(after, now))
     for _ in range(TRIES):
         if starts >= after + SEARCH or len(found) >= most:
             break
         slot = Slot(starts, starts + length)
-        in_the_way = next((one for one in facts.busy if one.slot.overlaps(slot)), None)
+        in_the_way = next((one for one in known.busy if one.slot.overlaps(slot)), None)
         if in_the_way is not None:
             starts = _rounded_up(min(in_the_way.slot.ends_at, after + SEARCH))
-        elif refusals(structs.replace(facts, slot=slot, taken=(), out=())):
+            continue
+        if (days := _days_of(slot)) not in facts:
+            facts[days] = ask(slot=slot)
+        if refusals(structs.replace(facts[days], slot=slot, start_kept=False, taken=(), out=())):
             starts += STEP
         else:
-            found.append(slot)
+            found.append((robot, slot))
             starts = slot.ends_at
     return found
+
+
+def _days_of(slot: Slot) -> tuple[date, date]:
+    """Return the lab's days on which a slot begins and ends; midnight belongs to the day before."""
+    return lab_date(slot.starts_at), lab_date(max(slot.starts_at, slot.ends_at - timedelta.resolution))
 
 
 def _rounded_up(moment: datetime) -> datetime:

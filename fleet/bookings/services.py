@@ -35,6 +35,7 @@ from fleet.bookings.selectors import (
     grace_of,
     held_between,
     held_slot,
+    out_between,
     policy_of,
     robot_facts,
     stage_of,
@@ -46,18 +47,27 @@ from robots.registry.models import Robot, Role
 from robots.wire import NotDone, Refusal
 
 LENGTHENED_BY = timedelta(minutes=15)
-NOTED_FOR = timedelta(days=1)  # so long after its end, housekeeping notes that nobody used a slot
+# Housekeeping notes from 14 hours to three days after its end that nobody used a slot. A computer that starts with its
+# clock in local time in place of UTC is at most 14 hours ahead: it must not take slots that have not begun.
+NOTED_AFTER = timedelta(hours=14)
+NOTED_UNTIL = timedelta(days=3)
 
 changed = Signal()  # robot_id: the robot's bookings changed; sent after the commit
 
 
 class BookingRefused(NotDone):
-    """A change of a booking is not allowed. `refusals` has every reason, `wish` the facts, if a rule refused."""
+    """A change of a booking is not allowed. `refusals` has every reason, `wish` the facts, if a rule refused.
 
-    def __init__(self, refusals: list[Refusal], wish: Wish | None = None) -> None:
+    `asked` has the arguments of `wish_of` besides the slot: other slots are judged by the same ones.
+    """
+
+    def __init__(
+        self, refusals: list[Refusal], wish: Wish | None = None, asked: dict[str, Any] | None = None
+    ) -> None:
         super().__init__(refusals[0])
         self.refusals = refusals
         self.wish = wish
+        self.asked = asked or {}
 
 
 _TAKEN = Refusal("taken", "Another person has just booked this time. Choose another one.", "booking")
@@ -73,7 +83,7 @@ _NOT_YOURS = Refusal(
 )
 _OFFERED = Refusal(
     "offered",
-    "This time is only offered to you: accept it first, or decline it for the next in line.",
+    "This time is only offered: the person who waited for it accepts or declines it first.",
     "booking",
 )
 _NO_ACCOUNT = Refusal(
@@ -134,14 +144,12 @@ def colleague_named(username: str, actor: User, booking: Booking) -> User:
     return found
 
 
-def alternatives_of(
-    error: BookingRefused, robot: Robot, person: User, slot: Slot, now: datetime
-) -> list[tuple[Robot, Slot]]:
+def alternatives_of(error: BookingRefused) -> list[tuple[Robot, Slot]]:
     """Return the next free slots of the same robot if the time is taken, as long as wished and allowed."""
-    if error.wish is None or "taken" not in (refusal.code for refusal in error.refusals):
+    if (wish := error.wish) is None or "taken" not in (refusal.code for refusal in error.refusals):
         return []
-    minutes = min(slot.minutes, error.wish.policy.longest_min)
-    return free_slots([robot], person, minutes, after=slot.starts_at, now=now, wish=error.wish)
+    minutes = min(wish.slot.minutes, wish.policy.longest_min)
+    return free_slots(minutes=minutes, after=wish.slot.starts_at, wish=wish, **error.asked)
 
 
 def booking_make(
@@ -247,7 +255,7 @@ def booking_cancel(
     """Cancel a booking. One that has begun is finished: the rest is free at once."""
     with _changeable(booking_id, actor, version, now) as booking:
         _require_may_cancel(booking, actor, now)
-        begun = now > booking.starts_at
+        begun = now > booking.starts_at and booking.state not in NOT_YET
         booking.state = State.FINISHED if begun else State.CANCELLED
         booking.held_until = now if begun else booking.starts_at
         save_booking(booking)
@@ -399,16 +407,15 @@ def _check(
 
     If `actor` is another person than the one who drives, the words say whom they are about.
     """
-    wish = wish_of(
-        robot=robot,
-        person=person,
-        slot=slot,
-        now=now,
-        moved=moved,
-        course=course,
-        lesson=lesson,
-        facts=facts,
-    )
+    asked: dict[str, Any] = {
+        "robot": robot,
+        "person": person,
+        "now": now,
+        "moved": moved,
+        "course": course,
+        "lesson": lesson,
+    }
+    wish = wish_of(**asked, slot=slot, facts=facts)
     if moved is not None and moved.starts_at == slot.starts_at:
         wish = structs.replace(wish, start_kept=True)
     found = refusals(wish, override=bool(override))
@@ -419,7 +426,7 @@ def _check(
             for one in found
         ]
     if found:
-        raise BookingRefused(found, wish)
+        raise BookingRefused(found, wish, asked)
     return wish.course
 
 
@@ -429,7 +436,10 @@ def _valid_reason(override: str, actor: User, robot: Robot) -> str:
 
 
 def _require_may_cancel(booking: Booking, actor: User, now: datetime) -> None:
-    """Refuse to give time up later than the policy allows. Supervisors may, and all whose time was never promised."""
+    """Refuse to give time up later than the policy allows.
+
+    Supervisors may give it up later. An offer, or a booking without approval, may be given up at any time.
+    """
     if booking.state in NOT_YET:
         return
     slot = Slot(booking.starts_at, booking.held_until)
@@ -470,15 +480,20 @@ def free_unused(robot: Robot, slot: Slot, now: datetime, but: Booking | None = N
 
 
 def store_no_shows(now: datetime) -> None:
-    """Store that nobody used a slot that ended in the last day. Where others book sooner, `free_unused` did it."""
+    """Store that nobody used a slot that ended `NOTED_AFTER` ago. Where others book sooner, `free_unused` did it.
+
+    Not those in which the robot was out of service: their people could not drive.
+    """
     ended = Booking.objects.filter(
         state=State.BOOKED,
         used_at=None,
-        starts_at__gt=now - LONGEST,
-        held_until__gt=now - NOTED_FOR,
-        held_until__lte=now,
+        starts_at__gt=now - LONGEST - NOTED_UNTIL,
+        held_until__gt=now - NOTED_UNTIL,
+        held_until__lte=now - NOTED_AFTER,
     )
-    for booking in ended.filter(held_until__gt=F("starts_at")):
+    for booking in ended.filter(held_until__gt=F("starts_at")).select_related("robot"):
+        if out_between(booking.robot, booking.starts_at, booking.held_until):
+            continue
         with robot_locked(booking.robot_id) as robot:
             mine = Booking.objects.filter(pk=booking.pk, version=booking.version, used_at=None)
             for unused in mine.select_related("person", "robot"):

@@ -75,7 +75,7 @@ class Keeper:
         self.programs.unlink(missing_ok=True)
 
     def wait(self) -> None:
-        """Wait for the end of the process, which may still write records. What is left then is killed."""
+        """Wait for the end of the process, which may still write records, and kill it if it does not end in time."""
         self._thread.join(LAST_S)
         if self._thread.is_alive() and self._process is not None:
             self._process.kill()

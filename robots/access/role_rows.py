@@ -24,7 +24,7 @@ WITH covered (course_id, robot_id) AS (
     SELECT cg.course_id, gr.robot_id
     FROM access_course_groups cg JOIN access_robotgroup_robots gr ON gr.robotgroup_id = cg.robotgroup_id
 ), valid (id, role) AS (
-    SELECT id, role FROM access_course WHERE NOT archived AND starts_on <= {day} AND ends_on >= {day}
+    SELECT id, role FROM access_course WHERE NOT archived AND starts_on <= {last} AND ends_on >= {day}
 )
 SELECT user_id, robot_id, role, 0 FROM robots_robotrole WHERE user_id IN ({people}) AND {on_robots}
 UNION ALL
@@ -59,13 +59,15 @@ class Given(Struct, frozen=True):
     course: int  # `OWN` or the course's key
 
 
-def given(people: Collection[UUID], robots: Collection[UUID] | None, day: date) -> list[Given]:
-    """Return every role of these people on these robots (None: on all) on that day. One query."""
+def given(
+    people: Collection[UUID], robots: Collection[UUID] | None, day: date, last: date | None = None
+) -> list[Given]:
+    """Return every role of these people on these robots (None: on all) from `day` to `last`, by one query."""
     if not people or (robots is not None and not robots):
         return []
     on_robots = "1 = 1" if robots is None else f"robot_id IN ({rows.marks(robots)})"
-    query = _GIVEN.format(day="%s", people=rows.marks(people), on_robots=on_robots)
-    found = rows.read(query, [day, day, *[*people, *(robots or ())] * 4])
+    query = _GIVEN.format(day="%s", last="%s", people=rows.marks(people), on_robots=on_robots)
+    found = rows.read(query, [last or day, day, *[*people, *(robots or ())] * 4])
     return [
         Given(rows.key(person), rows.key(robot), Role(role), course) for person, robot, role, course in found
     ]

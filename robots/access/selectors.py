@@ -115,11 +115,27 @@ def robots_visible_to(user: User) -> QuerySet[Robot]:
 
 def visible_to(user: User) -> tuple[set[UUID] | None, Role | None]:
     """Return the keys of the robots that `user` may view, None for all, and the highest role on any of them."""
+    return _robots_of(user, None)
+
+
+def robots_bookable_by(user: User) -> QuerySet[Robot]:
+    """Return the robots that `user` may view, today or in a course that begins later: they book before it does."""
+    keys, _role = bookable_by(user)
+    robots = Robot.objects.select_related("profile")
+    return robots if keys is None else robots.filter(pk__in=keys)
+
+
+def bookable_by(user: User) -> tuple[set[UUID] | None, Role | None]:
+    """Return the keys of `robots_bookable_by`, None for all, and the highest role on any of them."""
+    return _robots_of(user, date.max)
+
+
+def _robots_of(user: User, last: date | None) -> tuple[set[UUID] | None, Role | None]:
     if not user.is_active:
         return set(), None
     if user.is_staff:
         return None, Role.STAFF
-    found = _given([user.id], None)
+    found = given([user.id], None, lab_date(), last)
     return {one.robot for one in found}, max((one.role for one in found), default=None)
 
 
@@ -160,6 +176,12 @@ def courses_managed_by(user: User) -> QuerySet[Course]:
     if not user.is_active:
         return Course.objects.none()
     return Course.objects.all() if user.is_staff else Course.objects.filter(supervisors=user)
+
+
+def courses_to_come(user: User) -> QuerySet[Course]:
+    """Return the courses of `user` that begin later, the earliest first."""
+    courses = Course.objects.filter(enrolments__person=user, archived=False, starts_on__gt=lab_date())
+    return courses.order_by("starts_on")
 
 
 # --- qualifications -------------------------------------------------------------------------------

@@ -221,6 +221,9 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     refusal: Refusal | None = None  # why `Take` would be refused
     booked: Booked | None = None  # the present booking
     next_booked: Booked | None = None  # the next one within a day
+    out_s: float | None = (
+        None  # until the robot is out of service and this person's control ends; None: not soon
+    )
 
 
 class FleetCard(Struct, frozen=True):

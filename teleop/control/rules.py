@@ -112,13 +112,14 @@ def require_active_account(subject: Subject) -> Permit | Refusal:
 def require_robot_in_service(subject: Subject) -> Permit | Refusal:
     """Refuse robots that are out of service, and limit the speed to the robot's own share.
 
-    Supervisors drive a robot in an out-of-service period, to repair it.
+    Supervisors drive a robot in an out-of-service period, to repair it. Control of others ends when one begins.
     """
     if (refusal := out_of_service(subject.robot)) is not None:
         return refusal
-    out = subject.schedule.out
+    out, coming = subject.schedule.out, subject.schedule.out_next
     if out is None or subject.supervises:
-        return Permit(max_share=subject.robot.max_share)
+        until = coming.slot.starts_at if coming and not subject.supervises else None
+        return Permit(until=until, max_share=subject.robot.max_share)
     until = _until(out.slot.ends_at, subject.user, subject.now)
     text = f"This robot is out of service {until} ({out.label}). Choose another robot."
     return Refusal("out_of_service", text, "robot")

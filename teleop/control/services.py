@@ -299,8 +299,11 @@ def _term_end(permit: Permit, now: datetime) -> datetime:
 
 
 def _slot_note(held: LeaseState, robot: Robot, now: datetime) -> str:
-    """Return the end of control in words if a slot ended it; else an empty text."""
-    current = schedule_of(robot, now).current
+    """Return the end of control in words if a slot, or an out-of-service period, ended it; else an empty text."""
+    schedule = schedule_of(robot, now)
+    if schedule.out is not None and schedule.out.slot.starts_at == held.term_ends_at:
+        return f"The robot is out of service now ({schedule.out.label})."
+    current = schedule.current
     if current is not None and current.person != held.user:
         return f"{current.name}’s slot began."
     own = Booking.objects.filter(robot=robot, person_id=held.user, held_until=held.term_ends_at)

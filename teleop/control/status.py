@@ -88,6 +88,8 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
     mine = lease is not None and lease.tab.connection == tab.connection
     free = lease is None or phase is Phase.LAPSED
     booked, next_booked = booked_slots(schedule_for(user, status.schedule, lease, now), user, now)
+    coming = None if rights.supervises else status.schedule.out_next
+    out_s = round((coming.slot.starts_at - now).total_seconds(), 1) if coming else None
     place = next((n for n, one in enumerate(status.line) if one.tab.connection == tab.connection), None)
     asking = None if place is None else status.line[place].id
     names = [wire.Request(one.id, one.name) for one in status.line if one.tab.connection]
@@ -103,6 +105,7 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
             refusal=_refusal(rights) or _take_over_only(rights),
             booked=booked,
             next_booked=next_booked,
+            out_s=out_s,
         )
     return wire.Control(
         state=_state(phase, mine=mine, own=lease.user == user),
@@ -122,6 +125,7 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
         or (None if mine else lease_checks.check_take(lease, user=user, tab=tab, now=now)),
         booked=booked,
         next_booked=next_booked,
+        out_s=out_s,
     )
 
 
@@ -175,6 +179,7 @@ def change_key(control: wire.Control, status: ControlStatus) -> tuple[object, ..
         status.lease.term_ends_at if status.lease else None,
         status.schedule.current,
         next(iter(status.schedule.next), None),
+        status.schedule.out_next,
         [request.id for request in control.requests],
         control.asking,
         control.ahead,

@@ -51,6 +51,23 @@ def test_a_booking_counts_for_the_course(robot, stranger, operator, course):
     assert refused(robot, stranger, 5, 1.5) == ["quota_course_week"]
 
 
+def test_people_of_a_course_book_before_it_begins(client, robot, stranger, course):
+    monday = lab_date() + timedelta(days=7)
+    Course.objects.update(starts_on=monday, ends_on=monday)
+    client.force_login(stranger)
+    fleet = client.get("/").content.decode()
+    assert "Your course HRI 2026 begins on" in fleet and robot.name not in fleet
+    days = {"start": monday, "end": monday + timedelta(days=1)}
+    calendar = client.get(reverse("bookings-feed"), days).json()
+    assert [one["id"] for one in calendar["resources"]] == [robot.slug]
+    times = {"starts_at": f"{monday}T10:00", "ends_at": f"{monday}T11:00"}
+    assert client.post(reverse("booking-new"), {"robot": robot.slug, **times}, **JSON).status_code == 200
+    assert reverse("control", args=[robot.slug]) not in client.get(reverse("bookings-mine")).content.decode()
+    assert client.get(reverse("control", args=[robot.slug])).status_code == 404  # nothing to see yet
+    found = client.get("/api/v1/bookings", {"robot": robot.slug}).json()
+    assert [one["yours"] for one in found["bookings"]] == [True]
+
+
 @pytest.fixture
 def thesis(robot, stranger, course):
     """Another course of the same person."""

@@ -9,9 +9,9 @@ from django.urls import reverse
 from django.utils import timezone as django_timezone
 
 from fleet.accounts.models import User
-from fleet.bookings.changes.series import weekly
+from fleet.bookings.changes.series import preview, series_make, weekly
 from fleet.bookings.hours.report import lines, report
-from fleet.bookings.models import Booking
+from fleet.bookings.models import Booking, Policy
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make
 from robots.access.models import Course, Enrolment
@@ -63,6 +63,17 @@ def test_a_series_shows_conflicts_and_books_the_rest(client, robot, supervisor, 
     client.post(reverse("booking-series"), {**fields, "action": "book"})
     made = Booking.objects.filter(person=supervisor)
     assert (made.count(), made.values("series").distinct().count()) == (2, 1)
+
+
+def test_a_preview_counts_the_weeks_before_as_the_booking_does(robot, supervisor):
+    Policy.objects.create(robot=robot, at_once=2)
+    now = django_timezone.now()
+    slots = weekly(Slot(now + timedelta(hours=2), now + timedelta(hours=3)), 3, [], MADRID)
+    asked = {"robot": robot, "person": supervisor, "slots": slots, "now": now}
+    shown = preview(**asked, override=False, lesson=False)
+    assert [[one.code for one in week.refusals] for week in shown] == [[], [], ["quota_open"]]
+    made, left = series_make(**asked, actor=supervisor, purpose="HRI", override="")
+    assert (len(made), [one.code for week in left for one in week.refusals]) == (2, ["quota_open"])
 
 
 def test_a_series_has_a_courses_lessons_and_the_report_its_term(client, robot, staff):

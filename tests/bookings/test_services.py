@@ -10,12 +10,13 @@ from django.db import IntegrityError, connection, transaction
 from fleet.audit.integrity.verify import verify_all
 from fleet.audit.models import Record
 from fleet.bookings import overlaps
-from fleet.bookings.models import Booking, Letter, Policy, State
+from fleet.bookings.models import Booking, Letter, OutOfService, Policy, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.schedule import Held, Schedule, schedule_of
 from fleet.bookings.selectors import free_slots
 from fleet.bookings.services import (
     BookingRefused,
+    alternatives_of,
     booking_approve,
     booking_cancel,
     booking_hand,
@@ -51,14 +52,14 @@ def test_a_taken_slot_is_refused_with_alternatives(robot, operator, second_opera
     with pytest.raises(BookingRefused) as caught:
         book(robot, second_operator, slot(1.5))
     assert [refusal.code for refusal in caught.value.refusals] == ["taken"]
-    free = free_slots([robot], second_operator, 60, after=slot(1.5).starts_at, now=NOW)
+    free = alternatives_of(caught.value)
     assert [one.starts_at for _, one in free] == [slot(hours).starts_at for hours in (2, 3, 4)]
 
 
 def test_the_next_free_slot_is_not_beside_ones_own(robot, other_robot, operator):
     RobotRole.objects.create(user=operator, robot=other_robot, role=Role.OPERATOR)
     book(robot, operator, slot(0.5))
-    free = free_slots([other_robot], operator, 60, after=NOW, now=NOW, most=1)
+    free = free_slots(robot=other_robot, person=operator, minutes=60, after=NOW, now=NOW, most=1)
     assert free == [(other_robot, slot(1.5))]
 
 
@@ -155,27 +156,85 @@ def test_an_offer_is_declined_at_any_time_but_not_passed_on(robot, operator, sec
     assert Booking.objects.get().state == State.CANCELLED
 
 
-def test_a_slot_that_nobody_used_is_on_record_when_it_has_ended(robot, operator, second_operator):
+def test_a_stale_offer_cannot_be_declined_after_its_end(robot, operator):
+    offer = book(robot, operator)
+    Booking.objects.update(state=State.OFFERED)
+    booking_cancel(booking_id=offer.pk, version=1, actor=operator, now=slot(3).starts_at)
+    offer.refresh_from_db()
+    assert (offer.state, offer.held_until) == (State.CANCELLED, offer.starts_at)
+
+
+def test_a_request_may_be_cancelled_within_the_notice(robot, operator):
+    Policy.objects.create(robot=robot, needs_approval=True, cancel_notice_min=24 * 60)
+    awaits = book(robot, operator)
+    booking_cancel(booking_id=awaits.pk, version=1, actor=operator, now=NOW)
+    assert Booking.objects.get().state == State.CANCELLED
+
+
+def no_shows():
+    return [record.parameters["booking"] for record in Record.objects.filter(kind="booking.no_show")]
+
+
+def test_a_slot_that_nobody_used_is_on_record_a_day_later(robot, operator, second_operator):
     unused, used = book(robot, operator), book(robot, second_operator, slot(2))
     Booking.objects.filter(pk=used.pk).update(used_at=slot(2).starts_at)
-    store_no_shows(slot(1.9).starts_at)
-    assert not Record.objects.filter(kind="booking.no_show").exists()
+    store_no_shows(slot(15.9).starts_at)  # a clock in local time may be so far ahead
+    assert no_shows() == []
+    assert Booking.objects.get(pk=unused.pk).held_until == unused.ends_at
     for _ in range(2):  # housekeeping may run twice
-        store_no_shows(slot(3).starts_at)
-    [noted] = Record.objects.filter(kind="booking.no_show")
-    assert noted.parameters["booking"] == str(unused.pk)
+        store_no_shows(slot(24).starts_at)
+    assert no_shows() == [str(unused.pk)]
     states = dict(Booking.objects.values_list("pk", "state"))
     assert states == {unused.pk: State.NO_SHOW, used.pk: State.BOOKED}
 
 
-def test_no_time_after_the_course_is_proposed(robot, stranger):
+def test_the_longest_slot_is_noted_too(robot, operator):
+    Policy.objects.create(robot=robot, longest_min=7 * 24 * 60)
+    longest = book(robot, operator, slot(1, 7 * 24))
+    store_no_shows(longest.ends_at + timedelta(days=2))
+    assert no_shows() == [str(longest.pk)]
+
+
+def test_a_slot_of_a_robot_out_of_service_is_no_no_show(robot, operator, staff):
+    book(robot, operator)
+    OutOfService.objects.create(robot=robot, starts_at=slot(1).starts_at, ends_at=slot(2).starts_at)
+    store_no_shows(slot(24).starts_at)
+    assert no_shows() == []
+
+
+@pytest.fixture
+def course(robot, stranger):
+    """A course until today, in which the stranger may drive the robot."""
     course = Course.objects.create(
         name="HRI", slug="hri", role=Role.OPERATOR, starts_on=NOW.date(), ends_on=NOW.date()
     )
     course.robots.add(robot)
     Enrolment.objects.create(course=course, person=stranger)
-    free = free_slots([robot], stranger, 60, after=slot(12).starts_at, now=NOW, most=4)
-    assert [one for _, one in free] == [slot(hours) for hours in (12, 13, 14)]
+    return course
+
+
+def proposed(robot, person, after, minutes=60, **options):
+    asked = {"robot": robot, "person": person, "minutes": minutes, "now": NOW, **options}
+    return [one for _, one in free_slots(after=slot(after).starts_at, **asked)]
+
+
+def test_no_time_after_the_course_is_proposed(robot, stranger, course):
+    assert proposed(robot, stranger, 12, most=4) == [slot(hours) for hours in (12, 13, 14)]
+    assert proposed(robot, stranger, 13.5, minutes=120) == []  # it would end after midnight
+
+
+def test_a_course_that_begins_tomorrow_is_found_by_the_search(robot, stranger, course):
+    tomorrow = NOW.date() + timedelta(days=1)
+    Course.objects.update(starts_on=tomorrow, ends_on=tomorrow)
+    assert proposed(robot, stranger, 12, most=1) == [slot(15)]  # midnight
+
+
+def test_a_move_to_a_taken_time_gets_times_for_the_same_booking(robot, operator, second_operator):
+    Policy.objects.create(robot=robot, at_once=1)
+    mine, _other = book(robot, operator), book(robot, second_operator, slot(14))
+    with pytest.raises(BookingRefused) as caught:
+        booking_move(booking_id=mine.pk, version=1, slot=slot(14), actor=operator, now=NOW)
+    assert [one for _, one in alternatives_of(caught.value)] == [slot(hours) for hours in (15, 16, 17)]
 
 
 def test_an_unused_slot_is_free_after_the_grace_time(robot, operator, second_operator):

@@ -30,8 +30,8 @@ from tests.script.support import ENDED_S, Family, drive_forward, listens
 READY_S = 120.0
 EDIT_S = 3.0  # promised by docs/admins.md
 ROBOT = "tiago-42"
+CHECKED = f"/robots/{ROBOT}/check/"
 STAFF = Account("first", "staff", "a long walk on the beach")
-ADD = "/admin/robots/robot/add/"
 
 
 @pytest.fixture
@@ -143,16 +143,18 @@ class Served:
             raise
         return process
 
-    def manage(self, *words: str, **more: str) -> None:
-        command = [sys.executable, "manage.py", *words]
-        subprocess.run(command, cwd=REPOSITORY, env={**self.environment, **more}, check=True, timeout=READY_S)
-
     def submit(self, cookie: str, path: str, **filled: str) -> str:
         """Open a page with a form, fill these fields and save without errors; return the next page's path."""
         fields = Form.of(self.browse(cookie, path)[1]).fields | filled
         leads_to, page = self.browse(cookie, path, urllib.parse.urlencode(fields).encode())
         assert re.findall(r'class="errorlist[^>]*>(.*?)</ul>', page, re.DOTALL) == []
         return leads_to
+
+    def change_of_robot(self, cookie: str) -> str:
+        [path] = re.findall(
+            r"/admin/robots/robot/[^/]+/change/", self.browse(cookie, "/admin/robots/robot/")[1]
+        )
+        return str(path)
 
     def browse(self, cookie: str, path: str, form: bytes | None = None) -> tuple[str, str]:
         headers = {"Cookie": cookie, "Referer": self.url + path}
@@ -238,15 +240,11 @@ def served(tmp_path: Path, settings_of_a_lab: dict[str, str]) -> Iterator[Served
 def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, master_uri: str) -> None:
     first = served.start()
     try:
-        served.manage(
-            *("createsuperuser", "--no-input", "--username", STAFF.username, "--email", "first@lab.example"),
-            DJANGO_SUPERUSER_PASSWORD=STAFF.password,
-        )
+        set_up(served, master_uri)
         cookie = sign_in(served, STAFF.role)
-        tiago = Form.of(served.browse(cookie, ADD)[1]).options["PAL TIAGo"]
-        entry = {"name": "TIAGo 42", "slug": ROBOT, "profile": tiago, "master_uri": master_uri}
-        checked = served.submit(cookie, ADD, **entry, advertised_address="127.0.0.1")
-        assert checked == f"/robots/{ROBOT}/check/"
+        assert (
+            served.submit(cookie, served.change_of_robot(cookie), advertised_address="127.0.0.1") == CHECKED
+        )
         asyncio.run(drive_stop_edit(served, cookie))
 
         family = Family(first.pid)
@@ -269,6 +267,31 @@ def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, m
         second.kill()
 
 
+def set_up(served: Served, master_uri: str) -> None:
+    """Follow the address that the console prints, and make the first admin and the first robot there."""
+    log = served.log.read_text()
+    [address], [code] = (
+        re.findall(r"Set the console up at (\S+)", log),
+        re.findall(r"One-time code: (\S+)", log),
+    )
+    browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+
+    def submit(url: str, **filled: str) -> tuple[str, str]:
+        with browser.open(url, timeout=READY_S) as page:
+            form = Form.of(page.read().decode())
+        filled = {name: form.options.get(value, value) for name, value in filled.items()}
+        body = urllib.parse.urlencode(form.fields | filled).encode()
+        with browser.open(urllib.request.Request(url, body, {"Referer": url}), timeout=READY_S) as page:  # noqa: S310
+            return page.url, page.read().decode()
+
+    password = {"password1": STAFF.password, "password2": STAFF.password}
+    robots, _page = submit(address, code=code, username=STAFF.username, **password)
+    assert robots == f"{address}robot/"
+    checks, page = submit(robots, name="TIAGo 42", profile="PAL TIAGo", master_uri=master_uri)
+    assert checks == f"{robots}{ROBOT}/"
+    assert "The ROS master answers" in page
+
+
 def assert_nothing_left(served: Served, family: Family) -> None:
     family.assert_gone()
     assert not listens(served.port)
@@ -281,10 +304,7 @@ async def drive_stop_edit(served: Served, cookie: str) -> None:
         await driver.stop()
         await driver.until(lambda: driver.state and driver.state.stop.state == "stopped")
 
-        [change] = re.findall(
-            r"/admin/robots/robot/[^/]+/change/", served.browse(cookie, "/admin/robots/robot/")[1]
-        )
-        await asyncio.to_thread(served.submit, cookie, change, max_share="0.5")
+        await asyncio.to_thread(served.submit, cookie, served.change_of_robot(cookie), max_share="0.5")
         saved_s = time.monotonic()
         await driver.until(lambda: driver.robot and driver.robot.max_share == 0.5)
         assert time.monotonic() - saved_s < EDIT_S

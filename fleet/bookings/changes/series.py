@@ -7,7 +7,7 @@ from datetime import date, datetime, timedelta
 from uuid import uuid4
 from zoneinfo import ZoneInfo
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking
@@ -58,12 +58,16 @@ def preview(
 ) -> list[Week]:
     """Return each slot with all its refusals, before anything is booked. `lesson`: they are those of a course."""
     weeks = []
+    before: tuple[Slot, ...] = ()  # slots of earlier weeks count, as when they are booked
     for day, slot in slots:
         if isinstance(slot, Refusal):
             weeks.append(Week(day, None, [slot]))
-        else:
-            wish = wish_of(robot=robot, person=person, slot=slot, now=now, lesson=lesson)
-            weeks.append(Week(day, slot, refusals(wish, override=override)))
+            continue
+        wish = wish_of(robot=robot, person=person, slot=slot, now=now, lesson=lesson)
+        wish = structs.replace(wish, own=wish.own + before, own_here=wish.own_here + before)
+        found = refusals(wish, override=override)
+        weeks.append(Week(day, slot, found))
+        before += () if found else (slot,)
     return weeks
 
 

@@ -15,7 +15,7 @@ from fleet.accounts.models import User
 from fleet.audit.services import record
 from fleet.bookings.models import Booking, FeedAddress, State
 from fleet.bookings.selectors import NOT_YET
-from robots.access.selectors import robots_visible_to
+from robots.access.selectors import robots_bookable_by
 from robots.registry.models import Robot
 
 PAST = timedelta(days=31)  # that a feed reaches back
@@ -46,7 +46,7 @@ def feed_of(token: str, now: datetime) -> bytes | None:
     bookings = Booking.objects.filter(held_until__gt=now - PAST).exclude(state=State.CANCELLED)
     if address.robot is None:
         return _calendar(address.person.display_name, bookings.filter(person=address.person))
-    if not robots_visible_to(address.person).filter(pk=address.robot.pk).exists():
+    if not robots_bookable_by(address.person).filter(pk=address.robot.pk).exists():
         return None
     return _calendar(address.robot.name, bookings.filter(robot=address.robot))
 

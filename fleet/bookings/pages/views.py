@@ -36,7 +36,7 @@ from fleet.bookings.selectors import (
     RobotFacts,
     Stage,
     bookings_of,
-    free_slots,
+    free_on_any,
     grace_of,
     held_between,
     policies_of,
@@ -47,9 +47,11 @@ from fleet.bookings.shared_facts import in_turn
 from fleet.zones import viewers
 from robots.access.models import Course
 from robots.access.selectors import (
+    bookable_by,
     courses_managed_by,
     lab_date,
     manages_robot,
+    robots_bookable_by,
     robots_managed_by,
     robots_visible_to,
     supervises,
@@ -66,7 +68,7 @@ MOST = 500  # of a course's
 @require_safe
 def bookings(request: HttpRequest) -> HttpResponse:
     """Show the calendar of all robots that this person may see, and the day's bookings as a list."""
-    robots = list(robots_visible_to(person_of(request)))
+    robots = list(robots_bookable_by(person_of(request)))
     awaiting = awaiting_approval(person_of(request), timezone.now())[:LISTED]
     options = {**_form_options(person_of(request)), "courses": _courses_to_choose(person_of(request))}
     now, zone = timezone.now(), viewers()
@@ -102,7 +104,7 @@ def feed(request: HttpRequest) -> HttpResponse:
     first, last = typed_day(request.GET.get("start")), typed_day(request.GET.get("end"))
     if first is None or last is None or last <= first:
         return JsonResponse({"text": "Name two days: start=2026-03-02&end=2026-03-09."}, status=400)
-    robots = robots_visible_to(person_of(request)).select_related(None)
+    robots = robots_bookable_by(person_of(request)).select_related(None)
     if only := _text(request.GET, "robot"):
         robots = robots.filter(slug=only)
     found = calendar(person_of(request), robots, first, last, timezone.now())
@@ -142,7 +144,7 @@ def _book(request: HttpRequest, person: User, facts: Callable[[Robot, Slot], Rob
             facts=facts,
         )
     except BookingRefused as error:
-        return _refused(request, form, error.refusals, _alternatives(person, form, error))
+        return _refused(request, form, error.refusals, services.alternatives_of(error))
     if wants_json(request):
         return JsonResponse({"id": str(booking.pk), "version": booking.version})
     text = _("Booked: %(booking)s.")
@@ -157,15 +159,15 @@ def next_free(request: HttpRequest) -> HttpResponse:
     """Lead to the form, filled in with the next free slot on any robot."""
     person = person_of(request)
     minutes = _whole(request.GET.get("minutes"), 60)
-    robots = [robot for robot in robots_visible_to(person) if robot.enabled]
+    robots = [robot for robot in robots_bookable_by(person) if robot.enabled]
     if kind := request.GET.get("kind"):
         robots = [robot for robot in robots if robot.profile.slug == kind]
     now = timezone.now()
-    found = free_slots(robots, person, minutes, after=now, now=now, most=1)
+    found = free_on_any(robots, person, minutes, after=now, now=now, most=1)
     if not found:
         messages.warning(request, _("No robot that you may drive is free for so long within seven days."))
         return redirect("bookings")
-    return redirect(_form_address(*found[0]))
+    return redirect(_filled_in(reverse("booking-new"), *found[0]))
 
 
 @never_cache
@@ -175,17 +177,19 @@ def bookings_mine(request: HttpRequest) -> HttpResponse:
     now = timezone.now()
     found = list(bookings_of(person_of(request))[:LISTED])
     rows = _rows(found, {one.robot for one in found}, now)
+    opens, _role = visible_to(person_of(request))  # a course may begin later
     to_come = [row for row in rows if row["stage"] in OPEN]
     past = [row for row in rows if row["stage"] not in OPEN]
     context = {
         "to_come": to_come[::-1],
         "past": past,
+        "opens": {row["booking"].robot_id for row in to_come} if opens is None else opens,
         "waiting": Waiting.objects.filter(person=person_of(request), starts_at__gt=now).select_related(
             "robot"
         ),
         "zone": viewers().key,
         "has_address": FeedAddress.objects.filter(person=person_of(request), robot=None).exists(),
-        "robots": robots_visible_to(person_of(request)),
+        "robots": robots_bookable_by(person_of(request)),
         "left": left_of(person_of(request), now),
     }
     return render(request, "bookings/mine.html", context)
@@ -216,19 +220,19 @@ def bookings_of_course(request: HttpRequest, slug: str) -> HttpResponse:
 def booking(request: HttpRequest, booking_id: UUID) -> HttpResponse:
     """Show one booking, and change it: move, cancel or finish, hand to a colleague, approve."""
     person = person_of(request)
-    robots = robots_visible_to(person)
+    robots = robots_bookable_by(person)
     found = get_object_or_404(Booking.objects.select_related("robot", "person", "course"), pk=booking_id)
     if not robots.filter(pk=found.robot_id).exists():
         raise Http404
     if request.method != "POST":
-        return _booking_page(request, found, [])
+        return _booking_page(request, found)
     try:
         _change(request, found, person)
     except BookingRefused as error:
         if wants_json(request):
-            return JsonResponse(_refusals_json(error.refusals, []), status=409)
+            return JsonResponse(_refusals_json(error.refusals, services.alternatives_of(error)), status=409)
         found.refresh_from_db()
-        return _booking_page(request, found, error.refusals, status=409)
+        return _booking_page(request, found, error)
     if wants_json(request):
         return JsonResponse({"id": str(found.pk)})
     messages.success(request, _done(request, found))
@@ -284,34 +288,35 @@ def _kept(typed: datetime, old: datetime) -> datetime:
     return old if same else typed
 
 
-def _booking_page(
-    request: HttpRequest, found: Booking, refusals: list[Refusal], status: int = 200
-) -> HttpResponse:
+def _booking_page(request: HttpRequest, found: Booking, error: BookingRefused | None = None) -> HttpResponse:
     person = person_of(request)
     now = timezone.now()
     [row] = _rows([found], [found.robot], now)
     manages = may_manage_booking(person, found)
-    typed = request.POST  # of a refused move: it need not be typed again
+    typed, chosen = request.POST, request.GET  # after a refused move: nothing need be typed again
     initial = {
         "robot": found.robot.slug,
-        "starts_at": typed.get("starts_at") or found.starts_at,
-        "ends_at": typed.get("ends_at") or found.ends_at,
+        "starts_at": typed.get("starts_at") or chosen.get("from") or found.starts_at,
+        "ends_at": typed.get("ends_at") or chosen.get("to") or found.ends_at,
     }
+    free = services.alternatives_of(error) if error else []
     form = SlotForm(initial=initial, **_form_options(person, found.robot))
     context = {
         "row": row,
         "booking": found,
         "form": form,
-        "refusals": refusals,
+        "refusals": error.refusals if error else [],
+        "alternatives": _offers(free, reverse("booking", args=[found.pk])),
         "manages": manages,
         "may_change": (manages or found.person_id == person.pk) and row["stage"] in OPEN,
         "begun": now >= found.starts_at,
         "awaits": row["stage"] is Stage.AWAITING,
         "zone": viewers().key,
         "sessions": _sessions_of(found, person),
+        "opens": robots_visible_to(person).filter(pk=found.robot_id).exists(),
         "of_course": courses_managed_by(person).filter(bookings=found).first(),
     }
-    return render(request, "bookings/booking.html", context, status=status)
+    return render(request, "bookings/booking.html", context, status=409 if error else 200)
 
 
 def _sessions_of(booking: Booking, viewer: User) -> Any:
@@ -353,7 +358,7 @@ def _in_words(booking: Booking) -> str:
 def _form_options(person: User, robot: Robot | None = None) -> dict[str, Any]:
     """Return which robots there are to choose from, and whether the person supervises any, or overrides a policy."""
     if robot is None:
-        visible, role = visible_to(person)
+        visible, role = bookable_by(person)
         above = role is not None and role >= Role.SUPERVISOR
         overrides = above and robots_managed_by(person).exists()
         return {"visible": visible, "supervises": above, "overrides": overrides}
@@ -392,11 +397,6 @@ def _form_refusals(form: SlotForm) -> list[Refusal]:
     ]
 
 
-def _alternatives(person: User, form: SlotForm, error: BookingRefused) -> list[tuple[Robot, Slot]]:
-    robot = form.cleaned_data["robot"]
-    return services.alternatives_of(error, robot, person, form.slot, timezone.now())
-
-
 def _refused(
     request: HttpRequest,
     form: SlotForm,
@@ -405,7 +405,7 @@ def _refused(
 ) -> HttpResponse:
     if wants_json(request):
         return JsonResponse(_refusals_json(refusals, alternatives or []), status=409)
-    offers = [{"words": _slot_words(*one), "address": _form_address(*one)} for one in alternatives or []]
+    offers = _offers(alternatives or [], reverse("booking-new"))
     can_wait = [refusal.code for refusal in refusals] == ["taken"]
     return _form_page(request, form, 409, refusals=refusals, alternatives=offers, can_wait=can_wait)
 
@@ -434,13 +434,18 @@ def _slot_words(robot: Robot, slot: Slot) -> str:
     return f"{robot.name}, {shown(slot.starts_at, zone)} to {slot.ends_at.astimezone(zone):%H:%M}"
 
 
-def _form_address(robot: Robot, slot: Slot) -> str:
+def _offers(free: list[tuple[Robot, Slot]], form: str) -> list[dict[str, str]]:
+    """Return free slots in words, each with the address of a form that has its times filled in."""
+    return [{"words": _slot_words(*one), "address": _filled_in(form, *one)} for one in free]
+
+
+def _filled_in(form: str, robot: Robot, slot: Slot) -> str:
     zone = viewers()
     times = {
         "from": slot.starts_at.astimezone(zone).strftime(TIME_FORMAT),
         "to": slot.ends_at.astimezone(zone).strftime(TIME_FORMAT),
     }
-    return f"{reverse('booking-new')}?{urlencode({'robot': robot.slug, **times})}"
+    return f"{form}?{urlencode({'robot': robot.slug, **times})}"
 
 
 def _text(typed: QueryDict, name: str) -> str:
@@ -485,7 +490,7 @@ def feed_address(request: HttpRequest) -> HttpResponse:
     """Make a private calendar address, or end it. The new address is shown once."""
     person = person_of(request)
     slug = _text(request.POST, "robot")
-    robot = get_object_or_404(robots_visible_to(person), slug=slug) if slug else None
+    robot = get_object_or_404(robots_bookable_by(person), slug=slug) if slug else None
     if request.POST.get("action") == "end":
         address_revoke(person=person, robot=robot)
         messages.success(request, _("The address no longer works."))

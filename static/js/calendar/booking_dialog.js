@@ -38,11 +38,16 @@ export class BookingDialog {
     this.#open(gettext("Book this slot?"), slotWords(resource.title, start, end));
   }
 
-  /** Tells why a booking was not changed. @param {string[]} texts */
-  tell(texts, alternatives = []) {
+  /** Tells why a booking was not changed. @param {string[]} texts @param {(free: object) => void} [choose] one that is free */
+  tell(texts, alternatives = [], choose = undefined) {
     this.#wish = null;
     this.#open(gettext("Not changed"), "");
-    this.#list(texts, alternatives);
+    this.#list(texts, alternatives, choose);
+  }
+
+  /** Closes it, if it is open. */
+  close() {
+    this.#part.dialog.close();
   }
 
   #open(title, words) {
@@ -62,20 +67,21 @@ export class BookingDialog {
     show(this.#part["dialog-wait"], wait);
   }
 
-  #list(texts, alternatives) {
+  #list(texts, alternatives, choose = (free) => this.#bookThat(free)) {
     this.#part.refusals.replaceChildren(...texts.map((text) => make("li", { text })));
     this.#part.alternatives.replaceChildren(
-      ...alternatives.map(({ robot, start, end, words }) => {
-        const take = () => {
-          this.#wish = slotOf(robot, start, end);
-          say(this.#part["dialog-words"], words);
-          this.#book();
-        };
-        return make("li", {
-          children: [makeButton({ className: "button", text: words }, take)],
-        });
-      }),
+      ...alternatives.map((free) =>
+        make("li", {
+          children: [makeButton({ className: "button", text: free.words }, () => choose(free))],
+        }),
+      ),
     );
+  }
+
+  #bookThat({ robot, start, end, words }) {
+    this.#wish = slotOf(robot, start, end);
+    say(this.#part["dialog-words"], words);
+    this.#book();
   }
 
   #fields() {

@@ -80,8 +80,8 @@ export function startCalendar(main, library) {
     eventResizeStart: () => {
       dragged = true;
     },
-    eventDrop: (change) => move(change),
-    eventResize: (change) => move(change),
+    eventDrop: (change) => drop(change),
+    eventResize: (change) => drop(change),
   });
 
   /** Reads the feed; if it cannot be read, the page says why: an empty calendar would look like a free one. */
@@ -96,7 +96,7 @@ export function startCalendar(main, library) {
     }
   }
 
-  async function move({ event, revert, newResource }) {
+  async function drop({ event, revert, newResource }) {
     if (newResource) {
       revert();
       dialog.tell([
@@ -104,17 +104,24 @@ export function startCalendar(main, library) {
       ]);
       return;
     }
+    if (!(await move(event, wallClock(event.start), wallClock(event.end)))) revert();
+  }
+
+  /** Moves a booking, or shows why not and where it may go instead. */
+  async function move(event, startsAt, endsAt) {
     const answer = await send(`${oneUrl}${event.id}/`, {
       action: "move",
       version: event.extendedProps.version,
-      starts_at: wallClock(event.start),
-      ends_at: wallClock(event.end),
+      starts_at: startsAt,
+      ends_at: endsAt,
     });
-    if (!answer.ok) {
-      revert();
-      dialog.tell(answer.texts, answer.alternatives);
-    }
+    if (answer.ok) dialog.close();
+    else
+      dialog.tell(answer.texts, answer.alternatives, ({ start, end }) =>
+        move(event, start.slice(0, 16), end.slice(0, 16)),
+      );
     calendar.refetchEvents();
+    return answer.ok;
   }
 
   async function poll() {

@@ -108,20 +108,26 @@ export function isSlotFar({ booked, next_booked: next }, sinceS) {
 }
 
 /**
- * The newest warning that is due: a slot ends this person's control in 5 minutes, in 1 minute.
+ * The newest warning that is due: a slot, or an out-of-service period, ends this person's control in 5 minutes, in 1 minute.
  * @returns {{atS: number, text: string} | null}
  */
-export function slotWarning({ state, booked, next_booked: next }, sinceS) {
+export function slotWarning({ state, booked, next_booked: next, out_s: outS = null }, sinceS) {
   if (state !== "yours") return null;
-  const ends = booked?.mine ? booked : booked ? null : next;
-  if (!ends || (ends === next && next.mine)) return null;
+  const other = booked || next?.mine ? null : next;
+  const out = outS === null ? null : { seconds: outS };
+  const [ends] = [booked?.mine ? booked : null, other, out]
+    .filter(Boolean)
+    .sort((one, another) => one.seconds - another.seconds);
+  if (!ends) return null;
   const left = ends.seconds - sinceS;
   const atS = WARNINGS_S.find((limit) => left <= limit);
   if (atS === undefined || left <= 0) return null;
   const minutes = Math.ceil(left / 60);
   const text =
-    ends === booked
-      ? gettext("Your slot ends in %s min: control ends with it.")
-      : gettext("The slot of another person begins in %s min: control ends then.");
+    ends === out
+      ? gettext("The robot is out of service in %s min: control ends then.")
+      : ends === booked
+        ? gettext("Your slot ends in %s min: control ends with it.")
+        : gettext("The slot of another person begins in %s min: control ends then.");
   return { atS, text: interpolate(text, [minutes]) };
 }

@@ -23,11 +23,11 @@ from fleet.bookings.changes.waiting_list import offer_accept, waiting_join, wait
 from fleet.bookings.models import Booking, Waiting
 from fleet.bookings.permissions import bookings_managed_by
 from fleet.bookings.rules import Slot
-from fleet.bookings.selectors import ALTERNATIVES, OPEN, free_slots, grace_of, policies_of, stage_of
+from fleet.bookings.selectors import ALTERNATIVES, OPEN, free_on_any, grace_of, policies_of, stage_of
 from fleet.bookings.services import BookingRefused
 from fleet.bookings.shared_facts import in_turn
 from robots.access.models import Course
-from robots.access.selectors import courses_managed_by
+from robots.access.selectors import courses_managed_by, robots_bookable_by
 from robots.registry.models import Robot
 from teleop.api.v1.framework.cursors import page_by_time
 from teleop.api.v1.framework.operation import ApiView, operation
@@ -195,6 +195,8 @@ _change_seen = partial(_change, refuses=(404, 409, 412, 428), parameters=[IF_MAT
 class BookingsBase(ApiView):
     """Base of the views of bookings."""
 
+    seen_by = staticmethod(robots_bookable_by)
+
     def seen(self) -> QuerySet[Booking]:
         """Return the bookings of all robots that the person may see, and the token serves."""
         return Booking.objects.filter(robot__in=self.robots()).select_related("robot", "person", "course")
@@ -314,7 +316,7 @@ class BookingsView(BookingsBase):
             course = Course.objects.filter(enrolments__person=owner, slug=body.course).first()
             if course is None:
                 raise Problem(NOT_FOUND)
-        with _alternatives(robot, owner, slot), in_turn() as facts:
+        with _alternatives(), in_turn() as facts:
             booking = services.booking_make(
                 robot=robot,
                 person=owner,
@@ -341,7 +343,7 @@ class FreeView(BookingsBase):
         if query.profile is not None:
             robots = [robot for robot in robots if robot.profile.slug == query.profile]
         after = max(utc(query.after), now) if query.after else now
-        found = free_slots(robots, self.person, query.minutes, after=after, now=now, most=query.limit)
+        found = free_on_any(robots, self.person, query.minutes, after=after, now=now, most=query.limit)
         return SlotList(_slots(found))
 
 
@@ -361,7 +363,7 @@ class BookingView(BookingsBase):
         version_seen(request)
         old = self.one(booking_id)
         slot = _slot(body.starts_at or old.starts_at, body.ends_at or old.ends_at)
-        with _alternatives(old.robot, old.person, slot):
+        with _alternatives():
             return self.change(request, booking_id, services.booking_move, slot=slot, override=body.override)
 
     @_change_seen("bookings_cancel", "Cancel a booking, or finish it early", query=CancelAsked)
@@ -446,13 +448,12 @@ class WaitingOneView(WaitingView):
 
 
 @contextmanager
-def _alternatives(robot: Robot, owner: Any, slot: Slot) -> Iterator[None]:
+def _alternatives() -> Iterator[None]:
     """Let a refusal name free slots."""
     try:
         yield
     except BookingRefused as error:
-        free = services.alternatives_of(error, robot, owner, slot, timezone.now())
-        extensions = {"alternatives": _slots(free)}
+        extensions = {"alternatives": _slots(services.alternatives_of(error))}
         raise Problem(error.refusal, others=error.refusals, extensions=extensions) from error
 
 

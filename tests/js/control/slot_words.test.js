@@ -46,6 +46,15 @@ describe("the warning to the holder", () => {
     );
   });
 
+  test("comes before the robot is out of service, if that is first", () => {
+    const out = { ...yours, booked: mine, out_s: 70 };
+    expect(slotWarning(out, 11)).toEqual({
+      atS: 60,
+      text: "The robot is out of service in 1 min: control ends then.",
+    });
+    expect(slotWarning({ ...out, out_s: 400 }, 30).text).toMatch(/^Your slot ends/);
+  });
+
   test("is for the holder only", () => {
     expect(slotWarning({ ...yours, state: "other" }, 11)).toBe(null);
   });

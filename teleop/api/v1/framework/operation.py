@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from uuid import UUID
 
 import msgspec
+from django.db.models import QuerySet
 from django.http import HttpResponseBase
 from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiExample, OpenApiParameter, OpenApiResponse, extend_schema
@@ -77,9 +78,11 @@ class ApiView(APIView):
         """Answer 202: it goes on, and its status is at this address."""
         return Response(msgspec.to_builtins(entry), status=202, headers={"Location": address})
 
+    seen_by: Callable[[User], QuerySet[Robot]] = staticmethod(robots_visible_to)
+
     def robots(self) -> list[Robot]:
         """Return the robots that the person may see, and the token serves."""
-        return [robot for robot in robots_visible_to(self.person) if self.token_serves(robot.id)]
+        return [robot for robot in self.seen_by(self.person) if self.token_serves(robot.id)]
 
     def token_serves(self, robot_id: UUID) -> bool:
         """Return whether the request's token serves the robot. A person's session serves all."""
@@ -88,7 +91,7 @@ class ApiView(APIView):
     def robot(self, slug: str) -> Robot:
         """Return one of them. Raises `Problem`: not found."""
         try:
-            found = robots_visible_to(self.person).get(slug=slug)
+            found = self.seen_by(self.person).get(slug=slug)
         except Robot.DoesNotExist:
             raise Problem(NOT_FOUND) from None
         if not self.token_serves(found.id):

@@ -78,7 +78,7 @@ class ProgramConnection:
         self.welcome: Welcome | None = None
         self.offers: Offers | None = None
         self.used_s = time.monotonic()  # by its program
-        self.starting = threading.Lock()  # held while a task is asked for, until its record is found
+        self.starting: dict[str, threading.Lock] = {}  # by kind of task, held until its record is found
         self._socket = socket
         self._numbers = count(1)
         self._count = 0  # of messages heard

@@ -28,6 +28,7 @@ from teleop.api.v1.framework.long_poll import LongPoll
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.parameters import Time, whole_number
 from teleop.api.v1.framework.problems import NOT_FOUND, Problem
+from teleop.api.v1.programs.connection import ProgramConnection
 from teleop.api.v1.programs.outcomes import outcomes
 from teleop.api.v1.programs.registry import programs
 from teleop.api.v1.robot.control import ProgramView
@@ -87,6 +88,7 @@ MOST_LISTING = 6  # at once: each waits in a thread for a robot that may not ans
 
 _listing = threading.BoundedSemaphore(MOST_LISTING)
 _BUSY = Refusal("busy", "Motions of too many robots are asked for at once: try again in a moment.", "robot")
+_STARTING = Refusal("busy", "Another task of this kind starts at this moment: ask again when it has.", "wire")
 _task = partial(operation, refuses=(404, 409), tag="tasks")
 _start = partial(_task, keyed=True, answer=TaskEntry, status=202)
 
@@ -97,12 +99,18 @@ class TasksBase(ProgramView):
     def start(self, robot: Robot, make: Callable[[int, int], Any], kind: str) -> Response:
         """Ask for a task; answer 202 with its status and its address."""
         connection = self.connected(robot)
-        with connection.starting:
+        # Without waiting: a cancel must not overtake a task that waits, and a robot that starts late surprises people.
+        starting = connection.starting.setdefault(kind, threading.Lock())
+        if not starting.acquire(blocking=False):
+            raise Problem(_STARTING)
+        try:
             control, newest = connection.control, newest_record()
             async_to_sync(connection.request)(make)
             session = control.session if control else None
             requests = Record.objects.filter(pk__gt=newest, kind=_KINDS[kind][0], session_id=session, of=None)
             found = requests.select_related("actor").order_by("pk").first()
+        finally:
+            starting.release()
         if found is None:
             raise Problem(_NOT_RECORDED)
         address = f"/api/v1/robots/{robot.slug}/tasks/{found.pk}"
@@ -143,13 +151,16 @@ class MotionsView(TasksBase):
     def get(self, _request: Request, slug: str) -> MotionList:
         """In the robot’s own words."""
         connection = self.connection(self.robot(slug))
+        offers = connection.offers or self._awaited(connection)
+        return MotionList(offers.motions, offers.motions_text)
+
+    def _awaited(self, connection: ProgramConnection) -> wire.Offers:
         if not _listing.acquire(blocking=False):
             raise Problem(_BUSY)
         try:
-            offers = async_to_sync(connection.offered)()
+            return async_to_sync(connection.offered)()
         finally:
             _listing.release()
-        return MotionList(offers.motions, offers.motions_text)
 
 
 class MotionView(TasksBase):
