@@ -9,6 +9,7 @@ from django.test.utils import CaptureQueriesContext
 from django.urls import reverse
 
 from fleet.bookings.changes.policy_changes import POLICY_FIELDS, policy_set
+from fleet.bookings.messages import letters
 from fleet.bookings.models import Booking, Policy
 from fleet.bookings.pages import views
 from fleet.bookings.rules import Slot
@@ -101,10 +102,27 @@ def test_a_courses_common_quota_holds_over_several_robots(robots, django_user_mo
     assert Booking.objects.count() == 1
 
 
-def test_those_who_come_together_share_what_one_read(signed_in, robot, operator, monkeypatch):
-    browsers = [signed_in(operator) for _ in range(12)]
+def test_housekeeping_processes_at_once_send_one_reminder(robot, operator, mailoutbox):
+    operator.email = "olga@example.org"
+    operator.save()
+    booking_make(robot=robot, person=operator, slot=SLOT, now=SLOT.starts_at - timedelta(hours=3))
+    assert all_at_once([lambda: letters.write_reminders(NOW)] * 4) == []
+    assert all_at_once([lambda: letters.send_letters(NOW)] * 4) == []
+    assert [mail.subject for mail in mailoutbox] == ["TIAGo 1 is yours soon"]
+
+
+CLIENTS = 50
+
+
+def test_of_fifty_after_one_slot_one_wins_and_the_others_get_alternatives(
+    signed_in, robot, django_user_model, monkeypatch
+):
+    people = [django_user_model.objects.create_user(f"s{number}") for number in range(CLIENTS)]
+    for person in people:
+        role_set(robot=robot, user=person, role=Role.OPERATOR, actor=None)
+    browsers = [signed_in(person) for person in people]
     answers, reads = [], []
-    together = threading.Barrier(12)
+    together = threading.Barrier(CLIENTS)
 
     def in_turn_together():
         together.wait(timeout=30.0)
@@ -114,9 +132,12 @@ def test_those_who_come_together_share_what_one_read(signed_in, robot, operator,
 
     def book(browser):
         with CaptureQueriesContext(connection) as queries:
-            answers.append(browser.post(reverse("booking-new"), fields(robot), **JSON).status_code)
+            answers.append(browser.post(reverse("booking-new"), fields(robot), **JSON))
         reads.extend(query for query in queries.captured_queries if "outofservice" in query["sql"])
 
     assert all_at_once([lambda browser=browser: book(browser) for browser in browsers]) == []
-    assert sorted(answers) == [200] + [409] * 11
-    assert len(reads) < 12, len(reads)
+    assert sorted(answer.status_code for answer in answers) == [200] + [409] * (CLIENTS - 1)
+    refused = [answer.json() for answer in answers if answer.status_code == 409]
+    assert {one["code"] for answer in refused for one in answer["refusals"]} == {"taken"}
+    assert {len(answer["alternatives"]) for answer in refused} == {3}
+    assert len(reads) < CLIENTS, len(reads)  # those who come together share what one read

@@ -2,6 +2,7 @@
 
 from datetime import datetime, timedelta, timezone
 from smtplib import SMTPRecipientsRefused
+from unittest.mock import Mock
 
 import pytest
 from django.urls import reverse
@@ -48,6 +49,15 @@ def test_a_reminder_comes_once_within_the_last_hour(robot, olga, mailoutbox):
     [mail] = mailoutbox
     assert (mail.to, mail.subject) == (["olga@example.org"], "TIAGo 1 is yours soon")
     assert "Mon 02 Mar 2026, 12:00" in mail.body
+
+
+def test_a_reminder_that_could_not_be_written_comes_later(robot, olga, monkeypatch):
+    book(robot, olga)
+    with monkeypatch.context() as patch, pytest.raises(OSError, match="disk"):
+        patch.setattr(letters, "letter_write", Mock(side_effect=OSError("disk full")))
+        letters.write_reminders(at(2.1))
+    letters.write_reminders(at(2.2))
+    assert Letter.objects.count() == 1
 
 
 def test_a_slot_booked_a_moment_before_needs_no_reminder(robot, olga):
