@@ -67,6 +67,30 @@ def fill(rows: int) -> list[Robot]:
     return robots
 
 
+def fill_one(slug: str, rows: int) -> None:
+    """Store bookings of one robot: the operator's slot began a minute ago, others' slots lie before and after it."""
+    robot = Robot.objects.get(slug=slug)
+    person, others = User.objects.get(username="operator"), User.objects.create(username="others")
+    now = timezone.now()
+    begun = now - timedelta(minutes=1)
+    starts = (begun + number * HOUR for number in range(-rows + 2, 2))
+    Booking.objects.bulk_create(
+        (
+            Booking(
+                robot=robot,
+                person=person if start == begun else others,
+                starts_at=start,
+                ends_at=start + HOUR,
+                held_until=start + HOUR,
+                used_at=start if start < begun else None,
+                made_at=start,
+            )
+            for start in starts
+        ),
+        batch_size=500,
+    )
+
+
 def p95_ms(step: Callable[[], object]) -> float:
     """Return the 95th percentile of a step's duration."""
     spent = []

@@ -1,7 +1,8 @@
-"""Bookings on SQLite and PostgreSQL: fifty people after one slot, a week of ten robots, control's rules."""
+"""Bookings on SQLite and PostgreSQL: fifty people after one slot, a week of ten robots, control's rules, driving."""
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import json
 import re
@@ -14,8 +15,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta, timezone
 
+from benchmarks.driving.drive import BARE_STICKS, drive
 from benchmarks.harness import Figure, progress, quantile
-from script.stack.client import sign_in
+from benchmarks.parts.observer import Observer
+from script.stack.client import Driver, sign_in
 from script.stack.places import REPOSITORY
 from script.stack.stack import Stack, temporary_stack
 from tests.script.servers import postgresql
@@ -29,6 +32,8 @@ RACE_P95_MS = 500.0
 RULES_MS = 5.0
 STUDENTS = 500
 ENROL_S = 5.0
+TURNS = 6  # of driving with bookings and without
+DRIVING_TIMES = 1.1  # bookings add nothing: the rest is the noise between turns
 
 
 def measure() -> list[Figure]:
@@ -39,7 +44,9 @@ def measure() -> list[Figure]:
             settings = {"FLEET_DATABASE_URL": url} if url else {}
             with temporary_stack((), settings=settings) as stack:
                 figures += _measure_on(stack, name)
-    return figures
+    progress("driving with bookings and without, in turn ...")
+    with temporary_stack(BARE_STICKS[:2]) as stack:
+        return figures + asyncio.run(_driving(stack))
 
 
 @contextmanager
@@ -49,16 +56,7 @@ def _sqlite() -> Iterator[str]:
 
 def _measure_on(stack: Stack, name: str) -> list[Figure]:
     progress(f"{name}: {ROWS} bookings ...")
-    program = f"from benchmarks.web.booking_rows import main; main({ROWS})"
-    rows = subprocess.run(  # noqa: S603  # our own program
-        [sys.executable, "manage.py", "shell", "--no-imports", "-c", program],
-        cwd=REPOSITORY,
-        env=stack.environment,
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    rules = json.loads(rows.stdout)
+    rules = json.loads(_stored(stack, f"main({ROWS})"))
     cookie = sign_in(stack, "operator")
     progress(f"{name}: the calendar's week ...")
     monday = datetime.now(timezone.utc).date()
@@ -84,6 +82,41 @@ def _measure_on(stack: Stack, name: str) -> list[Figure]:
             "ms",
             RULES_MS,
         ),
+    ]
+
+
+def _stored(stack: Stack, step: str) -> str:
+    """Run a step of `booking_rows` in the console's database; return what it prints."""
+    program = f"from benchmarks.web.booking_rows import *; {step}"
+    done = subprocess.run(  # noqa: S603  # our own program
+        [sys.executable, "manage.py", "shell", "--no-imports", "-c", program],
+        cwd=REPOSITORY,
+        env=stack.environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout
+
+
+async def _driving(stack: Stack) -> list[Figure]:
+    """Drive a robot in a booked slot and one without bookings, in turn."""
+    booked, free = stack.robots
+    await asyncio.to_thread(_stored, stack, f"fill_one({booked!r}, {ROWS // 10})")
+    cookie = await asyncio.to_thread(sign_in, stack, "operator")
+    delays: dict[str, list[float]] = {booked: [], free: []}
+    for _ in range(TURNS):
+        for slug, spent in delays.items():
+            async with Observer(stack.robots[slug]) as observer, Driver(stack, slug, cookie) as driver:
+                await driver.take()
+                spent += await drive(driver, observer)
+                await driver.release()
+    halves = {slug: quantile(spent, 0.5) for slug, spent in delays.items()}
+    return [
+        Figure("command in a booked slot: p50", 1000.0 * halves[booked], "ms"),
+        Figure("command in a booked slot: p99", 1000.0 * quantile(delays[booked], 0.99), "ms"),
+        Figure("command without bookings: p99", 1000.0 * quantile(delays[free], 0.99), "ms"),
+        Figure("command with bookings / without: p50", halves[booked] / halves[free], "times", DRIVING_TIMES),
     ]
 
 

@@ -118,8 +118,8 @@ def require_robot_in_service(subject: Subject) -> Permit | Refusal:
         return refusal
     out, coming = subject.schedule.out, subject.schedule.out_next
     if out is None or subject.supervises:
-        until = coming.slot.starts_at if coming and not subject.supervises else None
-        return Permit(until=until, max_share=subject.robot.max_share)
+        ends = coming.slot.starts_at if coming and not subject.supervises else None
+        return Permit(until=ends, max_share=subject.robot.max_share)
     until = _until(out.slot.ends_at, subject.user, subject.now)
     text = f"This robot is out of service {until} ({out.label}). Choose another robot."
     return Refusal("out_of_service", text, "robot")
