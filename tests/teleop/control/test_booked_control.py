@@ -79,6 +79,16 @@ def test_the_end_of_ones_own_slot_is_named(robot, operator):
     assert end_notes([taken.session])[taken.session] == "Your slot ended."
 
 
+def test_control_ends_when_an_out_of_service_period_begins(robot, operator, supervisor):
+    OutOfService.objects.create(robot=robot, starts_at=at(10), ends_at=at(20), why="repair")
+    book(robot, operator, 30)
+    taken = take(robot, operator)
+    assert taken.term_ends_at == at(10)
+    services.lease_expire(robot_id=robot.id, now=at(10))
+    assert end_notes([taken.session])[taken.session] == "The robot is out of service now (repair)."
+    assert take(robot, supervisor, at(11)).term_ends_at == at(26)  # who repairs it drives on
+
+
 def test_keeping_control_lengthens_ones_slot(robot, operator, second_operator):
     book(robot, operator, 0)
     taken = take(robot, operator, at(1))

@@ -5,6 +5,7 @@ import threading
 import time
 from contextlib import asynccontextmanager, suppress
 from datetime import timedelta
+from functools import partial
 
 import pytest
 from django.db import OperationalError
@@ -15,7 +16,7 @@ from msgspec import structs
 import robots.link.client
 from fleet.audit import services as audit
 from fleet.audit.models import Record
-from fleet.bookings.models import Booking
+from fleet.bookings.models import Booking, OutOfService
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
 from robots import wire
@@ -451,6 +452,22 @@ async def test_a_slot_booked_for_now_ends_control_after_a_warning(open_page, bri
     assert (await owner.take())["fence"] == fence + 1
     await page.say("take_over", reason="because I want it")
     assert (await page.hears("control", state="yours"))["fence"] == fence + 2
+
+
+async def test_the_holder_sees_an_out_of_service_period_come(open_page, bridge, robot):
+    page = await open_page("operator")
+    fence = (await page.take())["fence"]
+    repair = {"robot": robot, "why": "repair"}
+    begins = timezone.now() + timedelta(minutes=4)
+    period = await in_database(partial(OutOfService.objects.create, starts_at=begins, **repair))
+    while (control := await page.hears("control", state="yours"))["out_s"] is None:
+        pass
+    assert 230.0 < control["out_s"] <= 240.0
+    assert control["remaining_s"] <= 240.0
+    period.starts_at = timezone.now()
+    await in_database(period.save)
+    assert (await bridge.hears(wire.Revoke)).fence == fence
+    assert "out of service" in (await page.hears("notice"))["text"]
 
 
 async def test_a_slot_that_is_given_up_leaves_a_term_of_free_time(open_page, robot, operator, browsers):

@@ -125,6 +125,7 @@ class ProgramConnection:
             offer_s=_left(control.offer_s, age_s),
             booked=_aged(control.booked, age_s),
             next_booked=_aged(control.next_booked, age_s),
+            out_s=_left(control.out_s, age_s),
         )
 
     @property

@@ -55,6 +55,7 @@ class ControlEntry(Struct, frozen=True):
     refusal: Refusal | None = None  # why it would be refused now
     booked: Booked | None = None
     next_booked: Booked | None = None
+    out_s: float | None = None  # until an out-of-service period ends this program's control; null: not soon
 
 
 class TakeControl(Struct, frozen=True, forbid_unknown_fields=True):
@@ -261,4 +262,5 @@ def _entry(control: Control | None) -> ControlEntry:
         refusal=control.refusal,
         booked=control.booked,
         next_booked=control.next_booked,
+        out_s=control.out_s,
     )
