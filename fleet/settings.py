@@ -66,7 +66,6 @@ INSTALLED_APPS = [
     "allauth.socialaccount",
     "allauth.socialaccount.providers.openid_connect",
     "drf_spectacular",
-    "django_filters",
     "fleet",
     "fleet.audit",
     "fleet.accounts",

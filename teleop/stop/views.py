@@ -7,6 +7,7 @@ not negotiated, and the body is read only for a form's CSRF token when no header
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from http import HTTPStatus
 from typing import Any
 
 import msgspec
@@ -180,4 +181,9 @@ def _names(outcomes: emergency_stop.Outcomes, kind: type) -> str:
 
 
 def _refused(refusal: Refusal, status: int, **headers: str) -> HttpResponse:
-    return JsonResponse(msgspec.to_builtins(refusal), status=status, headers=headers)
+    """Answer a problem document (RFC 9457), as the API does; with `text`, as the pages read it."""
+    said = msgspec.to_builtins(refusal)
+    title = HTTPStatus(status).phrase
+    problem = {"type": "about:blank", "title": title, "status": status, "detail": refusal.text, **said}
+    kind = "application/problem+json"
+    return JsonResponse({**problem, "refusals": [said]}, status=status, content_type=kind, headers=headers)

@@ -131,6 +131,64 @@ def test_a_slot_is_booked_by_drag_and_by_form(person: Arrive, stack: Stack, book
     expect(staff.page.locator(".alternatives a").first).to_contain_text("TIAGo One")
 
 
+def test_a_booking_is_moved_and_lengthened_by_drag(person: Arrive, stack: Stack, book) -> None:
+    operator, staff = person("operator"), person("staff")
+
+    def held() -> tuple[datetime, datetime]:
+        """The operator's only booking."""
+        with sqlite3.connect(stack.directory / "fleet.sqlite3", timeout=20) as database:
+            query = (
+                "SELECT starts_at, ends_at FROM bookings_booking b JOIN accounts_user u ON u.id = person_id"
+            )
+            [times] = database.execute(f"{query} WHERE username = 'operator'").fetchall()
+        starts, ends = map(datetime.fromisoformat, times)
+        return starts, ends
+
+    def pull(place: tuple[float, float], down_px: float, then: Callable[[], object]) -> None:
+        """Press there, drag down, and wait until the console has answered."""
+        x, y = place
+        operator.page.mouse.move(x, y)
+        operator.page.mouse.down()
+        operator.page.mouse.move(x, y + down_px, steps=8)
+        with operator.page.expect_response("**/bookings/*/"):
+            operator.page.mouse.up()
+        operator.until(then, "the booking to change")
+
+    calendar_of_tomorrow(operator)
+    drag(operator)
+    operator.part("dialog-yes").click()
+    mine = operator.page.locator(".ec-event.mine")
+    expect(mine).to_have_count(1)
+    starts, ends = held()
+    box = mine.bounding_box()
+    assert box
+    hour_px = box["height"] / ((ends - starts) / timedelta(hours=1))
+
+    def place(edge_px: float | None = None) -> tuple[float, float]:
+        """The middle of the booking, or so far above its lower edge."""
+        expect(operator.part("calendar")).to_have_attribute("aria-busy", "false")
+        box = mine.bounding_box()
+        assert box
+        above_px = box["height"] / 2 if edge_px is None else edge_px
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] - above_px
+
+    hour = timedelta(hours=1)
+    pull(place(), hour_px, lambda: held() == (starts + hour, ends + hour))
+    pull(place(edge_px=3), hour_px, lambda: held() == (starts + hour, ends + 2 * hour))
+
+    staff.open("/bookings/new/")
+    after = {"starts_at": f"{ends + 2 * hour:%Y-%m-%dT%H:%M}", "ends_at": f"{ends + 3 * hour:%Y-%m-%dT%H:%M}"}
+    assert staff.page.evaluate(POST_JSON, ["/bookings/new/", {"robot": "tiago-1", **after}]) == 200
+    expect(operator.page.locator(".ec-event.other")).to_have_count(1)
+    pull(place(), hour_px, lambda: operator.part("dialog-title").text_content() == "Not changed")
+    expect(operator.part("refusals")).to_contain_text("has booked TIAGo One")
+    assert held() == (starts + hour, ends + 2 * hour)
+    assert found_by_axe(operator) == []
+    operator.part("alternatives").get_by_role("button").first.click()
+    operator.until(lambda: held()[0] == ends + 3 * hour, "the same booking to move there")
+    expect(operator.part("dialog")).to_be_hidden()
+
+
 def test_the_booking_of_another_person_appears_at_once(person: Arrive, book) -> None:
     operator, staff = person("operator", apart=True), person("staff")
     operator.page.add_init_script(NO_POLL)  # only news from the console shows it

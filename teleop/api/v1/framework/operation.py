@@ -15,6 +15,7 @@ from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiExample, OpenApiParameter, OpenApiResponse, extend_schema
 from msgspec import Struct
 from rest_framework.authentication import SessionAuthentication
+from rest_framework.permissions import SAFE_METHODS
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
@@ -28,8 +29,8 @@ from robots.registry.known_robots import KnownRobot, known_robot_at
 from robots.registry.models import Robot, Role
 from teleop.api.v1.framework.authentication import TokenAuthentication
 from teleop.api.v1.framework.idempotency import KEY_PARAMETER, Caller, once
-from teleop.api.v1.framework.parameters import parameters_of, query_of
-from teleop.api.v1.framework.parsing import Unparsed, decoded
+from teleop.api.v1.framework.parameters import parameters_of, query_of, require_declared
+from teleop.api.v1.framework.parsing import Nothing, Unparsed, decoded
 from teleop.api.v1.framework.problems import (
     CONTENT_TYPE,
     NOT_FOUND,
@@ -156,12 +157,18 @@ class Operation:
             raise Problem(scope_missing(self._scopes))
 
     def _asked(self, request: Request) -> dict[str, Any]:
-        """Return body and query as the method's arguments."""
+        """Return body and query as the method's arguments. Nothing that was asked for is ignored."""
         asked = {}
         if self.body is not None:
             asked["body"] = decoded(request, self.body)
+        elif request.method not in SAFE_METHODS:
+            decoded(request, Nothing)
         if self.query is not None:
             asked["query"] = query_of(request, self.query)
+        else:
+            require_declared(
+                request, {one.name for one in self.parameters if one.location == OpenApiParameter.QUERY}
+            )
         return asked
 
     @property
@@ -179,20 +186,21 @@ class Operation:
         one_of = "one of " if len(self._scopes) > 1 else ""
         needs = f"Scope: {one_of}{names}." if names else "Any token."
         parameters = [*self.parameters, *(parameters_of(self.query) if self.query else ())]
+        changes = method.__name__.upper() not in SAFE_METHODS
         return extend_schema(
             operation_id=self.name,
             summary=self.summary,
             description=f"{(method.__doc__ or '').strip()}\n\n{needs}".strip(),
             request=self.body,
-            responses=self._answers(),
+            responses=self._answers(changes=changes),
             tags=[self.tag],
             parameters=[*parameters, *([KEY_PARAMETER] if self.keyed else ())] or None,
             examples=self.examples or None,
         )
 
-    def _answers(self) -> dict[Any, OpenApiResponse]:
-        problems = {*self.refuses, 401, 403, 406, 429, 503}
-        problems |= {400, 413, 415} if self.body else {400} if self.query else set()
+    def _answers(self, *, changes: bool) -> dict[Any, OpenApiResponse]:
+        problems = {*self.refuses, 400, 401, 403, 406, 429, 503}
+        problems |= {413, 415} if changes else set()
         problems |= {400, 409, 415, 422} if self.keyed else set()
         answers: dict[Any, OpenApiResponse] = {
             (code, CONTENT_TYPE): OpenApiResponse(self.problem, "refused") for code in sorted(problems)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from datetime import datetime, timezone
 from typing import Annotated, Any
 
@@ -51,6 +52,13 @@ def query_of(request: Request, struct: type[Struct]) -> Any:
         return msgspec.convert(given, struct, strict=False)
     except (msgspec.ValidationError, ValueError) as error:
         raise _invalid(str(error).replace("`$.", "`")) from error
+
+
+def require_declared(request: Request, names: Collection[str]) -> None:
+    """Refuse query parameters of other names. Raises `Problem`."""
+    for name in request.query_params:
+        if name not in names:
+            raise _invalid(f"there is no parameter “{name[:100]}” here")
 
 
 def parameters_of(struct: type[Struct]) -> list[OpenApiParameter]:

@@ -20,6 +20,10 @@ _TOO_DEEP = Refusal("too_deep", f"The body has more than {DEEPEST} levels.", "wi
 _HAS_NUL = Refusal("invalid", "The body has a text with the character NUL: leave it out.", "wire")
 
 
+class Nothing(Struct, frozen=True, forbid_unknown_fields=True):
+    """The body of an operation that asks for none."""
+
+
 class Unparsed(BaseParser):
     """Take a JSON body as bytes."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import msgspec
+from django.db import transaction
 from django.http import HttpResponse
 from django.utils.cache import patch_cache_control
 from msgspec import Meta, Struct
@@ -159,8 +160,9 @@ class OneMapView(MapsBase):
     def patch(self, request: Request, digest: str, body: MapName) -> Response:
         """By staff and supervisors of a robot that has it."""
         found = self.changeable_map(digest)
-        require_unchanged(request, MapName(selectors.names_of([digest]).get(digest, "")))
-        services.map_name(digest=digest, name=body.name, actor=self.person)
+        with transaction.atomic():
+            require_unchanged(request, MapName(services.map_hold(digest).name))
+            services.map_name(digest=digest, name=body.name, actor=self.person)
         return self.map_answer(found)
 
 

@@ -50,6 +50,7 @@ class ControlEntry(Struct, frozen=True):
     session: UUID | None = None  # control session, as in the log
     term_s: float | None = None  # until control ends, unless it is renewed
     unused_s: float | None = None  # control ends, too, when the program asks for nothing so long
+    requests: list[wire.Request] = []  # who waits in line, in order: to the holder and to supervisors
     ahead: int | None = None  # programs and people in line before this one; null: not in line
     offer_s: float | None = None  # so long control is this program's to take, and nobody else's
     refusal: Refusal | None = None  # why it would be refused now
@@ -257,6 +258,7 @@ def _entry(control: Control | None) -> ControlEntry:
         session=UUID(control.session) if control.session else None,
         term_s=control.remaining_s,
         unused_s=UNUSED_S if mine else None,
+        requests=control.requests,
         ahead=control.ahead,
         offer_s=control.offer_s,
         refusal=control.refusal,

@@ -303,7 +303,7 @@ class TaskView(ProgramView):
         wait_s = whole_number(request, "wait", 0, LONGEST_WAIT_S, least=0)
         self.keep_control(slug)
         entry = _entry(found, robot)
-        if entry.outcome is not None or not wait_s:
+        if entry.outcome is not None or not wait_s or request.method == "HEAD":
             return entry
         caller = self.caller()
         return LongPoll(
