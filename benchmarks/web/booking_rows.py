@@ -68,12 +68,16 @@ def fill(rows: int) -> list[Robot]:
 
 
 def fill_one(slug: str, rows: int) -> None:
-    """Store bookings of one robot: the operator's slot began a minute ago, others' slots lie before and after it."""
+    """Store one robot's bookings: the operator's slot began a minute ago, others' slots lie before and after it."""
     robot = Robot.objects.get(slug=slug)
-    person, others = User.objects.get(username="operator"), User.objects.create(username="others")
+    robot.bookings.all().delete()
+    person, (others, _made) = (
+        User.objects.get(username="operator"),
+        User.objects.get_or_create(username="others"),
+    )
     now = timezone.now()
     begun = now - timedelta(minutes=1)
-    starts = (begun + number * HOUR for number in range(-rows + 2, 2))
+    starts = (begun + number * HOUR for number in range(2 - rows, 2)) if rows else ()
     Booking.objects.bulk_create(
         (
             Booking(
