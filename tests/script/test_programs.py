@@ -118,7 +118,7 @@ def test_programs_keep_wait_for_hand_over_and_take_over_control(stack: Stack) ->
     status, waits = other("POST", f"{control}/line")
     assert (status, waits["ahead"]) == (200, 0)
     [request] = until(lambda: one("GET", control)[1]["requests"])
-    assert "(other)" in request["name"]
+    assert request["name"] == "Supervisor"
     assert one("POST", f"{control}/hand-over", {"request": request["id"]})[0] == 204
     assert until(lambda: other("GET", control)[1]["state"] == "yours")
     assert one("POST", f"{control}/line")[1]["ahead"] == 0
