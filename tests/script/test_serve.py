@@ -289,7 +289,7 @@ def set_up(served: Served, master_uri: str) -> None:
     assert robots == f"{address}robot/"
     checks, page = submit(robots, name="TIAGo 42", profile="PAL TIAGo", master_uri=master_uri)
     assert checks == f"{robots}{ROBOT}/"
-    assert "The ROS master answers" in page
+    assert f"The ROS master at {master_uri} answers." in page
 
 
 def assert_nothing_left(served: Served, family: Family) -> None:
