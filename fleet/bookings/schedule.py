@@ -77,9 +77,10 @@ class Schedule(Struct, frozen=True):
     def free_from(self, now: datetime) -> datetime | None:
         """Return the begin of the robot's next free time of a minute or more; None: not within `AHEAD`."""
         moment = self.out.slot.ends_at if self.out else now
-        for held in (self.current, *self.next):
-            if held is not None and held.slot.starts_at < moment + GAP:
-                moment = max(moment, held.slot.ends_at)
+        busy = [one.slot for one in (self.current, *self.next, self.out_next) if one is not None]
+        for slot in sorted(busy, key=lambda one: one.starts_at):
+            if slot.starts_at < moment + GAP:
+                moment = max(moment, slot.ends_at)
         return moment if moment < now + AHEAD else None
 
 

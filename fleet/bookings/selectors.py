@@ -27,7 +27,7 @@ ALTERNATIVES = 3
 NOT_YET = (State.AWAITING, State.OFFERED)  # hold a slot, and give no control
 STEP = timedelta(minutes=15)  # between the starts of slots that are proposed
 SEARCH = timedelta(days=7)  # for the next free slot
-TRIES = 200  # starts of one robot
+TRIES = SEARCH // STEP  # starts of one robot
 WEEK = timedelta(days=7)
 SWITCHED_OFF = gettext_lazy("staff switched it off")
 
@@ -191,6 +191,11 @@ def out_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
     """Return the out-of-service periods of a robot between two moments; a robot that is disabled has no end of it."""
     if not robot.enabled:
         return [Taken(Slot(starts, FAR), str(SWITCHED_OFF))]
+    return periods_between(robot, starts, ends)
+
+
+def periods_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
+    """`out_between`, whether or not the robot is disabled now."""
     open_ended = Q(ends_at=None) | Q(ends_at__gt=starts)
     periods = OutOfService.objects.filter(open_ended, robot=robot, starts_at__lt=ends)
     return [Taken(Slot(one.starts_at, one.ends_at or FAR), why_out(one)) for one in periods]

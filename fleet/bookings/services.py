@@ -35,7 +35,7 @@ from fleet.bookings.selectors import (
     grace_of,
     held_between,
     held_slot,
-    out_between,
+    periods_between,
     policy_of,
     robot_facts,
     stage_of,
@@ -146,7 +146,11 @@ def colleague_named(username: str, actor: User, booking: Booking) -> User:
 
 def alternatives_of(error: BookingRefused) -> list[tuple[Robot, Slot]]:
     """Return the next free slots of the same robot if the time is taken, as long as wished and allowed."""
-    if (wish := error.wish) is None or "taken" not in (refusal.code for refusal in error.refusals):
+    codes = [refusal.code for refusal in error.refusals]
+    if (wish := error.wish) is None or "taken" not in codes or "late_to_cancel" in codes:
+        return []
+    moved: Booking | None = error.asked["moved"]
+    if moved is not None and moved.starts_at <= wish.now:  # only its end moves
         return []
     minutes = min(wish.slot.minutes, wish.policy.longest_min)
     return free_slots(minutes=minutes, after=wish.slot.starts_at, wish=wish, **error.asked)
@@ -222,6 +226,8 @@ def booking_move(
         free_unused(booking.robot, slot, now, but=booking)
         quotas_locked(booking.robot, booking.person, slot)
         lesson = _is_lesson_of(booking.person, booking)
+        old = Slot(booking.starts_at, booking.ends_at)
+        late = None if old.within(slot) else _late_to_cancel(booking, actor, now)
         course = _check(
             booking.robot,
             booking.person,
@@ -231,10 +237,8 @@ def booking_move(
             override=override,
             moved=booking,
             lesson=lesson,
+            also=late,
         )
-        old = Slot(booking.starts_at, booking.ends_at)
-        if not old.within(slot):
-            _require_may_cancel(booking, actor, now)
         if booking.state == State.BOOKED and now < old.starts_at and not slot.within(old):
             booking.state = state_for(actor, booking.robot, booking.course)
         if slot.starts_at != old.starts_at:
@@ -254,7 +258,8 @@ def booking_cancel(
 ) -> Booking:
     """Cancel a booking. One that has begun is finished: the rest is free at once."""
     with _changeable(booking_id, actor, version, now) as booking:
-        _require_may_cancel(booking, actor, now)
+        if (refusal := _late_to_cancel(booking, actor, now)) is not None:
+            raise BookingRefused([refusal])
         begun = now > booking.starts_at and booking.state not in NOT_YET
         booking.state = State.FINISHED if begun else State.CANCELLED
         booking.held_until = now if begun else booking.starts_at
@@ -400,8 +405,9 @@ def _check(
     course: Course | None = None,
     lesson: bool = False,
     facts: RobotFacts | None = None,
+    also: Refusal | None = None,
 ) -> Course | None:
-    """Raise BookingRefused with all refusals, or return the course for which the slot counts.
+    """Raise BookingRefused with all refusals, `also` among them, or return the course for which the slot counts.
 
     `override`: the reason of a person who may pass the policy. The others are those of `wish_of`.
 
@@ -418,7 +424,7 @@ def _check(
     wish = wish_of(**asked, slot=slot, facts=facts)
     if moved is not None and moved.starts_at == slot.starts_at:
         wish = structs.replace(wish, start_kept=True)
-    found = refusals(wish, override=bool(override))
+    found = refusals(wish, override=bool(override)) + ([also] if also else [])
     if actor.pk != person.pk:
         words = _("For %(name)s: %(text)s")
         found = [
@@ -435,17 +441,18 @@ def _valid_reason(override: str, actor: User, robot: Robot) -> str:
     return override if override and manages_robot(actor, robot) else ""
 
 
-def _require_may_cancel(booking: Booking, actor: User, now: datetime) -> None:
+def _late_to_cancel(booking: Booking, actor: User, now: datetime) -> Refusal | None:
     """Refuse to give time up later than the policy allows.
 
     Supervisors may give it up later. An offer, or a booking without approval, may be given up at any time.
     """
     if booking.state in NOT_YET:
-        return
+        return None
     slot = Slot(booking.starts_at, booking.held_until)
     refusal = check_cancel(slot, policy_of(booking.robot), now)
-    if refusal is not None and (refusal.code != "late_to_cancel" or not may_manage_booking(actor, booking)):
-        raise BookingRefused([refusal])
+    if refusal is not None and refusal.code == "late_to_cancel" and may_manage_booking(actor, booking):
+        return None
+    return refusal
 
 
 def _is_lesson_of(person: User, booking: Booking) -> bool:
@@ -492,7 +499,8 @@ def store_no_shows(now: datetime) -> None:
         held_until__lte=now - NOTED_AFTER,
     )
     for booking in ended.filter(held_until__gt=F("starts_at")).select_related("robot"):
-        if out_between(booking.robot, booking.starts_at, booking.held_until):
+        grace = grace_of(policy_of(booking.robot))
+        if periods_between(booking.robot, booking.starts_at, booking.starts_at + grace):
             continue
         with robot_locked(booking.robot_id) as robot:
             mine = Booking.objects.filter(pk=booking.pk, version=booking.version, used_at=None)

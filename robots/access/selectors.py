@@ -100,10 +100,12 @@ def robots_managed_by(user: User) -> QuerySet[Robot]:
 
 
 def robots_supervised_by(user: User) -> QuerySet[Robot]:
-    """Return the robots that a person supervises, also by a course only."""
-    robots = robots_visible_to(user)
-    roles = roles_of(user, robots)
-    return robots.filter(pk__in=[robot for robot, role in roles.items() if role >= Role.SUPERVISOR])
+    """Return the robots that a person supervises, also by a course only, or by one that begins later."""
+    robots = robots_bookable_by(user)
+    if user.is_staff:
+        return robots
+    found = given([user.id], None, lab_date(), date.max) if user.is_active else []
+    return robots.filter(pk__in=[one.robot for one in found if one.role >= Role.SUPERVISOR])
 
 
 def robots_visible_to(user: User) -> QuerySet[Robot]:
@@ -115,11 +117,15 @@ def robots_visible_to(user: User) -> QuerySet[Robot]:
 
 def visible_to(user: User) -> tuple[set[UUID] | None, Role | None]:
     """Return the keys of the robots that `user` may view, None for all, and the highest role on any of them."""
-    return _robots_of(user, None)
+    if not user.is_active:
+        return set(), None
+    if user.is_staff:
+        return None, Role.STAFF
+    return _robots_and_role(_given([user.id], None))
 
 
 def robots_bookable_by(user: User) -> QuerySet[Robot]:
-    """Return the robots that `user` may view, today or in a course that begins later: they book before it does."""
+    """Return the robots that `user` may view today, or drive in a course that begins later."""
     keys, _role = bookable_by(user)
     robots = Robot.objects.select_related("profile")
     return robots if keys is None else robots.filter(pk__in=keys)
@@ -127,15 +133,15 @@ def robots_bookable_by(user: User) -> QuerySet[Robot]:
 
 def bookable_by(user: User) -> tuple[set[UUID] | None, Role | None]:
     """Return the keys of `robots_bookable_by`, None for all, and the highest role on any of them."""
-    return _robots_of(user, date.max)
+    visible, role = visible_to(user)
+    if visible is None or not user.is_active:
+        return visible, role
+    ahead = [one for one in given([user.id], None, lab_date(), date.max) if one.role >= Role.OPERATOR]
+    robots, highest = _robots_and_role(ahead)
+    return visible | robots, max((one for one in (role, highest) if one is not None), default=None)
 
 
-def _robots_of(user: User, last: date | None) -> tuple[set[UUID] | None, Role | None]:
-    if not user.is_active:
-        return set(), None
-    if user.is_staff:
-        return None, Role.STAFF
-    found = given([user.id], None, lab_date(), last)
+def _robots_and_role(found: Collection[Given]) -> tuple[set[UUID], Role | None]:
     return {one.robot for one in found}, max((one.role for one in found), default=None)
 
 
@@ -179,9 +185,10 @@ def courses_managed_by(user: User) -> QuerySet[Course]:
 
 
 def courses_to_come(user: User) -> QuerySet[Course]:
-    """Return the courses of `user` that begin later, the earliest first."""
-    courses = Course.objects.filter(enrolments__person=user, archived=False, starts_on__gt=lab_date())
-    return courses.order_by("starts_on")
+    """Return courses that begin later, in which `user` drives robots or which they supervise; the earliest first."""
+    mine = Q(enrolments__person=user, role=Role.OPERATOR) | Q(supervisors=user)
+    courses = Course.objects.filter(mine, archived=False, starts_on__gt=lab_date())
+    return courses.distinct().order_by("starts_on")
 
 
 # --- qualifications -------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from datetime import timedelta
 
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.utils import timezone
+from drf_spectacular.utils import OpenApiParameter
 from prometheus_client import CollectorRegistry, Histogram, disable_created_metrics
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
@@ -166,7 +167,7 @@ class MetricsView(ApiView):
 
     schema = None
 
-    @operation("metrics", "Metrics", scope=Scope.READ)
+    @operation("metrics", "Metrics", scope=Scope.READ, parameters=[OpenApiParameter(OWN, int)])
     def get(self, request: Request) -> HttpResponse:
         """In the text format of Prometheus: robots, and all web processes of this computer."""
         if not self.person.is_staff:

@@ -182,7 +182,7 @@ def _names(outcomes: emergency_stop.Outcomes, kind: type) -> str:
 
 def _refused(refusal: Refusal, status: int, **headers: str) -> HttpResponse:
     """Answer a problem document (RFC 9457), as the API does; with `text`, as the pages read it."""
-    said = msgspec.to_builtins(refusal)
+    said = {"figures": {}, **msgspec.to_builtins(refusal)}
     title = HTTPStatus(status).phrase
     problem = {"type": "about:blank", "title": title, "status": status, "detail": refusal.text, **said}
     kind = "application/problem+json"

@@ -66,6 +66,22 @@ def test_people_of_a_course_book_before_it_begins(client, robot, stranger, cours
     assert client.get(reverse("control", args=[robot.slug])).status_code == 404  # nothing to see yet
     found = client.get("/api/v1/bookings", {"robot": robot.slug}).json()
     assert [one["yours"] for one in found["bookings"]] == [True]
+    Course.objects.update(role="observer")  # who may not drive does not book
+    assert client.get(reverse("bookings-feed"), days).json()["resources"] == []
+    assert "You can book" not in client.get("/").content.decode()
+
+
+def test_the_teacher_of_a_coming_course_books_its_lessons(client, robot, stranger, course):
+    monday = lab_date() + timedelta(days=7)
+    Course.objects.update(starts_on=monday, ends_on=monday)
+    Enrolment.objects.all().delete()
+    course.supervisors.add(stranger)
+    client.force_login(stranger)
+    times = {"starts_at": f"{monday}T10:00", "ends_at": f"{monday}T11:00"}
+    asked = {"robot": robot.slug, **times, "weeks": 1, "purpose": "HRI", "course": "hri", "action": "book"}
+    assert client.post(reverse("booking-series"), asked).status_code == 302
+    assert Booking.objects.get().person == stranger
+    assert "Your course HRI 2026 begins on" in client.get("/").content.decode()
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ from fleet.bookings.services import (
     store_no_shows,
 )
 from robots.access.models import Course, Enrolment
-from robots.registry.models import RobotRole, Role
+from robots.registry.models import Robot, RobotRole, Role
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -200,6 +200,10 @@ def test_a_slot_of_a_robot_out_of_service_is_no_no_show(robot, operator, staff):
     OutOfService.objects.create(robot=robot, starts_at=slot(1).starts_at, ends_at=slot(2).starts_at)
     store_no_shows(slot(24).starts_at)
     assert no_shows() == []
+    OutOfService.objects.all().delete()
+    Robot.objects.update(enabled=False)  # since then
+    store_no_shows(slot(24).starts_at)
+    assert len(no_shows()) == 1
 
 
 @pytest.fixture
@@ -227,6 +231,37 @@ def test_a_course_that_begins_tomorrow_is_found_by_the_search(robot, stranger, c
     tomorrow = NOW.date() + timedelta(days=1)
     Course.objects.update(starts_on=tomorrow, ends_on=tomorrow)
     assert proposed(robot, stranger, 12, most=1) == [slot(15)]  # midnight
+
+
+def test_a_course_that_begins_in_four_days_is_found_by_the_search(robot, stranger, course):
+    days = {"starts_on": NOW.date() + timedelta(days=4), "ends_on": NOW.date() + timedelta(days=4)}
+    Course.objects.update(**days)
+    assert proposed(robot, stranger, 0, most=1) == [slot(4 * 24 - 9)]
+
+
+def test_a_slot_that_runs_gets_no_other_times(robot, operator, second_operator):
+    mine, _next = book(robot, operator), book(robot, second_operator, slot(2))
+    longer = Slot(mine.starts_at, slot(2.5).starts_at)
+    asked = {"booking_id": mine.pk, "version": 1, "slot": longer, "actor": operator}
+    with pytest.raises(BookingRefused) as caught:
+        booking_move(**asked, now=slot(1.1).starts_at)
+    assert [one.code for one in caught.value.refusals] == ["taken"]
+    assert alternatives_of(caught.value) == []
+
+
+def test_a_late_move_to_a_taken_time_is_told_both(robot, operator, second_operator):
+    Policy.objects.create(robot=robot, cancel_notice_min=120)
+    mine, _other = book(robot, operator), book(robot, second_operator, slot(4))
+    with pytest.raises(BookingRefused) as caught:
+        booking_move(booking_id=mine.pk, version=1, slot=slot(4), actor=operator, now=NOW)
+    assert [one.code for one in caught.value.refusals] == ["taken", "late_to_cancel"]
+    assert alternatives_of(caught.value) == []
+
+
+def test_no_time_is_free_in_a_period_out_of_service(robot, operator):
+    book(robot, operator, slot(0, 2))
+    OutOfService.objects.create(robot=robot, starts_at=slot(2).starts_at, ends_at=slot(4).starts_at)
+    assert schedule_of(robot, NOW).free_from(NOW) == slot(4).starts_at
 
 
 def test_a_move_to_a_taken_time_gets_times_for_the_same_booking(robot, operator, second_operator):

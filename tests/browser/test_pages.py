@@ -59,6 +59,12 @@ PAGES = [
     "/help/",
     "/help/operators/",
     "/?wall",
+    "/setup/",
+    "/setup/robot/",
+    "/setup/robot/tiago-1/",
+    "/setup/people/",
+    "/join/nowhere/",
+    "/welcome/nowhere/",
     "/offline/",
     "/nowhere/",
 ]
@@ -110,6 +116,7 @@ def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
     course = urlsplit(page.url).path
     page.get_by_role("button", name="Make a link").click()
     invitation = urlsplit(page.url).path
+    [join] = set(re.findall(r"/join/[^/]+/", page.content()))
     staff.open("/bookings/new/")
     page.get_by_label("From").fill(f"{day:%Y-%m-%dT09:00}")
     page.get_by_label("To", exact=True).fill(f"{day:%Y-%m-%dT09:30}")
@@ -142,6 +149,13 @@ def test_axe_accepts_a_course_its_booking_and_its_drive(person: Arrive) -> None:
             for theme in ("light", "dark"):
                 page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
                 assert found_by_axe(staff) == [], (path, theme, width)
+    newcomer = person("operator", apart=True, width=360, height=640)
+    newcomer.context.clear_cookies()
+    newcomer.open(join)
+    expect(newcomer.page.get_by_label("User name")).to_be_visible()
+    for theme in ("light", "dark"):
+        newcomer.page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
+        assert found_by_axe(newcomer) == [], theme
     staff.open(str(booking))
     page.get_by_role("button", name="Cancel this booking").click()
     staff.open(course)

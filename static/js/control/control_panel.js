@@ -14,7 +14,7 @@ export class ControlPanel extends EventTarget {
   #parts;
   #control = UNKNOWN;
   #heardMs = 0;
-  #warnedAtS = Infinity;
+  #warned = { atS: Infinity, ending: "" };
   #timer;
   #takeOver;
   #offeredMs = new Map(); // by request: time from which control can be handed over to this person
@@ -71,9 +71,10 @@ export class ControlPanel extends EventTarget {
     sayOrHide(this.#parts.slot, slotWords(this.#control, sinceS));
     mark(this.#parts.slot, "far", isSlotFar(this.#control, sinceS));
     const warning = slotWarning(this.#control, sinceS);
-    if (warning && warning.atS < this.#warnedAtS)
-      this.dispatchEvent(new CustomEvent("warn", { detail: warning.text }));
-    this.#warnedAtS = warning?.atS ?? Infinity;
+    const { atS = Infinity, ending = "", text = "" } = warning ?? {};
+    if (atS < this.#warned.atS || (text && ending !== this.#warned.ending))
+      this.dispatchEvent(new CustomEvent("warn", { detail: text }));
+    this.#warned = { atS, ending };
   }
 
   /** The focus goes from a button that has done its work to the one that came in its place. */

@@ -109,7 +109,7 @@ export function isSlotFar({ booked, next_booked: next }, sinceS) {
 
 /**
  * The newest warning that is due: a slot, or an out-of-service period, ends this person's control in 5 minutes, in 1 minute.
- * @returns {{atS: number, text: string} | null}
+ * @returns {{atS: number, text: string, ending: string} | null} `ending`: the same while the same thing ends it
  */
 export function slotWarning({ state, booked, next_booked: next, out_s: outS = null }, sinceS) {
   if (state !== "yours") return null;
@@ -129,5 +129,5 @@ export function slotWarning({ state, booked, next_booked: next, out_s: outS = nu
       : ends === booked
         ? gettext("Your slot ends in %s min: control ends with it.")
         : gettext("The slot of another person begins in %s min: control ends then.");
-  return { atS, text: interpolate(text, [minutes]) };
+  return { atS, text: interpolate(text, [minutes]), ending: text };
 }

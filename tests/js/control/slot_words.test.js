@@ -48,10 +48,11 @@ describe("the warning to the holder", () => {
 
   test("comes before the robot is out of service, if that is first", () => {
     const out = { ...yours, booked: mine, out_s: 70 };
-    expect(slotWarning(out, 11)).toEqual({
-      atS: 60,
-      text: "The robot is out of service in 1 min: control ends then.",
-    });
+    expect(slotWarning(out, 11).atS).toBe(60);
+    expect(slotWarning(out, 11).text).toBe(
+      "The robot is out of service in 1 min: control ends then.",
+    );
+    expect(slotWarning(out, 11).ending).not.toBe(slotWarning(yours, 11).ending);
     expect(slotWarning({ ...out, out_s: 400 }, 30).text).toMatch(/^Your slot ends/);
   });
 

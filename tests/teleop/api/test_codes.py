@@ -24,7 +24,7 @@ from robots import wire
 from robots.registry.models import Robot
 from teleop.api.v1.framework import idempotency, rates
 from teleop.api.v1.programs import connection, registry, topic_queries
-from teleop.api.v1.robot import topics
+from teleop.api.v1.robot import tasks, topics
 from teleop.background.database import in_database
 from teleop.models import KeyedRequest
 from tests.teleop.api.test_bookings import hour, words
@@ -228,9 +228,22 @@ async def not_recorded(ask: Asker) -> str:
     return await served(ask, TAKE, sends("POST", f"{ROBOT}/speech", SAY))
 
 
-async def not_cleared(ask: Asker) -> str:
-    from teleop.api.v1.robot import tasks
+async def cancelled(ask: Asker) -> str:
+    """A task that is overtaken by its own cancel; another one of its kind does not wait for it."""
+    newest = tasks.newest_record
 
+    def is_overtaken() -> int:
+        second = Client().post(f"/api/v1{ROBOT}/speech", SAY, "application/json", headers=ask.all)
+        assert (second.status_code, second.json()["code"]) == (429, "busy")
+        Client().delete(f"/api/v1{ROBOT}/speech", headers=ask.all)
+        return newest()
+
+    ask.patch.setattr(connection, "ANSWER_S", 0.2)
+    ask.patch.setattr(tasks, "newest_record", is_overtaken)
+    return await served(ask, TAKE, sends("POST", f"{ROBOT}/speech", SAY))
+
+
+async def not_cleared(ask: Asker) -> str:
     ask.patch.setattr(tasks, "CLEARED_S", 0.0)
     return await served(ask, sends("POST", f"{ROBOT}/stop/clear", {"number": 1}))
 
@@ -257,6 +270,7 @@ CASES: dict[str, Case] = {
     "not_acceptable": sends("GET", "/robots", Accept="application/xml"),
     "unsupported_media_type": sends("POST", f"{ROBOT}/velocity", b"a=b", kind="text/plain"),
     "no_lease": sends("POST", f"{ROBOT}/speech", SAY),
+    "cancelled": cancelled,
     "not_cleared": not_cleared,
     "no_message": no_message,
     "in_progress": lambda ask: claimed(ask, 1.0),

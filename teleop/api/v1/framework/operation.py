@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, TypeVar
@@ -10,7 +11,7 @@ from uuid import UUID
 
 import msgspec
 from django.db.models import QuerySet
-from django.http import HttpResponseBase
+from django.http import HttpRequest, HttpResponseBase
 from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiExample, OpenApiParameter, OpenApiResponse, extend_schema
 from msgspec import Struct
@@ -53,6 +54,11 @@ class ApiView(APIView):
     authentication_classes = [TokenAuthentication, SessionAuthentication]
     parser_classes = [Unparsed]
     login_required = False  # in Django's middleware; REST framework requires it
+
+    def setup(self, request: HttpRequest, *args: Any, **kwargs: Any) -> None:
+        """Note when the request came: before it is carried out it may wait."""
+        super().setup(request, *args, **kwargs)
+        self.came_s = time.monotonic()
 
     def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:
         """Sign in, and refuse those who ask too often."""

@@ -9,7 +9,7 @@ from drf_spectacular.extensions import OpenApiAuthenticationExtension, OpenApiSe
 from drf_spectacular.plumbing import ResolvedComponent
 from msgspec import Struct
 
-from teleop.api.v1.framework.problems import ProblemDetails
+from teleop.api.v1.framework.problems import CONTENT_TYPE, ProblemDetails
 
 _SLUG = {"type": "string", "pattern": "^[-a-zA-Z0-9_]+$"}  # as the library says it of `<slug:...>`
 REFERENCE = "#/components/schemas/{name}"
@@ -96,7 +96,10 @@ def with_stops(result: dict[str, Any], generator: Any, **_options: Any) -> dict[
             "200": _answer("Stopped.", "StopResults"),
             "202": _answer("Some are pending: the stop is delivered as soon as possible.", "StopResults"),
             "502": _answer("One or more robots were not reached.", "StopResults"),
-            **{code: _answer("refused", "Refusal") for code in ("401", "403", "404", "405")},
+            **{
+                code: _answer("refused", "ProblemDetails", CONTENT_TYPE)
+                for code in ("401", "403", "404", "405")
+            },
         }
         result["paths"][f"/api/v1{address}"] = {
             "post": {
@@ -128,8 +131,5 @@ def _plain_tuples(schema: Any) -> None:
             _plain_tuples(inner)
 
 
-def _answer(words: str, name: str) -> dict[str, Any]:
-    return {
-        "description": words,
-        "content": {"application/json": {"schema": {"$ref": REFERENCE.format(name=name)}}},
-    }
+def _answer(words: str, name: str, kind: str = "application/json") -> dict[str, Any]:
+    return {"description": words, "content": {kind: {"schema": {"$ref": REFERENCE.format(name=name)}}}}

@@ -10,6 +10,7 @@ from urllib.parse import quote
 import msgspec
 from django.conf import settings
 from django.http import HttpResponse, HttpResponseBase
+from drf_spectacular.utils import OpenApiParameter
 from msgspec import Struct
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -33,6 +34,7 @@ NO_DESCRIPTION = Refusal(
 )
 NO_MESH = Refusal("not_found", "The robot’s description names no such mesh.", "robot")
 _YEAR_S = 365 * 24 * 60 * 60
+_VERSION = OpenApiParameter("version", str, description="As in the description.")
 
 
 class MeshEntry(Struct, frozen=True):
@@ -95,16 +97,17 @@ class MeshView(ProgramView):
         scope=Scope.READ,
         content_type="application/octet-stream",
         refuses=(404, 409),
+        parameters=[_VERSION],
     )
     def get(self, request: Request, slug: str, package: str, path: str) -> HttpResponseBase:
-        """STL, Collada or OBJ, one that the robot's description names. With its present version as the query, as
+        """STL, Collada or OBJ, one that the robot's description names. With its present version, as
         `GET …/description` gives it, it may be kept for good."""
         mesh = _named(_drawable(_kept(self.robot(slug))), package, path)
         tag = f'"{mesh.version}"'
         response = unchanged(request, tag) or HttpResponse(
             _read(mesh), content_type="application/octet-stream"
         )
-        is_fixed = request.META.get("QUERY_STRING") == mesh.version
+        is_fixed = request.query_params.get(_VERSION.name) == mesh.version
         response["Cache-Control"] = (
             f"private, max-age={_YEAR_S}, immutable" if is_fixed else "private, no-cache"
         )
@@ -144,7 +147,7 @@ def _entry(robot: Robot, filename: str) -> MeshEntry:
     except NoMesh as no_mesh:
         return MeshEntry(filename, None, f"{no_mesh}.")
     path = quote(f"{mesh.package}/{mesh.path}")
-    return MeshEntry(filename, f"/api/v1/robots/{robot.slug}/meshes/{path}?{mesh.version}")
+    return MeshEntry(filename, f"/api/v1/robots/{robot.slug}/meshes/{path}?version={mesh.version}")
 
 
 def _named(found: Drawable, package: str, path: str) -> Mesh:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from asgiref.sync import async_to_sync
 from drf_spectacular.utils import OpenApiExample
 from msgspec import Meta, Struct
 from rest_framework.request import Request
@@ -46,8 +45,7 @@ class LimbView(TasksBase):
 
     def stay(self, slug: str) -> None:
         """End the move."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(lambda fence, seq: wire.LimbCancel(fence, self.limb, seq))
+        self.cancel(slug, "limb", lambda fence, seq: wire.LimbCancel(fence, self.limb, seq))
 
 
 class GripperView(LimbView):

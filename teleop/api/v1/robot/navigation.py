@@ -100,8 +100,7 @@ class GoView(TasksBase):
     )
     def delete(self, _request: Request, slug: str) -> None:
         """The robot stands."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(lambda fence, seq: wire.GoCancel(fence, seq))
+        self.cancel(slug, "go", lambda fence, seq: wire.GoCancel(fence, seq))
 
 
 class PoseView(TasksBase):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -89,6 +90,7 @@ MOST_LISTING = 6  # at once: each waits in a thread for a robot that may not ans
 _listing = threading.BoundedSemaphore(MOST_LISTING)
 _BUSY = Refusal("busy", "Motions of too many robots are asked for at once: try again in a moment.", "robot")
 _STARTING = Refusal("busy", "Another task of this kind starts at this moment: ask again when it has.", "wire")
+_OVERTAKEN = Refusal("cancelled", "This task was cancelled before it started.", "lease")
 _task = partial(operation, refuses=(404, 409), tag="tasks")
 _start = partial(_task, keyed=True, answer=TaskEntry, status=202)
 
@@ -99,13 +101,19 @@ class TasksBase(ProgramView):
     def start(self, robot: Robot, make: Callable[[int, int], Any], kind: str) -> Response:
         """Ask for a task; answer 202 with its status and its address."""
         connection = self.connected(robot)
-        # Without waiting: a cancel must not overtake a task that waits, and a robot that starts late surprises people.
+
+        # A robot that starts late surprises people: a task waits for no other one, and not past its own cancel.
+        def in_time(fence: int, seq: int) -> Any:
+            if connection.cancelled_s.get(kind, -math.inf) > self.came_s:
+                raise NotDone(_OVERTAKEN)
+            return make(fence, seq)
+
         starting = connection.starting.setdefault(kind, threading.Lock())
         if not starting.acquire(blocking=False):
             raise Problem(_STARTING)
         try:
             control, newest = connection.control, newest_record()
-            async_to_sync(connection.request)(make)
+            async_to_sync(connection.request)(in_time)
             session = control.session if control else None
             requests = Record.objects.filter(pk__gt=newest, kind=_KINDS[kind][0], session_id=session, of=None)
             found = requests.select_related("actor").order_by("pk").first()
@@ -115,6 +123,16 @@ class TasksBase(ProgramView):
             raise Problem(_NOT_RECORDED)
         address = f"/api/v1/robots/{robot.slug}/tasks/{found.pk}"
         return self.accepted(_entry(found, robot), address)
+
+    def cancel(self, slug: str, kind: str, make: Callable[[int, int], Any]) -> None:
+        """End the task of this kind; one that came before, and still waits to be sent, does not start."""
+        connection = self.connected(self.robot(slug))
+
+        def noted(fence: int, seq: int) -> Any:
+            connection.cancelled_s[kind] = time.monotonic()
+            return make(fence, seq)
+
+        async_to_sync(connection.request)(noted)
 
 
 class SpeechView(TasksBase):
@@ -140,8 +158,7 @@ class SpeechView(TasksBase):
     @_task("speech_cancel", "Cancel speech", scope=Scope.SPEAK)
     def delete(self, _request: Request, slug: str) -> None:
         """The speech of this program’s control."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(lambda fence, seq: wire.SayCancel(fence, seq))
+        self.cancel(slug, "speech", lambda fence, seq: wire.SayCancel(fence, seq))
 
 
 class MotionsView(TasksBase):
@@ -178,8 +195,7 @@ class MotionCancelView(TasksBase):
     @_task("motions_cancel", "Cancel the motion", scope=Scope.MOTIONS)
     def delete(self, _request: Request, slug: str) -> None:
         """The one that this program’s control started."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(lambda fence, seq: wire.PlayCancel(fence, seq))
+        self.cancel(slug, "motion", lambda fence, seq: wire.PlayCancel(fence, seq))
 
 
 class DriveByRequest(Struct, frozen=True, forbid_unknown_fields=True):
@@ -217,8 +233,7 @@ class DriveByView(TasksBase):
     @_task("drive_by_cancel", "End the drive", scope=Scope.DRIVE, tag="control")
     def delete(self, _request: Request, slug: str) -> None:
         """The robot stands."""
-        connection = self.connected(self.robot(slug))
-        async_to_sync(connection.request)(lambda fence, seq: wire.DriveByCancel(fence, seq))
+        self.cancel(slug, "drive_by", lambda fence, seq: wire.DriveByCancel(fence, seq))
 
 
 class LookAheadView(TasksBase):

@@ -16,7 +16,13 @@ from fleet.bookings.changes.series import MOST_WEEKS, Week, preview, series_make
 from fleet.bookings.rules import Slot
 from fleet.zones import names, viewers, zone_of
 from robots.access.models import Course
-from robots.access.selectors import courses_managed_by, manages_robot, robots_of, robots_supervised_by
+from robots.access.selectors import (
+    courses_managed_by,
+    manages_robot,
+    robots_bookable_by,
+    robots_of,
+    robots_supervised_by,
+)
 from robots.registry.models import Robot
 from robots.wire import Refusal
 from teleop.api.v1.framework.operation import operation
@@ -124,6 +130,8 @@ class SeriesView(SetupView):
             day = booking.starts_at.astimezone(zone).date()
             entries.append(SeriesWeek(day, booking.starts_at, booking.ends_at, booking.pk, []))
         return SeriesAnswer(made[0].series if made else None, sorted(entries, key=lambda week: week.day))
+
+    seen_by = staticmethod(robots_bookable_by)
 
     def _supervised(self, slug: str) -> Robot:
         robot = self.robot(slug)
