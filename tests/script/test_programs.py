@@ -300,9 +300,8 @@ def test_events_follow_a_robot_and_resume(stack: Stack) -> None:
 
 def test_metrics_are_for_tokens_of_staff(stack: Stack) -> None:
     def scrape(token: str, query: str = "") -> tuple[int, str]:
-        request = urllib.request.Request(
-            f"{stack.url}/metrics{query}", headers={"Authorization": f"Bearer {token}"}
-        )  # noqa: S310
+        headers = {"Authorization": f"Bearer {token}"}
+        request = urllib.request.Request(f"{stack.url}/metrics{query}", headers=headers)  # noqa: S310
         try:
             with urllib.request.urlopen(request, timeout=10.0) as answer:  # noqa: S310
                 return answer.status, answer.read().decode()
