@@ -269,6 +269,7 @@ def test_a_robot_is_added_driven_stopped_edited_and_cleaned_up(served: Served, m
 
 def set_up(served: Served, master_uri: str) -> None:
     """Follow the address that the console prints, and make the first admin and the first robot there."""
+    until(lambda: "One-time code: " in served.log.read_text(), "the one-time code", READY_S)
     log = served.log.read_text()
     [address], [code] = (
         re.findall(r"Set the console up at (\S+)", log),
