@@ -19,7 +19,7 @@ from fleet.bookings.models import Booking, OutOfService, Policy, State
 from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish, refusals
 from fleet.zones import viewers, zone_of
 from robots.access.models import Course, RobotGroup
-from robots.access.role_rows import OWN, demanded
+from robots.access.role_rows import OWN, demanded, given
 from robots.access.selectors import given_on, lab_date, missing_qualifications, qualified_until, role_on
 from robots.registry.models import Robot, Role
 
@@ -428,7 +428,11 @@ def free_slots(
     length = timedelta(minutes=minutes)
     ask = partial(wish_of, robot=robot, person=person, now=now, **asked)
     known = wish or ask(slot=Slot(after, after + length))
-    facts = {_days_of(known.slot): known}  # roles and courses are those of a day
+    begun = _days_of(known.slot)
+    facts = {begun: known}
+    sources = cache(
+        lambda day: frozenset(given([person.pk], [robot.pk], day))
+    )  # of roles, which are those of a day
     found: list[tuple[Robot, Slot]] = []
     starts = _rounded_up(max(after, now))
     for _ in range(TRIES):
@@ -440,7 +444,8 @@ def free_slots(
             starts = _rounded_up(min(in_the_way.slot.ends_at, after + SEARCH))
             continue
         if (days := _days_of(slot)) not in facts:
-            facts[days] = ask(slot=slot)
+            is_same = len({sources(day) for day in (*begun, *days)}) == 1
+            facts[days] = known if is_same else ask(slot=slot)
         if refusals(structs.replace(facts[days], slot=slot, start_kept=False, taken=(), out=())):
             starts += STEP
         else:
