@@ -23,20 +23,21 @@ WITH covered (course_id, robot_id) AS (
     UNION
     SELECT cg.course_id, gr.robot_id
     FROM access_course_groups cg JOIN access_robotgroup_robots gr ON gr.robotgroup_id = cg.robotgroup_id
-), valid (id, role) AS (
-    SELECT id, role FROM access_course WHERE NOT archived AND starts_on <= {last} AND ends_on >= {day}
+), valid (id, role, begun) AS (
+    SELECT id, role, starts_on <= {day} FROM access_course
+    WHERE NOT archived AND starts_on <= {last} AND ends_on >= {day}
 )
-SELECT user_id, robot_id, role, 0 FROM robots_robotrole WHERE user_id IN ({people}) AND {on_robots}
+SELECT user_id, robot_id, role, 0, TRUE FROM robots_robotrole WHERE user_id IN ({people}) AND {on_robots}
 UNION ALL
-SELECT user_id, robot_id, role, 0
+SELECT user_id, robot_id, role, 0, TRUE
 FROM access_grouprole g JOIN access_robotgroup_robots gr ON gr.robotgroup_id = g.group_id
 WHERE user_id IN ({people}) AND {on_robots}
 UNION ALL
-SELECT person_id, robot_id, role, valid.id
+SELECT person_id, robot_id, role, valid.id, valid.begun
 FROM access_enrolment e JOIN valid ON valid.id = e.course_id JOIN covered ON covered.course_id = e.course_id
 WHERE person_id IN ({people}) AND {on_robots}
 UNION ALL
-SELECT user_id, robot_id, 'supervisor', valid.id
+SELECT user_id, robot_id, 'supervisor', valid.id, valid.begun
 FROM access_course_supervisors s JOIN valid ON valid.id = s.course_id JOIN covered ON covered.course_id = s.course_id
 WHERE user_id IN ({people}) AND {on_robots}
 """
@@ -57,6 +58,7 @@ class Given(Struct, frozen=True):
     robot: UUID
     role: Role
     course: int  # `OWN` or the course's key
+    begun: bool = True  # else it is that of a course which begins later
 
 
 def given(
@@ -67,9 +69,10 @@ def given(
         return []
     on_robots = "1 = 1" if robots is None else f"robot_id IN ({rows.marks(robots)})"
     query = _GIVEN.format(day="%s", last="%s", people=rows.marks(people), on_robots=on_robots)
-    found = rows.read(query, [last or day, day, *[*people, *(robots or ())] * 4])
+    found = rows.read(query, [day, last or day, day, *[*people, *(robots or ())] * 4])
     return [
-        Given(rows.key(person), rows.key(robot), Role(role), course) for person, robot, role, course in found
+        Given(rows.key(person), rows.key(robot), Role(role), course, bool(begun))
+        for person, robot, role, course, begun in found
     ]
 
 

@@ -117,11 +117,7 @@ def robots_visible_to(user: User) -> QuerySet[Robot]:
 
 def visible_to(user: User) -> tuple[set[UUID] | None, Role | None]:
     """Return the keys of the robots that `user` may view, None for all, and the highest role on any of them."""
-    if not user.is_active:
-        return set(), None
-    if user.is_staff:
-        return None, Role.STAFF
-    return _robots_and_role(_given([user.id], None))
+    return _robots_and_role(user, None)
 
 
 def robots_bookable_by(user: User) -> QuerySet[Robot]:
@@ -133,15 +129,16 @@ def robots_bookable_by(user: User) -> QuerySet[Robot]:
 
 def bookable_by(user: User) -> tuple[set[UUID] | None, Role | None]:
     """Return the keys of `robots_bookable_by`, None for all, and the highest role on any of them."""
-    visible, role = visible_to(user)
-    if visible is None or not user.is_active:
-        return visible, role
-    ahead = [one for one in given([user.id], None, lab_date(), date.max) if one.role >= Role.OPERATOR]
-    robots, highest = _robots_and_role(ahead)
-    return visible | robots, max((one for one in (role, highest) if one is not None), default=None)
+    return _robots_and_role(user, date.max)
 
 
-def _robots_and_role(found: Collection[Given]) -> tuple[set[UUID], Role | None]:
+def _robots_and_role(user: User, last: date | None) -> tuple[set[UUID] | None, Role | None]:
+    if not user.is_active:
+        return set(), None
+    if user.is_staff:
+        return None, Role.STAFF
+    roles = given([user.id], None, lab_date(), last)
+    found = [one for one in roles if one.begun or one.role >= Role.OPERATOR]
     return {one.robot for one in found}, max((one.role for one in found), default=None)
 
 
