@@ -16,7 +16,7 @@ from msgspec import Struct, structs
 from fleet import rows
 from fleet.accounts.models import User
 from fleet.bookings.models import Booking, OutOfService, Policy, State
-from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish, refusals
+from fleet.bookings.rules import COURSE_QUOTAS, FAR, LONGEST, Quota, Slot, Taken, Wish, day_of, refusals
 from fleet.zones import viewers, zone_of
 from robots.access.models import Course, RobotGroup
 from robots.access.role_rows import OWN, demanded, given
@@ -28,6 +28,13 @@ NOT_YET = (State.AWAITING, State.OFFERED)  # hold a slot, and give no control
 STEP = timedelta(minutes=15)  # between the starts of slots that are proposed
 SEARCH = timedelta(days=7)  # for the next free slot
 TRIES = SEARCH // STEP  # starts of one robot
+FOR_THE_DAY = {
+    "role_too_low",
+    "quota_open",
+    "quota_course_open",
+    "too_short",
+    "too_long",
+}  # also for later starts
 WEEK = timedelta(days=7)
 SWITCHED_OFF = gettext_lazy("staff switched it off")
 
@@ -191,11 +198,6 @@ def out_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
     """Return the out-of-service periods of a robot between two moments; a robot that is disabled has no end of it."""
     if not robot.enabled:
         return [Taken(Slot(starts, FAR), str(SWITCHED_OFF))]
-    return periods_between(robot, starts, ends)
-
-
-def periods_between(robot: Robot, starts: datetime, ends: datetime) -> list[Taken]:
-    """`out_between`, whether or not the robot is disabled now."""
     open_ended = Q(ends_at=None) | Q(ends_at__gt=starts)
     periods = OutOfService.objects.filter(open_ended, robot=robot, starts_at__lt=ends)
     return [Taken(Slot(one.starts_at, one.ends_at or FAR), why_out(one)) for one in periods]
@@ -444,13 +446,19 @@ def free_slots(
             starts = _rounded_up(min(in_the_way.slot.ends_at, after + SEARCH))
             continue
         if (days := _days_of(slot)) not in facts:
-            is_same = len({sources(day) for day in (*begun, *days)}) == 1
-            facts[days] = known if is_same else ask(slot=slot)
-        if refusals(structs.replace(facts[days], slot=slot, start_kept=False, taken=(), out=())):
-            starts += STEP
-        else:
+            of_days = {sources(day) for day in (*begun, *days)}
+            courses = {one.course for one in sources(days[0])} - {
+                OWN
+            }  # of several, the quotas of each slot decide
+            facts[days] = known if len(of_days) == 1 and len(courses) <= 1 else ask(slot=slot)
+        refused = refusals(structs.replace(facts[days], slot=slot, start_kept=False, taken=(), out=()))
+        if not refused:
             found.append((robot, slot))
             starts = slot.ends_at
+        elif any(one.code in FOR_THE_DAY for one in refused):
+            starts = day_of(days[0], known.lab).ends_at
+        else:
+            starts += STEP
     return found
 
 

@@ -35,7 +35,7 @@ from fleet.bookings.selectors import (
     grace_of,
     held_between,
     held_slot,
-    periods_between,
+    out_between,
     policy_of,
     robot_facts,
     stage_of,
@@ -146,11 +146,7 @@ def colleague_named(username: str, actor: User, booking: Booking) -> User:
 
 def alternatives_of(error: BookingRefused) -> list[tuple[Robot, Slot]]:
     """Return the next free slots of the same robot if the time is taken, as long as wished and allowed."""
-    codes = [refusal.code for refusal in error.refusals]
-    if (wish := error.wish) is None or "taken" not in codes or "late_to_cancel" in codes:
-        return []
-    moved: Booking | None = error.asked["moved"]
-    if moved is not None and moved.starts_at <= wish.now:  # only its end moves
+    if (wish := error.wish) is None or "taken" not in (refusal.code for refusal in error.refusals):
         return []
     minutes = min(wish.slot.minutes, wish.policy.longest_min)
     return free_slots(minutes=minutes, after=wish.slot.starts_at, wish=wish, **error.asked)
@@ -227,7 +223,7 @@ def booking_move(
         quotas_locked(booking.robot, booking.person, slot)
         lesson = _is_lesson_of(booking.person, booking)
         old = Slot(booking.starts_at, booking.ends_at)
-        late = None if old.within(slot) else _late_to_cancel(booking, actor, now)
+        late = _late_to_cancel(booking, actor, now)
         course = _check(
             booking.robot,
             booking.person,
@@ -237,7 +233,8 @@ def booking_move(
             override=override,
             moved=booking,
             lesson=lesson,
-            also=late,
+            also=None if old.within(slot) else late,
+            stays=late is not None or now >= booking.starts_at,
         )
         if booking.state == State.BOOKED and now < old.starts_at and not slot.within(old):
             booking.state = state_for(actor, booking.robot, booking.course)
@@ -406,9 +403,11 @@ def _check(
     lesson: bool = False,
     facts: RobotFacts | None = None,
     also: Refusal | None = None,
+    stays: bool = False,
 ) -> Course | None:
     """Raise BookingRefused with all refusals, `also` among them, or return the course for which the slot counts.
 
+    `stays`: the booking cannot have another start, so no other times are proposed.
     `override`: the reason of a person who may pass the policy. The others are those of `wish_of`.
 
     If `actor` is another person than the one who drives, the words say whom they are about.
@@ -432,7 +431,7 @@ def _check(
             for one in found
         ]
     if found:
-        raise BookingRefused(found, wish, asked)
+        raise BookingRefused(found, None if stays else wish, asked)
     return wish.course
 
 
@@ -500,7 +499,7 @@ def store_no_shows(now: datetime) -> None:
     )
     for booking in ended.filter(held_until__gt=F("starts_at")).select_related("robot"):
         grace = grace_of(policy_of(booking.robot))
-        if periods_between(booking.robot, booking.starts_at, booking.starts_at + grace):
+        if out_between(booking.robot, booking.starts_at, booking.starts_at + grace):
             continue
         with robot_locked(booking.robot_id) as robot:
             mine = Booking.objects.filter(pk=booking.pk, version=booking.version, used_at=None)

@@ -201,9 +201,9 @@ def test_a_slot_of_a_robot_out_of_service_is_no_no_show(robot, operator, staff):
     store_no_shows(slot(24).starts_at)
     assert no_shows() == []
     OutOfService.objects.all().delete()
-    Robot.objects.update(enabled=False)  # since then
+    Robot.objects.update(enabled=False)  # perhaps then, too
     store_no_shows(slot(24).starts_at)
-    assert len(no_shows()) == 1
+    assert no_shows() == []
 
 
 @pytest.fixture
@@ -256,6 +256,36 @@ def test_a_late_move_to_a_taken_time_is_told_both(robot, operator, second_operat
         booking_move(booking_id=mine.pk, version=1, slot=slot(4), actor=operator, now=NOW)
     assert [one.code for one in caught.value.refusals] == ["taken", "late_to_cancel"]
     assert alternatives_of(caught.value) == []
+
+
+def test_a_slot_that_is_too_late_to_move_gets_no_other_times(robot, operator, second_operator):
+    Policy.objects.create(robot=robot, cancel_notice_min=120)
+    mine, _next = book(robot, operator), book(robot, second_operator, slot(2))
+    longer = Slot(mine.starts_at, slot(2.5).starts_at)
+    with pytest.raises(BookingRefused) as caught:
+        booking_move(booking_id=mine.pk, version=1, slot=longer, actor=operator, now=NOW)
+    assert [one.code for one in caught.value.refusals] == ["taken"]
+    assert alternatives_of(caught.value) == []
+
+
+def test_of_two_courses_the_one_with_time_left_finds_the_next_day(robot, stranger, course):
+    """Today is full of other bookings, and tomorrow the first course has no time left."""
+    Course.objects.update(ends_on=NOW.date() + timedelta(days=1), day_min=60)
+    second = Course.objects.create(
+        name="Thesis",
+        slug="thesis",
+        role="operator",
+        starts_on=NOW.date(),
+        ends_on=course.ends_on + timedelta(days=1),
+    )
+    second.robots.add(robot)
+    Enrolment.objects.create(course=second, person=stranger)
+    tomorrow = {"series": None, "course": course, "made_at": NOW, "robot": robot, "person": stranger}
+    taken = slot(20)
+    Booking.objects.create(
+        starts_at=taken.starts_at, ends_at=taken.ends_at, held_until=taken.ends_at, **tomorrow
+    )
+    assert proposed(robot, stranger, 14, most=2) == [slot(14), slot(15)]
 
 
 def test_no_time_is_free_in_a_period_out_of_service(robot, operator):

@@ -79,7 +79,7 @@ class ProgramConnection:
         self.offers: Offers | None = None
         self.used_s = time.monotonic()  # by its program
         self.starting: dict[str, threading.Lock] = {}  # by kind of task, held until its record is found
-        self.cancelled_s: dict[str, float] = {}  # by kind of task: when its cancel was sent last
+        self.cancelled_s: dict[str, float] = {}  # by kind of task, or limb: when its newest cancel came
         self._socket = socket
         self._numbers = count(1)
         self._count = 0  # of messages heard

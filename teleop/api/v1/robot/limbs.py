@@ -40,12 +40,12 @@ class LimbView(TasksBase):
     def move(self, slug: str, to_m: float) -> Response:
         """Ask for a move; answer 202 with its status and its address."""
         return self.start(
-            self.robot(slug), lambda fence, seq: wire.MoveLimb(fence, self.limb, to_m, seq), "limb"
+            self.robot(slug), lambda fence, seq: wire.MoveLimb(fence, self.limb, to_m, seq), "limb", self.limb
         )
 
     def stay(self, slug: str) -> None:
         """End the move."""
-        self.cancel(slug, "limb", lambda fence, seq: wire.LimbCancel(fence, self.limb, seq))
+        self.cancel(slug, self.limb, lambda fence, seq: wire.LimbCancel(fence, self.limb, seq))
 
 
 class GripperView(LimbView):

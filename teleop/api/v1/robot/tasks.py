@@ -98,13 +98,13 @@ _start = partial(_task, keyed=True, answer=TaskEntry, status=202)
 class TasksBase(ProgramView):
     """Base of the views that ask for tasks."""
 
-    def start(self, robot: Robot, make: Callable[[int, int], Any], kind: str) -> Response:
-        """Ask for a task; answer 202 with its status and its address."""
+    def start(self, robot: Robot, make: Callable[[int, int], Any], kind: str, part: str = "") -> Response:
+        """Ask for a task, of a part of the robot if several have that kind. Answers 202 with its status and address."""
         connection = self.connected(robot)
 
         # A robot that starts late surprises people: a task waits for no other one, and not past its own cancel.
         def in_time(fence: int, seq: int) -> Any:
-            if connection.cancelled_s.get(kind, -math.inf) > self.came_s:
+            if connection.cancelled_s.get(part or kind, -math.inf) > self.came_s:
                 raise NotDone(_OVERTAKEN)
             return make(fence, seq)
 
@@ -124,12 +124,12 @@ class TasksBase(ProgramView):
         address = f"/api/v1/robots/{robot.slug}/tasks/{found.pk}"
         return self.accepted(_entry(found, robot), address)
 
-    def cancel(self, slug: str, kind: str, make: Callable[[int, int], Any]) -> None:
-        """End the task of this kind; one that came before, and still waits to be sent, does not start."""
+    def cancel(self, slug: str, what: str, make: Callable[[int, int], Any]) -> None:
+        """End the task of this kind, or of this part; one that came before, and waits to be sent, does not start."""
         connection = self.connected(self.robot(slug))
 
         def noted(fence: int, seq: int) -> Any:
-            connection.cancelled_s[kind] = time.monotonic()
+            connection.cancelled_s[what] = max(self.came_s, connection.cancelled_s.get(what, -math.inf))
             return make(fence, seq)
 
         async_to_sync(connection.request)(noted)
