@@ -175,7 +175,7 @@ export class ScenePanel {
       const map = await answer.json();
       if (map.number === this.#map) return;
       const picture = new Image();
-      picture.src = `${map.picture}?${map.number}`;
+      picture.src = map.picture;
       await picture.decode();
       if (signal.aborted) return;
       this.#map = map.number;

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from asgiref.sync import async_to_sync
 from django.http import HttpResponse
-from drf_spectacular.utils import OpenApiExample
+from drf_spectacular.utils import OpenApiExample, OpenApiParameter
 from msgspec import Meta, Struct, structs
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -24,6 +24,9 @@ from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.robot.control import ProgramView
 from teleop.api.v1.robot.tasks import TaskEntry, TasksBase
 
+_NUMBER = OpenApiParameter(
+    "number", int, description="That of the map: the picture of another map has another address."
+)
 NO_MAP = Refusal(
     "not_found", "The console knows no map of this robot yet: it is read while somebody has control.", "robot"
 )
@@ -140,7 +143,7 @@ class MapView(ProgramView):
             origin_rad=found.origin_yaw,
             first_seen_at=found.first_seen_at,
             last_seen_at=found.last_seen_at,
-            picture=f"/api/v1/robots/{robot.slug}/map/picture",
+            picture=f"/api/v1/robots/{robot.slug}/map/picture?{_NUMBER.name}={found.pk}",
         )
 
 
@@ -153,6 +156,7 @@ class MapPictureView(ProgramView):
         scope=Scope.READ,
         content_type="image/png",
         refuses=(404,),
+        parameters=[_NUMBER],
     )
     def get(self, _request: Request, slug: str) -> HttpResponse:
         """PNG: obstacles are opaque, the floor is faint, the unknown is transparent."""
