@@ -28,13 +28,8 @@ NOT_YET = (State.AWAITING, State.OFFERED)  # hold a slot, and give no control
 STEP = timedelta(minutes=15)  # between the starts of slots that are proposed
 SEARCH = timedelta(days=7)  # for the next free slot
 TRIES = SEARCH // STEP  # starts of one robot
-FOR_THE_DAY = {
-    "role_too_low",
-    "quota_open",
-    "quota_course_open",
-    "too_short",
-    "too_long",
-}  # also for later starts
+# Codes of refusals that hold for later starts of the same day, too.
+FOR_THE_DAY = ("role_too_low", "quota_open", "quota_course_open", "too_short", "too_long")
 WEEK = timedelta(days=7)
 SWITCHED_OFF = gettext_lazy("staff switched it off")
 
@@ -432,9 +427,7 @@ def free_slots(
     known = wish or ask(slot=Slot(after, after + length))
     begun = _days_of(known.slot)
     facts = {begun: known}
-    sources = cache(
-        lambda day: frozenset(given([person.pk], [robot.pk], day))
-    )  # of roles, which are those of a day
+    sources = cache(lambda day: frozenset(given([person.pk], [robot.pk], day)))  # of the day's roles
     found: list[tuple[Robot, Slot]] = []
     starts = _rounded_up(max(after, now))
     for _ in range(TRIES):
@@ -446,11 +439,10 @@ def free_slots(
             starts = _rounded_up(min(in_the_way.slot.ends_at, after + SEARCH))
             continue
         if (days := _days_of(slot)) not in facts:
-            of_days = {sources(day) for day in (*begun, *days)}
-            courses = {one.course for one in sources(days[0])} - {
-                OWN
-            }  # of several, the quotas of each slot decide
-            facts[days] = known if len(of_days) == 1 and len(courses) <= 1 else ask(slot=slot)
+            same = len({sources(day) for day in (*begun, *days)}) == 1
+            courses = {one.course for one in sources(days[0]) if one.course != OWN}
+            # Of several courses, the quotas decide for each slot anew.
+            facts[days] = known if same and len(courses) <= 1 else ask(slot=slot)
         refused = refusals(structs.replace(facts[days], slot=slot, start_kept=False, taken=(), out=()))
         if not refused:
             found.append((robot, slot))
