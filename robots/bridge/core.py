@@ -310,6 +310,11 @@ class Core:
         return self.tasks.going.drives is not None or self.tasks.going.hold.holds
 
     @property
+    def skew_s(self) -> float | None:
+        """Return by how much the robot's clock is ahead of ours, by its odometry; None: none has come."""
+        return self._reported.skew_s
+
+    @property
     def needs_fresh_sensors(self) -> bool:
         """Return whether sensor messages must be handled at once, not only at the next tick. Thread-safe."""
         return self.lease.current is not None or self.stop_state.state == "stopping"

@@ -18,7 +18,7 @@ from fleet.audit.models import Record
 from robots import wire
 from robots.bridge.config import Allowed, BridgeConfig, LimbSource, LinkAddress, Topics, What
 from robots.bridge.drive.input_filters import describe
-from robots.bridge.gate.values import GateProfile
+from robots.bridge.gate.values import GateProfile, Parameters
 from robots.bridge.tasks.denylist import admissible
 from robots.registry.configuration import robot_config
 from robots.registry.configuration.profile_schema import Problems
@@ -157,6 +157,7 @@ def robot_facts(robot: Robot) -> RobotFacts:
         known = None
     limits = known.gate.limits if known else robot.profile
     sonars = known.topics.sonars if known else []
+    margins = known.gate.parameters if known else Parameters()
     return RobotFacts(
         slug=robot.slug,
         name=robot.name,
@@ -165,6 +166,8 @@ def robot_facts(robot: Robot) -> RobotFacts:
         holonomic=robot.profile.holonomic,
         limits=Limits(limits.forward_mps, limits.reverse_mps, limits.lateral_mps, limits.turn_radps),
         footprint=_drawn(known.gate) if known else [],
+        front_margin_m=margins.front_margin_m,
+        lateral_margin_m=margins.lateral_margin_m,
         default_share=known.default_share if known else robot.profile.default_share,
         max_share=robot.max_share,
         reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),

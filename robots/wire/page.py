@@ -158,6 +158,8 @@ class RobotFacts(Struct, frozen=True):
     holonomic: bool  # it can slide: `y` of `Drive` counts
     limits: Limits
     footprint: list[tuple[float, float]]  # convex outline, base frame, counter-clockwise
+    front_margin_m: float  # the gate leaves so much of the way before an obstacle
+    lateral_margin_m: float  # and so much beside the footprint
     default_share: float  # `share` of `Drive` that a page begins with
     max_share: float  # a larger share counts as this
     reverse_steering: ReverseSteering  # car: the turn is mirrored in reverse

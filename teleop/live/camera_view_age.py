@@ -5,9 +5,12 @@ A page that reports no more has an older and older picture: its last report ages
 
 from __future__ import annotations
 
+import math
 import time
 
 NOTICED_S = 0.5  # from this age on, the bridge is told of changes at once
+STEP_S = 0.2  # by so much the age changes before it is told again
+OLDEST_S = 5.0  # by then the speed limit is as low as it gets
 
 
 class CameraViewAge:
@@ -15,14 +18,18 @@ class CameraViewAge:
 
     def __init__(self) -> None:
         self._taken_s: float | None = None  # monotonic clock; None: the page does not drive by a camera
-        self._was_old = False
+        self._told = 0  # steps beyond `NOTICED_S`
 
     def age_s(self) -> float | None:
         """Return the picture's age now in seconds; None: the page does not drive by a camera."""
         return None if self._taken_s is None else max(time.monotonic() - self._taken_s, 0.0)
 
     def take(self, age_ms: float | None) -> bool:
-        """Take a report. Return whether the picture became old, or new again."""
+        """Take a report. Return whether the picture became old, older, or newer again."""
         self._taken_s = None if age_ms is None else time.monotonic() - age_ms / 1000.0
-        was_old, self._was_old = self._was_old, age_ms is not None and age_ms >= 1000.0 * NOTICED_S
-        return was_old != self._was_old
+        told, self._told = self._told, _steps((age_ms or 0.0) / 1000.0)
+        return told != self._told
+
+
+def _steps(age_s: float) -> int:
+    return math.ceil((min(age_s, OLDEST_S) - NOTICED_S) / STEP_S) if age_s > NOTICED_S else 0

@@ -91,6 +91,7 @@ class LeaseRenewer:
     async def _keep_renewing(self) -> None:
         faulty = False  # a lasting fault is logged once
         while not self._ended:  # before Python 3.12 `wait_for` may swallow the cancellation
+            self._soon.clear()  # before the attempt: what changes during it is sent at once afterwards
             try:
                 if (refusal := await self._try_grant()) is not None:
                     await self._refused(refusal)
@@ -103,7 +104,6 @@ class LeaseRenewer:
                 if not faulty:
                     log.exception("Control of robot %s was not renewed.", self._hub.robot_id)
                 faulty = True
-            self._soon.clear()
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._soon.wait(), RENEW_S)
 

@@ -51,6 +51,7 @@ class CameraClient:
         self, config: BridgeConfig, command: Sequence[str] = COMMAND, linger_s: float = LINGER_S
     ) -> None:
         self._child = LineProcess(command, msgspec.json.encode(config), self)
+        self.skew_s: float | None = None  # robot's clock minus ours, by its odometry
         self._linger_s = linger_s
         self._watchers: set[CameraWatcher] = set()
         self._at = CameraAt()
@@ -110,6 +111,7 @@ class CameraClient:
         """Take the address on which it listens, at first and then as a sign of life."""
         at = _camera_at.decode(line)
         self._await_life(SILENCE_S)
+        self._child.send(msgspec.json.encode(self.skew_s))
         if at != self._at:
             self._move(at)
 

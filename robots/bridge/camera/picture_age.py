@@ -13,7 +13,8 @@ class PictureAge:
     """Ages of one camera's pictures on arrival.
 
     While the smallest delay of the last `WINDOW_S` lies within 0 and `CLOCK_SKEW_S`, the clocks agree and the delay is
-    the age. Otherwise only what exceeds the smallest delay is known to be age: a constant delay stays hidden.
+    the age. Otherwise only what exceeds the smallest delay is known to be age. The delay of the robot's odometry counts
+    among them: without it, pictures that are always late would look new.
     """
 
     def __init__(self) -> None:
@@ -21,8 +22,14 @@ class PictureAge:
             deque()
         )  # arrival and delay; delays grow from left to right
 
-    def on_arrival(self, stamp_s: float, wall_s: float, now_s: float) -> float:
-        """Return the age in seconds. `wall_s` is the time of day, `now_s` the monotonic clock; a stamp of 0 is none."""
+    def on_arrival(
+        self, stamp_s: float, wall_s: float, now_s: float, skew_s: float | None = None
+    ) -> float:
+        """Return the age in seconds; a stamp of 0 is none.
+
+        `wall_s` is the time of day, `now_s` the monotonic clock, `skew_s` the odometry's stamps minus this computer's
+        clock on their arrival (None: no odometry).
+        """
         if stamp_s <= 0.0:
             return 0.0
         delay_s = wall_s - stamp_s
@@ -32,4 +39,6 @@ class PictureAge:
         while self._delays[0][0] < now_s - WINDOW_S:
             self._delays.popleft()
         smallest_s = self._delays[0][1]
+        if skew_s is not None:
+            smallest_s = min(smallest_s, -skew_s)
         return delay_s if 0.0 <= smallest_s <= CLOCK_SKEW_S else delay_s - smallest_s

@@ -1,6 +1,7 @@
 /** The cameras on the control page: wires connection, pictures, views and head together. */
 
 import { socketUrl } from "../connection/socket.js";
+import { dim } from "../lib/dom.js";
 import { recall } from "../lib/prefs.js";
 import { CameraSocket } from "./camera_socket.js";
 import { CameraView } from "./camera_view.js";
@@ -25,6 +26,7 @@ export class CameraPanel {
   #fullScreen;
   #report;
   #showScene;
+  #snapshot;
   #facts = null;
   #drives = false;
   #reported = false;
@@ -49,6 +51,7 @@ export class CameraPanel {
     this.#area = parts["picture-area"];
     this.#report = report;
     this.#showScene = showScene;
+    this.#snapshot = parts.snapshot;
     this.#socket = new CameraSocket(socketUrl(root.dataset.camera), decodesVideo());
     this.#main = new CameraView(parts.camera);
     this.#second = new CameraView(parts.second);
@@ -179,6 +182,7 @@ export class CameraPanel {
 
   #look() {
     this.#shown((view) => view.look());
+    dim(this.#snapshot, !this.#main.header, gettext("There is no picture to save yet."));
     this.#tellAge();
   }
 
@@ -197,7 +201,6 @@ export class CameraPanel {
   #drivenBy() {
     if (!this.#main.camera) return null;
     const ageMs = this.#main.ageMs ?? performance.now() - this.#mainSinceMs;
-    const isGone = this.#main.isMissing || ageMs > GONE_MS;
-    return this.#views.view === "both" && isGone ? null : ageMs;
+    return this.#views.view === "both" && ageMs > GONE_MS ? null : ageMs;
   }
 }

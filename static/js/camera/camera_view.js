@@ -66,11 +66,6 @@ export class CameraView extends EventTarget {
     return painted ? Math.max(0, performance.now() - painted.takenMs) : null;
   }
 
-  /** Return whether pictures are known to have ended. */
-  get isMissing() {
-    return this.#why !== "";
-  }
-
   /** @param {string} text why there are no pictures; empty: they come */
   set why(text) {
     this.#why = text;
@@ -103,13 +98,16 @@ export class CameraView extends EventTarget {
     sayOrHide(this.#words, this.#text(ageMs));
   }
 
-  /** Save the picture to a file. @param {string} robot its slug */
+  /** Save the picture to a file, which is named by the time at which it was taken. @param {string} robot its slug */
   async save(robot) {
+    const { ageMs } = this;
+    if (ageMs === null) return;
+    const taken = new Date(Date.now() - ageMs);
     const file = await this.#picture.file();
     if (!file) return;
     const link = make("a");
     link.href = URL.createObjectURL(file);
-    link.download = fileName(robot, this.#camera.name, new Date(), file.type);
+    link.download = fileName(robot, this.#camera.name, taken, file.type);
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href));
   }

@@ -4,11 +4,10 @@
  * the optical frame (z into the picture, x right, y down).
  */
 
-import { carried, isWithin, moves, poseAfter, swept } from "../drive/twist_geometry.js";
+import { carried, isWithin, moves, poseAfter, swept, withArm } from "../drive/twist_geometry.js";
 
 const FAR_M = 4; // of the way are drawn, at whatever speed, as a parking aid does
 const MOST_TURN = Math.PI / 2; // radians
-const LEFT_M = 0.08; // the gate leaves so much of the way before an obstacle (its front margin)
 const STEP_M = 0.05;
 const RED_M = 0.25; // so close before contact
 const YELLOW_M = 0.7;
@@ -23,14 +22,14 @@ function shownTwist({ asked, allowed }) {
 }
 
 /** The shortest way to any of the places [x0, y0, x1, y1, ...] (centimetres), and to the gate's own obstacle. */
-function contactOf(point, flatCm, footprint, wayTo) {
+function contactOf(point, flatCm, outline, wayTo) {
   let shortest = Infinity;
-  if (point) shortest = isWithin(footprint, point) ? 0 : wayTo(point);
+  if (point) shortest = isWithin(outline, point) ? 0 : wayTo(point);
   for (let i = 0; i < flatCm.length; i += 2) {
     const place = [flatCm[i] / 100, flatCm[i + 1] / 100];
     const wayM = wayTo(place);
-    // A place within the hull counts only as the gate's own obstacle.
-    if (wayM < shortest && !isWithin(footprint, place)) shortest = wayM;
+    // A place within the outline counts only as the gate's own obstacle.
+    if (wayM < shortest && !isWithin(outline, place)) shortest = wayM;
   }
   return shortest;
 }
@@ -45,19 +44,31 @@ function tierAt(leftM) {
  * @param {number[][]} footprint
  * @param {object} verdict the gate's
  * @param {number[]} flatCm known obstacles [x0, y0, x1, y1, ...], centimetres
+ * @param {{front_margin_m: number, lateral_margin_m: number}} margins that the gate leaves, as in the robot's facts
  * @returns {{bands: {tier: string, outline: number[][]}[], stop: ?number[][], later: ?number[][]}}
  *   bands by tier (green, yellow, red: how near the end is), the nearest first; both ends of the line where the gate
  *   stops; the hull where it is two seconds later. All empty while nothing moves, or the robot turns on the spot.
  */
-export function floorPath(footprint, verdict, flatCm = []) {
+export function floorPath(
+  footprint,
+  verdict,
+  flatCm,
+  { front_margin_m: frontM, lateral_margin_m: besideM },
+) {
   const twist = shownTwist(verdict);
   const speed = Math.hypot(twist.vx, twist.vy);
   if (!moves([twist.vx, twist.vy, 0])) return { bands: [], stop: null, later: null };
   const nose = Math.max(...footprint.map(([x, y]) => (twist.vx * x + twist.vy * y) / speed));
   const farM = Math.min(FAR_M, (MOST_TURN * speed) / Math.abs(twist.w));
   const isHeld = !moves(verdict.allowed);
-  const { bordersAt, wayTo } = swept(footprint, twist);
-  const freeM = Math.max(0, contactOf(verdict.point, flatCm, footprint, wayTo) - LEFT_M);
+  const { bordersAt } = swept(footprint, twist);
+  // The gate keeps the lateral margin free on all sides, and before the hull the rest of the front margin.
+  const outline = withArm(
+    footprint,
+    footprint.map(([x, y]) => [x, y, besideM]),
+  );
+  const contactM = contactOf(verdict.point, flatCm, outline, swept(outline, twist).wayTo);
+  const freeM = Math.max(0, contactM - (frontM - besideM));
   const goesM = isHeld ? 0 : Math.min(freeM, farM);
   const isStopped = isHeld || freeM <= farM;
   const tierOf = (atM) => (isStopped ? tierAt(nose + goesM - atM) : "green");

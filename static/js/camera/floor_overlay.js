@@ -38,7 +38,7 @@ export class FloorOverlay {
     if (view && this.#facts) {
       const known = [...this.#near, ...depth_cm];
       const { arm = [], verdict } = view.state;
-      this.#path = floorPath(withArm(this.#facts.footprint, arm), verdict, known);
+      this.#path = floorPath(withArm(this.#facts.footprint, arm), verdict, known, this.#facts);
     }
     this.#canvas.redraw();
   }

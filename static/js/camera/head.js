@@ -8,6 +8,7 @@ const PERIOD_MS = 200; // five requests a second are enough to follow a finger
 const DRAG_PX = 8; // a finger that moves less rests
 const DOUBLE_MS = 300;
 const STEP_RAD = 0.15; // of a button
+const MOST_WAITING = 2; // requests without an answer: on a stalled network they would all arrive at once
 const STEPS = { left: [1, 0], right: [-1, 0], up: [0, 1], down: [0, -1] };
 
 /** Without a lens it is one as cameras of robots often have: 53 degrees wide. */
@@ -21,10 +22,26 @@ export function turnByDrag(right, down, header) {
   return { pan: Math.atan(right / fx), tilt: Math.atan(down / fy) };
 }
 
-/** The turn that brings a place of the picture into its middle. */
+/** Heading and elevation, in the base frame, of a direction in the optical frame; `m` is a header's pose. */
+function directionOf([x, y, z], m) {
+  const [ahead, left, up] = [0, 1, 2].map(
+    (axis) => m[axis] * x + m[4 + axis] * y + m[8 + axis] * z,
+  );
+  return { heading: Math.atan2(left, ahead), elevation: Math.atan2(up, Math.hypot(ahead, left)) };
+}
+
+/** The turn that brings a place of the picture into its middle. The neck turns upright, also while the head looks down. */
 export function turnToPlace(u, v, header) {
   const [fx, fy, cx, cy] = lensOf(header);
-  return { pan: Math.atan((cx - u) / fx), tilt: Math.atan((cy - v) / fy) };
+  const [left, up] = [(cx - u) / fx, (cy - v) / fy];
+  if (!header.pose) return { pan: Math.atan(left), tilt: Math.atan(up) };
+  const now = directionOf([0, 0, 1], header.pose);
+  const wanted = directionOf([-left, -up, 1], header.pose);
+  const pan = wanted.heading - now.heading;
+  return {
+    pan: Math.atan2(Math.sin(pan), Math.cos(pan)),
+    tilt: wanted.elevation - now.elevation,
+  };
 }
 
 export class Head {
@@ -36,6 +53,7 @@ export class Head {
   #may = false;
   #pointer = null; // {id, x, y, startX, startY, isDrag}
   #owed = { pan: 0, tilt: 0 };
+  #waiting = 0;
   #sentMs = -Infinity;
   #timer = null;
   #click = null; // waits whether it becomes a double click
@@ -165,7 +183,7 @@ export class Head {
   }
 
   #sendSoon() {
-    if (this.#timer !== null) return;
+    if (this.#timer !== null || this.#waiting >= MOST_WAITING) return;
     const waitMs = Math.max(0, this.#sentMs + PERIOD_MS - performance.now());
     this.#timer = setTimeout(() => {
       this.#timer = null;
@@ -180,9 +198,13 @@ export class Head {
     this.#ask({ t: "turn_head", pan, tilt });
   }
 
-  /** A refused drag ends: its next part would be refused, too. A late answer is no refusal. */
+  /** A refused drag ends: its next part would be refused, too. After a late answer it goes on from where it is. */
   async #ask(order) {
+    this.#waiting += 1;
     const refusal = await this.#order({ ...order, quiet: true });
-    if (refusal && refusal.code !== "no_answer") this.#end();
+    this.#waiting -= 1;
+    if (refusal?.code === "no_answer") this.#owed = { pan: 0, tilt: 0 };
+    else if (refusal) this.#end();
+    else if (this.#owed.pan || this.#owed.tilt) this.#sendSoon();
   }
 }

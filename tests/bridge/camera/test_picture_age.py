@@ -25,6 +25,17 @@ def test_with_other_clocks_only_what_grows_is_age(skew_s):
     assert ages(skew_s, [0.04, 0.34, 0.04]) == pytest.approx([0.0, 0.3, 0.0], abs=1e-6)
 
 
+@pytest.mark.parametrize("skew_s", [-3600.0, 0.0, 5.0])
+@pytest.mark.parametrize("delay_s", [0.8, 3.0])
+def test_by_the_odometry_a_picture_that_is_always_late_is_old(skew_s, delay_s):
+    age = PictureAge()
+    odometry_s = skew_s - 0.01  # its own delay
+    for second in range(5):
+        wall_s = WALL_S + second
+        measured_s = age.on_arrival(wall_s + skew_s - delay_s, wall_s, float(second), odometry_s)
+    assert measured_s == pytest.approx(delay_s, abs=0.02)
+
+
 def test_a_clock_that_is_set_is_forgotten():
     age = PictureAge()
     age.on_arrival(WALL_S + 100.0, WALL_S, 0.0)  # ahead

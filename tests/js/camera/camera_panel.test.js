@@ -163,6 +163,15 @@ describe("the cameras of the control page", () => {
     expect(reported().slice(6)).toEqual([expect.any(Number), null]);
   });
 
+  it("still reports the picture that somebody sees when the console says that no more come", async () => {
+    says({ t: "cameras", cameras: [HEAD] });
+    panel.drives = true;
+    await picture(1);
+    says({ t: "camera_state", camera: "head", refusal: SILENT });
+    vi.advanceTimersByTime(1000);
+    expect(reported().at(-1)).toBeGreaterThan(900);
+  });
+
   it("reports no picture that is gone while the plan is beside it", async () => {
     says({ t: "cameras", cameras: [HEAD] });
     expect(found["picture-area"].dataset.view).toBe("both");

@@ -15,6 +15,9 @@ const DOWN = [0, -1, 0, 0, -1, 0, 0, 0, 0, 0, -1, 1];
 const LENS = [500, 500, 320, 240];
 const header = (pose) => ({ lens: LENS, pose, width: 640, height: 480 });
 const LEFT_M = 0.08; // the gate leaves it before an obstacle
+const MARGINS = { front_margin_m: LEFT_M, lateral_margin_m: 0 };
+const pathOf = (outline, shown, known = [], margins = MARGINS) =>
+  floorPath(outline, shown, known, margins);
 const verdict = (allowed, { asked = allowed, point = null } = {}) => ({ allowed, asked, point });
 const round = (points) =>
   points.map((point) => point.map((value) => Math.round(value * 100) / 100));
@@ -30,7 +33,7 @@ describe("the hull with a stretched arm", () => {
     expect(Math.max(...over(0))).toBeCloseTo(0.6);
     expect(Math.max(...over(1))).toBeCloseTo(0.5);
     expect(Math.min(...over(0))).toBeCloseTo(-0.3);
-    const { bands } = floorPath(hull, verdict([0.4, 0, 0]));
+    const { bands } = pathOf(hull, verdict([0.4, 0, 0]));
     const sides = bands[0].outline.map(([, y]) => y);
     expect(Math.max(...sides)).toBeCloseTo(0.5);
     expect(Math.min(...sides)).toBeCloseTo(-0.2);
@@ -38,9 +41,9 @@ describe("the hull with a stretched arm", () => {
 
   it("ends before what the arm would touch and the base would pass", () => {
     const beside = [150, 40]; // 1.5 m ahead, 0.4 m left
-    const { stop } = floorPath(withArm(SQUARE, [[0.5, 0.4, 0.1]]), verdict([0.4, 0, 0]), beside);
+    const { stop } = pathOf(withArm(SQUARE, [[0.5, 0.4, 0.1]]), verdict([0.4, 0, 0]), beside);
     expect(stop[0][0]).toBeCloseTo(1.5 - LEFT_M, 1);
-    expect(floorPath(SQUARE, verdict([0.4, 0, 0]), beside).stop).toBeNull();
+    expect(pathOf(SQUARE, verdict([0.4, 0, 0]), beside).stop).toBeNull();
   });
 });
 
@@ -73,7 +76,7 @@ describe("the floor in the picture", () => {
 
 describe("the way on the floor", () => {
   it("is as wide as the hull, and 4 m long before it", () => {
-    const { bands, stop, later } = floorPath(SQUARE, verdict([0.5, 0, 0]));
+    const { bands, stop, later } = pathOf(SQUARE, verdict([0.5, 0, 0]));
     expect(stop).toBe(null);
     expect(bands.map(({ tier }) => tier)).toEqual(["green"]);
     const xs = bands[0].outline.map(([x]) => x);
@@ -84,21 +87,21 @@ describe("the way on the floor", () => {
   });
 
   it("sweeps a wider ring in a bend, as the outer corners do", () => {
-    const { bands } = floorPath(SQUARE, verdict([0.5, 0, 0.5])); // about (0, 1)
+    const { bands } = pathOf(SQUARE, verdict([0.5, 0, 0.5])); // about (0, 1)
     const radii = bands[0].outline.map(([x, y]) => Math.hypot(x, y - 1));
     expect(Math.min(...radii)).toBeCloseTo(0.8); // the inner side
     expect(Math.max(...radii)).toBeCloseTo(Math.hypot(0.3, 1.2)); // the outer corners
   });
 
   it("turns to the right as it does to the left", () => {
-    const left = floorPath(SQUARE, verdict([0.5, 0, 0.5])).bands[0].outline;
-    const right = floorPath(SQUARE, verdict([0.5, 0, -0.5])).bands[0].outline;
+    const left = pathOf(SQUARE, verdict([0.5, 0, 0.5])).bands[0].outline;
+    const right = pathOf(SQUARE, verdict([0.5, 0, -0.5])).bands[0].outline;
     const mirrored = right.map(([x, y]) => [x, -y]).reverse();
     expect(round(mirrored)).toEqual(round(left));
   });
 
   it("ends yellow and red where the hull would touch", () => {
-    const { bands, stop } = floorPath(SQUARE, verdict([0.5, 0, 0], { point: [2, 0] }));
+    const { bands, stop } = pathOf(SQUARE, verdict([0.5, 0, 0], { point: [2, 0] }));
     expect(bands.map(({ tier }) => tier)).toEqual(["green", "yellow", "red"]);
     expect(stop[0][0]).toBeCloseTo(2 - LEFT_M);
     expect(stop.map(([, y]) => y)).toEqual([0.2, -0.2]);
@@ -108,13 +111,13 @@ describe("the way on the floor", () => {
 
   it("ends before the nearest place that any sensor knows", () => {
     const known = [300, 0, 250, 10, 200, 90, -100, 0, 20, 0];
-    const { stop } = floorPath(SQUARE, verdict([0.5, 0, 0]), known);
+    const { stop } = pathOf(SQUARE, verdict([0.5, 0, 0]), known);
     expect(stop[0][0]).toBeCloseTo(2.5 - LEFT_M);
   });
 
   it("passes what is inside the circle round the hull but beside its outline", () => {
-    expect(floorPath(SQUARE, verdict([0.5, 0, 0]), [200, 25]).stop).toBe(null);
-    expect(floorPath(SQUARE, verdict([0.5, 0, 0]), [200, 19]).stop).not.toBe(null);
+    expect(pathOf(SQUARE, verdict([0.5, 0, 0]), [200, 25]).stop).toBe(null);
+    expect(pathOf(SQUARE, verdict([0.5, 0, 0]), [200, 19]).stop).not.toBe(null);
   });
 
   it("touches a slanted edge later than the nose", () => {
@@ -123,44 +126,53 @@ describe("the way on the floor", () => {
       [-0.3, 0.2],
       [-0.3, -0.2],
     ];
-    const { stop } = floorPath(wedge, verdict([0.5, 0, 0]), [200, 10]);
+    const { stop } = pathOf(wedge, verdict([0.5, 0, 0]), [200, 10]);
     expect(stop[0][0]).toBeCloseTo(0.3 + 2 - LEFT_M); // at 0.1 m aside the edge is 0.3 m behind the nose
   });
 
   it("touches in a bend with the edge that comes first", () => {
     // About (0, 1): a place a quarter turn on, on the base's own circle of 1 m. The front edge meets that circle where
     // x = 0.3, asin(0.3) ahead of the base.
-    const { stop } = floorPath(SQUARE, verdict([0.5, 0, 0.5]), [100, 100]);
+    const { stop } = pathOf(SQUARE, verdict([0.5, 0, 0.5]), [100, 100]);
     const goes = Math.PI / 2 - Math.asin(0.3) - LEFT_M; // radians, and metres
     const [x, y] = stop[1];
     expect(Math.atan2(x, 1 - y)).toBeCloseTo(goes + 0.3); // and the nose before it
-    const mirrored = floorPath(SQUARE, verdict([0.5, 0, -0.5]), [100, -100]).stop[0];
+    const mirrored = pathOf(SQUARE, verdict([0.5, 0, -0.5]), [100, -100]).stop[0];
     expect(mirrored[0]).toBeCloseTo(x);
     expect(mirrored[1]).toBeCloseTo(-y);
-    expect(floorPath(SQUARE, verdict([0.5, 0, 0.5]), [150, 100]).stop).toBe(null);
+    expect(pathOf(SQUARE, verdict([0.5, 0, 0.5]), [150, 100]).stop).toBe(null);
+  });
+
+  it("ends before the margins of the robot, ahead and beside the hull", () => {
+    const margins = { front_margin_m: 0.5, lateral_margin_m: 0.1 };
+    const ends = (known) => pathOf(SQUARE, verdict([0.5, 0, 0]), known, margins).stop?.[0][0];
+    expect(ends([200, 0])).toBeCloseTo(2 - 0.5);
+    expect(ends([200, 29])).toBeLessThan(2 - 0.4); // 9 cm beside the hull
+    expect(ends([200, 31])).toBeUndefined();
+    expect(ends([0, 25])).toBeUndefined(); // it already stands within the margin: the gate's verdict counts
   });
 
   it("stays green beside an obstacle that it passes", () => {
-    const { bands, stop } = floorPath(SQUARE, verdict([0.5, 0, 0], { point: [2, 0.5] }));
+    const { bands, stop } = pathOf(SQUARE, verdict([0.5, 0, 0], { point: [2, 0.5] }));
     expect(stop).toBe(null);
     expect(bands.map(({ tier }) => tier)).toEqual(["green"]);
   });
 
   it("is red to the stop while the gate allows no motion", () => {
     const held = verdict([0, 0, 0], { asked: [0.5, 0, 0], point: [0.7, 0] });
-    const { bands, stop, later } = floorPath(SQUARE, held);
+    const { bands, stop, later } = pathOf(SQUARE, held);
     expect(bands.map(({ tier }) => tier)).toEqual(["red"]);
     expect(stop).not.toBe(null);
     expect(later).toBe(null);
   });
 
   it("goes backwards from the back of the hull", () => {
-    const { bands } = floorPath(SQUARE, verdict([-0.5, 0, 0]));
+    const { bands } = pathOf(SQUARE, verdict([-0.5, 0, 0]));
     expect(Math.min(...bands[0].outline.map(([x]) => x))).toBeCloseTo(-4.3);
   });
 
   it.each([[[0, 0, 0]], [[0, 0, 1]]])("is nothing for the twist %s", (twist) => {
-    expect(floorPath(SQUARE, verdict(twist))).toEqual({ bands: [], stop: null, later: null });
+    expect(pathOf(SQUARE, verdict(twist))).toEqual({ bands: [], stop: null, later: null });
   });
 });
 

@@ -16,6 +16,18 @@ describe("the turn of the head", () => {
     expect(turnToPlace(320, 240, header)).toEqual({ pan: 0, tilt: 0 });
   });
 
+  it("brings a place beside the way into the middle while the head looks down", () => {
+    // 39 degrees down: the optical axis is (cos, 0, -sin) in the base frame, right (0, -1, 0), down (-sin, 0, -cos).
+    const [c, s] = [Math.cos(0.68), Math.sin(0.68)];
+    const pose = [0, -1, 0, 0, -s, 0, -c, 0, c, 0, -s, 0];
+    const { pan, tilt } = turnToPlace(620, 240, { ...header, pose });
+    // The place is at (c, -0.6, -s): then it is straight ahead at the new heading and elevation.
+    expect(pan).toBeCloseTo(Math.atan2(-0.6, c), 6);
+    expect(-0.68 + tilt).toBeCloseTo(Math.atan2(-s, Math.hypot(c, 0.6)), 6);
+    const still = turnToPlace(320, 240, { ...header, pose });
+    expect([still.pan, still.tilt]).toEqual([expect.closeTo(0), expect.closeTo(0)]);
+  });
+
   it("takes a common lens where the camera tells none", () => {
     expect(turnByDrag(64, 0, headerOf(1)).pan).toBeCloseTo(Math.atan(0.1));
   });
@@ -26,6 +38,7 @@ describe("the picture as a handle of the head", () => {
   let keys;
   let orders;
   let refused;
+  let order;
   let head;
 
   beforeEach(() => {
@@ -40,10 +53,11 @@ describe("the picture as a handle of the head", () => {
     }
     orders = [];
     refused = null;
+    order = async () => refused;
     head = new Head(area, keys, {
-      order: async (order) => {
-        orders.push(order);
-        return refused;
+      order: (given) => {
+        orders.push(given);
+        return order();
       },
       header: () => headerOf(1, { lens: LENS }),
     });
@@ -72,20 +86,39 @@ describe("the picture as a handle of the head", () => {
     point("pointerup", x, y);
   };
 
-  it("drags: at most five requests a second, and none is lost", () => {
+  it("drags: at most five requests a second, and none is lost", async () => {
     point("pointerdown", 200, 100);
     for (let i = 1; i <= 20; i += 1) {
       point("pointermove", 200 + 5 * i, 100);
-      vi.advanceTimersByTime(50);
+      await vi.advanceTimersByTimeAsync(50);
     }
     point("pointerup", 300, 100);
-    vi.advanceTimersByTime(1000);
+    await vi.advanceTimersByTimeAsync(1000);
     expect(orders.length).toBeGreaterThan(3);
     expect(orders.length).toBeLessThanOrEqual(6);
     expect(orders.every(({ t, quiet }) => t === "turn_head" && quiet)).toBe(true);
     const pan = orders.reduce((sum, order) => sum + order.pan, 0);
     expect(pan).toBeCloseTo(200 / 500, 2); // 100 px of the page are 200 of the picture
     expect(orders.every(({ tilt }) => tilt === 0)).toBe(true);
+  });
+
+  it("queues no more than two requests on a stalled network, and sends the rest after an answer", async () => {
+    const answers = [];
+    order = () => new Promise((resolve) => answers.push(resolve));
+    point("pointerdown", 200, 100);
+    for (let i = 1; i <= 20; i += 1) {
+      point("pointermove", 200 + 5 * i, 100);
+      await vi.advanceTimersByTimeAsync(200);
+    }
+    expect(orders).toHaveLength(2);
+    answers[0](null);
+    await vi.advanceTimersByTimeAsync(200);
+    expect(orders).toHaveLength(3);
+    expect(orders.reduce((sum, { pan }) => sum + pan, 0)).toBeCloseTo(200 / 500, 2);
+    point("pointermove", 320, 100);
+    answers[1]({ code: "no_answer", text: "No answer within 0.75 s." });
+    await vi.advanceTimersByTimeAsync(200);
+    expect(orders).toHaveLength(3); // what was dragged meanwhile is old
   });
 
   it("looks at a clicked place, once no second click comes", () => {

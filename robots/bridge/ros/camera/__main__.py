@@ -1,7 +1,8 @@
 """``python -m robots.bridge.ros.camera``: reads the bridge's config from the first line of stdin.
 
-It writes the address on which it listens as a JSON line, again and again as a sign of life, and ends when stdin ends or
-the robot's master dies. The bridge starts another one when it needs it.
+It writes the address on which it listens as a JSON line, again and again as a sign of life. The bridge answers each
+with a line: by how much the robot's clock is ahead of ours (s), or null. The process ends when stdin ends or the robot's
+master dies. The bridge starts another one when it needs it.
 """
 
 from __future__ import annotations
@@ -50,10 +51,16 @@ async def serve(config: BridgeConfig) -> None:
     )
     start_vital(producer.run, "producer")
     showing = asyncio.create_task(_show_life(await server.start(), producer))
-    await asyncio.to_thread(sys.stdin.buffer.read)
+    await asyncio.to_thread(_follow_clock, producer)
     exit_within(END_S)
     showing.cancel()
     await server.close()
+
+
+def _follow_clock(producer: Producer) -> None:
+    """Read what the bridge knows of the robot's clock, until stdin ends."""
+    for line in sys.stdin.buffer:
+        producer.skew_s = msgspec.json.decode(line, type=float | None)
 
 
 async def _show_life(at: wire.CameraAt, producer: Producer) -> None:

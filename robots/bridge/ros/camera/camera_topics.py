@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from typing import NamedTuple
 
 import genpy
@@ -52,12 +53,22 @@ class CameraPicture(NamedTuple):
 
 
 class CameraTopics:
-    """Subscribes to one camera. `awake` is notified of each picture, on rospy's threads."""
+    """Subscribes to one camera. `awake` is notified of each picture, on rospy's threads.
 
-    def __init__(self, source: CameraSource, frames: Frames, awake: threading.Condition) -> None:
+    `skew_s` returns by how much the robot's clock is ahead of this computer's, by its odometry; None: not known.
+    """
+
+    def __init__(
+        self,
+        source: CameraSource,
+        frames: Frames,
+        awake: threading.Condition,
+        skew_s: Callable[[], float | None] = lambda: None,
+    ) -> None:
         self.source = source
         self._frames = frames
         self._awake = awake
+        self._skew_s = skew_s
         self._age = PictureAge()
         self._newest: Arrival | None = None
         self._info: CameraInfo | None = None
@@ -147,7 +158,7 @@ class CameraTopics:
             )
         stamp_s = message.header.stamp.to_sec()
         frame = self.source.frame or message.header.frame_id.lstrip("/")
-        age_s = self._age.on_arrival(stamp_s, arrival.wall_s, arrival.arrived_s)
+        age_s = self._age.on_arrival(stamp_s, arrival.wall_s, arrival.arrived_s, self._skew_s())
         lens = self._lens(width, height)
         pose = self._pose(frame, stamp_s) if lens else None
         if pose is not None:

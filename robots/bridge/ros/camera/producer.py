@@ -72,6 +72,7 @@ class Producer:
         self._emit = emit
         self._state = state
         self.looked_s = time.monotonic()  # when it last began to look for pictures: it works
+        self.skew_s: float | None = None  # robot's clock minus ours, as the bridge knows it
         self._awake = threading.Condition()
         self._wants: Wants = {}
         self._watched: dict[str, _Watched] = {}
@@ -127,7 +128,7 @@ class Producer:
         for name in self._watched.keys() - wants.keys():
             self._watched.pop(name).topics.close()
         for name in wants.keys() - self._watched.keys():
-            topics = CameraTopics(self._sources[name], self._tf.frames, self._awake)
+            topics = CameraTopics(self._sources[name], self._tf.frames, self._awake, lambda: self.skew_s)
             self._watched[name] = _Watched(topics)
 
     def _look(self, name: str, watched: _Watched, wants: Mapping[Variant, float]) -> None:
