@@ -156,7 +156,10 @@ class CameraConsumer(RobotSocket):
         """Send a picture once its viewing is on record. Return whether it was sent."""
         if self._closing or self.camera_audit is None:
             return False
-        if not self.camera_audit.may_view(camera):
+        viewer = self._viewers.get(camera)
+        if viewer is None:  # it ended meanwhile
+            return False
+        if not self.camera_audit.may_view(camera, small=viewer.watch.size == "small"):
             await self.refuse("camera_watch", TOO_MANY_CAMERAS)
             return False
         await self.send_bytes(frame)

@@ -1,8 +1,8 @@
 """Chooses how good a viewer's pictures are, from how fast it acknowledges them. Pure.
 
-A slow viewer first gets fewer pictures. Where fewer than `LEAST_HZ` full pictures a second come through, it gets small
-ones, or video if its browser decodes it. Full pictures are tried again after a while, rarely if that failed before: one
-picture shows whether the connection carries them.
+A slow viewer first gets fewer pictures. Where fewer than `LEAST_HZ` full pictures a second come through, it gets video,
+if its browser decodes it; where that is too much as well, small pictures, of which again fewer can come. Full pictures
+are tried again after a while, rarely if that failed before: one picture shows whether the connection carries them.
 """
 
 from __future__ import annotations
@@ -81,12 +81,13 @@ class Quality:
         if self._has_failed:
             self._change(self._lower, now_s)
             return True
-        if not self._may_change or lasted_s < WINDOW_S:
+        # Video begins behind the full pictures that still fill a slow connection, and with a key picture.
+        if not self._may_change or lasted_s < (2.0 * WINDOW_S if self.variant == "video" else WINDOW_S):
             return False
-        if self.variant == "full" and self._is_slow:
-            if lasted_s > FULL_AGAIN_S[1]:
+        if self.variant != "small" and self._is_slow:
+            if self.variant == "full" and lasted_s > FULL_AGAIN_S[1]:
                 self._again_s = FULL_AGAIN_S[0]
-            self._change(self._lower, now_s)
+            self._change(self._lower if self.variant == "full" else "small", now_s)
             return True
         if self.variant != "full" and lasted_s > self._again_s and not self._is_slow:
             self._again_s = min(2.0 * self._again_s, FULL_AGAIN_S[1])

@@ -46,6 +46,9 @@ SEARCHED = timedelta(days=30)  # abandoned viewings are searched so far back
 TOO_MANY_CAMERAS = Refusal("busy", "You opened cameras very often: this one is shown in a moment.", "audit")
 
 _budgets = RecordBudgets()
+_small_budgets = (
+    RecordBudgets()
+)  # of small pictures: a page full of thumbnails must not withhold a driver's camera
 
 
 class _Shown(Struct):
@@ -85,17 +88,19 @@ class CameraAudit:
         camera = _camera_of(message)
         return camera is None or self.may_view(camera)
 
-    def may_view(self, camera: str) -> bool:
+    def may_view(self, camera: str, *, small: bool = False) -> bool:
         """Return whether a picture of this camera may be shown. It starts or continues a viewing.
 
-        False: the person's record budget is used up, so the viewing could not be recorded.
+        `small`: the page asked for small pictures. False: the person's record budget is used up, so the viewing could
+        not be recorded.
         """
         viewing = self._open.get(camera)
         if viewing is not None and time.monotonic() - viewing.since_s > PART_S:
             self.end(camera, "goes_on")
             viewing = None
         if viewing is None:
-            if _budgets.wait_s(self._user.pk, time.monotonic()) > 0.0:
+            budgets = _small_budgets if small else _budgets
+            if budgets.wait_s(self._user.pk, time.monotonic()) > 0.0:
                 return False
             start = asyncio.ensure_future(in_database(self._record_start, camera))
             self._open[camera] = _Viewing(time.monotonic(), start)

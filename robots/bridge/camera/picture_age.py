@@ -22,9 +22,7 @@ class PictureAge:
             deque()
         )  # arrival and delay; delays grow from left to right
 
-    def on_arrival(
-        self, stamp_s: float, wall_s: float, now_s: float, skew_s: float | None = None
-    ) -> float:
+    def on_arrival(self, stamp_s: float, wall_s: float, now_s: float, skew_s: float | None = None) -> float:
         """Return the age in seconds; a stamp of 0 is none.
 
         `wall_s` is the time of day, `now_s` the monotonic clock, `skew_s` the odometry's stamps minus this computer's

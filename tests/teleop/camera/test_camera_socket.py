@@ -15,6 +15,7 @@ from robots.wire import CameraState, LinkCamera, Refusal, TakenPicture
 from teleop.background.database import in_database
 from teleop.camera import camera_consumer, feed
 from teleop.live.consumers.message_socket import CloseCode
+from teleop.recording import camera_audit, repeat_suppression
 from tests.teleop.support import Page, eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -243,6 +244,27 @@ async def test_each_viewing_is_on_record(watching, process, observer):
         str(observer.pk),
     )
     assert end.of.parameters == {"camera": CAMERA}
+
+
+async def test_thumbnails_do_not_use_up_the_records_of_a_whole_picture(watching, process, monkeypatch):
+    monkeypatch.setattr(repeat_suppression, "RECORDS_BURST", 1.0)
+    monkeypatch.setattr(repeat_suppression, "RECORDS_PER_S", 0.001)
+    for budgets in ("_budgets", "_small_budgets"):
+        monkeypatch.setattr(camera_audit, budgets, repeat_suppression.RecordBudgets())
+    for number in (1, 2):
+        page = await watching("observer", size="small")
+        await process.is_asked_for({CAMERA: {"small": 30.0}})
+        process.show(number, variant="small")
+        if number == 2:
+            await page.refused("busy")
+        else:
+            await page.hears("picture")
+        await page.say("camera_end", camera=CAMERA)
+        await process.is_asked_for({})
+    page = await watching("observer")
+    await process.is_asked_for({CAMERA: {"full": 30.0}})
+    process.show(3)
+    await page.hears("picture")
 
 
 async def test_nobody_watches_after_the_last_viewer_left(watching, process, bridge):

@@ -14,17 +14,17 @@ class Viewing:
         self.now_s = 0.0
         self.quality = Quality(size, video, rate_hz, self.now_s)
         self.changes = []
+        self._owed = 0.0  # share of a picture, from one `watch` to the next
         self.delay_s = 0.05  # from sending a picture to its acknowledgement
 
     def watch(self, seconds, shown_hz):
         """Watch while `shown_hz` pictures a second are acknowledged."""
-        owed = 0.0
         for _ in range(round(seconds * 15.0)):
             self.now_s += 1.0 / 15.0
             self.quality.offered(self.now_s)
-            owed += shown_hz / 15.0
-            if owed >= 1.0:
-                owed -= 1.0
+            self._owed += shown_hz / 15.0
+            if self._owed >= 1.0:
+                self._owed -= 1.0
                 self.quality.acknowledged(self.now_s, self.now_s - self.delay_s)
             if self.quality.decide(self.now_s):
                 self.changes.append((round(self.now_s), self.quality.variant))
@@ -43,6 +43,13 @@ def test_a_viewer_at_the_least_rate_keeps_full_pictures():
 def test_a_slow_viewer_gets_smaller_pictures(video, lower):
     viewing = Viewing(video=video).watch(5.0, 2.0)
     assert [variant for _, variant in viewing.changes] == [lower]
+
+
+def test_a_viewer_for_whom_video_is_too_much_gets_small_pictures():
+    viewing = Viewing().watch(60.0, 2.0)
+    assert [variant for _, variant in viewing.changes] == ["video", "small"]
+    viewing.watch(10.0, 15.0)
+    assert viewing.quality.variant == "full"
 
 
 def test_a_camera_that_begins_slowly_stays_full():

@@ -1,8 +1,8 @@
 """``python -m robots.bridge.ros.camera``: reads the bridge's config from the first line of stdin.
 
 It writes the address on which it listens as a JSON line, again and again as a sign of life. The bridge answers each
-with a line: by how much the robot's clock is ahead of ours (s), or null. The process ends when stdin ends or the robot's
-master dies. The bridge starts another one when it needs it.
+with a line: by how much the robot's clock is ahead of ours (s), or null. The process ends when stdin ends or the
+robot's master dies. The bridge starts another one when it needs it.
 """
 
 from __future__ import annotations

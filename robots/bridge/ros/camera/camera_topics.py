@@ -12,6 +12,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from robots.bridge.camera.image_header import Damaged, read_header
+from robots.bridge.camera.lens import Lens, Misfit, lens_of
 from robots.bridge.camera.picture_age import PictureAge
 from robots.bridge.config import CameraSource
 from robots.bridge.ros.bounds.board import BOARD
@@ -48,7 +49,7 @@ class CameraPicture(NamedTuple):
     height: int
     age_s: float  # on arrival
     arrived_s: float
-    lens: tuple[float, float, float, float] | None
+    lens: Lens | None
     pose: tuple[float, ...] | None
 
 
@@ -73,7 +74,8 @@ class CameraTopics:
         self._newest: Arrival | None = None
         self._info: CameraInfo | None = None
         self._told = b""  # the last camera info behind its stamp
-        self._damage: str | None = None
+        self._damage: str | None = None  # of the last picture
+        self.undecoded: str | None = None  # the last one that had to be decoded could not be
         self._misfit: tuple[str, str] | None = (
             None  # why nothing can be drawn into the pictures: code and words
         )
@@ -127,17 +129,13 @@ class CameraTopics:
         try:
             picture = self._picture(arrival)
         except Damaged as error:
-            self.note_damage(error)
+            self._damage = damage_text(error)
             return None
         except genpy.DeserializationError:
             self._damage = "The camera’s messages cannot be read."
             return None
         self._damage = None
         return picture
-
-    def note_damage(self, error: Damaged) -> None:
-        """Note that the last picture could not be decoded."""
-        self._damage = f"The camera’s picture {error}."
 
     def _picture(self, arrival: Arrival) -> CameraPicture:
         kind = str(arrival.message._connection_header.get("type", "*"))
@@ -165,32 +163,18 @@ class CameraTopics:
             self._placed_s = arrival.arrived_s
         return CameraPicture(encoded, form, width, height, age_s, arrival.arrived_s, lens, pose)
 
-    def _lens(self, width: int, height: int) -> tuple[float, float, float, float] | None:
-        """Return the lens for pictures of this size; None without a plausible camera info of the same shape."""
-        info = self._info
-        if info is None:
+    def _lens(self, width: int, height: int) -> Lens | None:
+        """Return the lens for pictures of this size; None without a camera info that fits them."""
+        if self._info is None:
             self._misfit = ("no_camera_info", f"no camera info comes on {self.source.info}")
             return None
-        self._misfit = (
-            "bad_camera_info",
-            f"the camera info on {self.source.info} ({info.width} x {info.height}) does not fit its pictures"
-            f" ({width} x {height})",
-        )
-        if info.width < 1 or info.height < 1:
-            return None
-        across, along = width / info.width, height / info.height
-        fx, fy, cx, cy = info.K[0] * across, info.K[4] * along, info.K[2] * across, info.K[5] * along
-        plausible = (
-            abs(across / along - 1.0) < 0.02
-            and 0.1 * width < fx < 20.0 * width
-            and 0.1 * height < fy < 20.0 * height
-            and 0.0 <= cx <= width
-            and 0.0 <= cy <= height
-        )
-        if not plausible:
+        try:
+            lens = lens_of(self._info, width, height, self.source.topic)
+        except Misfit as error:
+            self._misfit = ("bad_camera_info", f"the camera info on {self.source.info} {error}")
             return None
         self._misfit = None
-        return fx, fy, cx, cy
+        return lens
 
     def _pose(self, frame: str, stamp_s: float) -> tuple[float, ...] | None:
         """Return the base frame in the optical frame, 3 x 4 row by row; None: tf does not tell."""
@@ -232,6 +216,12 @@ class CameraTopics:
                 return Refusal("no_publisher", text, "robot", figures)
             text = f"The camera has sent no picture for {since_s:.0f} s."
             return Refusal("camera_silent", text, "robot", {**figures, "silent_s": round(since_s)})
-        if self._damage is not None:
-            return Refusal("bad_picture", self._damage, "robot", figures)
+        damage = self._damage or self.undecoded
+        if damage is not None:
+            return Refusal("bad_picture", damage, "robot", figures)
         return None
+
+
+def damage_text(error: Damaged) -> str:
+    """Return in words that a picture cannot be shown."""
+    return f"The camera’s picture {error}."

@@ -16,7 +16,13 @@ from robots.bridge.camera.picture_server import Wants
 from robots.bridge.camera.sizes import VIDEO_HZ, VIDEO_WIDTH
 from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.bounds.listening import pause
-from robots.bridge.ros.camera.camera_topics import TF_EVERY_S, Arrival, CameraPicture, CameraTopics
+from robots.bridge.ros.camera.camera_topics import (
+    TF_EVERY_S,
+    Arrival,
+    CameraPicture,
+    CameraTopics,
+    damage_text,
+)
 from robots.bridge.ros.sensors.tf import TfTopics
 from robots.wire import CameraState, PictureFormat, TakenPicture, Variant
 
@@ -137,7 +143,7 @@ class Producer:
         if arrival is not None and is_new and (due := watched.due(wants, now_s)):
             picture = watched.topics.picture(arrival)
             if picture is not None:
-                self._make(name, watched, picture, due, now_s)
+                self._make(name, watched, picture, wants, due, now_s)
                 self._rest_until_s[name] = now_s + 1.0 / max(wants.values())
         state = CameraState(name, watched.topics.refusal(now_s), watched.topics.warning(now_s))
         if state != watched.state:
@@ -145,13 +151,21 @@ class Producer:
             self._state(state)
 
     def _make(
-        self, name: str, watched: _Watched, picture: CameraPicture, due: list[Variant], now_s: float
+        self,
+        name: str,
+        watched: _Watched,
+        picture: CameraPicture,
+        wants: Mapping[Variant, float],
+        due: list[Variant],
+        now_s: float,
     ) -> None:
         """Emit the picture as it is, then the encoded variants."""
         if "full" in due:
             self._send(name, watched, picture, "full", picture.format, picture.encoded, now_s)
         if "small" in due or "video" in due:
             self._encode(name, watched, picture, due, now_s)
+        elif not wants.keys() & {"small", "video"}:
+            watched.topics.undecoded = None  # nobody asks for it any more
 
     def _encode(
         self, name: str, watched: _Watched, picture: CameraPicture, due: list[Variant], now_s: float
@@ -169,8 +183,9 @@ class Producer:
                 unit, is_key = watched.video.encode(image)
                 self._send(name, watched, picture, "video", "h264", unit, now_s, is_key=is_key)
         except Damaged as error:
-            watched.topics.note_damage(error)
+            watched.topics.undecoded = damage_text(error)
             return
+        watched.topics.undecoded = None
         if "small" in due:
             self._send(name, watched, picture, "small", "jpeg", small(image), now_s)
 
