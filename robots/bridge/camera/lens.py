@@ -28,33 +28,31 @@ class CameraInfo(Protocol):
 
 
 class Misfit(ValueError):
-    """The camera info does not fit the pictures. The text is the reason; it follows "the camera info on /…"."""
+    """The camera info does not fit the pictures. The text is the reason, for staff."""
 
 
 def lens_of(info: CameraInfo, width: int, height: int, topic: str) -> Lens:
     """Return the pinhole of pictures of this size on this topic. Raises `Misfit`."""
-    size = f"({info.width} x {info.height}) does not fit its pictures ({width} x {height})"
-    if info.width < 1 or info.height < 1:
-        raise Misfit(size)
+    across, along = (width / info.width, height / info.height) if info.width and info.height else (0.0, 1.0)
+    if abs(across / along - 1.0) >= 0.02:
+        raise Misfit(f"it is of pictures of {info.width} x {info.height}, not {width} x {height}")
     is_rectified = _RECTIFIED in topic and info.P[0] > 0.0
     fx, fy, cx, cy = (
         (info.P[0], info.P[5], info.P[2], info.P[6])
         if is_rectified
         else (info.K[0], info.K[4], info.K[2], info.K[5])
     )
-    across, along = width / info.width, height / info.height
     lens = (fx * across, fy * along, cx * across, cy * along)
     plausible = (
-        abs(across / along - 1.0) < 0.02
-        and 0.1 * width < lens[0] < 20.0 * width
+        0.1 * width < lens[0] < 20.0 * width
         and 0.1 * height < lens[1] < 20.0 * height
         and 0.0 <= lens[2] <= width
         and 0.0 <= lens[3] <= height
     )
     if not plausible:
-        raise Misfit(size)
+        raise Misfit("its focal length or its middle makes no sense")
     if not is_rectified and (bent := _bent(info.distortion_model, info.D, lens, width, height)) > MOST_BENT:
-        raise Misfit(f"says that the lens bends its pictures by {bent:.0%}: choose a rectified topic")
+        raise Misfit(f"the lens bends its pictures by {bent:.0%}: choose a rectified topic")
     return lens
 
 

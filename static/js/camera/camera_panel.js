@@ -1,6 +1,7 @@
 /** The cameras on the control page: wires connection, pictures, views and head together. */
 
 import { socketUrl } from "../connection/socket.js";
+import { brief } from "../control/status/plain_words.js";
 import { dim } from "../lib/dom.js";
 import { recall } from "../lib/prefs.js";
 import { CameraSocket } from "./camera_socket.js";
@@ -113,7 +114,7 @@ export class CameraPanel {
     on(this.#socket, "picture", (picture) => this.#of(picture.header.camera)?.take(picture));
     on(this.#socket, "state", ({ camera, refusal, warning }) => {
       if (warning) tell({ level: "warning", code: `camera ${warning.code}`, text: warning.text });
-      const text = refusal?.text ?? "";
+      const text = brief(refusal?.text ?? "");
       if (camera === null) this.#shown((view) => (view.why = text));
       else if (this.#of(camera)) this.#of(camera).why = text;
     });

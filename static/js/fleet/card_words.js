@@ -1,7 +1,7 @@
 /** A robot on the fleet page and on the lab's monitor, in words. Pure. */
 
 import { minutesText } from "../control/lease.js";
-import { plain } from "../control/status/plain_words.js";
+import { brief } from "../control/status/plain_words.js";
 import {
   isSeen,
   pendingText,
@@ -59,7 +59,7 @@ export function cardOf({ state, refusal, seen_at: seenByConsole = null, pending 
     battery: unknown ? "–" : batteryText(state),
     health: unknown ? "–" : cardHealth(state.health ?? null, Date.now()),
     healthLevel: unknown ? "ok" : MARKS[state.health?.level ?? "ok"],
-    gate: unknown || plain(verdictText(state.verdict)) || gettext("Nothing holds it back"),
+    gate: unknown || brief(verdictText(state.verdict)) || gettext("Nothing holds it back"),
     stop: stopWord(stop.state, unknown),
     stopped: latched,
     stopWhy: latched
@@ -87,7 +87,7 @@ export function bookingWords({ booked = null, next_booked: next = null, free_in_
 }
 
 function watchdogMissing() {
-  return gettext("Its watchdog is missing: a stop depends on its bridge alone. Tell staff.");
+  return gettext("A safety program is missing: a stop depends on one program alone. Tell staff.");
 }
 
 function stopWord(state, unknown) {

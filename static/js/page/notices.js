@@ -1,5 +1,6 @@
 /** Results of a person's input: shown once at the edge of the screen, and kept in a log. */
 
+import { brief } from "../control/status/plain_words.js";
 import { closable } from "../lib/dialog.js";
 import { make, makeButton, mark, say } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
@@ -83,7 +84,7 @@ class Shown {
   }
 
   update({ text, times }) {
-    say(this.#text, text);
+    say(this.#text, brief(text)); // the log has all of it
     say(this.#times, timesText(times));
     this.#leftMs = SHOWN_MS;
     this.#bar.remove();

@@ -53,10 +53,15 @@ def test_a_lens_that_bends_its_picture_draws_nothing(given):
 
 
 @pytest.mark.parametrize(
-    "given",
-    [info(width=0), info(width=640, height=400), info((math.nan, *LENS[1:])), info((0.0, *LENS[1:]))],
+    ("given", "why"),
+    [
+        (info(width=0), "0 x 480, not 640 x 480"),
+        (info(height=400), "640 x 400, not 640 x 480"),
+        (info((math.nan, *LENS[1:])), "no sense"),
+        (info((0.0, *LENS[1:])), "no sense"),
+    ],
     ids=["empty", "shape", "no number", "zero"],
 )
-def test_an_info_of_another_picture_draws_nothing(given):
-    with pytest.raises(Misfit, match="does not fit"):
+def test_an_info_of_another_picture_draws_nothing(given, why):
+    with pytest.raises(Misfit, match=why):
         lens_of(given, 640, 480, RAW)

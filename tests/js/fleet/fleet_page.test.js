@@ -33,7 +33,7 @@ describe("a card", () => {
     const shown = cardOf({ state: { ...state, watchdog_missing: true }, refusal: null });
     expect(shown).toMatchObject({ level: "warn", status: "Online" });
     expect(shown.why).toBe(
-      "Its watchdog is missing: a stop depends on its bridge alone. Tell staff.",
+      "A safety program is missing: a stop depends on one program alone. Tell staff.",
     );
   });
 

@@ -140,7 +140,7 @@ class CameraTopics:
     def _picture(self, arrival: Arrival) -> CameraPicture:
         kind = str(arrival.message._connection_header.get("type", "*"))
         if kind != self.source.type:
-            raise Damaged(f"is a {cut(kind, NAME)}, not a {self.source.type}")
+            raise Damaged(f"is of another type than in the profile ({cut(kind, NAME)}, not {self.source.type})")
         if kind == "sensor_msgs/CompressedImage":
             message = CompressedImage().deserialize(arrival.message._buff)
             encoded = bytes(message.data)
@@ -166,12 +166,12 @@ class CameraTopics:
     def _lens(self, width: int, height: int) -> Lens | None:
         """Return the lens for pictures of this size; None without a camera info that fits them."""
         if self._info is None:
-            self._misfit = ("no_camera_info", f"no camera info comes on {self.source.info}")
+            self._misfit = ("no_camera_info", f"its lens is not known (no camera info comes on {self.source.info})")
             return None
         try:
             lens = lens_of(self._info, width, height, self.source.topic)
         except Misfit as error:
-            self._misfit = ("bad_camera_info", f"the camera info on {self.source.info} {error}")
+            self._misfit = ("bad_camera_info", f"its lens is not known (camera info on {self.source.info}: {error})")
             return None
         self._misfit = None
         return lens
@@ -181,7 +181,8 @@ class CameraTopics:
         try:
             place = self._frames.place(frame, stamp_s, patience_s=0.0, late_s=POSE_LATE_S)
         except PoseUnknown as unknown:
-            self._misfit = ("no_camera_place", str(unknown)[:MOST_WORDS])
+            why = f"where it is on the robot is not known ({str(unknown)[:MOST_WORDS]})"
+            self._misfit = ("no_camera_place", why)
             return None
         turned = place[:3, :3].T
         origin = -turned @ place[:3, 3]
@@ -212,7 +213,7 @@ class CameraTopics:
         since_s = now_s - (newest.arrived_s if newest else self._began_s)
         if since_s > SILENT_S:
             if not self._subscriber.get_num_connections():
-                text = "The camera is off: no node of the robot publishes its pictures."
+                text = "The camera is off: the robot sends no pictures of it."
                 return Refusal("no_publisher", text, "robot", figures)
             text = f"The camera has sent no picture for {since_s:.0f} s."
             return Refusal("camera_silent", text, "robot", {**figures, "silent_s": round(since_s)})

@@ -45,6 +45,11 @@ export function plain(text, names = new Map()) {
   return plainer.replace(/\bsonar(s?)\b/g, "distance sensor$1");
 }
 
+/** The same without brackets that hold technical names: *Details* has them. */
+export function brief(text, names) {
+  return plain(text, names).replace(/ \([^()]*(?:\w_\w|\B\/\w|\btf\b)[^()]*\)/g, "");
+}
+
 /** The way of a stick position to the robot, in plain words. @param {string} steps in the bridge's words */
 export function stickWords(steps) {
   return steps === "no filter"

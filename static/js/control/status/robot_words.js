@@ -171,7 +171,7 @@ export function banner({
   if (state.watchdog_missing) {
     return {
       level: "watchdog",
-      title: gettext("No watchdog: keep the red button in reach"),
+      title: gettext("A safety program is missing: keep the red button in reach"),
       text: `${watchdogText(state)} ${gettext("Tell staff: the console’s log says why.")}`,
     };
   }
@@ -192,7 +192,7 @@ export function overloadText({ overload = null }) {
 export function watchdogText({ watchdog_missing: missing = false }) {
   return missing
     ? gettext(
-        "A stop depends on the robot’s bridge alone: if that fails, the stop waits until it is back.",
+        "A stop depends on one program alone, the robot’s bridge: if that fails, the stop waits until it is back. The watchdog is missing.",
       )
     : "";
 }

@@ -5,7 +5,7 @@ import { Announcer } from "../../lib/announce.js";
 import { mark, say, show } from "../../lib/dom.js";
 import { SAID_MS } from "../stop/stop_button.js";
 import { Details, fill } from "./details.js";
-import { namesOf, plain } from "./plain_words.js";
+import { brief, namesOf } from "./plain_words.js";
 import { Reasons } from "./reasons.js";
 import { banner, connectionFact, isStale, limitsOf, stopText, verdictText } from "./robot_words.js";
 
@@ -100,10 +100,10 @@ export class StatusBar {
   #showGate(verdict, cut) {
     const { words, limits } = this.#parts;
     const standing = cut ? [] : limitsOf(verdict);
-    const texts = standing.map(({ text }) => plain(text, this.#names));
+    const texts = standing.map(({ text }) => brief(text, this.#names));
     fill(limits, texts);
     for (const [i, { holds }] of standing.entries()) mark(limits.children[i], "held", holds);
-    const text = cut ? "" : plain(verdictText(verdict), this.#names);
+    const text = cut ? "" : brief(verdictText(verdict), this.#names);
     const now = performance.now();
     this.#reasons.add(verdict, text, now);
     const shown = text || (cut ? "" : this.#reasons.recent(now));

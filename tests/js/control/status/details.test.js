@@ -65,7 +65,7 @@ describe("the panel", () => {
 
   test("says that the watchdog is missing, while it is", () => {
     details.state = { ...STATE, watchdog_missing: true };
-    expect(parts.watchdog.textContent).toContain("the robot’s bridge alone");
+    expect(parts.watchdog.textContent).toContain("one program alone");
     details.state = STATE;
     expect(parts.watchdog.hidden).toBe(true);
   });

@@ -47,8 +47,8 @@ describe("the banner", () => {
     const state = { ...ONLINE, watchdog_missing: true };
     expect(banner({ ...WELL, state })).toMatchObject({
       level: "watchdog",
-      title: "No watchdog: keep the red button in reach",
-      text: expect.stringContaining("A stop depends on the robot’s bridge alone"),
+      title: "A safety program is missing: keep the red button in reach",
+      text: expect.stringContaining("A stop depends on one program alone"),
     });
     const stop = { ...CLEAR, state: "stopped", by: "Bo" };
     expect(banner({ ...WELL, state: { ...state, stop } }).title).toBe("Stopped by Bo");
