@@ -12,10 +12,12 @@ import math
 import os
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from benchmarks.driving.drive import BARE_STICKS, SLOT, delays, drive
 from benchmarks.harness import Figure, progress, quantile
@@ -24,7 +26,15 @@ from benchmarks.parts.cable import Cable, Profile
 from benchmarks.parts.observer import SYSTEM_PYTHON, Observer, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
 from benchmarks.parts.viewer_crowd import Crowd
-from benchmarks.views.camera_page import CameraPage, Measured, console_page, first_picture_s, mjpeg_page
+from benchmarks.views.camera_page import (
+    CameraPage,
+    Measured,
+    console_page,
+    first_picture_s,
+    mjpeg_page,
+    until_connected,
+)
+from benchmarks.views.mjpeg_crowd import MjpegCrowd
 from robots.bridge.camera.camera_client import LINGER_S
 from script.stack.client import Driver, sign_in
 from script.stack.processes import ReservedPort
@@ -48,7 +58,14 @@ LOST_PERCENT = 1.0
 CORE_PERCENT = 5.0
 COMMAND_TIMES = 1.2
 
-PageOf = Callable[[], AbstractAsyncContextManager[CameraPage]]
+PageContext = AbstractAsyncContextManager[CameraPage]
+
+
+class Mjpeg(NamedTuple):
+    """The baseline's server."""
+
+    port: int
+    pid: int
 
 
 def measure() -> list[Figure]:
@@ -64,19 +81,16 @@ async def measure_on(stack: Stack) -> list[Figure]:
     cookie = await asyncio.to_thread(sign_in, stack, "observer")
     bench = Bench(stack, cookie)
     figures: list[Figure] = []
-    if "first" in parts:
-        figures += await bench.first_picture()
-    with bench.mjpeg():
-        if "glass" in parts:
-            figures += await bench.glass_to_glass()
-        if "slow" in parts:
-            figures += await bench.slow_network()
-    if "stall" in parts:
-        figures += await bench.one_stalls()
-    if "cost" in parts:
-        figures += await bench.cost()
-    if "commands" in parts:
-        figures += await commands(stack, cookie)
+    for part, measured in (
+        ("first", bench.first_picture),
+        ("glass", bench.glass_to_glass),
+        ("slow", bench.slow_network),
+        ("stall", bench.one_stalls),
+        ("cost", bench.cost),
+        ("commands", bench.commands),
+    ):
+        if part in parts:
+            figures += await measured()
     return figures
 
 
@@ -87,18 +101,17 @@ class Bench:
         self._stack = stack
         self._cookie = cookie
         self._seconds = float(os.environ.get("FLEET_BENCH_SECONDS", MEASURED_S))
-        self._mjpeg_port = 0
 
-    @contextmanager
-    def mjpeg(self) -> Iterator[None]:
-        """Serve the same camera as MJPEG over HTTP, the baseline."""
+    @asynccontextmanager
+    async def _mjpeg(self) -> AsyncIterator[Mjpeg]:
+        """Context: the same camera served as MJPEG over HTTP, the baseline."""
         port = ReservedPort()
-        self._mjpeg_port = port.number
         robot = self._stack.robots[ROBOT]
         command = [SYSTEM_PYTHON, str(MJPEG), str(port.number)]
         child = self._stack.start_child("bench-mjpeg", command, robot.environment)
         try:
-            yield
+            await until_connected(port.number)
+            yield Mjpeg(port.number, child.pid)
         finally:
             self._stack.release(child)
             port.close()
@@ -113,11 +126,21 @@ class Bench:
             progress(f"page opened without a camera process, {number + 1} of {OPENINGS} ...")
             await self._camera_process_ends()
             for times_s in (cold_s, warm_s):
-                times_s.append(await first_picture_s(self._stack, ROBOT, self._cookie))
+                times_s.append(await first_picture_s(self._stack, self._cookie, self._page_of_robot))
+        async with self._mjpeg() as mjpeg:
+            address = f"http://127.0.0.1:{mjpeg.port}/"
+            baseline_s = [
+                await first_picture_s(self._stack, self._cookie, address, "img") for _ in range(OPENINGS)
+            ]
         return [
+            Figure("MJPEG: first picture, worst", max(baseline_s), "s"),
             Figure("page opened, no camera process: first picture, worst", max(cold_s), "s", FIRST_S),
             Figure("page opened again: first picture, worst", max(warm_s), "s", FIRST_S),
         ]
+
+    @property
+    def _page_of_robot(self) -> str:
+        return f"{self._stack.url}/robots/{ROBOT}/"
 
     async def _camera_process_ends(self) -> None:
         end_s = time.monotonic() + LINGER_S + 10.0
@@ -129,9 +152,14 @@ class Bench:
     # --- glass to glass ----------------------------------------------------------------------------
 
     async def glass_to_glass(self) -> list[Figure]:
-        """Measure the age of pictures on a page: MJPEG, then ours with one and with ten viewers."""
-        mjpeg = await self._watched("MJPEG", lambda: mjpeg_page(self._stack, self._cookie, self._mjpeg_port))
-        figures = ages("MJPEG, 1 viewer", mjpeg)
+        """Measure the age of pictures on a page: MJPEG and ours, with one and with ten viewers."""
+        figures: list[Figure] = []
+        async with self._mjpeg() as mjpeg:
+            for count in (1, VIEWERS):
+                name = f"MJPEG, {count} viewer{'s' if count > 1 else ''}"
+                async with MjpegCrowd(mjpeg.port, count - 1):
+                    page = partial(mjpeg_page, self._stack, self._cookie, mjpeg.port)
+                    figures += ages(name, await self._watched(name, page))
         alone = await self._watched("1 viewer", self._console)
         figures += ages("1 viewer", alone, AGE_P50_MS, AGE_P95_MS)
         async with self._crowd(VIEWERS - 1):
@@ -139,7 +167,7 @@ class Bench:
         figures += ages(f"{VIEWERS} viewers", crowded, AGE_P50_MS, AGE_P95_MS)
         return figures
 
-    async def _watched(self, name: str, page_of: PageOf) -> Measured:
+    async def _watched(self, name: str, page_of: Callable[[], PageContext]) -> Measured:
         progress(f"{name} ...")
         async with page_of() as page:
             await asyncio.sleep(SETTLED_S)
@@ -156,32 +184,26 @@ class Bench:
     async def slow_network(self) -> list[Figure]:
         """Measure age and rate over a slow network. Pages load over a fast one, which then becomes slow."""
         figures: list[Figure] = []
-        for name, port, limits in (
-            ("MJPEG", self._mjpeg_port, (None, None)),
-            ("ours", self._stack.port, (SLOW_P95_MS, SLOW_HZ)),
-        ):
-            progress(f"{name} at {SLOW.name} ...")
-            async with self._slow_page(name, port) as page:
-                measured = await page.measure(self._seconds)
-            title = f"{name} at {SLOW.name}"
-            figures += ages(title, measured, None, limits[0])
-            if limits[1] is not None:
-                period_ms = 1000.0 / measured.rate_hz if measured.rate_hz else math.nan
-                figures.append(Figure(f"{title}: between pictures", period_ms, "ms", 1000.0 / limits[1]))
+        async with self._mjpeg() as mjpeg:
+            page = partial(mjpeg_page, self._stack, self._cookie)
+            measured = await self._slowly(f"MJPEG at {SLOW.name}", mjpeg.port, page)
+            figures += ages(f"MJPEG at {SLOW.name}", measured)
+        for decodes_video in (True, False):
+            title = f"ours at {SLOW.name}, browser {'with' if decodes_video else 'without'} video"
+            page = partial(console_page, self._stack, ROBOT, self._cookie, decodes_video=decodes_video)
+            measured = await self._slowly(title, self._stack.port, page)
+            figures += ages(title, measured, None, SLOW_P95_MS)
+            period_ms = 1000.0 / measured.rate_hz if measured.rate_hz else math.nan
+            figures.append(Figure(f"{title}: between pictures", period_ms, "ms", 1000.0 / SLOW_HZ))
+            figures.append(Figure(f"{title}: share of H.264", measured.video_share, ""))
         return figures
 
-    @asynccontextmanager
-    async def _slow_page(self, name: str, port: int) -> AsyncIterator[CameraPage]:
-        async with AsyncExitStack() as closing:
-            cable = await closing.enter_async_context(Cable(("127.0.0.1", 0), ("127.0.0.1", port)))
-            if name == "MJPEG":
-                page = await closing.enter_async_context(mjpeg_page(self._stack, self._cookie, cable.port))
-            else:
-                opening = console_page(self._stack, ROBOT, self._cookie, cable.port)
-                page = await closing.enter_async_context(opening)
+    async def _slowly(self, name: str, port: int, page_of: Callable[[int], PageContext]) -> Measured:
+        progress(f"{name} ...")
+        async with Cable(("127.0.0.1", 0), ("127.0.0.1", port)) as cable, page_of(cable.port) as page:
             cable.profile = SLOW
             await asyncio.sleep(ADAPTED_S)
-            yield page
+            return await page.measure(self._seconds)
 
     # --- one viewer stalls -------------------------------------------------------------------------
 
@@ -200,11 +222,21 @@ class Bench:
                 rates_hz.append(await self._slowest_hz(crowd))
         alone_hz, beside_hz = rates_hz
         lost = 100.0 * (1.0 - beside_hz / alone_hz) if alone_hz else math.nan
+        baseline_hz = await self._slowest_hz_of_mjpeg()
         return [
+            Figure("MJPEG, one stalls: pictures of the slowest other", baseline_hz, "/s"),
             Figure("none stalls: pictures of the slowest viewer", alone_hz, "/s"),
             Figure("one stalls: pictures of the slowest other", beside_hz, "/s"),
             Figure("one stalls: the slowest other loses", lost, "%", LOST_PERCENT),
         ]
+
+    async def _slowest_hz_of_mjpeg(self) -> float:
+        async with self._mjpeg() as mjpeg, MjpegCrowd(mjpeg.port, VIEWERS, one_stalls=True) as crowd:
+            await asyncio.sleep(SETTLED_S)
+            before, began_s = list(crowd.seen), time.monotonic()
+            await asyncio.sleep(self._seconds)
+            spent_s = time.monotonic() - began_s
+            return min(now - then for now, then in zip(crowd.seen[:-1], before, strict=False)) / spent_s
 
     async def _slowest_hz(self, crowd: Crowd) -> float:
         """Return the pictures a second of the viewer with the fewest, of those who read."""
@@ -230,8 +262,12 @@ class Bench:
             web, process = await self._used(camera)
             shown_hz = sum(len(arrivals) for arrivals in crowd.seen.values()) / VIEWERS / self._seconds
             memory = process_stats.resident_mb(camera)
+        async with self._mjpeg() as mjpeg, MjpegCrowd(mjpeg.port, VIEWERS):
+            await asyncio.sleep(SETTLED_S)
+            _, baseline = await self._used(mjpeg.pid)
         name = f"{VIEWERS} viewers"
         return [
+            Figure(f"MJPEG, {name}: its server", baseline, "%"),
             Figure(f"{name}: web process adds", web - idle, "%"),
             Figure(f"{name}: camera process", process, "%"),
             Figure(f"{name}: both", web - idle + process, "%", CORE_PERCENT),
@@ -251,6 +287,57 @@ class Bench:
         ]
         return used[0], sum(used[1:])
 
+    # --- commands ----------------------------------------------------------------------------------
+
+    async def commands(self) -> list[Figure]:
+        """Compare delays of commands without viewers, with ten of the console and with ten of MJPEG, in turn.
+
+        A node of the robot subscribes to the camera all the time, so that the simulator always draws: only the work
+        for viewers differs.
+        """
+        progress(f"commands, with {VIEWERS} camera viewers and without, in turn ...")
+        robot = self._stack.robots[ROBOT]
+        watcher = start_ros_side(self._stack, robot, "watch_camera")
+        operator = await asyncio.to_thread(sign_in, self._stack, "operator")
+        alone_s: list[float] = []
+        watched_s: list[float] = []
+        baseline_s: list[float] = []
+        async with (
+            self._mjpeg() as mjpeg,
+            Observer(robot) as observer,
+            Driver(self._stack, ROBOT, operator) as driver,
+            self._crowd(VIEWERS) as crowd,
+        ):
+            await driver.take()
+            await driver.until(lambda: driver.state and all(sensor.ok for sensor in driver.state.sensors))
+            for _ in range(int(os.environ.get("FLEET_BENCH_SLOTS", SLOTS))):
+                await crowd.watch(on=False)
+                alone_s += await drive(driver, observer, SLOT)
+                crowd.seen.clear()
+                await crowd.watch(on=True)
+                await crowd.until(lambda: crowd.seen)
+                watched_s += await drive(driver, observer, SLOT)
+                await crowd.watch(on=False)
+                async with MjpegCrowd(mjpeg.port, VIEWERS):
+                    baseline_s += await drive(driver, observer, SLOT)
+        self._stack.release(watcher)
+        alone_p99_s = quantile(alone_s, 0.99)
+        return [
+            *delays("commands without viewers", alone_s),
+            *delays(f"commands with {VIEWERS} viewers", watched_s),
+            Figure(
+                f"commands with {VIEWERS} viewers of MJPEG p99 / without",
+                quantile(baseline_s, 0.99) / alone_p99_s,
+                "times",
+            ),
+            Figure(
+                f"commands with {VIEWERS} viewers p99 / without",
+                quantile(watched_s, 0.99) / alone_p99_s,
+                "times",
+                COMMAND_TIMES,
+            ),
+        ]
+
     def _camera_processes(self) -> list[int]:
         return [
             child
@@ -268,43 +355,4 @@ def ages(
         Figure(f"{name}: age p50", measured.age_ms(0.50), "ms", p50_ms),
         Figure(f"{name}: age p95", measured.age_ms(0.95), "ms", p95_ms),
         Figure(f"{name}: pictures", measured.rate_hz, "/s"),
-    ]
-
-
-async def commands(stack: Stack, cookie: str) -> list[Figure]:
-    """Compare delays of commands with and without ten camera viewers, in turn.
-
-    A node of the robot subscribes to the camera all the time, so that the simulator always draws: only the console's
-    work differs.
-    """
-    progress(f"commands, with {VIEWERS} camera viewers and without, in turn ...")
-    robot = stack.robots[ROBOT]
-    watcher = start_ros_side(stack, robot, "watch_camera")
-    operator = await asyncio.to_thread(sign_in, stack, "operator")
-    alone_s: list[float] = []
-    watched_s: list[float] = []
-    async with (
-        Observer(robot) as observer,
-        Driver(stack, ROBOT, operator) as driver,
-        Crowd(stack, ROBOT, cookie, VIEWERS, camera=CAMERA) as crowd,
-    ):
-        await driver.take()
-        await driver.until(lambda: driver.state and all(sensor.ok for sensor in driver.state.sensors))
-        for _ in range(int(os.environ.get("FLEET_BENCH_SLOTS", SLOTS))):
-            await crowd.watch(on=False)
-            alone_s += await drive(driver, observer, SLOT)
-            crowd.seen.clear()
-            await crowd.watch(on=True)
-            await crowd.until(lambda: crowd.seen)
-            watched_s += await drive(driver, observer, SLOT)
-    stack.release(watcher)
-    return [
-        *delays("commands without viewers", alone_s),
-        *delays(f"commands with {VIEWERS} viewers", watched_s),
-        Figure(
-            f"commands with {VIEWERS} viewers p99 / without",
-            quantile(watched_s, 0.99) / quantile(alone_s, 0.99),
-            "times",
-            COMMAND_TIMES,
-        ),
     ]

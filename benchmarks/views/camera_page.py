@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -54,10 +55,11 @@ _WATCH = """
 }
 """
 
-# The page gives its canvas the picture's size when it paints the first one.
+# The page gives its canvas the picture's size when it paints the first one; an image has the size of its own.
 _PAINTED = """
 ([selector, width]) => {
-  const isPainted = document.querySelector(selector)?.width === width;
+  const shown = document.querySelector(selector);
+  const isPainted = (shown?.naturalWidth ?? shown?.width) === width;
   return isPainted ? performance.now() : null;
 }
 """
@@ -76,6 +78,7 @@ class Measured:
 
     pictures: list[Shown]
     seconds: float
+    video_share: float  # of the pictures that came, as H.264
 
     def age_ms(self, share: float) -> float:
         """Return a quantile of the ages, in milliseconds."""
@@ -90,23 +93,25 @@ class Measured:
 class CameraPage:
     """A page whose canvas shows pictures with a clock code."""
 
-    def __init__(self, page: Page, offset_s: float) -> None:
+    def __init__(self, page: Page, offset_s: float, formats: list[str]) -> None:
         self._page = page
         self._offset_s = offset_s
+        self._formats = formats  # of pictures that came over its WebSocket; it grows
 
     async def measure(self, seconds: float) -> Measured:
         """Watch for some seconds."""
         await self._page.evaluate("window.benchSeen.length = 0")
+        self._formats.clear()
         await asyncio.sleep(seconds)
         seen: list[list[float]] = await self._page.evaluate("window.benchSeen")
         shown = []
         for ticks, at_ms in seen:
             at_s = self._offset_s + at_ms / 1000.0
             shown.append(Shown((at_s - ticks / TICKS_PER_S) % (2**32 / TICKS_PER_S), at_s))
-        return Measured(shown, seconds)
+        return Measured(shown, seconds, self._formats.count("h264") / max(len(self._formats), 1))
 
 
-async def _watching(page: Page, canvas: str, image: str | None) -> CameraPage:
+async def _watching(page: Page, canvas: str, image: str | None, formats: list[str]) -> CameraPage:
     await page.wait_for_selector(canvas)
     await page.evaluate(_WATCH, [canvas, image, BLOCKS])
     end_s = time.monotonic() + FIRST_PICTURE_S
@@ -114,30 +119,48 @@ async def _watching(page: Page, canvas: str, image: str | None) -> CameraPage:
         if time.monotonic() > end_s:
             raise TimeoutError(f"{page.url} shows no picture with a clock code.")
         await asyncio.sleep(0.1)
-    return CameraPage(page, await clock_offset_s(page))
+    return CameraPage(page, await clock_offset_s(page), formats)
+
+
+def _formats_of(page: Page) -> list[str]:
+    """Return the formats of all pictures that come over the page's WebSockets; the list grows."""
+    formats: list[str] = []
+
+    def received(frame: str | bytes) -> None:
+        if isinstance(frame, bytes):  # the header's length, the header, the picture
+            formats.append(json.loads(frame[4 : 4 + int.from_bytes(frame[:4], "big")])["format"])
+
+    page.on("websocket", lambda socket: socket.on("framereceived", received))
+    return formats
 
 
 @asynccontextmanager
 async def console_page(
-    stack: Stack, slug: str, cookie: str, port: int | None = None
+    stack: Stack, slug: str, cookie: str, port: int | None = None, *, decodes_video: bool = True
 ) -> AsyncIterator[CameraPage]:
-    """Context: the robot's page, which shows its camera. `port` is that of a cable to the console."""
+    """Context: the robot's page, which shows its camera. `port` is that of a cable to the console.
+
+    Without `decodes_video` the browser is one that decodes no H.264.
+    """
     rules = (f"MAP {stack.hosts[0]}:{stack.port} {stack.hosts[0]}:{port}",) if port else ()
     async with signed_in(stack, cookie, rules) as page:
+        if not decodes_video:
+            await page.add_init_script("delete window.VideoDecoder")
+        formats = _formats_of(page)
         await page.goto(f"{stack.url}/robots/{slug}/")
-        yield await _watching(page, CANVAS, None)
+        yield await _watching(page, CANVAS, None, formats)
 
 
-async def first_picture_s(stack: Stack, slug: str, cookie: str) -> float:
-    """Return the seconds from the navigation to a robot's page until it shows a picture of its camera.
+async def first_picture_s(stack: Stack, cookie: str, address: str, element: str = CANVAS) -> float:
+    """Return the seconds from the navigation to an address until its canvas, or image, has a picture of the camera.
 
     The browser is new: its cache is empty.
     """
     async with signed_in(stack, cookie) as page:
         await page.goto(f"{stack.url}/healthz")  # the browser's own start does not count
-        await page.goto(f"{stack.url}/robots/{slug}/", wait_until="commit")
+        await page.goto(address, wait_until="commit")
         painted = await page.wait_for_function(
-            _PAINTED, arg=[CANVAS, WIDTH], polling="raf", timeout=1000.0 * FIRST_PICTURE_S
+            _PAINTED, arg=[element, WIDTH], polling="raf", timeout=1000.0 * FIRST_PICTURE_S
         )
         return float(await painted.json_value()) / 1000.0
 
@@ -149,7 +172,7 @@ async def mjpeg_page(stack: Stack, cookie: str, port: int) -> AsyncIterator[Came
         page = await closing.enter_async_context(signed_in(stack, cookie))
         await until_connected(port)
         await page.goto(f"http://127.0.0.1:{port}/", wait_until="commit")  # its stream never ends
-        yield await _watching(page, "canvas", "img")
+        yield await _watching(page, "canvas", "img", [])
 
 
 async def until_connected(port: int) -> None:
