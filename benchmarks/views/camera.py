@@ -1,4 +1,4 @@
-"""Live camera: first picture, glass to glass in Chromium beside MJPEG, cost, slow network, stalled viewer, commands.
+"""Live camera: first picture, age on the page beside MJPEG, cost, slow network, stalled viewer, lost right, commands.
 
 The simulated head camera draws the time into its pictures; Chromium's page reads it from its canvas. A picture's age
 counts from the robot's stamp, so drawing and encoding in the simulator are part of it. `FLEET_BENCH_PARTS`,
@@ -25,6 +25,7 @@ from benchmarks.parts import process_stats
 from benchmarks.parts.cable import Cable, Profile
 from benchmarks.parts.observer import SYSTEM_PYTHON, Observer, start_ros_side
 from benchmarks.parts.priority import prefer_loops_or_say
+from benchmarks.parts.role_switch import role_switch
 from benchmarks.parts.viewer_crowd import Crowd
 from benchmarks.views.camera_page import (
     CameraPage,
@@ -43,7 +44,7 @@ from script.stack.stack import Stack, temporary_stack
 ROBOT, CAMERA = "tiago-1", "head"
 PLAN = replace(BARE_STICKS[0], options=("--camera-clock",))
 MJPEG = Path(__file__).with_name("mjpeg.py")
-PARTS = ("first", "glass", "slow", "stall", "cost", "commands")
+PARTS = ("first", "glass", "slow", "stall", "rights", "cost", "commands")
 MEASURED_S = 20.0
 SETTLED_S = 3.0
 VIEWERS = 10
@@ -55,6 +56,8 @@ FIRST_S = 2.0
 AGE_P50_MS, AGE_P95_MS = 60.0, 120.0
 SLOW_HZ, SLOW_P95_MS = 8.0, 400.0
 LOST_PERCENT = 1.0
+RIGHTS_LOST = 10  # times
+ENDS_S = 1.0
 CORE_PERCENT = 5.0
 COMMAND_TIMES = 1.2
 
@@ -86,6 +89,7 @@ async def measure_on(stack: Stack) -> list[Figure]:
         ("glass", bench.glass_to_glass),
         ("slow", bench.slow_network),
         ("stall", bench.one_stalls),
+        ("rights", bench.rights_lost),
         ("cost", bench.cost),
         ("commands", bench.commands),
     ):
@@ -246,6 +250,24 @@ class Bench:
         spent_s = time.monotonic() - began_s
         counts = Counter(viewer for arrivals in crowd.seen.values() for viewer in arrivals)
         return min((counts[viewer] for viewer in range(VIEWERS - 1)), default=0) / spent_s
+
+    # --- rights ------------------------------------------------------------------------------------
+
+    async def rights_lost(self) -> list[Figure]:
+        """Take the viewer's role away while it watches: seconds from the commit to the last picture."""
+        progress("rights lost ...")
+        lasted_s = []
+        async with role_switch(self._stack, ROBOT) as switch:
+            for number in range(RIGHTS_LOST):
+                async with self._crowd(1) as crowd:
+                    await crowd.until(lambda crowd=crowd: crowd.seen)  # type: ignore[misc]
+                    await asyncio.sleep(0.1 * number)  # at any time between two looks at rights
+                    taken_s = await switch("")
+                    await asyncio.sleep(2.0 * ENDS_S)
+                    last_s = max(at_s for arrivals in crowd.seen.values() for at_s in arrivals.values())
+                lasted_s.append(last_s - taken_s)
+                await switch("observer")
+        return [Figure("right lost: last picture after, worst of ten", max(lasted_s), "s", ENDS_S)]
 
     # --- cost --------------------------------------------------------------------------------------
 

@@ -140,7 +140,9 @@ class CameraTopics:
     def _picture(self, arrival: Arrival) -> CameraPicture:
         kind = str(arrival.message._connection_header.get("type", "*"))
         if kind != self.source.type:
-            raise Damaged(f"is of another type than in the profile ({cut(kind, NAME)}, not {self.source.type})")
+            raise Damaged(
+                f"is of another type than in the profile ({cut(kind, NAME)}, not {self.source.type})"
+            )
         if kind == "sensor_msgs/CompressedImage":
             message = CompressedImage().deserialize(arrival.message._buff)
             encoded = bytes(message.data)
@@ -166,12 +168,18 @@ class CameraTopics:
     def _lens(self, width: int, height: int) -> Lens | None:
         """Return the lens for pictures of this size; None without a camera info that fits them."""
         if self._info is None:
-            self._misfit = ("no_camera_info", f"its lens is not known (no camera info comes on {self.source.info})")
+            self._misfit = (
+                "no_camera_info",
+                f"its lens is not known (no camera info comes on {self.source.info})",
+            )
             return None
         try:
             lens = lens_of(self._info, width, height, self.source.topic)
         except Misfit as error:
-            self._misfit = ("bad_camera_info", f"its lens is not known (camera info on {self.source.info}: {error})")
+            self._misfit = (
+                "bad_camera_info",
+                f"its lens is not known (camera info on {self.source.info}: {error})",
+            )
             return None
         self._misfit = None
         return lens

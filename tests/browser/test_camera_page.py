@@ -1,0 +1,150 @@
+"""The control page of a robot with two cameras: every size and theme, old picture, notices and requests beside it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+from script.stack.stack import Stack
+from tests.browser.conftest import ROBOTS
+from tests.browser.people import Person, robot_side, running_stack
+from tests.browser.test_camera import shows_a_picture
+from tests.browser.test_pages import SIZES, box_of, found_by_axe, overlap, too_small
+
+Arrive = Callable[..., Person]
+ROBOT = "tiago-2"
+
+
+@pytest.fixture(scope="module")
+def stack_with_cameras(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    """A console with one robot, which has a second camera behind."""
+    plan = replace(ROBOTS[1], camera=True, rear_camera=True)
+    with running_stack(tmp_path_factory.mktemp("cameras"), [plan]) as stack:
+        yield stack
+
+
+@pytest.fixture
+def person(stack_with_cameras: Stack, browser: Browser) -> Iterator[Arrive]:
+    """`person("operator")`: a signed-in person of that console."""
+    with ExitStack() as leaving:
+
+        def arrive(role: str, **looks: Any) -> Person:
+            somebody = Person(stack_with_cameras, browser, role, **looks)
+            somebody.sign_in()
+            leaving.callback(somebody.leave)
+            return somebody
+
+        yield arrive
+
+
+@pytest.fixture
+def faults(stack_with_cameras: Stack, tmp_path: Path) -> Iterator[Callable[[str], None]]:
+    """``faults(names)`` sets the simulated robot's faults; they end with the test."""
+    with robot_side(stack_with_cameras.robots[ROBOT], "faults", tmp_path / "said") as process:
+        assert process.stdin is not None
+
+        def begin(names: str) -> None:
+            assert process.stdin is not None
+            process.stdin.write(f"{names}\n")
+            process.stdin.flush()
+
+        yield begin
+        begin("none")
+        process.stdin.close()
+        process.wait(timeout=20.0)
+
+
+def open_view_bar(person: Person) -> None:
+    """On a small screen one button opens it."""
+    opener = person.part("view-open")
+    if opener.is_visible() and opener.get_attribute("aria-expanded") == "false":
+        opener.click()
+
+
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_the_page_with_two_cameras_fits_every_window(person: Arrive, width: int, height: int) -> None:
+    operator = person("operator", width=width, height=height)
+    operator.take(ROBOT)
+    shows_a_picture(operator)
+    open_view_bar(operator)
+    operator.press("Second camera")
+    second = operator.part("second")
+    expect(second.locator(".camera-words")).to_be_hidden()
+    for theme in ("light", "dark"):
+        operator.page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
+        open_view_bar(operator)
+        assert found_by_axe(operator) == [], theme
+    open_view_bar(operator)
+    assert too_small(operator) == []
+    operator.page.keyboard.press("Escape")
+    tools = [box_of(one) for one in operator.page.locator(".picture-tools button:visible").all()]
+    assert tools and not any(overlap(box_of(second), one) for one in tools)
+    stick, stop = box_of(operator.part("zone")), box_of(operator.page.locator("form.stop .stop-button"))
+    assert not any(overlap(box_of(operator.part("camera")), one) for one in (stick, stop))
+
+    operator.part("second-swap").click()
+    expect(operator.part("camera").locator(".camera-picture")).to_have_attribute(
+        "aria-label", re.compile("Behind|Rear", re.IGNORECASE)
+    )
+    shows_a_picture(operator)
+    operator.part("second-swap").click()
+    expect(operator.part("camera").locator(".camera-picture")).to_have_attribute("aria-label", "Head camera")
+    operator.release()
+    assert operator.complaints == []
+
+
+def test_a_picture_that_stands_still_is_grey_and_slows_the_robot(
+    person: Arrive, faults: Callable[[str], None]
+) -> None:
+    operator = person("operator")
+    operator.take(ROBOT)
+    shows_a_picture(operator)
+    operator.part("views").get_by_role("button", name="Camera").click()
+    faults("camera_frozen")
+    expect(operator.part("camera")).to_have_attribute("data-old", "true")
+    expect(operator.part("camera").locator(".camera-age")).to_have_text(re.compile(r"picture \d+\.\d s old"))
+
+    def held_to() -> float | None:
+        """The bridge's limit for the late picture, m/s."""
+        limits = operator.state["verdict"]["limits"]
+        found = [limit for limit in limits if limit["code"] == "camera_late"]
+        return float(re.search(r"held to ([\d.]+) m/s", found[0]["text"])[1]) if found else None  # type: ignore[index]
+
+    operator.push("w", until=held_to, what="a limit for the late picture")
+    operator.until(lambda: (held_to() or 1.0) < 0.3, "a lower limit for an older picture")
+    expect(operator.part("limits")).to_contain_text("the camera’s picture comes after")
+    assert abs(operator.state["odometry"]["vx"]) < 0.35
+    faults("none")
+    operator.until(lambda: held_to() is None, "the end of the limit")
+    operator.let_go("w")
+    expect(operator.part("camera")).not_to_have_attribute("data-old", "true")
+    operator.release()
+
+
+def test_notices_and_requests_leave_camera_and_chart_free(person: Arrive) -> None:
+    operator, staff = person("operator"), person("staff")
+    operator.take(ROBOT)
+    shows_a_picture(operator)
+    chart, camera = box_of(operator.part("chart")), box_of(operator.part("picture-area"))
+    staff.watch(ROBOT)
+    staff.press("Ask for control")
+    operator.page.get_by_role("button", name="Hand over to Staff").wait_for()
+    assert box_of(operator.part("chart")) == chart
+    assert not overlap(box_of(operator.part("requests")), camera)
+    staff.press("Leave the line")
+    play = staff.part("motion-list").get_by_role("button").first
+    play.wait_for()
+    play.evaluate("button => button.click()")  # refused: staff has no control
+    notice = staff.page.locator(".notices .notice").first
+    notice.wait_for()
+    shown = box_of(notice)
+    for protected in ("picture-area", "zone", "stop"):
+        assert not overlap(shown, box_of(staff.part(protected))), protected
+    operator.release()
