@@ -26,6 +26,7 @@ from robots import wire
 
 VIEW = b'{"t":"view"'
 _TEXT = 0x81
+_CLOSE = 0x88
 _MASKED = 0x80
 _NO_MASK = bytes(4)  # masking with zeros leaves the bytes unchanged
 
@@ -122,6 +123,9 @@ class Page(asyncio.Protocol):
         """Return the next complete message, None if there is none yet."""
         received = self._received
         if len(received) < 2:
+            return None
+        if received[0] == _CLOSE:
+            self._transport.close()
             return None
         begin, length = 2, received[1]
         if length == 126:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
+import signal
 import time
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
@@ -60,6 +61,7 @@ RIGHTS_LOST = 10  # times
 ENDS_S = 1.0
 CORE_PERCENT = 5.0
 COMMAND_TIMES = 1.2
+BAD_PICTURES = "camera_bomb"
 
 PageContext = AbstractAsyncContextManager[CameraPage]
 
@@ -312,7 +314,7 @@ class Bench:
     # --- commands ----------------------------------------------------------------------------------
 
     async def commands(self) -> list[Figure]:
-        """Compare delays of commands without viewers, with ten of the console and with ten of MJPEG, in turn.
+        """Compare delays of commands without viewers, with ten, with ten while the camera fails, and with MJPEG's ten.
 
         A node of the robot subscribes to the camera all the time, so that the simulator always draws: only the work
         for viewers differs.
@@ -324,6 +326,7 @@ class Bench:
         alone_s: list[float] = []
         watched_s: list[float] = []
         baseline_s: list[float] = []
+        faulty_s: list[float] = []
         async with (
             self._mjpeg() as mjpeg,
             Observer(robot) as observer,
@@ -339,6 +342,11 @@ class Bench:
                 await crowd.watch(on=True)
                 await crowd.until(lambda: crowd.seen)
                 watched_s += await drive(driver, observer, SLOT)
+                await observer.cause(BAD_PICTURES)
+                for camera in self._camera_processes():  # another one starts during the drive
+                    os.kill(camera, signal.SIGKILL)
+                faulty_s += await drive(driver, observer, SLOT)
+                await observer.cause("none")
                 await crowd.watch(on=False)
                 async with MjpegCrowd(mjpeg.port, VIEWERS):
                     baseline_s += await drive(driver, observer, SLOT)
@@ -351,6 +359,12 @@ class Bench:
                 f"commands with {VIEWERS} viewers of MJPEG p99 / without",
                 quantile(baseline_s, 0.99) / alone_p99_s,
                 "times",
+            ),
+            Figure(
+                f"commands with {VIEWERS} viewers, bad pictures and a killed camera process p99 / without",
+                quantile(faulty_s, 0.99) / alone_p99_s,
+                "times",
+                COMMAND_TIMES,
             ),
             Figure(
                 f"commands with {VIEWERS} viewers p99 / without",
