@@ -19,6 +19,14 @@ from tests.browser.test_camera import shows_a_picture
 from tests.browser.test_pages import SIZES, box_of, found_by_axe, overlap, too_small
 
 Arrive = Callable[..., Person]
+# Texts of the view bar's buttons that something lies over.
+COVERED = """() => [...document.querySelectorAll("[data-part=view-bar] button")]
+  .filter((one) => one.checkVisibility())
+  .filter((one) => {
+    const { x, y, width, height } = one.getBoundingClientRect();
+    return !one.contains(document.elementFromPoint(x + width / 2, y + height / 2));
+  })
+  .map((one) => one.ariaLabel || one.textContent)"""
 ROBOT = "tiago-2"
 
 
@@ -83,6 +91,7 @@ def test_the_page_with_two_cameras_fits_every_window(person: Arrive, width: int,
         assert found_by_axe(operator) == [], theme
     open_view_bar(operator)
     assert too_small(operator) == []
+    assert operator.page.evaluate(COVERED) == []
     operator.page.keyboard.press("Escape")
     tools = [box_of(one) for one in operator.page.locator(".picture-tools button:visible").all()]
     assert tools and not any(overlap(box_of(second), one) for one in tools)
