@@ -157,3 +157,24 @@ def test_notices_and_requests_leave_camera_and_chart_free(person: Arrive) -> Non
     for protected in ("picture-area", "zone", "stop"):
         assert not overlap(shown, box_of(staff.part(protected))), protected
     operator.release()
+
+
+# The thumbnail has a picture: two of its pixels differ.
+PAINTED = """() => {
+  const { width, height } = document.querySelector("[data-thumbnail]");
+  const pen = document.querySelector("[data-thumbnail]").getContext("2d");
+  const colour = (x, y) => String(pen.getImageData(x, y, 1, 1).data);
+  return width > 100 && colour(0, 0) !== colour(width >> 1, height >> 1);
+}"""
+
+
+@pytest.mark.parametrize("page", ["/", "/?wall"])
+def test_card_and_wall_show_the_newest_picture(person: Arrive, page: str) -> None:
+    observer = person("observer")
+    observer.open(page)
+    expect(observer.page.locator("[data-thumbnail]")).to_be_visible()
+    observer.page.wait_for_function(PAINTED)
+    for theme in ("light", "dark"):
+        observer.page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
+        assert found_by_axe(observer) == [], theme
+    assert observer.complaints == []
