@@ -39,6 +39,7 @@ class Viewer:
     def __init__(self, socket: ClientConnection, *, stalls: bool) -> None:
         self.pictures: list[dict[str, Any]] = []
         self.refusals: dict[str, dict[str, Any] | None] = {}
+        self.warnings: dict[str, dict[str, Any] | None] = {}
         self.closed_s: float | None = None
         self._socket = socket
         self._stalls = stalls
@@ -85,6 +86,7 @@ class Viewer:
                 await self._send(acknowledged)
         elif (message := json.loads(received))["t"] == "camera_state":
             self.refusals[message["camera"]] = message["refusal"]
+            self.warnings[message["camera"]] = message["warning"]
 
 
 @asynccontextmanager
@@ -141,6 +143,34 @@ async def test_a_damaged_camera_is_named_and_the_other_goes_on(stack):
             await watching.gets_pictures("rear")
             await robot.cause("none")
             await watching.gets_pictures("head")
+
+
+async def test_a_camera_that_changes_encoding_or_rate_goes_on(stack):
+    cookie = await asyncio.to_thread(sign_in, stack, "observer")
+    async with Observer(stack.robots[ROBOT.slug]) as robot, viewer(stack, cookie) as watching:
+        await watching.watch("head")
+        await watching.gets_pictures("head")
+        await robot.cause("camera_encoding_changes")
+        await watching.until(lambda: {"jpeg", "png"} <= {picture["format"] for picture in watching.pictures})
+        await robot.cause("camera_rate_hz=1")
+        await watching.gets_pictures("head")
+        await robot.cause("none")
+        await watching.gets_pictures("head")
+        assert not watching.refusals.get("head")
+
+
+async def test_words_say_why_no_way_is_drawn_into_pictures_that_come(stack):
+    cookie = await asyncio.to_thread(sign_in, stack, "observer")
+    async with Observer(stack.robots[ROBOT.slug]) as robot, viewer(stack, cookie) as watching:
+        await watching.watch("head")
+        await watching.gets_pictures("head")
+        await robot.cause("camera_info_wrong")
+        await watching.until(
+            lambda: "its lens is not known" in (watching.warnings["head"] or {}).get("text", "")
+        )
+        await watching.gets_pictures("head")
+        await robot.cause("none")
+        await watching.until(lambda: watching.warnings["head"] is None)
 
 
 async def test_a_viewer_who_never_acknowledges_slows_no_other(stack):
