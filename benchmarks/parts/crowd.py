@@ -2,13 +2,14 @@
 
     python -m benchmarks.parts.crowd HOST PORT SLUG ORIGIN COUNT [--camera NAME] [--stall]
 
-reads a Cookie header from stdin, opens COUNT control pages and acknowledges every view. It prints "ready", then
-for every view and viewer a line: viewer's number, arrival (monotonic ns), checksum of the view. With --camera it
-opens camera sockets instead and prints the pictures' numbers; lines "watch" and "end" of stdin begin and end watching.
-With --stall the last viewer says hello and then reads nothing at all.
+reads Cookie headers from a line of stdin (with tabs between them; pages take them in turn), opens COUNT control pages
+and acknowledges every view. It prints "ready", then for every view and viewer a line: viewer's number, arrival
+(monotonic ns), checksum of the view. With --camera it opens camera sockets instead and prints the pictures' numbers;
+lines "watch" and "end" of stdin begin and end watching. With --stall the last viewer says hello and then reads
+nothing at all.
 
-Fifty WebSockets of a library would keep this process busier than the measured console, so a page here does the minimum.
-It assumes that the console sends no fragments.
+Fifty WebSockets of a library would keep this process busier than the measured console, so a page here does the
+minimum. It assumes that the console sends no fragments.
 """
 
 from __future__ import annotations
@@ -164,12 +165,15 @@ async def main() -> None:
     asked = parser.parse_args()
     shown = Pictures(asked.camera) if asked.camera else Views()
     path = f"/ws/robots/{asked.slug}/{shown.path}"
-    request = upgrade(asked.host, asked.port, path, asked.origin, sys.stdin.readline().strip())
+    requests = [
+        upgrade(asked.host, asked.port, path, asked.origin, cookie)
+        for cookie in sys.stdin.readline().strip().split("\t")
+    ]
     loop = asyncio.get_running_loop()
     pages = []
     for number in range(asked.count):
         stalls = asked.stall and number == asked.count - 1
-        page = Page(number, request, shown, stalls=stalls)
+        page = Page(number, requests[number % len(requests)], shown, stalls=stalls)
         await loop.create_connection(lambda page=page: page, asked.host, int(asked.port))  # type: ignore[misc]
         await page.opened
         pages.append(page)

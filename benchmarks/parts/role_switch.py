@@ -50,6 +50,8 @@ async def role_switch(stack: Stack, slug: str) -> AsyncIterator[Switch]:
                 if not line:
                     raise RuntimeError("The role was not set.") from None
 
-    yield switch
-    process.stdin.close()
-    await process.wait()
+    try:
+        yield switch
+    finally:
+        process.stdin.close()
+        await process.wait()

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import TracebackType
 
 from script.stack.places import REPOSITORY
@@ -19,14 +19,15 @@ READY_S = 60.0
 class Crowd:
     """Async context: `count` viewers of `slug`. `seen`: view's checksum -> viewer's number -> arrival in seconds.
 
-    With `camera` they watch that camera, and `seen` has the pictures' numbers in place of checksums.
+    With several cookies, their pages are opened by these people in turn. With `camera` they watch that camera, and
+    `seen` has the pictures' numbers in place of checksums.
     """
 
     def __init__(
         self,
         stack: Stack,
         slug: str,
-        cookie: str,
+        cookie: str | Sequence[str],
         count: int,
         *,
         camera: str | None = None,
@@ -34,7 +35,7 @@ class Crowd:
     ) -> None:
         self._stack = stack
         self._slug = slug
-        self._cookie = cookie
+        self._cookies = [cookie] if isinstance(cookie, str) else cookie
         self._count = count
         self._camera = camera
         self._one_stalls = one_stalls
@@ -55,7 +56,7 @@ class Crowd:
             stdout=subprocess.PIPE,
         )
         assert self._process.stdin and self._process.stdout  # noqa: S101 - we asked for pipes
-        self._process.stdin.write(f"{self._cookie}\n".encode())
+        self._process.stdin.write(("\t".join(self._cookies) + "\n").encode())
         await asyncio.wait_for(self._opened(self._process.stdout), READY_S)
         self._reader = asyncio.create_task(self._read(self._process.stdout))
         return self
@@ -72,6 +73,14 @@ class Crowd:
         assert self._process.stdin  # noqa: S101 - we asked for a pipe
         self._process.stdin.write(b"watch\n" if on else b"end\n")
         await self._process.stdin.drain()
+
+    async def until_all_see(self) -> None:
+        """Wait until each viewer has got something."""
+
+        def viewers() -> set[int]:
+            return {viewer for arrivals in self.seen.values() for viewer in arrivals}
+
+        await self.until(lambda: len(viewers()) == self._count)
 
     async def until(self, condition: Callable[[], object]) -> None:
         """Wait until `condition()` is true, which is checked from time to time."""

@@ -12,6 +12,7 @@ from collections import deque
 from robots.wire import CameraSize, Variant
 
 LEAST_HZ = 8.0
+LEAST_VIDEO_HZ = 4.0  # a long way shows fewer than `LEAST_HZ`, and small pictures would be fewer still
 WINDOW_S = 2.0  # over which the rate is measured
 FEWEST_OFFERED = 10  # pictures in that time, by which a viewer can be judged
 MOST_DAMAGED = 3  # video pictures in a row: then this browser decodes no video
@@ -102,7 +103,8 @@ class Quality:
         if len(self._offered) < FEWEST_OFFERED:
             return False  # the camera itself is slow, or has just begun
         offered_hz, shown_hz = len(self._offered) / WINDOW_S, len(self._shown) / WINDOW_S
-        return shown_hz < min(LEAST_HZ, 0.8 * self._wanted_hz, 0.8 * offered_hz)
+        least_hz = LEAST_VIDEO_HZ if self.variant == "video" else LEAST_HZ
+        return shown_hz < min(least_hz, 0.8 * self._wanted_hz, 0.8 * offered_hz)
 
     def _change(self, variant: Variant, now_s: float) -> None:
         self.variant, self._since_s = variant, now_s

@@ -1,6 +1,7 @@
 """Few records for repeated events: the first is written at once, repeats within some seconds in one record.
 
-Each person also has a record budget (`RECORDS_PER_S`, `RECORDS_BURST`) for all interfaces and codes together. Without
+Each person also has a record budget (`RECORDS_PER_S`, `RECORDS_BURST`) for all interfaces and codes together, except
+for camera viewings, which have two of their own (`camera_audit`). Without
 budget, records wait and keep counting. So no person can make the log grow faster, and no event is lost.
 """
 

@@ -7,11 +7,13 @@ distortion: OpenCV's `calib3d` and `fisheye`, as ROS's `image_geometry` uses the
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Protocol
 
 MOST_BENT = 0.05  # of the distance from the middle: by more, a corner must not differ from the pinhole's
-_RECTIFIED = "rect"  # in names of topics whose pictures have no distortion (image_rect, image_rect_color)
+_RECTIFIED = re.compile(r"(^|[/_])rect(ified|_color|_raw)?(/|$)")  # topics whose pictures have no distortion
+_RADII = (0.25, 0.5, 0.75, 1.0)  # of the farthest corner: a lens may bend both ways
 
 Lens = tuple[float, float, float, float]  # fx, fy, cx, cy in pixels
 
@@ -28,18 +30,18 @@ class CameraInfo(Protocol):
 
 
 class Misfit(ValueError):
-    """The camera info does not fit the pictures. The text is the reason, for staff."""
+    """The camera info does not fit the pictures. The text is the reason."""
 
 
 def lens_of(info: CameraInfo, width: int, height: int, topic: str) -> Lens:
     """Return the pinhole of pictures of this size on this topic. Raises `Misfit`."""
     across, along = (width / info.width, height / info.height) if info.width and info.height else (0.0, 1.0)
     if abs(across / along - 1.0) >= 0.02:
-        raise Misfit(f"it is of pictures of {info.width} x {info.height}, not {width} x {height}")
-    is_rectified = _RECTIFIED in topic and info.P[0] > 0.0
+        raise Misfit(f"its lens is known for {info.width} x {info.height} pixels, not {width} x {height}")
+    is_rectified = _RECTIFIED.search(topic) is not None
     fx, fy, cx, cy = (
         (info.P[0], info.P[5], info.P[2], info.P[6])
-        if is_rectified
+        if is_rectified and info.P[0] > 0.0
         else (info.K[0], info.K[4], info.K[2], info.K[5])
     )
     lens = (fx * across, fy * along, cx * across, cy * along)
@@ -50,19 +52,24 @@ def lens_of(info: CameraInfo, width: int, height: int, topic: str) -> Lens:
         and 0.0 <= lens[3] <= height
     )
     if not plausible:
-        raise Misfit("its focal length or its middle makes no sense")
-    if not is_rectified and (bent := _bent(info.distortion_model, info.D, lens, width, height)) > MOST_BENT:
-        raise Misfit(f"the lens bends its pictures by {bent:.0%}: choose a rectified topic")
+        raise Misfit("the figures of its lens make no sense")
+    bent = 0.0 if is_rectified else _most_bent(info.distortion_model, info.D, lens, width, height)
+    if not bent <= MOST_BENT:
+        raise Misfit("its lens bends the picture too much: it needs a rectified topic")
     return lens
 
 
-def _bent(model: str, coefficients: Sequence[float], lens: Lens, width: int, height: int) -> float:
-    """Return by what share the farthest corner is nearer to the middle, or farther, than a pinhole shows it."""
+def _most_bent(model: str, coefficients: Sequence[float], lens: Lens, width: int, height: int) -> float:
+    """Return by what share a place is nearer to the middle, or farther, than a pinhole shows it; nan: no numbers."""
     fx, fy, cx, cy = lens
-    radius = math.hypot(max(cx, width - cx) / fx, max(cy, height - cy) / fy)
+    corner = math.hypot(max(cx, width - cx) / fx, max(cy, height - cy) / fy)
     numbers = [*coefficients, *[0.0] * 8][:8]
     if not all(map(math.isfinite, numbers)):
-        return math.inf
+        return math.nan
+    return max(_bent(model, numbers, share * corner) for share in _RADII)
+
+
+def _bent(model: str, numbers: Sequence[float], radius: float) -> float:
     if model == "equidistant":
         angle = math.atan(radius)
         k1, k2, k3, k4 = numbers[:4]

@@ -6,6 +6,7 @@ from collections import deque
 
 from robots.bridge.config import CLOCK_SKEW_S
 
+OTHER_CLOCK_S = 10.0  # pictures are not so late: these stamps come from another clock than the odometry's
 WINDOW_S = 30.0  # the smallest delay of this time shows how far the clocks differ
 
 
@@ -37,6 +38,6 @@ class PictureAge:
         while self._delays[0][0] < now_s - WINDOW_S:
             self._delays.popleft()
         smallest_s = self._delays[0][1]
-        if skew_s is not None:
+        if skew_s is not None and smallest_s + skew_s < OTHER_CLOCK_S:
             smallest_s = min(smallest_s, -skew_s)
         return delay_s if 0.0 <= smallest_s <= CLOCK_SKEW_S else delay_s - smallest_s

@@ -106,6 +106,8 @@ export class CameraPanel {
 
   #listen(parts, tell) {
     const { signal } = this.#listening;
+    const warn = ({ code, text }) =>
+      tell({ level: "warning", code: `camera ${code}`, text, short: brief(text) });
     const on = (target, type, act) =>
       target.addEventListener(type, (event) => act(event.detail), { signal });
     on(this.#socket, "open", () => this.#shown((view) => view.again()));
@@ -113,15 +115,13 @@ export class CameraPanel {
     on(this.#socket, "cameras", (cameras) => this.#show(cameras));
     on(this.#socket, "picture", (picture) => this.#of(picture.header.camera)?.take(picture));
     on(this.#socket, "state", ({ camera, refusal, warning }) => {
-      if (warning) tell({ level: "warning", code: `camera ${warning.code}`, text: warning.text });
+      if (warning) warn(warning);
       const text = brief(refusal?.text ?? "");
       if (camera === null) this.#shown((view) => (view.why = text));
       else if (this.#of(camera)) this.#of(camera).why = text;
     });
     on(this.#socket, "notice", tell);
-    on(this.#socket, "refused", ({ refusal }) =>
-      tell({ level: "warning", code: `camera ${refusal.code}`, text: refusal.text }),
-    );
+    on(this.#socket, "refused", ({ refusal }) => warn(refusal));
     for (const view of [this.#main, this.#second])
       on(view, "done", ({ header, damaged }) => this.#socket.acknowledge(header, damaged));
     on(this.#main, "painted", (header) => (this.#floor.header = header));

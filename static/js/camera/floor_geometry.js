@@ -4,7 +4,16 @@
  * the optical frame (z into the picture, x right, y down).
  */
 
-import { carried, isWithin, moves, poseAfter, swept, withArm } from "../drive/twist_geometry.js";
+import {
+  carried,
+  distanceTo,
+  isWithin,
+  moves,
+  poseAfter,
+  reach,
+  swept,
+  withArm,
+} from "../drive/twist_geometry.js";
 
 const FAR_M = 4; // of the way are drawn, at whatever speed, as a parking aid does
 const MOST_TURN = Math.PI / 2; // radians
@@ -32,6 +41,18 @@ function contactOf(point, flatCm, outline, wayTo) {
     if (wayM < shortest && !isWithin(outline, place)) shortest = wayM;
   }
   return shortest;
+}
+
+/** The least distance of any known place from the footprint, without those in it; what is farther than `mostM` counts as Infinity. */
+function leastGap(footprint, point, flatCm, mostM) {
+  const farM = reach(footprint) + mostM;
+  let least = point && !isWithin(footprint, point) ? distanceTo(footprint, point) : Infinity;
+  for (let i = 0; i < flatCm.length; i += 2) {
+    const place = [flatCm[i] / 100, flatCm[i + 1] / 100];
+    if (Math.hypot(...place) > farM || isWithin(footprint, place)) continue;
+    least = Math.min(least, distanceTo(footprint, place));
+  }
+  return least;
 }
 
 function tierAt(leftM) {
@@ -62,13 +83,14 @@ export function floorPath(
   const farM = Math.min(FAR_M, (MOST_TURN * speed) / Math.abs(twist.w));
   const isHeld = !moves(verdict.allowed);
   const { bordersAt } = swept(footprint, twist);
-  // The gate keeps the lateral margin free on all sides, and before the hull the rest of the front margin.
+  // As the gate: the hull with the lateral margin, or with what there is of it; and the front margin before that.
+  const gapM = Math.min(besideM, leastGap(footprint, verdict.point, flatCm, besideM) - 1e-4);
   const outline = withArm(
     footprint,
-    footprint.map(([x, y]) => [x, y, besideM]),
+    footprint.map(([x, y]) => [x, y, Math.max(0, gapM)]),
   );
   const contactM = contactOf(verdict.point, flatCm, outline, swept(outline, twist).wayTo);
-  const freeM = Math.max(0, contactM - (frontM - besideM));
+  const freeM = Math.max(0, contactM - frontM);
   const goesM = isHeld ? 0 : Math.min(freeM, farM);
   const isStopped = isHeld || freeM <= farM;
   const tierOf = (atM) => (isStopped ? tierAt(nose + goesM - atM) : "green");

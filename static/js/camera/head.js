@@ -37,11 +37,12 @@ export function turnToPlace(u, v, header) {
   if (!header.pose) return { pan: Math.atan(left), tilt: Math.atan(up) };
   const now = directionOf([0, 0, 1], header.pose);
   const wanted = directionOf([-left, -up, 1], header.pose);
-  const pan = wanted.heading - now.heading;
-  return {
-    pan: Math.atan2(Math.sin(pan), Math.cos(pan)),
-    tilt: wanted.elevation - now.elevation,
-  };
+  const turn = wanted.heading - now.heading;
+  const pan = Math.atan2(Math.sin(turn), Math.cos(turn));
+  const isBelow = Math.abs(pan) > Math.PI / 2; // beyond the place below the camera: no neck turns round for it
+  return isBelow
+    ? { pan: Math.atan(left), tilt: Math.atan(up) }
+    : { pan, tilt: wanted.elevation - now.elevation };
 }
 
 export class Head {
@@ -53,7 +54,8 @@ export class Head {
   #may = false;
   #pointer = null; // {id, x, y, startX, startY, isDrag}
   #owed = { pan: 0, tilt: 0 };
-  #waiting = 0;
+  #waiting = 0; // requests without an answer
+  #late = 0; // of these: nobody waits for their answers any more
   #sentMs = -Infinity;
   #timer = null;
   #click = null; // waits whether it becomes a double click
@@ -111,10 +113,9 @@ export class Head {
 
   #end() {
     this.#pointer = null;
-    this.#owed = { pan: 0, tilt: 0 };
-    clearTimeout(this.#timer);
+    this.#owe(0, 0);
     clearTimeout(this.#click?.timer);
-    this.#timer = this.#click = null;
+    this.#click = null;
   }
 
   #down(event) {
@@ -122,6 +123,7 @@ export class Head {
     const { pointerId: id, clientX: x, clientY: y } = event;
     this.#area.setPointerCapture?.(id);
     this.#pointer = { id, x, y, startX: x, startY: y, isDrag: false };
+    this.#waiting = this.#late = 0;
   }
 
   #move({ pointerId, clientX, clientY }) {
@@ -186,9 +188,8 @@ export class Head {
     if (this.#timer !== null || this.#waiting >= MOST_WAITING) return;
     const waitMs = Math.max(0, this.#sentMs + PERIOD_MS - performance.now());
     this.#timer = setTimeout(() => {
-      this.#timer = null;
       const owed = this.#owed;
-      this.#owed = { pan: 0, tilt: 0 };
+      this.#owe(0, 0);
       this.#look(owed);
     }, waitMs);
   }
@@ -198,13 +199,23 @@ export class Head {
     this.#ask({ t: "turn_head", pan, tilt });
   }
 
-  /** A refused drag ends: its next part would be refused, too. After a late answer it goes on from where it is. */
+  /** A refused drag ends: its next part would be refused, too. A late request may still wait in the network. */
   async #ask(order) {
     this.#waiting += 1;
     const refusal = await this.#order({ ...order, quiet: true });
-    this.#waiting -= 1;
-    if (refusal?.code === "no_answer") this.#owed = { pan: 0, tilt: 0 };
-    else if (refusal) this.#end();
+    if (refusal?.code === "no_answer") {
+      this.#late += 1;
+      return this.#owe(0, 0);
+    }
+    this.#waiting = Math.max(0, this.#waiting - 1 - this.#late); // the network goes on
+    this.#late = 0;
+    if (refusal) this.#end();
     else if (this.#owed.pan || this.#owed.tilt) this.#sendSoon();
+  }
+
+  #owe(pan, tilt) {
+    this.#owed = { pan, tilt };
+    clearTimeout(this.#timer);
+    this.#timer = null;
   }
 }

@@ -87,6 +87,12 @@ export function isWithin(outline, [x, y]) {
   return isInside;
 }
 
+/** The distance of a place from the edges of a closed outline. */
+export function distanceTo(outline, [x, y]) {
+  const about = outline.map(([px, py]) => [px - x, py - y]);
+  return Math.min(...edgesOf(about).map(nearestOf));
+}
+
 /**
  * The floor that a hull sweeps while it drives a constant twist with some linear speed.
  * @param {number[][]} outline closed, about the base

@@ -1,6 +1,5 @@
 /** Results of a person's input: shown once at the edge of the screen, and kept in a log. */
 
-import { brief } from "../control/status/plain_words.js";
 import { closable } from "../lib/dialog.js";
 import { make, makeButton, mark, say } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
@@ -83,8 +82,8 @@ class Shown {
     this.update(entry);
   }
 
-  update({ text, times }) {
-    say(this.#text, brief(text)); // the log has all of it
+  update({ short, times }) {
+    say(this.#text, short); // the log has all of it
     say(this.#times, timesText(times));
     this.#leftMs = SHOWN_MS;
     this.#bar.remove();
@@ -157,13 +156,14 @@ export class Notices {
    * @param {object} notice
    * @param {"success" | "info" | "warning" | "error"} notice.level
    * @param {string} notice.code what it is about: the same while one is shown is one, counted
+   * @param {string} [notice.short] is shown in place of the text: without technical names
    * @param {boolean} [notice.quiet] the page shows it already: it is only logged, and read to those who listen
    */
-  add({ level, code, text, quiet = false }) {
+  add({ level, code, text, short = text, quiet = false }) {
     const key = `${level} ${code}`;
     const before = this.#shown.get(key);
     const entry = before?.entry ?? { level, times: 0 };
-    Object.assign(entry, { text, times: entry.times + 1, at: new Date() });
+    Object.assign(entry, { text, short, times: entry.times + 1, at: new Date() });
     if (before) before.item.update(entry);
     else if (!quiet) this.#begin(key, entry);
     this.#announce(key, entry);
@@ -199,7 +199,7 @@ export class Notices {
   }
 
   /** One element for each notice, so that a new one does not interrupt another. Repeats are announced once. */
-  #announce(key, { level, text }) {
+  #announce(key, { level, short: text }) {
     const { alarm, said } = this.#parts;
     const region = level === "error" ? alarm : said;
     if (this.#announced.has(key)) clearTimeout(this.#announced.get(key));

@@ -32,6 +32,8 @@ def test_a_rectified_topic_has_the_lens_of_its_projection():
     projected = (500.0, 501.0, 310.0, 230.0)
     given = info(bent=(-0.4, 0.2, 0.0, 0.0, 0.0), projected=projected)
     assert lens_of(given, 640, 480, RECTIFIED) == projected
+    with pytest.raises(Misfit, match="bends"):
+        lens_of(given, 640, 480, "/director/image_raw")
 
 
 def test_a_lens_as_of_a_calibrated_xtion_is_taken():
@@ -44,8 +46,9 @@ def test_a_lens_as_of_a_calibrated_xtion_is_taken():
         info(bent=(-0.3, 0.1, 0.0, 0.0, 0.0)),
         info((300.0, 300.0, 320.0, 240.0), bent=(0.0,) * 4, model="equidistant"),
         info(bent=(math.nan, 0.0, 0.0, 0.0, 0.0)),
+        info(bent=(0.5, -0.85, 0.0, 0.0, 0.0)),
     ],
-    ids=["barrel", "fisheye", "no number"],
+    ids=["barrel", "fisheye", "no number", "both ways"],
 )
 def test_a_lens_that_bends_its_picture_draws_nothing(given):
     with pytest.raises(Misfit, match="bends"):
@@ -55,8 +58,8 @@ def test_a_lens_that_bends_its_picture_draws_nothing(given):
 @pytest.mark.parametrize(
     ("given", "why"),
     [
-        (info(width=0), "0 x 480, not 640 x 480"),
-        (info(height=400), "640 x 400, not 640 x 480"),
+        (info(width=0), "0 x 480 pixels, not 640 x 480"),
+        (info(height=400), "640 x 400 pixels, not 640 x 480"),
         (info((math.nan, *LENS[1:])), "no sense"),
         (info((0.0, *LENS[1:])), "no sense"),
     ],

@@ -36,6 +36,12 @@ def test_by_the_odometry_a_picture_that_is_always_late_is_old(skew_s, delay_s):
     assert measured_s == pytest.approx(delay_s, abs=0.02)
 
 
+def test_stamps_of_a_camera_with_a_clock_of_its_own_are_not_old():
+    age = PictureAge()
+    assert age.on_arrival(100.0, WALL_S, 0.0, -0.01) == 0.0  # since it was switched on
+    assert age.on_arrival(100.7, WALL_S + 1.0, 1.0, -0.01) == pytest.approx(0.3, abs=1e-6)
+
+
 def test_a_clock_that_is_set_is_forgotten():
     age = PictureAge()
     age.on_arrival(WALL_S + 100.0, WALL_S, 0.0)  # ahead

@@ -137,7 +137,8 @@ describe("the cameras of the control page", () => {
     says({ t: "cameras", cameras: [HEAD] });
     const warning = { code: "bad_camera_info", text: "The camera info does not fit." };
     says({ t: "camera_state", camera: "head", warning });
-    const notice = { level: "warning", code: "camera bad_camera_info", text: warning.text };
+    const { text } = warning;
+    const notice = { level: "warning", code: "camera bad_camera_info", text, short: text };
     expect(page.tell).toHaveBeenCalledWith(notice);
   });
 
@@ -202,6 +203,7 @@ describe("the cameras of the control page", () => {
       level: "warning",
       code: "camera not_permitted",
       text: "No.",
+      short: "No.",
     });
   });
 });

@@ -146,10 +146,21 @@ describe("the way on the floor", () => {
   it("ends before the margins of the robot, ahead and beside the hull", () => {
     const margins = { front_margin_m: 0.5, lateral_margin_m: 0.1 };
     const ends = (known) => pathOf(SQUARE, verdict([0.5, 0, 0]), known, margins).stop?.[0][0];
-    expect(ends([200, 0])).toBeCloseTo(2 - 0.5);
-    expect(ends([200, 29])).toBeLessThan(2 - 0.4); // 9 cm beside the hull
+    expect(ends([200, 0])).toBeCloseTo(2 - 0.5 - 0.1); // the gate: hull and lateral margin, and then the front margin
+    expect(ends([200, 29])).toBeLessThan(2 - 0.5); // 9 cm beside the hull
     expect(ends([200, 31])).toBeUndefined();
-    expect(ends([0, 25])).toBeUndefined(); // it already stands within the margin: the gate's verdict counts
+  });
+
+  it("goes on along a wall that is nearer than the lateral margin, as the gate does", () => {
+    const wall = Array.from({ length: 60 }, (_, i) => [-50 + 5 * i, 25]).flat(); // 5 cm beside the hull
+    const margins = { front_margin_m: 0.08, lateral_margin_m: 0.1 };
+    expect(pathOf(SQUARE, verdict([0.5, 0, 0]), wall, margins).stop).toBe(null);
+    expect(pathOf(SQUARE, verdict([0.5, 0, 0], { point: [1, 0.25] }), wall, margins).stop).toBe(
+      null,
+    );
+    expect(pathOf(SQUARE, verdict([0.5, 0, 0]), [...wall, 200, 0], margins).stop[0][0]).toBeCloseTo(
+      2 - 0.08 - 0.05,
+    );
   });
 
   it("stays green beside an obstacle that it passes", () => {

@@ -314,7 +314,7 @@ def test_the_reason_why_nothing_is_drawn_into_pictures_is_said_in_words(camera, 
     camera.want(head="full")
     with ros.speak("/tf", TFMessage) as tf:
         publish(INFO, info(width=100, height=100), lambda: newest(camera, "head"), "a picture")
-        warned("it is of pictures of 100 x 100, not 640 x 480")
+        warned("100 x 100 pixels, not 640 x 480")
         publish(INFO, info(), lambda: comes(camera, publish, "head", compressed()).lens, "a lens")
         until(lambda: said(transform("neck", "eye"), transform("eye", "neck")) is None, "no pose")
         warned("tf does not tell where")

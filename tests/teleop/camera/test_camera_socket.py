@@ -246,13 +246,14 @@ async def test_each_viewing_is_on_record(watching, process, observer):
     assert end.of.parameters == {"camera": CAMERA}
 
 
-async def test_thumbnails_do_not_use_up_the_records_of_a_whole_picture(watching, process, monkeypatch):
+async def test_thumbnails_leave_the_record_budget_of_full_pictures(watching, process, bridge, monkeypatch):
     monkeypatch.setattr(repeat_suppression, "RECORDS_BURST", 1.0)
     monkeypatch.setattr(repeat_suppression, "RECORDS_PER_S", 0.001)
     for budgets in ("_budgets", "_small_budgets"):
         monkeypatch.setattr(camera_audit, budgets, repeat_suppression.RecordBudgets())
     for number in (1, 2):
         page = await watching("observer", size="small")
+        bridge.say(process.at)
         await process.is_asked_for({CAMERA: {"small": 30.0}})
         process.show(number, variant="small")
         if number == 2:
@@ -262,6 +263,7 @@ async def test_thumbnails_do_not_use_up_the_records_of_a_whole_picture(watching,
         await page.say("camera_end", camera=CAMERA)
         await process.is_asked_for({})
     page = await watching("observer")
+    bridge.say(process.at)
     await process.is_asked_for({CAMERA: {"full": 30.0}})
     process.show(3)
     await page.hears("picture")

@@ -52,6 +52,13 @@ def test_a_viewer_for_whom_video_is_too_much_gets_small_pictures():
     assert viewing.quality.variant == "full"
 
 
+def test_video_over_a_long_way_stays_video():
+    viewing = Viewing().watch(4.0, 2.0)
+    for _ in range(50):  # full pictures are tried again now and then
+        viewing.watch(1.0, 2.0 if viewing.quality.variant == "full" else 6.0)
+    assert "small" not in [variant for _, variant in viewing.changes]
+
+
 def test_a_camera_that_begins_slowly_stays_full():
     viewing = Viewing()
     for _ in range(4):

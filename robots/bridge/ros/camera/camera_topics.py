@@ -178,7 +178,7 @@ class CameraTopics:
         except Misfit as error:
             self._misfit = (
                 "bad_camera_info",
-                f"its lens is not known (camera info on {self.source.info}: {error})",
+                f"{error} (camera info on {self.source.info})",
             )
             return None
         self._misfit = None

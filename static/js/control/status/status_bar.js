@@ -5,7 +5,7 @@ import { Announcer } from "../../lib/announce.js";
 import { mark, say, show } from "../../lib/dom.js";
 import { SAID_MS } from "../stop/stop_button.js";
 import { Details, fill } from "./details.js";
-import { brief, namesOf } from "./plain_words.js";
+import { brief, namesOf, plain } from "./plain_words.js";
 import { Reasons } from "./reasons.js";
 import { banner, connectionFact, isStale, limitsOf, stopText, verdictText } from "./robot_words.js";
 
@@ -103,15 +103,15 @@ export class StatusBar {
     const texts = standing.map(({ text }) => brief(text, this.#names));
     fill(limits, texts);
     for (const [i, { holds }] of standing.entries()) mark(limits.children[i], "held", holds);
-    const text = cut ? "" : brief(verdictText(verdict), this.#names);
+    const text = cut ? "" : plain(verdictText(verdict), this.#names);
     const now = performance.now();
     this.#reasons.add(verdict, text, now);
-    const shown = text || (cut ? "" : this.#reasons.recent(now));
+    const shown = brief(text || (cut ? "" : this.#reasons.recent(now)));
     const once = standing.some(({ holds }) => holds) || texts.includes(shown);
     say(words, once ? "" : shown); // the limits above it say it already
     mark(words, "past", !text);
     this.#details.reasons = this.#reasons.list;
-    if (text) this.#announcer.say(text, `${verdict.code} ${verdict.side}`);
+    if (text) this.#announcer.say(brief(text), `${verdict.code} ${verdict.side}`);
   }
 }
 

@@ -1,0 +1,46 @@
+"""What a page reports of the age of the picture by which its person drives, and when the bridge must know at once."""
+
+import pytest
+
+from teleop.live import camera_view_age
+from teleop.live.camera_view_age import CameraViewAge
+
+
+@pytest.fixture
+def now(monkeypatch):
+    """The clock, in hand."""
+    clock = {"s": 100.0}
+    monkeypatch.setattr(camera_view_age.time, "monotonic", lambda: clock["s"])
+    return clock
+
+
+def test_the_bridge_is_told_of_each_further_step(now):
+    age = CameraViewAge()
+    reported_ms = [40, 300, 510, 600, 720, 800, 40, 60]
+    assert [age.take(float(ms)) for ms in reported_ms] == [
+        False,
+        False,
+        True,
+        False,
+        True,
+        False,
+        True,
+        False,
+    ]
+
+
+def test_a_page_that_reports_no_more_has_an_older_picture(now):
+    age = CameraViewAge()
+    assert age.age_s() is None
+    age.take(300.0)
+    now["s"] += 2.0
+    assert age.age_s() == pytest.approx(2.3)
+    assert not age.take(None)
+    assert age.age_s() is None
+
+
+def test_who_leaves_an_old_picture_is_told_at_once(now):
+    age = CameraViewAge()
+    age.take(9000.0)
+    assert not age.take(9400.0)
+    assert age.take(None)
