@@ -246,25 +246,26 @@ async def test_each_viewing_is_on_record(watching, process, observer):
     assert end.of.parameters == {"camera": CAMERA}
 
 
-async def test_thumbnails_leave_the_record_budget_of_full_pictures(watching, process, bridge, monkeypatch):
+async def test_thumbnails_leave_the_record_budget_of_full_pictures(
+    watching, open_cameras, process, monkeypatch
+):
     monkeypatch.setattr(repeat_suppression, "RECORDS_BURST", 1.0)
     monkeypatch.setattr(repeat_suppression, "RECORDS_PER_S", 0.001)
     for budgets in ("_budgets", "_small_budgets"):
         monkeypatch.setattr(camera_audit, budgets, repeat_suppression.RecordBudgets())
+    await watching("operator")  # so the camera process runs all the time
+    page = await open_cameras("observer")
     for number in (1, 2):
-        page = await watching("observer", size="small")
-        bridge.say(process.at)
-        await process.is_asked_for({CAMERA: {"small": 30.0}})
+        await page.say("camera_watch", camera=CAMERA, size="small")
+        await process.is_asked_for({CAMERA: {"full": 30.0, "small": 30.0}})
         process.show(number, variant="small")
         if number == 2:
             await page.refused("busy")
         else:
             await page.hears("picture")
         await page.say("camera_end", camera=CAMERA)
-        await process.is_asked_for({})
-    page = await watching("observer")
-    bridge.say(process.at)
-    await process.is_asked_for({CAMERA: {"full": 30.0}})
+        await process.is_asked_for({CAMERA: {"full": 30.0}})
+    await page.say("camera_watch", camera=CAMERA)
     process.show(3)
     await page.hears("picture")
 
