@@ -77,7 +77,9 @@ def _parser() -> argparse.ArgumentParser:
         "--drawn", action="store_true", help="sensors, delays, brakes and wheels drawn by the seed"
     )
     way = part.add_parser("navigation", help="the robot drives itself to places, and the gate watches")
-    way.add_argument("--blind", action="store_true", help="straight on, whatever stands there")
+    way.add_argument(
+        "--kind", choices=navigation.KINDS, default="good", help="how it plans, or who turns its head aside"
+    )
     for each in part.choices.values():
         each.add_argument("seed", type=int)
         each.add_argument("--controller", choices=list(CONTROLLERS), default="gate")
@@ -111,7 +113,7 @@ def _case(asked: argparse.Namespace) -> Case:
 
 
 def _navigate(asked: argparse.Namespace) -> int:
-    loop = navigation.loop_of(asked.seed, blind=asked.blind)
+    loop = navigation.loop_of(asked.seed, asked.kind)
     trace = loop.play()
     print(*loop.interventions, sep="\n")
     print(f"{loop.arrived} goals, closest at rest {loop.closest_m:.3f} m")

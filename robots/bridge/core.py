@@ -24,7 +24,6 @@ from robots.bridge.drive.drive_input import DriveInput
 from robots.bridge.drive.drive_log import WAITING, DriveLog
 from robots.bridge.drive.holder_inputs import HolderInputs
 from robots.bridge.drive.input_filters import COMMAND_LIFE_S
-from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Posture
 from robots.bridge.gate.obstacles.depth_camera import Frame
@@ -598,7 +597,7 @@ class Core:
     def _go_on(self, grant: Grant, requester: Requester, now_s: float) -> None:
         """End a drive to a place that a rule forbids to go on, or hold the base; keep its way on record."""
         going = self.tasks.going
-        if refusal := self.why_not_begin(requester, now_s):
+        if refusal := self.why_not_begin(requester, now_s) or self.tasks.why_stand(now_s):
             going.end(
                 "control_lost" if refusal.rule == "lease" else refusal.code, refusal.text, now_s, refusal.code
             )
@@ -621,7 +620,7 @@ class Core:
 
     def _watch(self, now_s: float) -> None:
         """Judge the velocity at which the robot drives itself; take over where the gate's promise would be broken."""
-        verdict = navigation_watch.judge(self._gate, self.tasks.going.commanded(now_s), now_s)
+        verdict = self.tasks.going.judge(now_s)
         if verdict.code != "free":
             self._take_over(verdict, now_s)
 

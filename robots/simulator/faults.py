@@ -34,6 +34,7 @@ class Faults:
     joints_stuck: bool = False  # joints stay where they are, whatever their controllers do
     controllers_silent: bool = False  # trajectory controllers take goals and never answer
     navigation_blind: bool = False  # drives straight at the goal, whatever stands there
+    navigation_backs: bool = False  # with navigation_blind: drives backwards, and as fast
     navigation_fails: bool = False  # finds no plan
     navigation_silent: bool = False  # takes goals and never answers: no status, feedback or result
     navigation_goes_on: bool = False  # confirms a cancel and drives on

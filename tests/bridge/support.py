@@ -86,9 +86,15 @@ class OpenGate:
         self.arm_discs: tuple[tuple[float, float, float], ...] = ()
         self.operator_delay_s: float | None = None
         self.velocity = STILL  # measured
+        self.looks = True  # its depth camera looks ahead
         self.forgot: list[bool] = []  # calls of `forget`, each with `restarted`
 
     def look_to(self, now_s: float) -> float | None: ...
+
+    def looks_ahead(self, now_s: float) -> bool:
+        return self.looks
+
+    def unwatched(self, now_s: float) -> SpeedLimit | None: ...
 
     def forget(self, restarted: bool = False) -> None:
         self.forgot.append(restarted)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate import navigation_watch
-from robots.bridge.gate.values import Pose, Velocity
+from robots.bridge.gate.values import Parameters, Pose, Velocity
 from robots.bridge.navigation.going import LEAST_SPARE_M
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 from tests.gate.test_depth import FLOOR, LOOK_AHEAD, TABLE, Looker, camera
@@ -205,3 +205,66 @@ def test_no_place_inside_the_hull_that_the_laser_remembers_counts():
         found[x] = nearest_m(feeder.gate.obstacles_as_seen(feeder.now_s), name)
     assert found[0.3] == pytest.approx(wall_m - 0.3, abs=0.02)
     assert found[0.5] > RADIUS_M
+
+
+class Watched:
+    """A robot whose depth camera looks as its head is turned, with the watch over its drive."""
+
+    def __init__(self, vx):
+        self.looker = Looker([FLOOR])
+        self.looker.to_base = camera(LOOK_AHEAD)
+        self.looker.stand(0.5)
+        self.watch, self.codes, self.vx = navigation_watch.Watch(), [], vx
+
+    def drive(self, seconds, pan, looks=True):
+        """Drive on; return how long the watch let it."""
+        self.looker.to_base = camera(LOOK_AHEAD, pan=pan)
+        for step in range(round(seconds / 0.1)):
+            self.looker.velocity = Velocity(self.vx, 0.0, 0.0)
+            self.looker.pose = self.looker.pose._replace(x=self.looker.pose.x + 0.1 * self.vx)
+            self.looker.stand(0.1, looks=looks)
+            self.verdict = self.watch.judge(self.looker.gate, self.looker.velocity, self.looker.now_s)
+            if self.verdict.code != "free":
+                return 0.1 * step
+        return seconds
+
+
+def test_a_head_that_looks_away_for_long_ends_a_fast_drive():
+    watched = Watched(0.5)
+    assert watched.drive(1.0, 0.0) == 1.0
+    assert watched.drive(4.0, 1.2) == pytest.approx(navigation_watch.UNSEEN_S, abs=0.3)
+    assert watched.verdict.code == "head_away" and watched.verdict.velocity.vx == 0.0
+    assert watched.verdict.text == (
+        "stopped: it drove 0.5 m/s forward, and the depth camera looks away from the way ahead"
+    )
+
+
+def test_a_glance_aside_and_a_slow_drive_go_on():
+    watched = Watched(0.5)
+    for pan in (1.2, 0.0, -1.2, 0.0):
+        assert watched.drive(1.5, pan) == 1.5
+    slow = Watched(0.3)
+    assert slow.drive(4.0, 1.2) == 4.0
+    slow.vx = 0.5  # what it has not seen for long does not become seen by driving slowly
+    assert slow.drive(1.0, 1.2) == 0.0
+
+
+def test_backing_up_fast_where_only_sonars_look_ends_a_drive():
+    feeder = Feeder(tiago_profile(parameters=Parameters()))
+
+    def backs(vx, seconds):
+        watch = navigation_watch.Watch()
+        for step in range(round(seconds / 0.1)):
+            feeder.now_s += 0.1
+            feeder.velocity = Velocity(vx, 0.0, 0.0)
+            feeder.all()
+            verdict = watch.judge(feeder.gate, feeder.velocity, feeder.now_s)
+            if verdict.code != "free":
+                return 0.1 * step, verdict
+        return seconds, verdict
+
+    assert backs(-0.12, 5.0)[0] == 5.0
+    assert backs(-0.2, 0.4)[0] == 0.4
+    backed_s, verdict = backs(-0.2, 5.0)
+    assert backed_s == pytest.approx(navigation_watch.BLIND_S, abs=0.15)
+    assert (verdict.code, verdict.way) == ("blind_direction", "reverse")

@@ -1,26 +1,28 @@
-"""The robot drives itself to places, and the gate watches: by its own good navigation, and by a planner that is blind.
+"""The robot drives itself to places, and the gate watches: by its own good navigation, and by planners that are blind.
 
-The blind planner drives at full speed straight at each goal, whatever stands there. As in the bridge, the watch judges
-with each odometry message, takes the base and cancels the goal; the next goal follows when the robot has stood.
+A blind planner drives at full speed straight at each goal, whatever stands there: ahead, backwards, or ahead while
+somebody else turns the head aside on each way. As in the bridge, the head is sent ahead again and again; the watch
+judges with each odometry message, takes the base and cancels the goal; the next goal follows when the robot has stood.
 """
 
 from __future__ import annotations
 
 import heapq
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from benchmarks.harness import Figure, progress
 from benchmarks.world.controllers import Fan, Ours
-from benchmarks.world.loop import STARTS_S, WARM_UP_S, Case, Conditions, Loop
+from benchmarks.world.loop import LOOKS_DOWN, STARTS_S, WARM_UP_S, Case, Conditions, Loop
 from benchmarks.world.play import SCAN, played
 from benchmarks.world.robot import tiago_profile
 from benchmarks.world.witness import Contact, first_contact
 from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity, Verdict
 from robots.bridge.navigation.going import LEAST_SPARE_M
+from robots.bridge.tasks.head import AHEAD_TAKES_S, Aim
 from robots.simulator.faults import Faults
 from robots.simulator.navigation.navigator import Going, Navigator, Phase
 from robots.simulator.physics import mujoco_world
@@ -38,13 +40,23 @@ LONGEST_GOAL_S, THERE_M = 60.0, 0.3
 HELD_S = 1.5  # the base is held this long after an intervention
 AT_MOST, ENOUGH_M = 1.0, 300.0  # false interventions per 100 m; fewer metres say nothing
 WORST = 10
+ASIDE_RAD = 1.2
+ASIDE_FROM_S, ASIDE_FOR_S = (0.5, 3.0), (1.0, 8.0)  # after the begin of each way
+Kind = Literal["good", "blind", "backs", "aside"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+FAULTS = {
+    "good": Faults(),
+    "blind": Faults(navigation_blind=True),
+    "backs": Faults(navigation_blind=True, navigation_backs=True),
+    "aside": Faults(navigation_blind=True),
+}
 
 
 class Way(NamedTuple):
     """The arguments of one case."""
 
     seed: int
-    blind: bool
+    kind: Kind
 
 
 class Outcome(NamedTuple):
@@ -72,9 +84,16 @@ class Watched(Ours):
 class NavigationLoop(Loop):
     """One run: goal after goal."""
 
-    def __init__(self, case: Case, profile: GateProfile, goals: list[mujoco_world.Pose], seed: int) -> None:
+    def __init__(
+        self, case: Case, profile: GateProfile, goals: list[mujoco_world.Pose], seed: int, *, aside: bool
+    ) -> None:
         self._watched: Watched
-        super().__init__(case, lambda fan: self._watch(profile, fan), profile.limits, SCAN, seed)
+        self._watch = navigation_watch.Watch()
+        self._turns = np.random.default_rng([seed, 37]) if aside else None
+        self._aside: tuple[float, float, Aim] | None = (
+            None  # from when to when somebody turns the head, and where to
+        )
+        super().__init__(case, lambda fan: self._watched_by(profile, fan), profile.limits, SCAN, seed)
         self._navigator = Navigator(self.robot)
         self._goals = goals
         self._held_until_s = self._goal_s = -math.inf
@@ -84,7 +103,7 @@ class NavigationLoop(Loop):
         self.closest_m = math.inf
         self._watched.loop = self
 
-    def _watch(self, profile: GateProfile, fan: Fan) -> Watched:
+    def _watched_by(self, profile: GateProfile, fan: Fan) -> Watched:
         self._watched = Watched(profile, fan)
         return self._watched
 
@@ -93,7 +112,7 @@ class NavigationLoop(Loop):
         going = self._navigator.going
         if going is None or going.phase is not Phase.DRIVING or now_s < self._held_until_s:
             return
-        verdict = navigation_watch.judge(self._watched.gate, self._commanded, now_s)
+        verdict = self._watch.judge(self._watched.gate, self._commanded, now_s)
         if verdict.code != "free":
             self._intervene(verdict, now_s)
 
@@ -135,8 +154,26 @@ class NavigationLoop(Loop):
         ):  # then a person must drive it away
             self._done = True
             return
+        if not gate.looks_ahead(now_s):
+            return
         self._goal_s = now_s
+        self._watch = navigation_watch.Watch()
+        self._aside = self._drawn_aside(now_s)
         self._navigator.go(self._goals.pop(0), now_s)
+
+    def _drawn_aside(self, now_s: float) -> tuple[float, float, Aim] | None:
+        if self._turns is None:
+            return None
+        from_s = now_s + float(self._turns.uniform(*ASIDE_FROM_S))
+        pan = ASIDE_RAD * float(self._turns.choice((-1.0, 1.0)))
+        return from_s, from_s + float(self._turns.uniform(*ASIDE_FOR_S)), Aim(pan, LOOKS_DOWN, AHEAD_TAKES_S)
+
+    def _turn_head(self, now_s: float) -> None:
+        if aim := self._head.forward(now_s):  # as the bridge does before and during each drive
+            self._aim_head(aim)
+        if self._aside and self._aside[0] <= now_s < self._aside[1]:
+            self._aim_head(self._aside[2])
+        super()._turn_head(now_s)
 
     def _hear(self, commanded: Velocity | None) -> None:
         self._commanded = commanded
@@ -157,21 +194,20 @@ class NavigationLoop(Loop):
 
 
 def measure(repeats: int) -> list[Figure]:
-    """Contacts with a blind planner; interventions with good navigation, all of which are false."""
-    jobs = [Way(seed, True) for seed in range(repeats)]
-    jobs += [Way(seed, False) for seed in range(repeats)]
+    """Contacts with blind planners; interventions with good navigation, all of which are false."""
+    jobs = [Way(seed, kind) for kind in KINDS for seed in range(repeats)]
     done = list(played("navigation", jobs, play))
-    blind = [outcome for way, outcome in done if way.blind]
-    good = [outcome for way, outcome in done if not way.blind]
+    good = [outcome for way, outcome in done if way.kind == "good"]
     _name_worst(done)
     way_m = sum(outcome.way_m for outcome in good)
     false = sum(len(outcome.interventions) for outcome in good)
     goals = sum(outcome.goals for outcome in good)
     return [
-        Figure("navigation, blind: way", sum(outcome.way_m for outcome in blind), "m"),
-        Figure("navigation, blind: interventions", sum(len(o.interventions) for o in blind), ""),
-        Figure("navigation, blind: contacts", sum(o.contact is not None for o in blind), "", 0.0),
-        Figure("navigation, blind: closest at rest", 100.0 * min(o.closest_m for o in blind), "cm"),
+        *(
+            figure
+            for kind in KINDS[1:]
+            for figure in _blind(kind, [outcome for way, outcome in done if way.kind == kind])
+        ),
         Figure("navigation, good: way", way_m, "m"),
         Figure("navigation, good: contacts", sum(o.contact is not None for o in good), "", 0.0),
         Figure("navigation, good: arrived", 100.0 * sum(o.arrived for o in good) / goals, "%"),
@@ -184,35 +220,43 @@ def measure(repeats: int) -> list[Figure]:
     ]
 
 
+def _blind(kind: Kind, outcomes: list[Outcome]) -> list[Figure]:
+    return [
+        Figure(f"navigation, {kind}: way", sum(outcome.way_m for outcome in outcomes), "m"),
+        Figure(f"navigation, {kind}: interventions", sum(len(o.interventions) for o in outcomes), ""),
+        Figure(f"navigation, {kind}: contacts", sum(o.contact is not None for o in outcomes), "", 0.0),
+        Figure(f"navigation, {kind}: closest at rest", 100.0 * min(o.closest_m for o in outcomes), "cm"),
+    ]
+
+
 def _name_worst(done: list[tuple[Way, Outcome]]) -> None:
     """Say which runs had a contact or a false intervention, and how they are played again."""
     for way, outcome in done:
-        if outcome.contact or (not way.blind and outcome.interventions):
-            blind = " --blind" if way.blind else ""
+        if outcome.contact or (way.kind == "good" and outcome.interventions):
             why = outcome.contact or "; ".join(outcome.interventions[:WORST])
-            progress(f"python -m benchmarks.world navigation {way.seed}{blind} --quiet  # {why}")
+            progress(f"python -m benchmarks.world navigation {way.seed} --kind {way.kind} --quiet  # {why}")
 
 
 def play(way: Way) -> Outcome:
     """Play one."""
-    loop = loop_of(way.seed, blind=way.blind)
+    loop = loop_of(way.seed, way.kind)
     goals = len(loop._goals)
     trace = loop.play()
     return Outcome(first_contact(loop), trace.way_m, loop.arrived, goals, loop.interventions, loop.closest_m)
 
 
-def loop_of(seed: int, *, blind: bool = False) -> NavigationLoop:
+def loop_of(seed: int, kind: Kind = "good") -> NavigationLoop:
     """A run, ready to be played."""
     random = np.random.default_rng([seed, 31])
-    faults = ((0.0, Faults(navigation_blind=True)),) if blind else ()
     case = Case(
         load_world("office"),
         START,
         lambda _random: _Nobody(),
         longest_s=LONGEST_S,
-        conditions=Conditions(faults=faults, head_pan=0.0),
+        conditions=Conditions(faults=((0.0, FAULTS[kind]),), head_pan=0.0),
     )
-    return NavigationLoop(case, tiago_profile(), _goals(random, BLIND_GOALS if blind else GOALS), seed)
+    goals = _goals(random, GOALS if kind == "good" else BLIND_GOALS)
+    return NavigationLoop(case, tiago_profile(), goals, seed, aside=kind == "aside")
 
 
 class _Nobody:

@@ -331,6 +331,14 @@ class Gate:
         """Return the age of the newest depth picture in seconds; None: there is none."""
         return self._depth.freshness.age_s(now_s) if self._depth else None
 
+    def looks_ahead(self, now_s: float) -> bool:
+        """Return whether the depth camera shows where the robot goes; ahead, if it stands. True without a camera."""
+        return self._limits.looks_ahead(self._velocity, now_s)
+
+    def unwatched(self, now_s: float) -> SpeedLimit | None:
+        """Return the limit that the measured velocity exceeds because nothing looks where the robot goes, if any."""
+        return self._limits.unwatched(self._velocity, now_s)
+
     def laser_looks(self, direction: float) -> bool:
         """Return whether a laser's newest scan watches a direction of the base frame."""
         return any(laser.covers(direction) for laser in self._lasers.values())

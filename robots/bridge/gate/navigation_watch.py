@@ -10,6 +10,9 @@ Obstacles count where they were seen. For a person's command the gate takes them
 near side that the camera could not measure, and the odometry's doubt about remembered places. A person may look, turn,
 and press Forget; navigation, which turns beside a table, would lose its goal to what nobody has seen.
 
+Where nothing looks, it may go faster than the gate would let a person drive, but for a moment only: a head turns, a
+recovery backs up. What the camera showed before is remembered, and reaches that far.
+
 One source counts less: an echo of a sonar that is remembered and no longer heard, at a place ahead that the laser or a
 fresh depth picture covers. A sonar tells the distance of an echo only, its place may be anywhere on an arc.
 """
@@ -30,8 +33,38 @@ from robots.bridge.gate.timing.freshness import DEPTH_STALE_S
 from robots.bridge.gate.values import STILL, Obstacles, Velocity, Verdict
 
 DEPTH_LOST_S = 2.0
+UNSEEN_S = 2.0  # the way ahead may be out of the depth picture for so long
+BLIND_S = 0.5  # a direction that no laser watches may be driven too fast for so long
 ECHOES = SonarMemory.name
 AHEAD_RAD = math.radians(75.0)  # bearings from the base's middle: a sonar behind hears no place ahead of this
+
+
+class Watch:
+    """The watch over one drive: `judge`, and for how long nothing has looked where the robot goes."""
+
+    def __init__(self) -> None:
+        # When the depth camera last looked there, and when the robot was last slow enough for a direction without a
+        # laser; None: before the first judgement, which counts as both.
+        self._seen_s: float | None = None
+        self._watched_s: float | None = None
+
+    def judge(self, gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:
+        """Return the verdict on how the robot moves: "free", else the rule by which it must brake now."""
+        verdict, limit = judge(gate, commanded, now_s), gate.unwatched(now_s)
+        if self._seen_s is None or gate.looks_ahead(now_s):
+            self._seen_s = now_s
+        if self._watched_s is None or limit is None or limit.way is None:
+            self._watched_s = now_s
+        since_s, patience_s = (
+            (self._seen_s, UNSEEN_S) if limit and not limit.way else (self._watched_s, BLIND_S)
+        )
+        if limit is None or verdict.code != "free" or now_s - since_s <= patience_s:
+            return verdict
+        moving = gate.velocity
+        _, in_words = words.way(math.atan2(moving.vy, moving.vx))
+        drove = f"{words.figure(math.hypot(moving.vx, moving.vy))} m/s {in_words}"
+        why = limit.text.partition(": ")[2]
+        return Verdict(STILL, moving, limit.code, f"stopped: it drove {drove}, and {why}", way=limit.way)
 
 
 def judge(gate: Gate, commanded: Velocity | None, now_s: float) -> Verdict:

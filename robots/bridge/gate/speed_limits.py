@@ -32,6 +32,7 @@ from robots.bridge.gate.values import GateProfile, Sector, SpeedLimit, Velocity,
 REVERSE_RAD = 0.75 * math.pi  # directions beyond this angle count as reverse
 CAMERA_LATE_S = 0.5  # age of the camera picture by which a person drives, from which on it limits the speed
 AHEAD = Velocity(1.0, 0.0, 0.0)
+ABOVE_MPS = 0.03  # a robot that keeps to a limit exceeds it by so much for moments
 ALONG = (0.0, math.pi)  # the directions of a differential base
 EVERY_WAY = (*ALONG, math.pi / 2.0, -math.pi / 2.0)
 AROUND = tuple(math.radians(degrees) for degrees in range(0, 360, 30))
@@ -168,6 +169,32 @@ class SpeedLimits:
                 text = f"{words.reduction(left.velocity, slowed)}: {laser.word} is {words.age(age_s)} old"
                 left = LimitedTwist(slowed, "scan_late", text)
         return left
+
+    def unwatched(self, moving: Velocity, now_s: float) -> SpeedLimit | None:
+        """Return the lowest limit that a robot exceeds because nothing looks where it goes; None: it exceeds none.
+
+        A way that bends out of the depth picture is seen where it begins.
+        """
+        mps = arc.speed(moving)
+        if mps == 0.0:
+            return None
+        limits = self._direction_limit(math.atan2(moving.vy, moving.vx), now_s)
+        if self._depth is not None:
+            limits += self._depth_limit(moving, now_s)
+        exceeded = [limit for limit in limits if limit.way != "bend" and mps > limit.mps + ABOVE_MPS]
+        return min(exceeded, key=lambda limit: limit.mps, default=None)
+
+    def looks_ahead(self, moving: Velocity, now_s: float) -> bool:
+        """Return whether a fresh depth picture shows the way of a robot that moves so, or ahead of one that stands.
+
+        Reverse counts as ahead: no head turns far enough for it. True without a depth camera.
+        """
+        if self._depth is None:
+            return True
+        direction = math.atan2(moving.vy, moving.vx) if arc.speed(moving) > ABOVE_MPS else 0.0
+        if abs(direction) > REVERSE_RAD:
+            direction = 0.0
+        return self._depth.is_fresh(now_s) and self._depth.sight_m(direction, 0.0) > 0.0
 
     def _arm_limit(self, now_s: float) -> list[SpeedLimit]:
         """Return the limit while the arm's posture is unknown."""

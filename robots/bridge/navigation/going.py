@@ -34,6 +34,7 @@ SENDS_S = 0.5  # as long a velocity of navigation counts, as for twist_mux
 REPORTS_S = 2.0  # a report of running goals is true for so long
 OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
 STANDS_S = 2.0  # from the end of a drive until the robot stands
+LOOKS_S = 4.0  # from the request until the depth camera looks ahead: the head turns, then a picture comes
 PATIENCE_S = 5.0  # from the begin of control: map and localisation may still come
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # Refusals whose cause may end by itself in the first seconds of control.
@@ -44,6 +45,11 @@ NO_NAVIGATION = Refusal(
 )
 OTHER_MAP = Refusal(
     "map_changed", "The robot has another map now. Look at the new one, then choose again.", "robot"
+)
+HEAD_AWAY = Refusal(
+    "head_away",
+    "The depth camera does not look ahead: the gate would not see table tops. Look ahead first.",
+    "gate",
 )
 # Why the robot was halted, by the code: the outcome.
 _OUTCOMES = {
@@ -84,6 +90,7 @@ class Target:
     heard_s: float = math.inf  # when navigation last said something about it, or the robot moved
     ending_s: float = math.inf  # when it was cancelled
     patience: Patience = field(default_factory=Patience)
+    watch: navigation_watch.Watch = field(default_factory=navigation_watch.Watch)
     digest: str = ""  # of the map on which it was checked
     left_m: float | None = None
 
@@ -99,6 +106,7 @@ class Going(Goals[Target]):
         super().__init__(records, lambda goal_id, _topic: navigator.cancel_navigation(goal_id))
         self._source = config.topics.navigation
         self._has_arm = config.gate.has_arm
+        self._has_head = config.topics.head is not None
         self._navigator = navigator
         self._gate = gate
         self.localisation = Localisation()
@@ -140,7 +148,9 @@ class Going(Goals[Target]):
         if (spare_m := navigation_watch.spare_m(self._gate, now_s)) < LEAST_SPARE_M:
             text = "Something is within 3 cm of the robot, or may be: drive it away from there by the stick first."
             return Refusal("too_close", text, "gate", {"gap_m": round(spare_m, 3), "limit_m": LEAST_SPARE_M})
-        return self.refuse_place(now_s) or self._refuse_goal(goal)
+        refusal = self.refuse_place(now_s) or self._refuse_goal(goal)
+        away = self._has_head and not self._gate.looks_ahead(now_s)
+        return refusal or (HEAD_AWAY if away else None)  # last: the head turns when all else is well
 
     def refuse_place(self, now_s: float) -> Refusal | None:
         """Return why it is unknown where the robot is."""
@@ -167,6 +177,8 @@ class Going(Goals[Target]):
         """Return whether the refusal's cause may end by itself: control has just begun, or a drive just ended."""
         if refusal.code == "base_moving":
             return now_s - self._ended_s < STANDS_S
+        if refusal is HEAD_AWAY:  # `due` turns it
+            return self._current is None or now_s - self._current.since_s < LOOKS_S
         return refusal.code in _MAY_COME and now_s - self._fence_s < PATIENCE_S
 
     # --- a goal ---------------------------------------------------------------------------------------
@@ -235,6 +247,11 @@ class Going(Goals[Target]):
         """
         if self.drives and code != "stopped":
             self.end(_OUTCOMES.get(code, code), _sentence(reason), now_s, code)
+
+    def judge(self, now_s: float) -> Verdict:
+        """Return the gate's verdict on how the robot drives itself; "free": it may go on."""
+        watch = self._current.what.watch if self._current else navigation_watch.Watch()
+        return watch.judge(self._gate, self.commanded(now_s), now_s)
 
     @property
     def waits(self) -> bool:

@@ -47,6 +47,7 @@ class Head:
         self._by_hand = False
         self._sent_s = -math.inf
         self._turned_s = -math.inf  # by hand
+        self._forward_s = -math.inf  # when it was last sent ahead for a drive to a place
         self._next: deque[tuple[float, Aim]] = deque()  # the rest of looking ahead: when, and where to
 
     def ahead(self, aside: float | None, now_s: float) -> Aim:
@@ -65,11 +66,14 @@ class Head:
         self._next.append((at_s, Aim(0.0, self._source.look_tilt, UP_S)))
         self._pan, self._tilt, self._sent_s = pan, lowest, at_s + UP_S
         self._by_hand = False
-        self._turned_s = -math.inf
+        self._turned_s = self._forward_s = -math.inf
         return Aim(pan, lowest, AHEAD_TAKES_S)
 
-    def forward(self, now_s: float) -> Aim:
-        """Return the aim at the floor in front of the robot, at once."""
+    def forward(self, now_s: float) -> Aim | None:
+        """Return the aim at the floor in front of the robot, at once; None: it was returned a moment ago."""
+        if now_s - self._forward_s < SAID_AGAIN_S:
+            return None
+        self._forward_s = now_s
         self._next.clear()
         self._pan, self._tilt, self._sent_s = 0.0, self._source.look_tilt, now_s + AHEAD_TAKES_S
         self._by_hand = False
@@ -96,7 +100,7 @@ class Head:
         """
         if at is not None and now_s - self._turned_s > ARRIVED_S:
             self._pan, self._tilt = at
-        self._turned_s = now_s
+        self._turned_s, self._forward_s = now_s, -math.inf
         self._next.clear()
         before = self._pan, self._tilt
         self._pan = _within(self._pan + pan, self._source.pan_rad)

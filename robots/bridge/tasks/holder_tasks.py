@@ -383,7 +383,7 @@ class Tasks:
         return self._head.turn(pan, tilt, self._performer.head_at(), now_s)
 
     def _move_head(self, sent: Velocity, now_s: float) -> None:
-        """Move the head: down and ahead after a recorded request; else, if configured, into the turn.
+        """Move the head: ahead for a drive to a place; down and ahead after a recorded request; else into the turn.
 
         If something forbids a later part of looking ahead, the head stays down, and the gate's limit says so.
         """
@@ -394,6 +394,8 @@ class Tasks:
             aim = self._head.ahead(self._gate.look_to(now_s), now_s)
         elif self._granted("head.turn", now_s):
             aim = self._turned(now_s)
+        elif self.going.drives or self.going.due:
+            aim = self._head.forward(now_s)  # the gate's camera looks where it drives
         elif (onward := self._head.onward(now_s)) is not None:
             aim = onward if self._why_no_look(now_s) is None else None
         elif self._rules.lease.current and sent != STILL and self._why_no_look(now_s) is None:
@@ -507,8 +509,6 @@ class Tasks:
             if refusal is not None:
                 self.going.deny(refusal, now_s)
             self.going.start(now_s)
-            if self._head is not None and self.going.drives:
-                self._performer.aim_head(self._head.forward(now_s))  # the gate's camera looks where it drives
 
     def _set_pose(self, order: wire.SetPose, requester: Requester, now_s: float) -> None:
         if refusal := self.going.refuse_map(order.map) or self._why_not_set_pose(now_s):

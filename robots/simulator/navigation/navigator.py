@@ -88,7 +88,7 @@ class Navigator:
             going.phase, going.text = Phase.FAILED, NO_PLAN
             return STILL
         if self._robot.faults.navigation_blind:
-            return _straight_on(going.goal, pose)
+            return _straight_on(going.goal, pose, backs=self._robot.faults.navigation_backs)
         if now - self._seen_s >= SCAN_S:
             self._look(now)
         going.there = follower.is_there(going.path, pose, going.there)
@@ -158,9 +158,10 @@ def _known(robot: Robot) -> Survey:
     return known if (known.cells == FREE).any() else surveyed(physics, size, low_m)
 
 
-def _straight_on(goal: Pose, pose: Pose) -> Twist:
-    """The fault `navigation_blind`: full speed at the goal, whatever stands there."""
-    off = math.remainder(math.atan2(goal.y - pose.y, goal.x - pose.x) - pose.yaw, math.tau)
+def _straight_on(goal: Pose, pose: Pose, *, backs: bool) -> Twist:
+    """The faults `navigation_blind` and `navigation_backs`: full speed at the goal, whatever stands there."""
+    yaw = pose.yaw + (math.pi if backs else 0.0)
+    off = math.remainder(math.atan2(goal.y - pose.y, goal.x - pose.x) - yaw, math.tau)
     if abs(off) > follower.TURN_FIRST_RAD:
         return Twist(w=follower.turn_towards(off))
-    return Twist(follower.FASTEST_MPS, 0.0, off)
+    return Twist(-follower.FASTEST_MPS if backs else follower.FASTEST_MPS, 0.0, off)

@@ -10,7 +10,8 @@ import pytest
 from robots import wire
 from robots.bridge.config import HeadSource, NavigationSource, Topic
 from robots.bridge.gate import navigation_watch
-from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
+from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity, Verdict
+from robots.bridge.navigation.going import LOOKS_S
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.path import PlannedPath
 from robots.wire import Go, GoCancel, LookAhead
@@ -178,6 +179,62 @@ def test_the_head_does_not_look_elsewhere_during_a_drive(bench):
     bench.recorded()
     passed(bench, 0.1)
     assert [answer.code for answer in answers] == ["going"]
+
+
+def test_the_head_is_sent_ahead_again_and_again_during_a_drive(bench):
+    gone(bench)
+    bench.base.aims.clear()
+    passed(bench, 6.0)
+    assert {(aim.pan, aim.tilt) for aim in bench.base.aims} == {(0.0, -0.68)}
+    assert len(bench.base.aims) == 3
+    assert bench.order(GoCancel(1)) is None
+    passed(bench, 0.1)
+    bench.base.aims.clear()
+    passed(bench, 4.0)
+    assert not bench.base.aims
+
+
+def test_a_goal_waits_until_the_depth_camera_looks_ahead(bench):
+    bench.core._gate.looks = False
+    answers = bench.ask(GO)
+    bench.recorded()
+    passed(bench, 1.0)
+    assert not answers and not bench.base.goals
+    assert [(aim.pan, aim.tilt) for aim in bench.base.aims] == [(0.0, -0.68)]
+    bench.core._gate.looks = True
+    passed(bench, 0.1)
+    assert answers == [None] and len(bench.base.goals) == 1
+
+
+def test_a_goal_is_refused_if_the_depth_camera_never_looks_ahead(bench):
+    bench.core._gate.looks = False
+    answers = bench.ask(GO)
+    bench.recorded()
+    passed(bench, LOOKS_S + 0.5)
+    assert [answer.code for answer in answers] == ["head_away"] and not bench.base.goals
+
+
+def test_the_watch_ends_a_drive_where_nothing_looks(bench):
+    gone(bench)
+    bench.core._gate.looks = False
+    text = "held to 0.3 m/s: the depth camera looks away from the way ahead"
+    bench.core._gate.unwatched = lambda now_s: SpeedLimit("head_away", text, 0.3)
+    for _ in range(12):
+        passed(bench, 0.2)
+        bench.odometry(Velocity(0.5, 0.0, 0.0))
+    passed(bench, 4.0)
+    assert (ended(bench).outcome, ended(bench).because) == ("held_back", "head_away")
+
+
+def test_a_motion_of_others_ends_a_drive(bench):
+    gone(bench)
+    bench.core.tasks.motions.running("/play_motion", ["other"], bench.now_s)
+    passed(bench, 4.0)
+    end = ended(bench)
+    assert (end.outcome, end.text) == (
+        "motion_running",
+        "The robot performs a motion that others asked for.",
+    )
 
 
 def test_a_goal_of_an_earlier_bridge_is_cancelled_and_the_base_is_held(bench):
