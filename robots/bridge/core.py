@@ -152,7 +152,7 @@ class Core:
         self._reported = Reported()
         self._run = 0  # number of the robot's run
         self._sonar_reach_m = {sonar.frame_id: sonar.max_range_m for sonar in config.topics.sonars}
-        self.tasks = Tasks(config, base, gate, records, self, publisher, announce)
+        self.tasks = Tasks(config, base, gate, records, self, publisher, announce, saved.goal)
 
     @property
     def stop_state(self) -> StopState:
@@ -436,7 +436,8 @@ class Core:
     def saved_state(self) -> SavedState:
         """Return the state that must survive a kill of this process."""
         stop = self.stop_state
-        return SavedState(stop.state != "clear", stop.by or "", stop.reason, self.lease.highest)
+        goal = self.tasks.going.may_drive_to
+        return SavedState(stop.state != "clear", stop.by or "", stop.reason, self.lease.highest, goal)
 
     def hello(self) -> wire.BridgeHello:
         """Return the first message to a web process. It does not depend on the robot."""

@@ -91,6 +91,7 @@ class Bridge:
             config.link, handler.opened, handler.received, handler.closed, handler.handle
         )
         self._watchdog = WatchdogClient(lane_path(config), self._pressed)
+        self._goal = saved.goal  # of navigation, as it is on disk
         self._ended = False
         self._rests = True
         self._wake = asyncio.Event()
@@ -185,6 +186,9 @@ class Bridge:
 
     def _tick(self, now_s: float, late_s: float) -> None:
         self._core.tick(now_s, late_s)
+        if (goal := self._core.tasks.going.may_drive_to) != self._goal:
+            self._goal = goal
+            self._fences.save_latch()
         grant = self._core.lease.current
         self._base.use_on_demand_topics(grant is not None)
         self._maps.tick(grant.fence if grant else None, now_s, self._core.tasks.going.drives is not None)

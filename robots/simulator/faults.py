@@ -38,6 +38,7 @@ class Faults:
     navigation_fails: bool = False  # finds no plan
     navigation_silent: bool = False  # takes goals and never answers: no status, feedback or result
     navigation_goes_on: bool = False  # confirms a cancel and drives on
+    navigation_pauses: bool = False  # confirms a cancel, stands for 4 s and drives on
     navigation_answers_another: bool = False  # its results name another goal
     localisation_dead: bool = False  # no transform from map to odom
     localisation_jumps: bool = False  # the believed pose is 1.5 m off

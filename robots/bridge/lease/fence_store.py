@@ -71,7 +71,10 @@ class FenceStore:
         self._waiting = _Waiting((entry for entry in self._waiting if entry[0] is not link), MAX_WAITING)
 
     def save_latch(self) -> Future[None]:
-        """Write the stop latch in the background; the robot already stops. The future ends when it is written."""
+        """Write the state in the background; a robot whose stop was pressed already stops.
+
+        The future ends when it is written.
+        """
         self._on_latch()
         saved = self._disk.submit(self._store.save, self._core.saved_state())
         saved.add_done_callback(_log_failure)

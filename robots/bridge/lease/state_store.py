@@ -1,4 +1,4 @@
-"""The state file of a bridge: stop latch and highest fence survive a kill."""
+"""The state file of a bridge: stop latch, highest fence and navigation's last goal survive a kill."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ class SavedState(Struct, frozen=True):
     by: str
     reason: str
     fence: int
+    goal: str = ""  # of navigation, to which the robot drives or may still drive
 
 
 class AlreadyRunning(Exception):

@@ -102,7 +102,10 @@ class Target:
 class Going(Goals[Target]):
     """The drive to a place in progress, if any."""
 
-    def __init__(self, config: BridgeConfig, navigator: Navigator, gate: Gate, records: Records) -> None:
+    def __init__(
+        self, config: BridgeConfig, navigator: Navigator, gate: Gate, records: Records, left: str = ""
+    ) -> None:
+        """`left`: the goal of an earlier bridge, as `may_drive_to` said then."""
         super().__init__(records, lambda goal_id, _topic: navigator.cancel_navigation(goal_id))
         self._source = config.topics.navigation
         self._has_arm = config.gate.has_arm
@@ -111,7 +114,7 @@ class Going(Goals[Target]):
         self._gate = gate
         self.localisation = Localisation()
         self.path = PlannedPath()
-        self.hold = Hold(records, navigator.cancel_navigation)
+        self.hold = Hold(records, navigator.cancel_navigation, left)
         self._map: GoalMap | None = None
         self._map_problem = NO_MAP
         self._at_home_s = -math.inf  # when the arm was last at home
@@ -215,6 +218,12 @@ class Going(Goals[Target]):
         goal = self._current
         sent = goal is not None and goal.id is not None and goal.cancelled is None
         return goal.requester if goal is not None and sent else None
+
+    @property
+    def may_drive_to(self) -> str:
+        """The goal to which navigation drives, or may still drive although it has ended; empty: none."""
+        goal = self._current
+        return (goal.id if goal is not None else None) or self.hold.watched
 
     @property
     def _ending(self) -> bool:
@@ -371,7 +380,8 @@ class Going(Goals[Target]):
     def drove(self, velocity: Velocity, now_s: float) -> None:
         """Take what navigation sends to the base."""
         self._sent, self._sent_s = velocity, now_s
-        self.hold.drove(any(abs(part) > 1e-3 for part in velocity), now_s)
+        has_goal = self.drives is not None or bool(self._busy(now_s))
+        self.hold.drove(any(abs(part) > 1e-3 for part in velocity), has_goal, now_s)
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
         """Take navigation's report of active goals; goals that a killed bridge left are cancelled."""

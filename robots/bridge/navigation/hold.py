@@ -1,7 +1,8 @@
 """After a goal has ended: hold the base until navigation is quiet.
 
 Navigation may confirm a cancel and drive on. As long as it sends velocities, or the base moves, the bridge goes on
-sending on its own drive topic, which has priority: zeros, or the operator's stick.
+sending on its own drive topic, which has priority: zeros, or the operator's stick. Navigation may also pause first: for
+some minutes it is watched, and held again if it drives without a goal.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from robots.bridge.audit.records import Records
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 
 QUIET_S = 1.0  # without a velocity of navigation, and at standstill: then the hold ends
-RUNS_ON_S = 30.0  # a goal that is reported for longer is forgotten, not driven to
+WATCHED_S = 300.0  # after a goal, or after the hold
 GOES_ON_S = 1.5  # navigation that still drives so long after a cancel does not obey
 UNHEARD = "The robot’s navigation drives on though its goal has ended: the bridge holds the base."
 
@@ -22,10 +23,13 @@ UNHEARD = "The robot’s navigation drives on though its goal has ended: the bri
 class Hold:
     """One hold at a time."""
 
-    def __init__(self, records: Records, cancel: Callable[[str], None]) -> None:
+    def __init__(self, records: Records, cancel: Callable[[str], None], watched: str = "") -> None:
+        """`watched`: the goal of an earlier bridge that may still be driven to."""
         self._records = records
         self._cancel = cancel
         self.goal_id: str | None = None  # of the goal that has ended
+        self.watched = watched  # the last goal, until `WATCHED_S` after its end
+        self._quiet_s: float | None = None  # when that or its hold ended; None: at the first tick
         self._since_s = -math.inf
         self._drove_s = -math.inf  # when navigation last sent a velocity that is not zero
         self._moved_s = -math.inf  # when the base last moved, or its motion was unknown
@@ -43,26 +47,33 @@ class Hold:
         if self.goal_id is None:
             self._since_s = now_s
         self.goal_id, self._moved_s, self._cancelled_s = goal_id, now_s, now_s
+        self.watched, self._quiet_s = goal_id, now_s
 
     def drop(self) -> None:
         """End it: navigation drives to a new goal."""
         self.goal_id = None
 
-    def drove(self, moves: bool, now_s: float) -> None:
-        """Take a velocity that navigation sent."""
-        if moves:
-            self._drove_s = now_s
+    def drove(self, moves: bool, has_goal: bool, now_s: float) -> None:
+        """Take a velocity that navigation sent. Hold again if it drives without a goal, shortly after ours."""
+        if not moves:
+            return
+        self._drove_s = now_s
+        if self.watched and not self.holds and not has_goal:
+            self.begin(self.watched, now_s)
 
     def tick(self, still: bool | None, others_drive: bool, runs_on: bool, now_s: float) -> None:
         """Cancel again while navigation drives; end when all is quiet, or when others use it and nobody has control.
 
         `runs_on`: navigation has not confirmed the end of the goal. It may pause, and drive on later.
         """
+        if self._quiet_s is None or self.holds:
+            self._quiet_s = now_s
+        elif now_s - self._quiet_s > WATCHED_S:
+            self.watched = ""
         if self.goal_id is None:
             return
         if still is not True:
             self._moved_s = now_s
-        runs_on = runs_on and now_s - self._since_s < RUNS_ON_S
         drives = self._drove_s > self._since_s and now_s - self._drove_s < QUIET_S
         if others_drive or (
             not drives and not runs_on and now_s - max(self._moved_s, self._since_s) >= QUIET_S

@@ -100,7 +100,9 @@ class Tasks:
         rules: TaskRules,
         publisher: Publisher,
         announce: Callable[[wire.Offers], None],
+        left_goal: str = "",
     ) -> None:
+        """`left_goal`: of navigation, by an earlier bridge; the robot may still drive to it."""
         config = structs.replace(config, allowed=admissible(config.allowed, config.topics))
         self.motions = Motions(performer, records)
         self.speech = SpeechTasks(performer, records)
@@ -108,7 +110,7 @@ class Tasks:
         self.capabilities = Capabilities(config, self.routing, announce)
         self.publications = Publications(publisher, records)
         self.drives_by = DrivesBy(config.gate.limits, gate, records)
-        self.going = Going(config, performer, gate, records)
+        self.going = Going(config, performer, gate, records, left_goal)
         self.limbs = Limbs(config, performer, records)
         self._config = config
         self._publisher = publisher

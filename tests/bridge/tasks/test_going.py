@@ -12,6 +12,7 @@ from robots.bridge.config import HeadSource, NavigationSource, Topic
 from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity, Verdict
 from robots.bridge.navigation.going import LOOKS_S
+from robots.bridge.navigation.hold import UNHEARD, WATCHED_S
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.path import PlannedPath
 from robots.wire import Go, GoCancel, LookAhead
@@ -165,6 +166,86 @@ def test_the_base_is_held_while_navigation_reports_the_ended_goal(bench):
     bench.going.running("/move_base", [], bench.now_s)
     bench.pass_time(1.5)
     assert not bench.going.hold.holds
+
+
+def test_the_hold_goes_on_as_long_as_the_ended_goal_is_reported(bench):
+    gone(bench)
+    assert bench.order(GoCancel(1)) is None
+    passed(bench, 33.0)
+    assert bench.going.hold.holds
+
+
+def ended_and_quiet(bench):
+    """Let a drive end and navigation be quiet; return the goal's id."""
+    goal_id = gone(bench)
+    assert bench.order(GoCancel(1)) is None
+    bench.going.ended(goal_id, "cancelled", "", bench.now_s)
+    bench.going.running("/move_base", [], bench.now_s)
+    bench.base.goals.clear()
+    quiet(bench)
+    bench.base.cancelled_goals.clear()
+    return goal_id
+
+
+def quiet(bench):
+    bench.pass_time(1.5)
+    assert not bench.going.hold.holds
+
+
+def drives_on(bench, seconds, others=()):
+    """Navigation sends velocities without a goal of ours."""
+    going = bench.core.tasks.going
+    for _ in range(round(seconds / 0.1)):
+        going.running("/move_base", others, bench.now_s)
+        going.drove(Velocity(0.3, 0.0, 0.0), bench.now_s)
+        bench.pass_time(0.1)
+
+
+def test_navigation_that_pauses_and_then_drives_on_is_held_again(bench):
+    goal_id = ended_and_quiet(bench)
+    passed(bench, 20.0)
+    drives_on(bench, 0.1)
+    assert bench.going.hold.holds and not bench.going.hold.why
+    drives_on(bench, 2.5)
+    assert bench.core.state(bench.now_s, []).navigation_held == UNHEARD
+    assert set(bench.base.cancelled_goals) == {goal_id}
+    bench.recorded()
+    assert "go.hold" in bench.sink.kinds
+    quiet(bench)
+
+
+def test_what_drives_long_after_the_goal_or_for_others_is_not_held(bench):
+    ended_and_quiet(bench)
+    drives_on(bench, 3.0, others=["theirs"])
+    assert not bench.going.hold.holds
+    bench.going.running("/move_base", [], bench.now_s)
+    quiet(bench)
+    bench.now_s += WATCHED_S
+    bench.odometry()
+    bench.pass_time(0.5)
+    drives_on(bench, 3.0)
+    assert not bench.going.hold.holds
+    assert bench.core.saved_state().goal == ""
+
+
+def test_a_bridge_that_begins_again_holds_what_drives_on(bench):
+    goal_id = ended_and_quiet(bench)
+    left = bench.core.saved_state()
+    assert left.goal == goal_id
+    config = msgspec.structs.replace(CONFIG, topics=TOPICS)
+    again = Bench(left=left, config=config).online()
+    again.pass_time(1.0)
+    sent = len(again.base.sent)
+    drives_on(again, 2.5)
+    assert len(again.base.sent) > sent and again.last == STILL
+    assert set(again.base.cancelled_goals) == {goal_id}
+    again.close()
+
+
+def test_the_goal_is_saved_as_soon_as_it_is_sent(bench):
+    assert bench.core.saved_state().goal == ""
+    goal_id = gone(bench)
+    assert bench.core.saved_state().goal == goal_id
 
 
 def test_no_drive_without_the_depth_camera(bench):

@@ -174,6 +174,22 @@ def test_navigation_that_goes_on_is_held(ros, traveller, truth, twists, fault):
     until(lambda: "go.hold released" in traveller.process.recorded(), "its end on record")
 
 
+def test_navigation_that_pauses_and_drives_on_is_held_again(traveller, truth, fault):
+    fault("navigation_pauses")
+    seq = traveller.go(*FAR)
+    traveller.drives()
+    assert traveller.hand.ask(wire.GoCancel(1, seq=902)) is None
+    assert traveller.ended(seq).outcome == "cancelled"
+    traveller.hand.send(wire.Revoke(1, "Enough."))
+    traveller.hand.state_until(lambda state: state.fence is None and speed(state) < 0.01, "no control")
+    before = place(truth)
+    traveller.hand.state_until(lambda state: state.navigation_held, "words about it, after the pause")
+    time.sleep(1.0)
+    assert math.dist(before[:2], place(truth)[:2]) < 0.05
+    fault("none")
+    traveller.hand.state_until(lambda state: not state.navigation_held, "the end of the hold")
+
+
 def test_localisation_that_dies_ends_it_and_refuses_the_next(traveller, fault):
     seq = traveller.go(*FAR)
     traveller.drives()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import rospy
@@ -18,6 +19,7 @@ from robots.simulator.ros.base import yaw_quaternion
 from robots.simulator.ros.map import pose_of
 
 FEEDBACK_S = 0.2
+PAUSES_S = 4.0  # by the fault `navigation_pauses`
 REPLACED = "This goal was canceled because another goal was recieved by the simple action server"  # as actionlib says
 INVALID = "Aborting on the goal because it was sent with an invalid quaternion"
 ELSEWHERE = "The goal is not in the frame of the map"
@@ -32,6 +34,7 @@ class MoveBaseServer:
         self._going: tuple[Any, Going] | None = None  # handle and goal
         self._plan_sent: list[tuple[float, float]] = []
         self._feedback_s = 0.0
+        self._had_goal_s = -math.inf
         self._velocity = rospy.Publisher("/nav_vel", Twist, queue_size=1, tcp_nodelay=True)
         self._plan = rospy.Publisher("/move_base/GlobalPlanner/plan", Path, queue_size=1, latch=True)
         self._stray = rospy.Publisher("/move_base/result", MoveBaseActionResult, queue_size=1)
@@ -50,14 +53,21 @@ class MoveBaseServer:
                 self._cancel(handle, "")
             elif not self._robot.faults.navigation_silent:  # a goal of which nothing is left but its status
                 handle.set_canceled(MoveBaseResult(), "")
-        if self._going is None and self._navigator.going and not self._robot.faults.navigation_goes_on:
+        if self._going is None and self._navigator.going and not self._goes_on:
             self._navigator.cancel()  # the fault is over: a robot without a goal stands
             self._drive(BaseTwist())
-        twist = self._navigator.step(now)
+        if self._going is not None:
+            self._had_goal_s = now
+        rests = self._robot.faults.navigation_pauses and 0.0 < now - self._had_goal_s < PAUSES_S
+        twist = None if rests else self._navigator.step(now)
         if twist is not None:
             self._drive(twist)
         if self._going is not None:
             self._report(*self._going, now)
+
+    @property
+    def _goes_on(self) -> bool:
+        return self._robot.faults.navigation_goes_on or self._robot.faults.navigation_pauses
 
     def _begin(self, handle: Any, now: float) -> None:
         if self._robot.faults.navigation_silent:
@@ -74,10 +84,10 @@ class MoveBaseServer:
         self._going = handle, self._navigator.go(goal, now)
 
     def _cancel(self, handle: Any, text: str) -> None:
-        """End the running goal. With the fault `navigation_goes_on` the robot drives on all the same."""
+        """End the running goal. With some faults the robot drives on all the same."""
         self._going = None
         handle.set_canceled(MoveBaseResult(), text)
-        if not self._robot.faults.navigation_goes_on:
+        if not self._goes_on:
             self._navigator.cancel()
             self._drive(BaseTwist())
 
