@@ -8,12 +8,13 @@ import time
 
 import pytest
 from actionlib_msgs.msg import GoalID, GoalStatusArray
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from move_base_msgs.msg import MoveBaseActionGoal
+from nav_msgs.msg import Path
 
 from robots import wire
 from tests.processes import until
-from tests.ros.navigation.conftest import pause, place, speed
+from tests.ros.navigation.conftest import NAVIGATION, pause, place, speed
 
 FAR = (8.0, 2.0)
 OUTSIDE, WALL = (60.0, 1.8), (2.0, 3.5)
@@ -47,6 +48,28 @@ def test_it_drives_to_a_place_and_shows_its_way(traveller, truth, twists):
     until(lambda: "go.end arrived" in traveller.process.recorded(), "the end on record")
     recorded = [line.split()[0] for line in traveller.process.recorded()]
     assert recorded.index("go.start") < recorded.index("drive.start") < recorded.index("go.end")
+
+
+def plan(count: int, y: float) -> Path:
+    """A path of so many poses, 2.5 cm apart."""
+    message = Path()
+    message.header.frame_id = "map"
+    for number in range(count):
+        pose = PoseStamped()
+        pose.header.frame_id = "map"
+        pose.pose.position.x, pose.pose.position.y = 0.025 * number, y
+        message.poses.append(pose)
+    return message
+
+
+def test_a_long_path_is_shown(ros, traveller):
+    with ros.speak(NAVIGATION.plan, Path) as plans, traveller.renewing():
+        traveller.go(*FAR)
+        traveller.drives()
+        plans.publish(plan(5000, 7.0))
+        traveller.hand.until(
+            lambda report: isinstance(report, wire.GoPath) and report.path_cm[1:2] == [700], "it"
+        )
 
 
 def test_a_cancel_makes_it_stand(traveller, twists):

@@ -30,6 +30,8 @@ KINDS = {
     "sensor_msgs/PointCloud2": Kind(32 * MB, 120.0, share=0.9),
     "sensor_msgs/CameraInfo": Kind(16 * KB, 200.0),
     "nav_msgs/Odometry": Kind(BRIEF),
+    # 5,000 poses are 0.4 MB and take 0.03 s; planners send a few a second.
+    "nav_msgs/Path": Kind(1 * MB, 20.0, share=0.5),
     "sensor_msgs/Range": Kind(BRIEF),
     "sensor_msgs/BatteryState": Kind(BRIEF),
     "std_msgs/Float32": Kind(BRIEF),
