@@ -67,9 +67,24 @@ def test_a_long_path_is_shown(ros, traveller):
         traveller.go(*FAR)
         traveller.drives()
         plans.publish(plan(5000, 7.0))
-        traveller.hand.until(
-            lambda report: isinstance(report, wire.GoPath) and report.path_cm[1:2] == [700], "it"
-        )
+        shows(traveller, 7.0)
+
+
+def shows(traveller, y: float) -> None:
+    def shown(report) -> bool:
+        return isinstance(report, wire.GoPath) and report.path_cm[1:2] == [round(100.0 * y)]
+
+    traveller.hand.until(shown, "the path")
+
+
+def test_the_last_of_paths_in_quick_succession_is_shown(ros, traveller):
+    with ros.speak(NAVIGATION.plan, Path) as plans, traveller.renewing():
+        traveller.go(*FAR)
+        traveller.drives()
+        for y in (1.0, 2.0, 3.0, 4.0):
+            plans.publish(plan(10, y))
+            time.sleep(0.1)
+        shows(traveller, 4.0)
 
 
 def test_a_cancel_makes_it_stand(traveller, twists):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -22,7 +23,7 @@ from robots.bridge.ros.tasks.publishing import Sender
 # Covariance of a pose that a person sets, as rviz sends it: 0.5 m, 15 degrees.
 SET_M2, SET_RAD2 = 0.25, 0.0685
 MOST_PLACES = 10_000  # of a path; a longer one is thinned before it is read
-PLANS_S = 1.0  # paths that come sooner after another one are ignored
+PLANS_S = 1.0  # of paths that come sooner after another one, the last is taken when this time is over
 
 
 class NavigationTopics:
@@ -33,6 +34,7 @@ class NavigationTopics:
         self._mail = mail
         self._going = going
         self._planned_s = -math.inf
+        self._skipped: Any = None  # the last path that came too soon; a timer runs for it
         self._action = ActionTopics(Topic(source.action, source.type), self)
         posed = message_class("geometry_msgs/PoseWithCovarianceStamped")
         self._set_pose = Sender(source.set_pose, posed) if source.set_pose else None
@@ -115,10 +117,25 @@ class NavigationTopics:
         self._mail.post("pose", lambda: self._going.posed(pose, spread, time.monotonic()), can_wait=True)
 
     def _on_plan(self, message: Any) -> None:
-        now_s = time.monotonic()
-        if now_s - self._planned_s < PLANS_S or message.header.frame_id.lstrip("/") != self._frame:
+        if message.header.frame_id.lstrip("/") != self._frame:
             return
-        self._planned_s = now_s
+        waits_s = self._planned_s + PLANS_S - time.monotonic()
+        if waits_s <= 0.0:
+            self._take_plan(message)
+            return
+        waiting, self._skipped = self._skipped, message
+        if waiting is None:
+            timer = threading.Timer(waits_s, self._take_skipped)
+            timer.daemon = True
+            timer.start()
+
+    def _take_skipped(self) -> None:
+        message, self._skipped = self._skipped, None
+        if message is not None:
+            self._take_plan(message)
+
+    def _take_plan(self, message: Any) -> None:
+        self._planned_s, self._skipped = time.monotonic(), None
         every = max(1, len(message.poses) // MOST_PLACES)
         poses = [*message.poses[::every], *message.poses[-1:]]
         places = np.array([(pose.pose.position.x, pose.pose.position.y) for pose in poses]).reshape(-1, 2)
