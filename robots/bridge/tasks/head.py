@@ -81,7 +81,7 @@ class Head:
         return Aim(0.0, self._source.look_tilt, AHEAD_TAKES_S)
 
     def stay(self) -> None:
-        """Drop the rest of looking ahead: who asked for it has no control any more."""
+        """Drop the rest of looking ahead: who asked for it has no control any more, or the robot was stopped."""
         self._next.clear()
 
     def onward(self, now_s: float) -> Aim | None:

@@ -270,8 +270,6 @@ class Tasks:
 
     def page_left(self, now_s: float) -> None:
         """Drop tasks that have not begun: their page is gone. `tick` handles running tasks."""
-        if self._head is not None:
-            self._head.stay()
         self._deny_asked(now_s, LEFT)
         self.drives_by.deny(LEFT.code, LEFT, now_s)
         self.going.deny(LEFT, now_s)
@@ -283,8 +281,6 @@ class Tasks:
 
     def control_ended(self, reason: str, now_s: float) -> None:
         """Cancel running tasks: their owner lost control. A text being spoken is spoken to its end."""
-        if self._head is not None:
-            self._head.stay()
         self._deny_asked(now_s)
         self.drives_by.halt("control_lost", HALTED, now_s)
         self.going.end("control_lost", reason, now_s)
@@ -318,8 +314,10 @@ class Tasks:
         self._asked[kind].append(RecordedTask(requester, number, now_s))
 
     def _deny_asked(self, now_s: float, refusal: Refusal = HALTED) -> None:
-        """Refuse requests that are not recorded yet."""
+        """Refuse requests that are not recorded yet, and drop the rest of looking ahead."""
         self._turns.clear()
+        if self._head is not None:
+            self._head.stay()
         for kind, waiting in self._asked.items():
             denied, waiting[:] = list(waiting), []
             for asked in denied:

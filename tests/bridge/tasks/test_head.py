@@ -6,6 +6,7 @@ import msgspec
 import pytest
 
 from robots import wire
+from robots.bridge.audit.records import unrecorded
 from robots.bridge.config import HeadSource
 from robots.bridge.gate.values import Velocity
 from robots.bridge.tasks.head import AHEAD_TAKES_S, ARRIVED_S, DOWN_S, FOLLOW_RAD, FOLLOW_RADPS, Head
@@ -89,6 +90,26 @@ def test_what_forbids_to_move_the_head_leaves_it_down(bench, spoil):
     for _ in range(8):
         spoil(bench)
         bench.pass_time(0.5)
+    assert len(bench.base.aims) == 1
+
+
+def stopped_and_cleared(bench):
+    bench.core.stop("Bob", "", bench.now_s)
+    bench.pass_time(0.5)
+    assert bench.core.clear(1, bench.now_s) is None
+
+
+def unrecorded_for_a_while(bench):
+    refusal = unrecorded("the disk is full", [])
+    bench.core.tasks.unrecorded(refusal, bench.now_s)
+
+
+@pytest.mark.parametrize("spoil", [stopped_and_cleared, unrecorded_for_a_while])
+def test_a_head_that_was_stopped_on_its_way_does_not_go_on_by_itself(bench, spoil):
+    ask(bench)
+    settled(bench)
+    spoil(bench)
+    bench.pass_time(10.0)
     assert len(bench.base.aims) == 1
 
 
