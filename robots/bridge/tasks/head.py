@@ -47,6 +47,7 @@ class Head:
         self._by_hand = False
         self._sent_s = -math.inf
         self._turned_s = -math.inf  # by hand
+        self._arrives_s = -math.inf  # after the last turn by hand
         self._forward_s = -math.inf  # when it was last sent ahead for a drive to a place
         self._next: deque[tuple[float, Aim]] = deque()  # the rest of looking ahead: when, and where to
 
@@ -97,8 +98,10 @@ class Head:
 
         The first turn starts from where the head is (`at`: pan and tilt; None: unknown), since a motion or another node
         may have moved it. The next ones of a drag start from where it was sent: it may still be on its way.
+        The seconds are those of all the way that is left, since many turns may come at once.
         """
-        if at is not None and now_s - self._turned_s > ARRIVED_S:
+        is_first = now_s - self._turned_s > ARRIVED_S
+        if at is not None and is_first:
             self._pan, self._tilt = at
         self._turned_s, self._forward_s = now_s, -math.inf
         self._next.clear()
@@ -106,8 +109,17 @@ class Head:
         self._pan = _within(self._pan + pan, self._source.pan_rad)
         self._tilt = _within(self._tilt + tilt, self._source.tilt_rad)
         self._by_hand = True
-        farthest = max(abs(self._pan - before[0]), abs(self._tilt - before[1]))
-        return Aim(self._pan, self._tilt, max(farthest / TURN_RADPS, TURN_LEAST_S))
+        here, open_s = (at, 0.0) if at is not None else (before, self._open_s(is_first, now_s))
+        farthest = max(abs(self._pan - here[0]), abs(self._tilt - here[1]))
+        seconds = max(open_s + farthest / TURN_RADPS, TURN_LEAST_S)
+        self._arrives_s = now_s + seconds
+        return Aim(self._pan, self._tilt, seconds)
+
+    def _open_s(self, is_first: bool, now_s: float) -> float:
+        """Return the seconds to where a head of unknown place was sent before; at first it may be anywhere."""
+        if not is_first:
+            return max(self._arrives_s - now_s, 0.0)
+        return max(high - low for low, high in (self._source.pan_rad, self._source.tilt_rad)) / TURN_RADPS
 
     def follow(self, velocity: Velocity, now_s: float) -> Aim | None:
         """Return the next aim for a drive with this velocity; None to leave the head where it is."""

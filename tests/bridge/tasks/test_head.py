@@ -9,7 +9,15 @@ from robots import wire
 from robots.bridge.audit.records import unrecorded
 from robots.bridge.config import HeadSource
 from robots.bridge.gate.values import Velocity
-from robots.bridge.tasks.head import AHEAD_TAKES_S, ARRIVED_S, DOWN_S, FOLLOW_RAD, FOLLOW_RADPS, Head
+from robots.bridge.tasks.head import (
+    AHEAD_TAKES_S,
+    ARRIVED_S,
+    DOWN_S,
+    FOLLOW_RAD,
+    FOLLOW_RADPS,
+    TURN_RADPS,
+    Head,
+)
 from tests.bridge.support import CONFIG, Bench, Outcome, codes, settled
 
 SOURCE = HeadSource("/head_controller/command", "head_1_joint", "head_2_joint", look_tilt=-0.68)
@@ -278,6 +286,24 @@ def test_a_drag_starts_where_the_head_is_and_goes_on_where_it_was_sent(bench):
     bench.base.head = (-0.5, 0.0)
     drag(bench, 0.1, 0.0)
     assert (bench.base.aims[-1].pan, bench.base.aims[-1].tilt) == pytest.approx((-0.4, 0.0))
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0), None])
+def test_many_turns_at_once_take_the_time_of_their_way(at):
+    head = Head(SOURCE)
+    head.turn(0.0, 0.0, at, 10.0)
+    aims = [head.turn(0.1, 0.0, at, 11.9) for _ in range(10)]
+    assert aims[-1].pan == pytest.approx(1.0)
+    assert aims[-1].seconds >= 1.0 / TURN_RADPS - 1e-9
+    back = head.turn(-0.1, 0.0, (0.9, 0.0), 13.0)
+    assert back.seconds == pytest.approx(0.2), "it has nearly arrived"
+
+
+def test_the_first_turn_of_a_head_of_unknown_place_is_slow():
+    head = Head(SOURCE)
+    assert head.turn(0.1, 0.0, None, 10.0).seconds > 2.0
+    assert head.turn(0.1, 0.0, (1.1, 0.0), 20.0).seconds == pytest.approx(0.2)
+    assert Head(SOURCE).turn(0.1, 0.0, (1.1, 0.0), 10.0).seconds == pytest.approx(0.2)
 
 
 def test_a_turned_head_does_not_follow_the_drive_until_asked():
