@@ -2,7 +2,7 @@
 
 A move is one bounded goal, so nothing goes on when input ends. The base stands meanwhile, as during a motion. The torso
 carries the arm up and down: what is above and below an arm that reaches out is not known, so the arm must be at home.
-There it lies within the footprint, where nothing can be.
+There it lies within the footprint, where nothing can be. A robot without an arm may always move its torso.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ class Limbs:
         self._moves = {
             limb: LimbMove(limb, source, mover, records) for limb, source in config.topics.limbs.items()
         }
+        self._has_arm = config.gate.has_arm or config.topics.arm is not None
         self._at_home_s = -math.inf
 
     def take(self, order: MoveLimb, requester: Requester, why_not: WhyNot, now_s: float) -> None:
@@ -49,7 +50,7 @@ class Limbs:
         )
 
     def _arm_away(self, now_s: float) -> Refusal | None:
-        if now_s - self._at_home_s <= KNOWN_S:
+        if not self._has_arm or now_s - self._at_home_s <= KNOWN_S:
             return None
         text = "The torso carries the arm: bring the arm home first. What is above and below it is not known."
         return Refusal("arm_away", text, "robot")
@@ -93,7 +94,7 @@ class Limbs:
                     move.deny(refusal, now_s)
             move.start(now_s)
             move.tick(now_s)
-        if now_s - self._at_home_s > KNOWN_S and (torso := self._moves.get("torso")) and torso.begun:
+        if self._arm_away(now_s) and (torso := self._moves.get("torso")) and torso.begun:
             torso.cancel("arm_away", "Where the robot’s arm is is not known any more.")
 
     def end(self, refusal: Refusal, now_s: float) -> None:

@@ -98,7 +98,8 @@ class RosBase:
         self._tf: TfTopics | None = None
         self._on_demand: OnDemandTopics | None = None
         self._head: HeadTopics | None = None
-        self._arm: ArmPosture | None = None
+        self._joints: ArmPosture | None = None
+        self._arm: ArmPosture | None = None  # the same; None for a robot without an arm
         self._motions: MotionTopics | None = None
         self._speech: SpeechTopics | None = None
         self._navigation: NavigationTopics | None = None
@@ -126,7 +127,7 @@ class RosBase:
 
     def joints(self, now_s: float) -> dict[str, float]:
         """Return the positions (rad or m) of joints of the robot's description, as far as they are known."""
-        return self._arm.shown(now_s) if self._arm else {}
+        return self._joints.shown(now_s) if self._joints else {}
 
     # --- called by Core ----------------------------------------------------------------------------
 
@@ -165,20 +166,20 @@ class RosBase:
             self._head.aim(aim)
 
     def head_at(self) -> tuple[float, float] | None:
-        """Return the head's pan and tilt; None without joint states, which are read for robots with an arm."""
+        """Return the head's pan and tilt; None without joint states."""
         head = self._config.topics.head
-        if head is None or self._arm is None:
+        if head is None or self._joints is None:
             return None
         now_s = time.monotonic()
-        pan, tilt = (self._arm.joint(name, now_s) for name in (head.pan_joint, head.tilt_joint))
+        pan, tilt = (self._joints.joint(name, now_s) for name in (head.pan_joint, head.tilt_joint))
         return None if pan is None or tilt is None else (pan, tilt)
 
     def limb_at(self, limb: Limb) -> float | None:
         """Return where a limb is by joint states (metres); None: unknown."""
-        if self._arm is None:
+        if self._joints is None:
             return None
         now_s = time.monotonic()
-        places = [self._arm.joint(name, now_s) for name in self._config.topics.limbs[limb].joints]
+        places = [self._joints.joint(name, now_s) for name in self._config.topics.limbs[limb].joints]
         known = [place for place in places if place is not None]
         return sum(known) if len(known) == len(places) else None
 
@@ -382,10 +383,13 @@ class RosBase:
             self._navigation = NavigationTopics(topics.navigation, self._mail, self._core.tasks.going)
         for limb, source in topics.limbs.items():
             self._limbs[limb] = LimbTopics(source, self._mail, self._core.tasks.limbs.move(limb))
-        if topics.arm and topics.joint_states:
-            self._arm = ArmPosture(topics.arm)
-            posture = PostureTopics(self._arm, self._on_posture)
-            posture.subscribe(topics.joint_states, topics.motions if topics.arm.postures else None)
+        if topics.joint_states:
+            self._joints = ArmPosture(topics.arm)
+            self._arm = self._joints if topics.arm else None
+            posture = PostureTopics(self._joints, self._on_posture if topics.arm else None)
+            posture.subscribe(
+                topics.joint_states, topics.motions if topics.arm and topics.arm.postures else None
+            )
         self._describe()
         depth, view = topics.depth, self._config.gate.depth
         if depth and view:
@@ -458,8 +462,8 @@ class RosBase:
             self._fruitless = self._fruitless + 1 if drives else 0
             return
         self._description, self._fruitless = description, 0
-        if self._arm:
-            self._arm.describe(description)
+        if self._joints:
+            self._joints.describe(description)
         if self._described:
             taken = taken_description(description)
             self._post(lambda: self._core.described(taken, self._ask_again))

@@ -1,4 +1,4 @@
-"""The arm's posture: from joint positions by the robot's description, or by the motion that it finished last."""
+"""The robot's joints, and its arm's posture: by the description, or by the motion that it finished last."""
 
 from __future__ import annotations
 
@@ -45,8 +45,10 @@ class ArmPosture:
     Joint positions and goals come on rospy's threads, questions on the gate's.
     """
 
-    def __init__(self, arm: ArmSource) -> None:
-        self._arm = arm
+    def __init__(self, arm: ArmSource | None) -> None:
+        """Without an arm, ask for `joint` and `shown` only."""
+        self._has_arm = arm is not None
+        self._arm = arm or ArmSource({}, [])
         self._model: _Model | None = None
         self._was: dict[str, float] | None = None  # the arm's joints when they moved last
         self._joints: dict[str, tuple[float, float]] = {}  # position and arrival
@@ -64,7 +66,7 @@ class ArmPosture:
             try:
                 tree = Tree(description)
                 drawn = frozenset(sorted(tree.joints)[:MOST_DRAWN])
-                model = self._modelled(tree)
+                model = self._modelled(tree) if self._has_arm else None
             except BadDescription as error:
                 log.warning("%s: the arm's posture is known by its motions only", error)
         self._model, self._drawn = model, drawn

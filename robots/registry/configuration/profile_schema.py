@@ -203,8 +203,8 @@ def topic_problems(topics: Topics) -> Iterator[str]:
         yield from _navigation_problems(topics.navigation)
     for limb, joints in topics.limbs.items():
         yield from _limb_problems(joints, limb)
-        if topics.arm is None or topics.joint_states is None:
-            yield f"{limb}: needs joint_states and arm, from which its position is known"
+        if topics.joint_states is None:
+            yield f"{limb}: needs joint_states, from which its position is known"
     for index, action in enumerate(topics.cancel_on_stop):
         yield from _name_problem(action, f"cancel_on_stop[{index}]")
     for index, language in enumerate(topics.languages):

@@ -133,6 +133,22 @@ def test_what_is_missing_is_named(bench):
     assert code(bench, OPEN) == "limb_unknown"
 
 
+def test_the_torso_of_a_robot_without_an_arm_waits_for_none():
+    topics = msgspec.structs.replace(TOPICS, arm=None)
+    for gate, refused in (
+        (CONFIG.gate, None),
+        (msgspec.structs.replace(CONFIG.gate, has_arm=True), "arm_away"),
+    ):
+        bench = Bench(config=msgspec.structs.replace(CONFIG, topics=topics, gate=gate)).online().granted()
+        bench.base.limbs = {"torso": 0.15}
+        assert code(bench, UP) == refused
+        bench.recorded()
+        bench.pass_time(1.0)
+        assert len(bench.base.moves) == (refused is None)
+        assert refused or bench.core.tasks.limbs.move("torso").runs
+        bench.close()
+
+
 def test_a_robot_without_limbs_says_so():
     bench = Bench().online().granted()
     assert (code(bench, OPEN), code(bench, LimbCancel(1, "torso"))) == ("no_limb", "no_move")

@@ -31,6 +31,15 @@ def test_a_gripper_has_a_trajectory_or_a_command_with_an_effort(said: dict[str, 
     assert problems(**said) == []
 
 
+@pytest.mark.parametrize("limb", ["gripper", "torso"])
+def test_a_limb_needs_joint_states_and_no_arm(limb: str) -> None:
+    source = LimbSource("/limb/action", ["lift"], (0.0, 0.35), 0.05)
+    joints = Topic("/joint_states", "sensor_msgs/JointState")
+    assert list(topic_problems(Topics(DRIVE, ODOMETRY, joint_states=joints, **{limb: source}))) == []  # type: ignore[arg-type]
+    [problem] = topic_problems(Topics(DRIVE, ODOMETRY, **{limb: source}))  # type: ignore[arg-type]
+    assert problem == f"{limb}: needs joint_states, from which its position is known"
+
+
 @pytest.mark.parametrize(
     ("said", "where"),
     [

@@ -103,6 +103,12 @@ def test_the_torso_rises_and_a_stop_holds_it(holder):
     assert holder.asks("torso", 0.1).code == "stopped"
 
 
+@pytest.mark.parametrize("holder", [{"arm": None}], indirect=True)
+def test_limbs_of_a_robot_without_an_arm_move(holder):
+    assert holder.moves("gripper", 0.04).outcome == "done"
+    assert holder.moves("torso", 0.2).outcome == "done"
+
+
 def test_the_arm_must_be_at_home_for_the_torso(holder):
     assert holder.hand.ask(wire.Play(1, "offer", next(_numbers))) is None
     holder.until(lambda state: state.motion_ended, "the end of the motion")

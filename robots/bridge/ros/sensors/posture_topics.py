@@ -28,9 +28,9 @@ Take = Callable[[Posture, float], None]
 
 
 class PostureTopics:
-    """The topics of one arm. `take` is called on a rospy thread with the posture and its arrival."""
+    """The topics of joints and arm. `take` is called on a rospy thread with the posture and its arrival, for an arm."""
 
-    def __init__(self, arm: ArmPosture, take: Take) -> None:
+    def __init__(self, arm: ArmPosture, take: Take | None) -> None:
         self._arm = arm
         self._take = take
         self._reported_s = float("-inf")
@@ -56,7 +56,7 @@ class PostureTopics:
         message = JointState().deserialize(raw._buff)
         names = (cut(name, NAME) for name in message.name)
         self._arm.update(zip(names, message.position, strict=False), now_s)
-        if now_s - self._reported_s >= EVERY_S:
+        if self._take is not None and now_s - self._reported_s >= EVERY_S:
             self._reported_s = now_s
             self._take(self._arm.posture(now_s), now_s)
 
