@@ -61,6 +61,7 @@ class LimbMove(Goals[Target]):
         self._source = source
         self._mover = mover
         self._range = [len(source.joints) * end for end in source.range_m]
+        self._held: str | None = None  # a goal that has ended here and goes on: fingers hold something
         self._strays: dict[str, float] = {}  # goals that nobody watches: time of the last cancel
         self._strays_s = -math.inf  # when the controller last told which goals run
         self._settling: Target | None = (
@@ -153,7 +154,7 @@ class LimbMove(Goals[Target]):
         """Watch the move by joint states; give up a goal that the controller does not answer."""
         goal = self._current
         if goal is not None and goal.id is not None and goal.cancelled is None:
-            self._watch(goal.what, now_s)
+            self._watch(goal.id, goal.what, now_s)
         super().tick(now_s)
         if goal is not None and goal is self._current and goal.cancelled is not None:
             self._give_up(goal.what, now_s)
@@ -186,7 +187,7 @@ class LimbMove(Goals[Target]):
         if target.moved_m is None or abs(at_m - target.moved_m) >= MOVED_M:
             target.moved_m, target.moved_s = at_m, now_s
 
-    def _watch(self, target: Target, now_s: float) -> None:
+    def _watch(self, goal_id: str, target: Target, now_s: float) -> None:
         at_m = self.at_m
         if at_m is None:
             if now_s - target.known_s > SILENT_S:
@@ -194,7 +195,13 @@ class LimbMove(Goals[Target]):
                 self.cancel("not_watched", text)
             return
         self._follow(target, now_s)
-        if now_s - target.moved_s > STILL_S and abs(at_m - target.order.to_m) > THERE_M:
+        if now_s - target.moved_s <= STILL_S or abs(at_m - target.order.to_m) <= THERE_M:
+            return
+        if self._limb == "gripper" and target.order.to_m < at_m:
+            # A cancelled controller holds its present position, and lets go of what the fingers hold.
+            self._held = goal_id
+            self._end("stalled", self._stuck(at_m), now_s)
+        else:
             self.cancel("no_progress", self._stuck(at_m))
 
     def _stuck(self, at_m: float) -> str:
@@ -205,7 +212,8 @@ class LimbMove(Goals[Target]):
         """Take the controller's report of active goals; goals that nobody watches any more are cancelled."""
         self._strays_s = now_s
         current = self._current.id if self._current else None
-        strays = {goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id != current}
+        watched = {current, self._held if self._held == self._ended else None}
+        strays = {goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id not in watched}
         self._find_own(self._limb, [goal_id for goal_id in goal_ids if goal_id not in strays], now_s)
         self._strays = {goal_id: self._strays.get(goal_id, -math.inf) for goal_id in strays}
         for goal_id, cancelled_s in self._strays.items():

@@ -245,13 +245,30 @@ def test_a_replaced_request_that_waits_for_its_record_is_answered(bench):
 
 
 def test_a_joint_that_does_not_move_ends_it(bench):
-    goal_id = moved(bench, CLOSE)
+    goal_id = moved(bench, OPEN)
     passed(bench, 3.2)
     assert goal_id in bench.base.cancelled_goals
     ends(bench, goal_id, "cancelled")
     end = state(bench).ended
     assert end.outcome == "no_progress"
     assert end.text == "The gripper stopped at 0.040 m. Perhaps it holds something."
+
+
+def test_fingers_that_hold_something_keep_their_force(bench):
+    goal_id = moved(bench, CLOSE)
+    passed(bench, 3.2)
+    end = state(bench).ended
+    assert (end.outcome, end.text) == (
+        "stalled",
+        "The gripper stopped at 0.040 m. Perhaps it holds something.",
+    )
+    passed(bench, 3.0)  # the controller still reports the goal
+    assert not bench.base.cancelled_goals and bench.core.tasks.limbs.busy() is None
+    another = moved(bench, OPEN)
+    ends(bench, goal_id, "cancelled")  # the controller replaced it
+    ends(bench, another, "cancelled")
+    bench.core.tasks.limbs.move("gripper").running([goal_id], bench.now_s)
+    assert goal_id in bench.base.cancelled_goals, "nobody waits for it any more"
 
 
 def test_joint_states_that_end_end_it(bench):
