@@ -668,7 +668,7 @@ class Core:
         """Return the first rule that forbids motion, by a stick or by a task. Lease and age are checked elsewhere."""
         if closed := self.why_closed(now_s):
             return closed
-        if refusal := self.tasks.why_stand(now_s) or self._drives.why_not:
+        if refusal := self.tasks.why_stand(now_s, crawls=True) or self._drives.why_not:
             return refusal
         return (stick and self._inputs.refuse(stick)) or self._drives.may_move(holder_of(grant), now_s)
 

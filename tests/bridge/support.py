@@ -89,6 +89,9 @@ class OpenGate:
         self.looks = True  # its depth camera looks ahead
         self.forgot: list[bool] = []  # calls of `forget`, each with `restarted`
 
+    def observe_lost_limb(self, limb: str | None) -> None:
+        self.lost_limb = limb
+
     def look_to(self, now_s: float) -> float | None: ...
 
     def looks_ahead(self, now_s: float) -> bool:

@@ -127,3 +127,16 @@ def test_a_box_held_by_its_arm_is_not_limited_again_below_it():
     feeder.all()
     feeder.gate.observe_posture(Posture(at_home=False, discs=((0.55, 0.0, 0.12),)), feeder.now_s)
     assert feeder.decide(0.8).velocity.vx == 0.0
+
+
+def test_a_limb_that_may_move_holds_the_robot_to_a_crawl():
+    feeder = Feeder(tiago_profile())
+    feeder.all()
+    feeder.gate.observe_lost_limb("torso")
+    verdict = feeder.decide(0.8)
+    assert (verdict.code, verdict.velocity.vx) == ("arm_away", pytest.approx(0.2))
+    assert verdict.text == (
+        "held to 0.2 m/s: whether the torso still moves is not known, since its joint states ended"
+    )
+    feeder.gate.observe_lost_limb(None)
+    assert feeder.decide(0.8).code == "free"

@@ -20,7 +20,8 @@ A verdict's codes, in the order of the rules (the verdict names the last rule th
                       stops within the visible part of a bent way
     blind_direction   held to the blind speed: no sensor watches the direction of travel; or to 0.1 m/s: only sonars do
     sonar_stale       held to 0.1 m/s: the sonars in the direction of travel are silent
-    arm_away          held to 0.2 m/s: the arm is not at home, and its posture is unknown
+    arm_away          held to 0.2 m/s: the arm is not at home, and its posture is unknown; or a limb may move, which
+                      joint states do not tell
     robot_late        limited: the robot answers later than its profile assumes
     operator_late     limited: the delay between robot and operator is too long for this speed
     scan_late         a laser's newest scan is older than 0.22 s: slowed, down to nothing at 0.28 s
@@ -230,6 +231,10 @@ class Gate:
 
     def _with_base(self, discs: tuple[arm_discs.Disc, ...]) -> Footprint:
         return Discs(((0.0, 0.0, self._base.reach(0.0)), *discs)) if discs else self._base
+
+    def observe_lost_limb(self, limb: str | None) -> None:
+        """Take the limb of which nobody can tell whether it moves, if any: it holds the robot to a crawl."""
+        self._limits.lost_limb = limb
 
     def observe_acknowledgement(self, took_s: float, now_s: float) -> None:
         """Take the round-trip time in which the robot's computer acknowledged a twist."""

@@ -69,6 +69,7 @@ class SpeedLimits:
     ) -> None:
         self.operator_delay_s: float | None = None  # round trip to the page; None: unknown
         self.camera_view_s: float | None = None  # age of the picture by which the operator drives
+        self.lost_limb: str | None = None  # nobody can tell whether it moves
         self._profile = profile
         self._odometry = odometry
         self._trail = trail
@@ -197,7 +198,14 @@ class SpeedLimits:
         return self._depth.is_fresh(now_s) and self._depth.sight_m(direction, 0.0) > 0.0
 
     def _arm_limit(self, now_s: float) -> list[SpeedLimit]:
-        """Return the limit while the arm's posture is unknown."""
+        """Return the limit while the arm's posture is unknown, or whether a limb moves."""
+        if self.lost_limb:
+            why = f"whether the {self.lost_limb} still moves is not known, since its joint states ended"
+            return [
+                SpeedLimit(
+                    "arm_away", f"held to {words.figure(arm_discs.AWAY_MPS)} m/s: {why}", arm_discs.AWAY_MPS
+                )
+            ]
         is_recent = now_s - self._posture_s <= arm_discs.KNOWN_S
         known = is_recent and (self._posture.at_home or self._posture.discs is not None)
         if known or not self._profile.has_arm:

@@ -21,6 +21,7 @@ STILL_S = 3.0  # without moving so much on its way, it has stopped
 SILENT_S = 1.0  # joint states that are missing for longer end the move
 THERE_M = 0.01  # from the goal
 SETTLED_S = 1.0  # without moving: a limb whose goal ended without the controller's word stands
+LOST_S = 5.0  # without joint states: nobody can tell whether it stands
 OBEYS_S = 5.0  # a cancelled goal that the controller still reports is given up, if the limb stands
 
 
@@ -67,6 +68,7 @@ class LimbMove(Goals[Target]):
         self._settling: Target | None = (
             None  # the controller did not say that it ended: the limb may still move
         )
+        self._lost = False  # it is settling, and its joint states have ended
         self.last: wire.LimbEnd | None = None
 
     @property
@@ -83,6 +85,11 @@ class LimbMove(Goals[Target]):
     def may_move(self) -> bool:
         """Return whether the limb may move although no move is under way."""
         return self._settling is not None or bool(self._strays)
+
+    @property
+    def is_lost(self) -> bool:
+        """Return whether the limb may move, but only because its joint states have ended: it may never be known."""
+        return self._settling is not None and self._lost and not self._strays
 
     @property
     def under_way(self) -> list[str]:
@@ -169,6 +176,7 @@ class LimbMove(Goals[Target]):
         if (target := self._settling) is None:
             return
         self._follow(target, now_s)
+        self._lost = now_s - target.known_s > LOST_S
         if target.known_s - target.moved_s >= SETTLED_S:  # seen to stand so long
             self._settling = None
 

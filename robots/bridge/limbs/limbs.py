@@ -62,9 +62,19 @@ class Limbs:
         elif torso := self._moves.get("torso"):
             torso.halt(Refusal("arm_away", "The robot’s arm left its home.", "robot"), now_s)
 
-    def busy(self) -> Refusal | None:
-        """Return why the base must stand and no motion may begin: a limb moves."""
+    @property
+    def lost(self) -> Limb | None:
+        """A limb of which nobody can tell whether it still moves, because its joint states have ended."""
+        return next((limb for limb, move in self._moves.items() if move.is_lost and not move.runs), None)
+
+    def busy(self, *, crawls: bool = False) -> Refusal | None:
+        """Return why the base must stand and no motion may begin: a limb moves.
+
+        `crawls`: past a limb that is lost the base may drive, since the gate holds it to a crawl.
+        """
         for limb, move in self._moves.items():
+            if crawls and limb == self.lost:
+                continue
             if move.runs:
                 text = f"The robot moves its {limb}: wait until it is there, or cancel the move."
                 return Refusal("limb_moving", text, "robot", {"limb": limb})

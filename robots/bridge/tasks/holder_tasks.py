@@ -205,9 +205,9 @@ class Tasks:
         else:
             self.capabilities.report(anyway=True)
 
-    def why_stand(self, now_s: float) -> Refusal | None:
-        """Return why the base must stand: a motion runs, or a limb moves."""
-        return self.motions.refuse(now_s) or self.limbs.busy()
+    def why_stand(self, now_s: float, *, crawls: bool = False) -> Refusal | None:
+        """Return why the base must stand: a motion runs, or a limb moves. `crawls`: the gate limits its speed."""
+        return self.motions.refuse(now_s) or self.limbs.busy(crawls=crawls)
 
     @property
     def under_way(self) -> list[str]:
@@ -238,6 +238,7 @@ class Tasks:
         self._watch_going(now_s)
         self._watch_motion(now_s)
         self.limbs.tick(self._why_no_limb, now_s)
+        self._gate.observe_lost_limb(self.limbs.lost)
         self._watch_speech(now_s)
         self.routing.tick({"speech": self.speech.topics(now_s)}, now_s)
         self.capabilities.report()
@@ -462,7 +463,7 @@ class Tasks:
         """Return the first rule that forbids to begin a drive. The core judges each velocity afterwards."""
         return (
             self._rules.why_not_begin(requester, now_s)
-            or self.why_stand(now_s)
+            or self.why_stand(now_s, crawls=True)
             or self._rules.why_not_still(now_s)
         )
 

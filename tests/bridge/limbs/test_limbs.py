@@ -301,6 +301,26 @@ def test_the_base_stands_until_an_unheard_limb_stands(bench):
     assert bench.core.tasks.limbs.busy() is None
 
 
+def test_the_base_crawls_past_a_limb_whose_joint_states_ended_for_good(bench):
+    moved(bench)
+    bench.answering = False
+    bench.base.limbs = {}
+    passed(bench, 4.5)
+    assert state(bench).ended.outcome in {"unheard", "not_watched"}
+    assert bench.stick(0.5).code == "limb_moving"
+    bench.stick(0.0)
+    passed(bench, 3.0)
+    assert bench.gate.lost_limb == "gripper"
+    assert bench.stick(0.5) is None
+    bench.stick(0.0)
+    bench.pass_time(2.0)
+    assert bench.core.tasks.limbs.busy().code == "limb_moving", "no motion begins"
+    assert code(bench, wire.Go(1, 1.0, 0.0, 0.0)) == "limb_moving", "nobody holds navigation to a crawl"
+    bench.base.limbs = {"gripper": 0.06, "torso": 0.15}
+    passed(bench, 2.0)
+    assert bench.gate.lost_limb is None and bench.core.tasks.limbs.busy() is None
+
+
 def test_a_controller_that_does_not_obey_is_given_up_when_the_limb_stands(bench):
     goal_id = moved(bench)
     bench.order(LimbCancel(1, "gripper"))
