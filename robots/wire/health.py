@@ -11,7 +11,10 @@ HealthLevel = Literal["ok", "silent", "warning", "error"]
 
 
 class HealthPart(Struct, frozen=True):
-    """A part that is not well, in the words of the node that reports it."""
+    """A part that is not well, in the words of the node that reports it.
+
+    One that was ill and fell silent keeps its level, and `text` says so: silence is no improvement.
+    """
 
     name: str
     level: HealthLevel
@@ -30,7 +33,9 @@ class Health(Struct, frozen=True):
     """The summary of the robot's diagnostics. `level` is that of the worst part."""
 
     level: HealthLevel
-    parts: list[HealthPart]  # at most 8 that are not well, the worst first, then the oldest
+    parts: list[
+        HealthPart
+    ]  # at most 8 that are not well, the newest among them; the worst first, then the oldest
     parts_more: int  # that are not well either
     well: int  # number of parts
     temperatures: list[Temperature]  # at most 6, the hottest first

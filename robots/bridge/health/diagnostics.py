@@ -13,12 +13,14 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from robots import wire
+from robots.bridge.gate.words import age
 from robots.wire import HealthLevel
 
 MOST_PARTS = 200
 SILENT_S = 10.0  # nodes report once a second
-FORGOTTEN_S = 600.0  # a part that is silent for so long is not listed any more
+FORGOTTEN_S = 600.0  # a part that was well and is silent for so long is not listed any more
 SHOWN = 8  # parts that are not well
+NEWEST = 3  # of them, at least: those that got worse last, since the page tells of what it is sent
 HOTTEST = 6  # temperatures
 VIEW_S = 1.0  # between two views without a new report
 
@@ -45,7 +47,9 @@ class Part:
     level: HealthLevel
     since_s: float
     heard_s: float
-    text: str = ""
+    said: HealthLevel = "ok"  # by its node, before it fell silent
+    said_s: float = 0.0  # since when
+    text: str = ""  # of that
     temperatures: dict[str, float] = field(default_factory=dict)  # °C, by key
     was: HealthLevel | None = None  # before this level; None: nothing was heard before
 
@@ -53,6 +57,25 @@ class Part:
         """Take a level; "since when" stays while it is the same."""
         if level != self.level:
             self.was, self.level, self.since_s = self.level, level, since_s
+        if level not in ("silent", self.said):
+            self.said, self.said_s = level, since_s
+
+    @property
+    def shown(self) -> HealthLevel:
+        """The level for people. Silence is never an improvement: an error that was said may still be there."""
+        return self.said if self.level == "silent" and self.said != "ok" else self.level
+
+    @property
+    def got_worse(self) -> bool:
+        """Return whether its last change was one for the worse."""
+        return self.level == "silent" or BADNESS[self.level] > BADNESS[self.was or "ok"]
+
+    def report(self, name: str, now_s: float) -> wire.HealthPart:
+        """Return the part for people."""
+        if self.level == self.shown:
+            return wire.HealthPart(name, self.level, self.text, max(0, int(now_s - self.since_s)))
+        text = f"{self.text or 'no reason given'}; silent for {age(now_s - self.since_s)}"
+        return wire.HealthPart(name, self.said, text, max(0, int(now_s - self.said_s)))
 
 
 class Diagnostics:
@@ -73,23 +96,27 @@ class Diagnostics:
                 self._unread += 1
             elif (part := self._part(status.name, level, now_s)) is not None:
                 part.become(level, now_s)
-                part.heard_s, part.text = now_s, status.text
+                part.heard_s = now_s
+                if level != "silent" or part.said == "ok":
+                    part.text = status.text
                 part.temperatures = _temperatures(status.values)
         self._viewed_s = -math.inf
 
     def _part(self, name: str, level: HealthLevel, now_s: float) -> Part | None:
         part = self._parts.get(name)
         if part is None and len(self._parts) >= MOST_PARTS:
-            self._forget(now_s)
+            self._forget(now_s, also_ill=True)
         if part is None and len(self._parts) >= MOST_PARTS:
             if len(self._left_out) < MOST_PARTS:
                 self._left_out.add(name)
             return None
         return part or self._parts.setdefault(name, Part(level, now_s, now_s))
 
-    def _forget(self, now_s: float) -> None:
-        for name in [name for name, part in self._parts.items() if now_s - part.heard_s > FORGOTTEN_S]:
-            del self._parts[name]
+    def _forget(self, now_s: float, *, also_ill: bool = False) -> None:
+        """Forget parts that are silent for long; those that were ill only to make room."""
+        for name, part in list(self._parts.items()):
+            if now_s - part.heard_s > FORGOTTEN_S and (also_ill or part.said == "ok"):
+                del self._parts[name]
 
     def view(self, now_s: float) -> wire.Health | None:
         """Return the summary; None: no node has reported."""
@@ -112,8 +139,11 @@ class Diagnostics:
         names = plain_names(members)
         ill = sorted(
             ((name, part) for name, part in members.items() if part.level != "ok"),
-            key=lambda item: (-BADNESS[item[1].level], item[1].since_s, item[0]),
+            key=lambda item: (-BADNESS[item[1].shown], item[1].since_s, item[0]),
         )
+        worse = sorted((-part.since_s, name) for name, part in ill if part.got_worse)
+        listed = [*(name for _, name in worse[:NEWEST]), *(name for name, _ in ill)]
+        listed = list(dict.fromkeys(listed))[:SHOWN]
         hot = [
             wire.Temperature(_temperature_name(names[name], key, part), round(celsius))
             for name, part in members.items()
@@ -121,11 +151,8 @@ class Diagnostics:
             for key, celsius in part.temperatures.items()
         ]
         return wire.Health(
-            level=ill[0][1].level if ill else "ok",
-            parts=[
-                wire.HealthPart(names[name], part.level, part.text, max(0, int(now_s - part.since_s)))
-                for name, part in ill[:SHOWN]
-            ],
+            level=ill[0][1].shown if ill else "ok",
+            parts=[part.report(names[name], now_s) for name, part in ill if name in listed],
             parts_more=max(0, len(ill) - SHOWN),
             well=len(members) - len(ill),
             temperatures=sorted(hot, key=lambda one: (-one.celsius, one.name))[:HOTTEST],

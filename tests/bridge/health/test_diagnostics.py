@@ -52,6 +52,43 @@ def test_a_part_that_says_nothing_more_is_silent_then_forgotten(diagnostics):
     assert diagnostics.view(FORGOTTEN_S + 2.0).level == "silent"
 
 
+@pytest.mark.parametrize("stale", [False, True], ids=["silent", "called stale by an aggregator"])
+def test_an_error_that_falls_silent_stays_an_error(diagnostics, stale):
+    diagnostics.take([Status("amplifier", ERROR, "no answer"), Status("arm", OK, "OK")], 0.0)
+    for now_s in (SILENT_S + 50.0, FORGOTTEN_S + 100.0):
+        if stale:
+            diagnostics.take([Status("amplifier", STALE, "stale")], 0.1)
+        diagnostics.take([Status("arm", OK, "OK")], now_s)
+        health = diagnostics.view(now_s)
+        assert (health.level, health.well, health.parts[0].level) == ("error", 1, "error")
+        assert health.parts[0].since_s == int(now_s)
+        assert health.parts[0].text.startswith("no answer; silent for ")
+    assert health.parts[0].text == "no answer; silent for 12 min"
+    diagnostics.take([Status("amplifier", OK, "OK")], now_s)
+    assert (diagnostics.view(now_s).level, diagnostics.view(now_s).well) == ("ok", 2)
+
+
+def test_silent_parts_that_were_ill_make_room(diagnostics):
+    diagnostics.take([Status(f"part {number}", ERROR, "") for number in range(MOST_PARTS)], 0.0)
+    diagnostics.take([Status("arm", ERROR, "broken")], FORGOTTEN_S + 1.0)
+    assert [part.name for part in diagnostics.view(FORGOTTEN_S + 1.0).parts] == ["arm"]
+
+
+def test_the_newest_changes_for_the_worse_are_shown(diagnostics):
+    diagnostics.take([Status(f"motor {number}", ERROR, "") for number in range(SHOWN + 4)], 0.0)
+    assert [part.name for part in diagnostics.view(0.0).parts] == [
+        f"motor {name}" for name in (0, 1, 10, 11, 2, 3, 4, 5)
+    ]
+    well = [Status(name, OK, "") for name in ("laser", "arm", "head", "motor 0")]
+    diagnostics.take(well, 1.0)
+    for at_s, name in enumerate(("laser", "arm", "head"), 2):
+        diagnostics.take([Status(name, WARN, "warm")], float(at_s))
+    names = [part.name for part in diagnostics.view(5.0).parts]
+    assert names == ["motor 1", "motor 10", "motor 11", "motor 2", "motor 3", "laser", "arm", "head"]
+    diagnostics.take([Status("motor 1", WARN, "better")], 6.0)
+    assert [part.name for part in diagnostics.view(6.0).parts][-3:] == ["laser", "arm", "head"]
+
+
 def test_groups_of_an_aggregator_are_not_counted_beside_their_members(diagnostics):
     diagnostics.take(
         [
