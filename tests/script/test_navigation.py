@@ -102,3 +102,35 @@ async def test_a_page_sees_the_way_and_takes_over_by_its_stick(stack: Stack) -> 
             until=lambda: driver.state.going_ended and driver.state.going_ended.outcome == "replaced",
         )
         await driver.until(lambda: not driver.path.path_cm)
+
+
+SLOT_ENDS = """
+from datetime import timedelta
+from django.utils import timezone
+from fleet.accounts.models import User
+from fleet.bookings.models import Booking
+from robots.registry.models import Robot
+now = timezone.now()
+ends, hour = now + timedelta(seconds=2), timedelta(hours=1)
+for name, since, until in (("operator", now - hour, ends), ("supervisor", ends, ends + hour)):
+    Booking.objects.create(
+        robot=Robot.objects.get(slug="%s"), person=User.objects.get(username=name),
+        starts_at=since, ends_at=until, held_until=until, made_at=now - 2 * hour,
+    )
+"""
+
+
+def test_the_end_of_the_slot_ends_the_drive(stack: Stack) -> None:
+    """The last test of this module: the robot is somebody else's afterwards."""
+    api = Api(stack, token(stack, "operator", "read", "drive"))
+    robot = f"/robots/{ROBOT}"
+    assert api("POST", f"{robot}/control", {})[0] == 200
+    x = api("GET", robot)[1]["state"]["location"]["x"]
+    status, task = api("POST", f"{robot}/go", {"place": "charging dock" if x < 5.0 else "kitchen"})
+    assert status == 202, task
+    command = stack.manage("slots", "shell", "-c", SLOT_ENDS % ROBOT)
+    end = _end(api, task["number"])
+    assert end["outcome"] == "control_lost", end
+    assert command.wait(10.0)
+    assert api("POST", f"{robot}/go", {"place": "kitchen"})[1]["code"] == "no_lease"
+    assert api("GET", robot)[1]["state"]["going"] is None
