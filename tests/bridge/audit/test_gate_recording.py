@@ -112,6 +112,7 @@ INPUTS = {
     ],
     "observe_operator": [(1 / 3,), (None,)],
     "observe_camera_view": [(1 / 3,), (None,)],
+    "observe_lost_limb": [("torso",), (None,)],
     "forget": [(True,), (False,)],
     "observe_acknowledgement": [(1 / 3, 100.1)],
 }
