@@ -162,6 +162,7 @@ class LimbMove(Goals[Target]):
         goal = self._current
         if goal is not None and goal.id is not None and goal.cancelled is None:
             self._watch(goal.id, goal.what, now_s)
+        goal = self._current
         super().tick(now_s)
         if goal is not None and goal is self._current and goal.cancelled is not None:
             self._give_up(goal.what, now_s)

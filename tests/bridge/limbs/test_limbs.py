@@ -262,6 +262,7 @@ def test_fingers_that_hold_something_keep_their_force(bench):
         "stalled",
         "The gripper stopped at 0.040 m. Perhaps it holds something.",
     )
+    assert bench.core.tasks.limbs.busy() is None, "it has stood for 3 s"
     passed(bench, 3.0)  # the controller still reports the goal
     assert not bench.base.cancelled_goals and bench.core.tasks.limbs.busy() is None
     another = moved(bench, OPEN)
