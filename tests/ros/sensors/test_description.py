@@ -88,7 +88,7 @@ class Robot:
         self.taken: list[str] = []
         self.base._core = self
         self.needs_fresh_sensors = False
-        self.base._arm = ArmPosture(ARM)
+        self.base._joints = self.base._arm = ArmPosture(ARM)
         self.base._loop = None  # type: ignore[assignment]
         monkeypatch.setattr(node.time, "monotonic", lambda: self.now_s)
         monkeypatch.setattr(node, "Master", lambda *_: self)
@@ -198,11 +198,13 @@ def test_what_the_console_could_not_keep_is_handed_on_again(robot):
     assert len(robot.taken) == 2
 
 
-def test_only_joints_of_the_description_are_shown():
-    posture = ArmPosture(ARM)
+@pytest.mark.parametrize("arm", [ARM, None], ids=["with an arm", "without"])
+def test_only_joints_of_the_description_are_shown(arm, caplog):
+    posture = ArmPosture(arm)
     posture.describe(DESCRIPTION)
     posture.update([("arm_1_joint", 0.123456), ("arm_2_joint", float("nan")), ("stranger", 1.0)], 100.0)
     assert posture.shown(100.1) == {"arm_1_joint": 0.1235}
     assert posture.shown(200.0) == {}
     posture.describe(None)
     assert posture.shown(100.1) == {}
+    assert not caplog.records
