@@ -51,6 +51,9 @@ HEAD_AWAY = Refusal(
     "The depth camera does not look ahead: the gate would not see table tops. Look ahead first.",
     "gate",
 )
+CAMERA_AWAY = Refusal(
+    "head_away", "The depth camera does not look ahead: the gate would not see table tops.", "gate"
+)
 # Why the robot was halted, by the code: the outcome.
 _OUTCOMES = {
     "control_ended": "control_lost",
@@ -152,8 +155,9 @@ class Going(Goals[Target]):
             text = "Something is within 3 cm of the robot, or may be: drive it away from there by the stick first."
             return Refusal("too_close", text, "gate", {"gap_m": round(spare_m, 3), "limit_m": LEAST_SPARE_M})
         refusal = self.refuse_place(now_s) or self._refuse_goal(goal)
-        away = self._has_head and not self._gate.looks_ahead(now_s)
-        return refusal or (HEAD_AWAY if away else None)  # last: the head turns when all else is well
+        if refusal is not None or self._gate.looks_ahead(now_s):
+            return refusal
+        return HEAD_AWAY if self._has_head else CAMERA_AWAY  # last: the head turns when all else is well
 
     def refuse_place(self, now_s: float) -> Refusal | None:
         """Return why it is unknown where the robot is."""
@@ -201,8 +205,17 @@ class Going(Goals[Target]):
         goal = self._current
         return goal.what.order if goal is not None and goal.id is None and goal.number.done() else None
 
+    @property
+    def unrecorded(self) -> bool:
+        """Whether the goal that is due must be refused because its record failed."""
+        return (
+            self.due is not None
+            and self._current is not None
+            and self._current.number.exception() is not None
+        )
+
     def start(self, now_s: float) -> None:
-        """Send the goal that is due."""
+        """Send the goal that is due; one whose record failed is refused."""
         goal = self._recorded(now_s)
         if goal is None:
             return
@@ -380,7 +393,8 @@ class Going(Goals[Target]):
     def drove(self, velocity: Velocity, now_s: float) -> None:
         """Take what navigation sends to the base."""
         self._sent, self._sent_s = velocity, now_s
-        has_goal = self.drives is not None or bool(self._busy(now_s))
+        is_known = self._reported_s > -math.inf  # a bridge that begins does not know yet whether others drive
+        has_goal = self.drives is not None or bool(self._busy(now_s)) or not is_known
         self.hold.drove(any(abs(part) > 1e-3 for part in velocity), has_goal, now_s)
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:

@@ -2,7 +2,8 @@
 
 Navigation may confirm a cancel and drive on. As long as it sends velocities, or the base moves, the bridge goes on
 sending on its own drive topic, which has priority: zeros, or the operator's stick. Navigation may also pause first: for
-some minutes it is watched, and held again if it drives without a goal.
+some minutes after our goal it is watched, and held again if it drives without a goal. Others may drive by its topic
+without a goal, so being held again does not prolong these minutes.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from robots.bridge.audit.records import Records
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 
 QUIET_S = 1.0  # without a velocity of navigation, and at standstill: then the hold ends
-WATCHED_S = 300.0  # after a goal, or after the hold
+WATCHED_S = 300.0  # after a goal, or after its hold
+RUNS_ON_S = 30.0  # a goal that is reported for so long after its end is told to people
 GOES_ON_S = 1.5  # navigation that still drives so long after a cancel does not obey
+UNENDED = "The robot’s navigation still reports a goal that was ended: the bridge holds the base."
 UNHEARD = "The robot’s navigation drives on though its goal has ended: the bridge holds the base."
 
 
@@ -29,7 +32,8 @@ class Hold:
         self._cancel = cancel
         self.goal_id: str | None = None  # of the goal that has ended
         self.watched = watched  # the last goal, until `WATCHED_S` after its end
-        self._quiet_s: float | None = None  # when that or its hold ended; None: at the first tick
+        self._ended_s: float | None = None  # when that or its hold ended; None: at the first tick
+        self._is_again = False  # navigation drives again, without a goal
         self._since_s = -math.inf
         self._drove_s = -math.inf  # when navigation last sent a velocity that is not zero
         self._moved_s = -math.inf  # when the base last moved, or its motion was unknown
@@ -44,10 +48,13 @@ class Hold:
 
     def begin(self, goal_id: str, now_s: float) -> None:
         """Hold from now on: this goal has ended, or is cancelled."""
+        self._hold(goal_id, now_s)
+        self.watched, self._ended_s, self._is_again = goal_id, now_s, False
+
+    def _hold(self, goal_id: str, now_s: float) -> None:
         if self.goal_id is None:
             self._since_s = now_s
         self.goal_id, self._moved_s, self._cancelled_s = goal_id, now_s, now_s
-        self.watched, self._quiet_s = goal_id, now_s
 
     def drop(self) -> None:
         """End it: navigation drives to a new goal."""
@@ -59,16 +66,17 @@ class Hold:
             return
         self._drove_s = now_s
         if self.watched and not self.holds and not has_goal:
-            self.begin(self.watched, now_s)
+            self._hold(self.watched, now_s)
+            self._is_again = True
 
     def tick(self, still: bool | None, others_drive: bool, runs_on: bool, now_s: float) -> None:
         """Cancel again while navigation drives; end when all is quiet, or when others use it and nobody has control.
 
         `runs_on`: navigation has not confirmed the end of the goal. It may pause, and drive on later.
         """
-        if self._quiet_s is None or self.holds:
-            self._quiet_s = now_s
-        elif now_s - self._quiet_s > WATCHED_S:
+        if self._ended_s is None or (self.holds and not self._is_again):
+            self._ended_s = now_s
+        elif not self.holds and now_s - self._ended_s > WATCHED_S:
             self.watched = ""
         if self.goal_id is None:
             return
@@ -80,15 +88,21 @@ class Hold:
         ):
             self._end("released", now_s)
             return
-        if drives and now_s - self._since_s > GOES_ON_S and not self.why:
-            self.why = UNHEARD
-            what = {"goal": self.goal_id, "text": UNHEARD}
-            self._record = self._records.keep(
-                lambda: self._records.sink.request(None, "go.hold", what), now_s
-            )
+        if drives and now_s - self._since_s > GOES_ON_S:
+            self._tell(self.goal_id, UNHEARD, now_s)
+        elif runs_on and now_s - self._since_s > RUNS_ON_S:
+            self._tell(self.goal_id, UNENDED, now_s)
         if self.why and now_s - self._cancelled_s >= CANCEL_AGAIN_S:
             self._cancelled_s = now_s
             self._cancel(self.goal_id)
+
+    def _tell(self, goal_id: str, why: str, now_s: float) -> None:
+        """Tell why the base is held for so long, once."""
+        if self.why:
+            return
+        self.why = why
+        what = {"goal": goal_id, "text": why}
+        self._record = self._records.keep(lambda: self._records.sink.request(None, "go.hold", what), now_s)
 
     def _end(self, outcome: str, now_s: float) -> None:
         record, self._record = self._record, None

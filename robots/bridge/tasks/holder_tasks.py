@@ -503,6 +503,8 @@ class Tasks:
         grant = self._rules.lease.current
         still = self._gate.standstill(now_s)
         self.going.tick(now_s, grant.fence if grant else None, still)
+        if self.going.unrecorded:
+            self.going.start(now_s)
         if (order := self.going.due) is None or (requester := self.going.waiting) is None:
             return
         refusal = self._why_not_go(order, requester, now_s)

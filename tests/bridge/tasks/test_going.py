@@ -12,7 +12,7 @@ from robots.bridge.config import HeadSource, NavigationSource, Topic
 from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity, Verdict
 from robots.bridge.navigation.going import LOOKS_S
-from robots.bridge.navigation.hold import UNHEARD, WATCHED_S
+from robots.bridge.navigation.hold import UNENDED, UNHEARD, WATCHED_S
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.path import PlannedPath
 from robots.wire import Go, GoCancel, LookAhead
@@ -171,8 +171,12 @@ def test_the_base_is_held_while_navigation_reports_the_ended_goal(bench):
 def test_the_hold_goes_on_as_long_as_the_ended_goal_is_reported(bench):
     gone(bench)
     assert bench.order(GoCancel(1)) is None
-    passed(bench, 33.0)
-    assert bench.going.hold.holds
+    passed(bench, 29.0)
+    assert bench.going.hold.holds and not bench.going.hold.why
+    passed(bench, 4.0)
+    assert bench.core.state(bench.now_s, []).navigation_held == UNENDED
+    bench.recorded()
+    assert "go.hold" in bench.sink.kinds
 
 
 def ended_and_quiet(bench):
@@ -226,6 +230,29 @@ def test_what_drives_long_after_the_goal_or_for_others_is_not_held(bench):
     drives_on(bench, 3.0)
     assert not bench.going.hold.holds
     assert bench.core.saved_state().goal == ""
+
+
+def test_being_held_again_does_not_prolong_the_watch(bench):
+    ended_and_quiet(bench)
+    passed(bench, WATCHED_S - 10.0)
+    drives_on(bench, 1.0)
+    assert bench.going.hold.holds
+    quiet(bench)
+    passed(bench, 20.0)
+    drives_on(bench, 1.0)
+    assert not bench.going.hold.holds
+
+
+def test_a_bridge_that_begins_again_brakes_no_drive_of_others(bench):
+    ended_and_quiet(bench)
+    config = msgspec.structs.replace(CONFIG, topics=TOPICS)
+    again = Bench(left=bench.core.saved_state(), config=config).online()
+    going = again.core.tasks.going
+    going.drove(Velocity(0.3, 0.0, 0.0), again.now_s)  # before the first report
+    assert not going.hold.holds
+    drives_on(again, 1.0, others=["theirs"])
+    assert not going.hold.holds
+    again.close()
 
 
 def test_a_bridge_that_begins_again_holds_what_drives_on(bench):
@@ -293,6 +320,15 @@ def test_a_goal_is_refused_if_the_depth_camera_never_looks_ahead(bench):
     bench.recorded()
     passed(bench, LOOKS_S + 0.5)
     assert [answer.code for answer in answers] == ["head_away"] and not bench.base.goals
+
+
+def test_the_head_does_not_move_for_a_drive_that_is_not_on_record(bench):
+    bench.core._gate.looks = False
+    bench.sink.fails = "the database is away"
+    answers = bench.ask(GO)
+    bench.recorded()
+    passed(bench, 1.0)
+    assert [answer.code for answer in answers] == ["not_recorded"] and not bench.base.aims
 
 
 def test_the_watch_ends_a_drive_where_nothing_looks(bench):

@@ -35,6 +35,7 @@ class NavigationTopics:
         self._going = going
         self._planned_s = -math.inf
         self._skipped: Any = None  # the last path that came too soon; a timer runs for it
+        self._plans = threading.Lock()
         self._action = ActionTopics(Topic(source.action, source.type), self)
         posed = message_class("geometry_msgs/PoseWithCovarianceStamped")
         self._set_pose = Sender(source.set_pose, posed) if source.set_pose else None
@@ -50,7 +51,9 @@ class NavigationTopics:
         return self._action.heard
 
     def go(self, goal_id: str, goal: Pose) -> None:
-        """Send a goal."""
+        """Send a goal. A path that waits to be taken is of an earlier one."""
+        with self._plans:
+            self._planned_s, self._skipped = -math.inf, None
         message = self._action.goal_class()
         message.goal_id.id = goal_id
         message.header.stamp = message.goal_id.stamp = rospy.Time.from_sec(time.time())
@@ -119,20 +122,21 @@ class NavigationTopics:
     def _on_plan(self, message: Any) -> None:
         if message.header.frame_id.lstrip("/") != self._frame:
             return
-        waits_s = self._planned_s + PLANS_S - time.monotonic()
-        if waits_s <= 0.0:
-            self._take_plan(message)
-            return
-        waiting, self._skipped = self._skipped, message
+        with self._plans:
+            waits_s = self._planned_s + PLANS_S - time.monotonic()
+            if waits_s <= 0.0:
+                self._take_plan(message)
+                return
+            waiting, self._skipped = self._skipped, message
         if waiting is None:
             timer = threading.Timer(waits_s, self._take_skipped)
             timer.daemon = True
             timer.start()
 
     def _take_skipped(self) -> None:
-        message, self._skipped = self._skipped, None
-        if message is not None:
-            self._take_plan(message)
+        with self._plans:
+            if self._skipped is not None:
+                self._take_plan(self._skipped)
 
     def _take_plan(self, message: Any) -> None:
         self._planned_s, self._skipped = time.monotonic(), None
