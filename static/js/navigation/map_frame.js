@@ -48,9 +48,10 @@ export function toPlace({ x, y, scale }, pixel, width, height) {
   return [x + (pixel[0] - width / 2) / scale, y - (pixel[1] - height / 2) / scale];
 }
 
-/** Zoom by a factor; the place at this pixel stays there. */
-export function zoomed(frame, factor, pixel, width, height, coarsest = 2) {
-  const scale = Math.min(Math.max(frame.scale * factor, coarsest), FINEST);
+/** Zoom by a factor; the place at this pixel stays there. @param {number} coarsest pixels per metre */
+export function zoomed(frame, factor, pixel, width, height, coarsest) {
+  const least = Math.min(coarsest, frame.scale); // a window that became larger
+  const scale = Math.min(Math.max(frame.scale * factor, least), FINEST);
   const [x, y] = toPlace(frame, pixel, width, height);
   return {
     x: x - (pixel[0] - width / 2) / scale,

@@ -126,7 +126,7 @@ export class MapView extends EventTarget {
   }
 
   zoom(factor, pixel = this.#middle) {
-    this.#frame = zoomed(this.#seen, factor, pixel, ...this.#size);
+    this.#frame = zoomed(this.#seen, factor, pixel, ...this.#size, this.#whole.scale);
     this.#canvas.redraw();
   }
 
@@ -149,7 +149,10 @@ export class MapView extends EventTarget {
   }
 
   get #seen() {
-    if (this.#frame) return this.#frame;
+    return this.#frame ?? this.#whole;
+  }
+
+  get #whole() {
     if (this.#map) return whole(corners(this.#map), ...this.#size);
     return { x: this.#robot?.x ?? 0, y: this.#robot?.y ?? 0, scale: 40 };
   }
@@ -200,7 +203,8 @@ export class MapView extends EventTarget {
     const width = (one) => Math.max(apart(one, other), 1);
     const moved = panned(this.#seen, (now[0] - before[0]) / 2, (now[1] - before[1]) / 2);
     const between = [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2];
-    this.#frame = zoomed(moved, width(now) / width(before), between, ...this.#size);
+    const factor = width(now) / width(before);
+    this.#frame = zoomed(moved, factor, between, ...this.#size, this.#whole.scale);
   }
 
   #choose(pixel) {

@@ -48,11 +48,19 @@ describe("the part of the map that is seen", () => {
   it("keeps the place under the fingers when it zooms, within limits", () => {
     const frame = { x: 3, y: 2, scale: 40 };
     const before = toPlace(frame, [50, 60], ...SIZE);
-    const after = toPlace(zoomed(frame, 2, [50, 60], ...SIZE), [50, 60], ...SIZE);
+    const after = toPlace(zoomed(frame, 2, [50, 60], ...SIZE, 2), [50, 60], ...SIZE);
     expect(after[0]).toBeCloseTo(before[0]);
     expect(after[1]).toBeCloseTo(before[1]);
-    expect(zoomed(frame, 1e9, [0, 0], ...SIZE).scale).toBe(200);
-    expect(zoomed(frame, 1e-9, [0, 0], ...SIZE).scale).toBe(2);
+    expect(zoomed(frame, 1e9, [0, 0], ...SIZE, 2).scale).toBe(200);
+    expect(zoomed(frame, 1e-9, [0, 0], ...SIZE, 2).scale).toBe(2);
+  });
+
+  it("is never smaller after a step outwards", () => {
+    const hall = { ...MAP, width: 6000, height: 4000 }; // 300 m
+    const frame = whole(corners(hall), ...SIZE);
+    expect(frame.scale).toBeLessThan(2);
+    expect(zoomed(frame, 1 / 1.5, [0, 0], ...SIZE, frame.scale).scale).toBe(frame.scale);
+    expect(zoomed(frame, 1 / 1.5, [0, 0], ...SIZE, 2).scale).toBe(frame.scale);
   });
 
   it("moves with the finger", () => {
