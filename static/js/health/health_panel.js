@@ -15,11 +15,13 @@ import {
 } from "./health_words.js";
 
 const AGAIN_MS = 60_000; // a part that flaps is told of once a minute
+const LATE_MS = 12_000; // a part that fell silent counts from its last report, 10 s before
 
 export class HealthPanel {
   #parts;
   #tell;
   #told = null; // by part: how bad it was, and when that was told; null: nothing heard yet
+  #heardMs = -Infinity; // when health was last heard
   #low = null;
 
   /** @param {object} parts of the page @param {(notice: object) => void} tell adds a notice */
@@ -82,7 +84,9 @@ export class HealthPanel {
       const old = before.get(part.name) ?? { badness: 0, toldBadness: 0, toldMs: -AGAIN_MS };
       const badness = BADNESS[part.level];
       const isNews = badness > old.toldBadness || nowMs - old.toldMs >= AGAIN_MS;
-      const tells = this.#told !== null && badness > old.badness && isNews;
+      // Others may have pushed it out of the list, where there is no change.
+      const isFresh = nowMs - 1000 * part.since_s > this.#heardMs - LATE_MS;
+      const tells = this.#told !== null && badness > old.badness && isNews && isFresh;
       if (tells) {
         const level = part.level === "error" ? "error" : "warning";
         this.#tell({ level, code: `health ${part.name}`, text: partText(part) });
@@ -97,6 +101,7 @@ export class HealthPanel {
     for (const [name, old] of before)
       if (!now.has(name) && nowMs - old.toldMs < AGAIN_MS) now.set(name, { ...old, badness: 0 });
     this.#told = now;
+    this.#heardMs = nowMs;
   }
 
   #tellOfBattery({ battery_percent: percent, charging }) {

@@ -91,22 +91,35 @@ describe("health on the control page", () => {
   it("tells what gets worse: once, not at first, and a flapping part once a minute", () => {
     shown(ill(MOTOR));
     expect(tell).not.toHaveBeenCalled(); // it was so before this page came
-    shown(ill(SPEAKERS, MOTOR), 1000);
-    shown(ill(SPEAKERS, MOTOR), 2000);
+    const speakers = { ...SPEAKERS, since_s: 0 };
+    shown(ill(speakers, MOTOR), 1000);
+    shown(ill(speakers, MOTOR), 2000);
     expect(tell).toHaveBeenCalledExactlyOnceWith({
       level: "error",
       code: "health Speakers",
       text: "Speakers: no answer",
     });
-    for (let ms = 3000; ms < 60_000; ms += 1000) shown(ms % 2000 ? WELL : ill(SPEAKERS), ms);
+    for (let ms = 3000; ms < 60_000; ms += 1000) shown(ms % 2000 ? WELL : ill(speakers), ms);
     expect(tell).toHaveBeenCalledTimes(1);
     shown(WELL, 62_000);
-    shown(ill(SPEAKERS), 63_000);
+    shown(ill(speakers), 63_000);
     expect(tell).toHaveBeenCalledTimes(2);
     shown(ill(MOTOR), 64_000); // it warned a while ago, and was well since
     expect(tell).toHaveBeenCalledTimes(3);
     shown(ill({ ...MOTOR, level: "error" }), 65_000);
     expect(tell).toHaveBeenLastCalledWith(expect.objectContaining({ level: "error" })); // worse than what was told
+  });
+
+  it("tells nothing of a part that comes back into a full list unchanged", () => {
+    shown(ill(MOTOR));
+    const pushed = { ...ill({ ...SPEAKERS, since_s: 0 }), parts_more: 1 };
+    shown(pushed, 100_000);
+    expect(tell).toHaveBeenCalledTimes(1); // the speakers
+    shown(ill({ ...MOTOR, since_s: 200 }), 197_000);
+    expect(tell).toHaveBeenCalledTimes(1);
+    shown(WELL, 198_000);
+    shown(ill({ ...MOTOR, level: "silent", since_s: 10 }), 260_000); // its last report was 10 s ago
+    expect(tell).toHaveBeenCalledTimes(2);
   });
 
   it("tells once that the battery is low", () => {
