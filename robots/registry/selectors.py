@@ -173,6 +173,7 @@ def robot_facts(robot: Robot) -> RobotFacts:
         reverse_steering=cast(ReverseSteering, robot.profile.reverse_steering),
         drive_topic=robot.drive_topic or robot.profile.drive_topic,
         has_head=known is not None and known.topics.head is not None,
+        has_map=known is not None and None not in (known.topics.map, known.topics.navigation),
         cameras=_cameras(known.topics) if known else [],
         limbs={limb: limb_range(source) for limb, source in known.topics.limbs.items()} if known else {},
         sonars=[SonarPose(sonar.frame_id, *sonar.pose, sonar.fov) for sonar in sonars],

@@ -47,6 +47,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--camera-clock", action="store_true", help="draw a code of the time into the head camera's pictures"
     )
+    parser.add_argument(
+        "--lost", action="store_true", help="it does not know where it is before its pose is set"
+    )
     parser.add_argument("--exit-with-parent", action="store_true", help="exit when standard input ends")
     return parser.parse_args()
 
@@ -63,6 +66,7 @@ def main() -> None:
     if asked.rear_camera:
         body = replace(body, rear_camera=REAR_CAMERA)
     robot = Robot(asked.world, body, start, asked.seed, Drift().times(asked.drift))
+    robot.localisation.waits = asked.lost
 
     # Imported here, so that --help and a wrong world need no ROS.
     from robots.simulator.ros.node import CameraOptions

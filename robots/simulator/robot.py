@@ -53,14 +53,14 @@ class Robot:
         self._steps = round(TICK_S / self.physics.timestep_s)
 
     def map_to_odom(self) -> Pose | None:
-        """Return the odometry frame's believed pose in the map frame; None while localisation is dead."""
-        if self.faults.localisation_dead:
+        """Return the odometry frame's believed pose in the map frame; None: unknown."""
+        if self.faults.localisation_dead or self.localisation.waits:
             return None
         x, y, yaw = self.localisation.map_to_odom(self.physics.pose)
         return Pose(x + JUMP_M, y, yaw) if self.faults.localisation_jumps else Pose(x, y, yaw)
 
     def believed(self) -> Pose | None:
-        """Return the robot's believed pose in the map frame; None while localisation is dead."""
+        """Return the robot's believed pose in the map frame; None: unknown."""
         frame = self.map_to_odom()
         if frame is None:
             return None

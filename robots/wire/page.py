@@ -167,6 +167,7 @@ class RobotFacts(Struct, frozen=True):
     sonars: list[SonarPose]  # in the order of `Scan.sonar_cm`
     stick: str  # steps from stick to gate, in words
     has_head: bool = False  # one that can be asked to look ahead
+    has_map: bool = False  # with navigation that drives to its places
     cameras: list[CameraEntry] = []  # that can be watched
     limbs: dict[Limb, LimbRange] = {}  # that people can move
 

@@ -99,3 +99,11 @@ def test_a_robot_that_stands_believes_the_same_all_the_time(robot_in):
     before = robot.localisation.map_to_odom(robot.physics.pose)
     assert {robot.localisation.map_to_odom(robot.physics.pose) for _ in range(20)} == {before}
     assert np.isfinite(before).all()
+
+
+def test_a_lost_robot_believes_nothing_before_its_pose_is_set(robot_in):
+    robot = robot_in(room()).robot
+    robot.localisation.waits = True
+    assert robot.believed() is None
+    robot.localisation.give(Pose(0.3, 0.2, 0.1), robot.physics.pose)
+    assert robot.believed() == pytest.approx((0.3, 0.2, 0.1))

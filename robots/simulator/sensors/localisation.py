@@ -30,6 +30,7 @@ class Localisation:
         self._map_to_odom = Pose(0.0, 0.0, 0.0)
         self._is_given = False  # set by a person, and not yet confirmed
         self._is_lost = False
+        self.waits = False  # for a pose: it knows none before
 
     @property
     def sigmas(self) -> tuple[float, float]:
@@ -40,7 +41,7 @@ class Localisation:
         """Take the pose in the map that a person has set. Far from the true one, the robot stays lost there."""
         self._believed_at = self._present()
         self._set(*pose, self._believed_at)
-        self._is_given = True
+        self._is_given, self.waits = True, False
         turned = abs(math.remainder(pose.yaw - truth.yaw, math.tau))
         self._is_lost = math.dist(pose[:2], truth[:2]) > FOUND_M or turned > FOUND_RAD
 

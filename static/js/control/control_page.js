@@ -393,7 +393,7 @@ class ControlPage {
     this.#scene.facts = robot;
     if (this.#camera) this.#camera.facts = robot;
     this.#statusBar.facts = robot;
-    this.#limbs.facts = this.#headStick.facts = robot;
+    this.#map.facts = this.#limbs.facts = this.#headStick.facts = robot;
     this.#taskPanel.welcome = welcome;
   }
 

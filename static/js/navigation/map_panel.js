@@ -73,12 +73,16 @@ export class MapPanel {
     });
   }
 
+  /** @param {object} facts of the robot: one that does not know where it is has a map, too */
+  set facts({ has_map: hasMap = false }) {
+    show(this.#parts["map-open"], hasMap);
+    if (!hasMap && !this.#parts.map.hidden) this.#open(false);
+  }
+
   /** @param {{state: object, scan: ?object}} view of the robot */
   set view(view) {
     this.#newest = view;
-    const { location = null, going_ended: ended = null } = view.state;
-    show(this.#parts["map-open"], location !== null || !this.#parts.map.hidden);
-    this.#followEnd(ended);
+    this.#followEnd(view.state.going_ended ?? null);
     if (this.#parts.map.hidden) return;
     this.#view.view = view;
     this.#speak();
@@ -217,13 +221,14 @@ export class MapPanel {
   }
 
   #speak() {
-    const { location = null, navigation_held: held = "" } = this.#newest?.state ?? {};
+    const { location, navigation_held: held = "" } = this.#newest?.state ?? {};
     const modes = {
       go: gettext("Press where the robot should go, drag to where it should look."),
       pose: gettext("Press where the robot is, drag to where it looks."),
       place: gettext("Press where the place is, drag to where a robot should look."),
     };
-    const words = modes[this.#mode] ?? (held || location?.problem || "");
+    const lost = this.#newest && !location ? lostText() : "";
+    const words = modes[this.#mode] ?? (held || location?.problem || lost);
     say(this.#parts["map-words"], words);
     show(this.#parts["map-words"], words !== "");
   }
@@ -245,6 +250,10 @@ function rounded(pose) {
   if (pose === null) return null;
   const millimetres = (value) => Math.round(value * 1000) / 1000;
   return { x: millimetres(pose.x), y: millimetres(pose.y), heading: millimetres(pose.heading) };
+}
+
+function lostText() {
+  return gettext("The robot does not know where it is: press “Robot is here” and show it.");
 }
 
 function unknownText() {

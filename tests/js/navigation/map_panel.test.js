@@ -105,6 +105,7 @@ describe("the map over the picture", () => {
     order = vi.fn(() => Promise.resolve(null));
     tell = vi.fn();
     panel = new MapPanel(root, page, "tiago-1", { order, tell });
+    panel.facts = { has_map: true };
     panel.view = { state: { location: LOCATION, going: null, going_ended: null }, scan: null };
   });
 
@@ -171,6 +172,35 @@ describe("the map over the picture", () => {
     expect(reached).not.toHaveBeenCalled();
     canvas.dispatchEvent(new KeyboardEvent("keydown", { key: " ", bubbles: true }));
     expect(reached).toHaveBeenCalledTimes(1); // the stop is never kept
+  });
+
+  it("tells a robot that knows no place of itself where it is, and says that it is needed", () => {
+    const state = { location: null, going: null };
+    panel.view = { state, scan: { laser_cm: [100, 0] } };
+    expect(page["map-open"].hidden).toBe(false);
+    const canvas = opened();
+    expect(page["map-words"].textContent).toContain("press “Robot is here”");
+    panel.drives = true;
+    page["map-pose"].click();
+    expect(page["map-words"].textContent).toContain("Press where the robot is");
+    canvas.dispatchEvent(pointer("pointerdown", 240, 150));
+    canvas.dispatchEvent(pointer("pointermove", 240, 110));
+    canvas.dispatchEvent(pointer("pointerup", 240, 110));
+    const pose = { x: 1, y: 0, heading: 1.571, map: "" };
+    expect(order).toHaveBeenCalledExactlyOnceWith({ t: "set_pose", ...pose });
+    panel.view = { state: { ...state, location: LOCATION }, scan: null };
+    expect(page["map-words"].hidden).toBe(true);
+  });
+
+  it("has a button only where there is a map, and closes one that has gone", () => {
+    panel.facts = {};
+    expect(page["map-open"].hidden).toBe(true);
+    panel.facts = { has_map: true };
+    opened();
+    panel.facts = { has_map: false };
+    expect(page.map.hidden).toBe(true);
+    panel.view = { state: { location: LOCATION }, scan: null };
+    expect(page["map-open"].hidden).toBe(true);
   });
 
   it("does not send a goal that a second finger interrupts", () => {

@@ -114,6 +114,13 @@ def test_own_depth_topic_and_following_head_reach_the_bridge(robot: Robot) -> No
     assert robot_facts(robot).has_head
 
 
+@pytest.mark.parametrize("missing", ["map", "navigation"])
+def test_a_page_has_the_map_of_a_robot_that_can_be_sent_to_its_places(robot: Robot, missing: str) -> None:
+    assert robot_facts(robot).has_map
+    robot.overrides = {"topics": {missing: None}}
+    assert not robot_facts(robot).has_map
+
+
 @pytest.mark.parametrize("kind", ["scans", "sonars"])
 def test_one_robot_cannot_lose_a_watching_sensor(robot: Robot, kind: str) -> None:
     robot.overrides = {"topics": {kind: []}}
