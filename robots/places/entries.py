@@ -86,18 +86,22 @@ def read(text: str) -> dict[int, PlaceEntry]:
     """Return the places of a file, by the numbers of their lines. Raises `Problems` with the numbers of wrong lines."""
     if len(text) > LARGEST_FILE:
         raise Problems([f"The file has more than {LARGEST_FILE // 1000} kB."])
-    text = text.removeprefix("\ufeff")
-    head = text.lstrip().split("\n", 1)[0]
-    separator = next((one for one in _SEPARATORS if one in head), ",")
-    if tuple(key_of(column) for column in head.split(separator)) != COLUMNS:
+    text = text.removeprefix("\ufeff").lstrip()
+    first_line = text.split("\n", 1)[0]
+    separator = next((one for one in _SEPARATORS if one in first_line), ",")
+    rows = csv.reader(io.StringIO(text), delimiter=separator)
+    try:
+        head = next(rows, [])
+    except csv.Error:
+        head = []
+    if tuple(map(key_of, head)) != COLUMNS:
         raise Problems([f"line 1: The first line names the columns: {','.join(COLUMNS)}"])
     found: dict[int, PlaceEntry] = {}
     lines: dict[str, int] = {}  # by key
     problems: list[str] = []
-    rows = csv.reader(io.StringIO(text.lstrip()), delimiter=separator)
     try:
         for row in rows:
-            if rows.line_num == 1 or not any(map(str.strip, row)):
+            if not any(map(str.strip, row)):
                 continue
             try:
                 entry = _entry(row)
@@ -123,6 +127,8 @@ def _entry(row: list[str]) -> PlaceEntry:
     if not 3 <= len(row) <= len(COLUMNS):
         raise Problems([f"A line has {len(COLUMNS)} fields: {','.join(COLUMNS)}; this one has {len(row)}."])
     name, *numbers = (field.strip() for field in row)
+    if "\ufffd" in name:  # what a browser makes of other encodings
+        raise Problems([f"“{name}” has a letter that is not UTF-8: save the file as CSV UTF-8."])
     try:
         x, y, heading = (float(number) if number else 0.0 for number in [*numbers, ""][:3])
     except ValueError as error:

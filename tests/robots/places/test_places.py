@@ -168,6 +168,8 @@ def test_an_exported_file_is_read_again() -> None:
     entries = [entry_of("Küche, hinten", 1.5, -2.0, 6.0), entry_of('the "old" lab', 0.0, 0.0, 0.0)]
     assert list(read(written(entries)).values()) == entries
     assert list(read("Name;X;Y;Heading\nlab;1;2;\n").values()) == [PlaceEntry("lab", 1.0, 2.0)]
+    quoted = '\ufeff"name";"x";"y";"heading"\r\n"lab";"1";"2";"0"\r\n'
+    assert read(quoted) == {2: PlaceEntry("lab", 1.0, 2.0)}
 
 
 def test_wrong_lines_of_a_file_are_named() -> None:
@@ -185,6 +187,11 @@ def test_wrong_lines_of_a_file_are_named() -> None:
         ("\0\0\0", "names the columns"),
         ("name,x,y,heading\n" + "a" * 200_000, "more than 100 kB"),
         ('name,x,y,heading\n"open,1,2,3', "fields"),
+        ('"name,x,y,heading\nlab,1,2,3', "names the columns"),
+        (
+            "name,x,y,heading\nlab,1,1,1\nK\ufffdche,1,2,3",
+            "line 3: “K\ufffdche” has a letter that is not UTF-8",
+        ),
     ],
 )
 def test_what_is_no_file_of_places_is_refused(text: str, words: str) -> None:
