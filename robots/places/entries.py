@@ -25,6 +25,7 @@ LARGEST_FILE = 100_000  # characters
 COLUMNS = ("name", "x", "y", "heading")
 _SEPARATORS = ",;\t"
 _MILLIMETRES = 3  # decimals
+_HALF_TURN = round(math.pi, _MILLIMETRES)  # more than pi: a heading that was written is read as the same
 
 
 class PlaceEntry(Struct, frozen=True):
@@ -76,7 +77,8 @@ def entry_of(name: str, x: float, y: float, heading: float) -> PlaceEntry:
             raise Problems([f"{coordinate} is no place: a number of metres, at most {FARTHEST_PLACE_M:.0f}."])
     if not abs(heading) <= math.tau:
         raise Problems([f"{heading} is no heading: a number of radians between -6.28 and 6.28."])
-    return PlaceEntry(name, *(round(part, _MILLIMETRES) for part in (x, y, wrapped(heading))))
+    heading = heading if abs(heading) <= _HALF_TURN else wrapped(heading)
+    return PlaceEntry(name, *(round(part, _MILLIMETRES) for part in (x, y, heading)))
 
 
 # --- files ----------------------------------------------------------------------------------------

@@ -165,7 +165,11 @@ def test_a_file_with_a_bad_place_changes_nothing(digest: str, staff: User) -> No
 
 
 def test_an_exported_file_is_read_again() -> None:
-    entries = [entry_of("Küche, hinten", 1.5, -2.0, 6.0), entry_of('the "old" lab', 0.0, 0.0, 0.0)]
+    entries = [
+        entry_of("west", 1.0, 1.0, math.pi),
+        entry_of("Küche, hinten", 1.5, -2.0, 6.0),
+        entry_of('the "old" lab', 0.0, 0.0, 0.0),
+    ]
     assert list(read(written(entries)).values()) == entries
     assert list(read("Name;X;Y;Heading\nlab;1;2;\n").values()) == [PlaceEntry("lab", 1.0, 2.0)]
     quoted = '\ufeff"name";"x";"y";"heading"\r\n"lab";"1";"2";"0"\r\n'
