@@ -339,6 +339,11 @@ class Fingers:
         lifted = {finger: self._down.pop(finger)}
         self._send("touchEnd", lifted if self._down else {})  # Chromium takes no last point
 
+    def tap(self, place: tuple[float, float]) -> None:
+        """Touch this place for a moment."""
+        self.put(0, place)
+        self.lift(0)
+
     def push(self, finger: int, place: tuple[float, float], until: Callable[[], Any], what: str) -> None:
         """Move a finger there until a condition is true; it stays there.
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import suppress
+from pathlib import Path
 from uuid import uuid4
 
 import pytest
 from playwright.sync_api import Locator, expect
 
-from tests.browser.people import PATIENCE_S, Person
-from tests.browser.test_pages import found_by_axe
+from tests.browser.people import Person
+from tests.browser.test_pages import axe_accepts, found_by_axe
 
 Arrive = Callable[..., Person]
-TRIES = 5
 # The pixel of a place, as `map_frame.js` has it: whole map, north up.
 PIXEL = """async ([x, y]) => {
   const { whole, corners, toPixels } = await import("/static/js/navigation/map_frame.js");
@@ -42,21 +41,6 @@ def open_map(somebody: Person) -> None:
     expect(
         somebody.part("places-list").get_by_role("button", name="kitchen", include_hidden=True).first
     ).to_be_attached()
-
-
-def sent_to(operator: Person, name: str) -> None:
-    """Choose a place of the list; again when the robot refuses, since a busy computer's sensor data may be late."""
-    choice = operator.part("places-list").get_by_role("button", name=name, exact=True)
-    for _ in range(TRIES):
-        if not choice.is_visible():
-            operator.part("map-places").click()
-        choice.click()
-        with suppress(AssertionError):
-            operator.until(
-                lambda: operator.state.get("going"), f"the drive to {name}", timeout_s=PATIENCE_S / TRIES
-            )
-            return
-    raise AssertionError(f"the robot was not sent to {name}")
 
 
 def chosen(operator: Person, place: tuple[float, float], heading: float) -> None:
@@ -91,35 +75,15 @@ def test_a_press_on_the_map_sends_the_robot_there(person: Arrive) -> None:
     operator.release()
 
 
-def test_a_robot_is_sent_to_a_named_place_stopped_half_way_and_sent_back(person: Arrive) -> None:
-    operator = person("operator", apart=True)
-    opened(operator)
-    begin = operator.place
-    sent_to(operator, "charging dock")
-    expect(operator.part("go-words")).to_contain_text("left")
-    operator.until_driven(begin, 1.0)
-    operator.press("Stop")
-    operator.until(lambda: operator.state["stop"]["state"] == "stopped", "the stop")
-    operator.until_still()
-    assert operator.state["going_ended"]["outcome"] == "stopped"
-    assert not operator.state.get("going")
-
-    operator.clear()
-    sent_to(operator, "kitchen")
-    operator.until(lambda: not operator.state.get("going"), "the end of the drive", timeout_s=60.0)
-    assert operator.state["going_ended"]["outcome"] == "arrived"
-    there = operator.state["location"]
-    assert math.dist((there["x"], there["y"]), (1.3, 1.0)) < 0.35
-    operator.release()
+def row(somebody: Person, of: str) -> Locator:
+    """A button of the list of places."""
+    return somebody.part("places-list").get_by_role("button", name=of, exact=True)
 
 
 def test_a_supervisor_adds_a_place_renames_and_deletes_it(person: Arrive) -> None:
     supervisor, name = person("supervisor", apart=True), f"lab {uuid4().hex[:6]}"
     supervisor.watch("tiago-2")
     open_map(supervisor)
-
-    def row(of: str) -> Locator:
-        return supervisor.part("places-list").get_by_role("button", name=of, exact=True)
 
     def named(press: str, by: str) -> None:
         dialog = supervisor.page.get_by_role("dialog")
@@ -131,21 +95,23 @@ def test_a_supervisor_adds_a_place_renames_and_deletes_it(person: Arrive) -> Non
     chosen(supervisor, (6.0, 1.8), 0.0)
     named("Save", "Kitchen")
     expect(supervisor.part("place-refused")).to_contain_text("a place named “kitchen” already")
+    axe_accepts(supervisor, "the dialog of a place")
     named("Save", name)
     supervisor.part("map-places").click()
-    expect(row(name)).to_be_visible()
-    row(f"Change {name}").click()
+    expect(row(supervisor, name)).to_be_visible()
+    row(supervisor, f"Change {name}").click()
     named("Save", f"{name} 2")
-    expect(row(f"{name} 2")).to_be_visible()
-    row(f"Change {name} 2").click()
+    expect(row(supervisor, f"{name} 2")).to_be_visible()
+    row(supervisor, f"Change {name} 2").click()
     named("Delete", f"{name} 2")
+    axe_accepts(supervisor, "the question before a place is deleted")
     question = supervisor.page.get_by_role("dialog", name=f"Delete the place “{name} 2”?")
     question.get_by_role("button", name="Keep it").click()
-    expect(row(f"{name} 2")).to_be_visible()
-    row(f"Change {name} 2").click()
+    expect(row(supervisor, f"{name} 2")).to_be_visible()
+    row(supervisor, f"Change {name} 2").click()
     named("Delete", f"{name} 2")
     question.get_by_role("button", name="Delete").click()
-    expect(row(f"{name} 2")).to_have_count(0)
+    expect(row(supervisor, f"{name} 2")).to_have_count(0)
     supervisor.complaints.clear()  # the refused name is a 409
 
     supervisor.press("Add a place on the map")
@@ -153,6 +119,33 @@ def test_a_supervisor_adds_a_place_renames_and_deletes_it(person: Arrive) -> Non
     named("Save", "in the wall")
     expect(supervisor.part("place-refused")).to_contain_text("obstacle")
     supervisor.complaints.clear()
+
+
+def test_places_go_through_a_file(person: Arrive) -> None:
+    supervisor, name = person("supervisor", apart=True), f"lab {uuid4().hex[:6]}"
+    supervisor.watch("tiago-2")
+    open_map(supervisor)
+    supervisor.part("map-places").click()
+    with supervisor.page.expect_download() as download:
+        supervisor.part("places-export").click()
+    exported = Path(download.value.path()).read_text()
+    assert "\nkitchen,1.3,1.0," in exported
+
+    def imported(content: bytes) -> None:
+        with supervisor.page.expect_file_chooser() as chooser:
+            supervisor.press("Import")
+        chooser.value.set_files({"name": "places.csv", "mimeType": "text/csv", "buffer": content})
+
+    imported(f'{exported}"{name}","6.0","1.8","0"\r\n'.encode())
+    expect(supervisor.part("notices")).to_contain_text("1 added, 0 moved")
+    expect(row(supervisor, name)).to_be_visible()
+    imported("name,x,y,heading\nKüche,6,1.8,0\n".encode("windows-1252"))
+    expect(supervisor.part("notices")).to_contain_text("line 2: “K\ufffdche” has a letter that is not UTF-8")
+    supervisor.complaints.clear()  # the refused file is a 400
+    row(supervisor, f"Change {name}").click()
+    supervisor.page.get_by_role("dialog").get_by_role("button", name="Delete").click()
+    supervisor.page.get_by_role("dialog").get_by_role("button", name="Delete").click()
+    expect(row(supervisor, name)).to_have_count(0)
 
 
 def test_an_operator_may_not_change_places(person: Arrive) -> None:
@@ -179,6 +172,9 @@ def test_axe_accepts_the_map_and_no_word_covers_it(person: Arrive, width: int, h
     operator.part("map-places").click()
     accepted("places")
     operator.part("map-places").click()
+    operator.page.mouse.click(*operator.page.evaluate(PIXEL, [1.3, 1.0]))
+    expect(operator.part("map-picked-go")).to_have_text("Go to “kitchen”")
+    accepted("a place is picked")
     operator.part("map-go").click()
     accepted("a place is chosen")
     words = operator.part("map-words").bounding_box()

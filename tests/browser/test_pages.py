@@ -86,6 +86,18 @@ def found_by_axe(person: Person) -> list[str]:
     return found
 
 
+def axe_accepts(person: Person, what: str) -> None:
+    """Try what is open now at all sizes, light and dark."""
+    before = person.page.viewport_size
+    for width, height in SIZES:
+        person.page.set_viewport_size({"width": width, "height": height})
+        for theme in ("light", "dark"):
+            person.page.emulate_media(color_scheme=theme)  # type: ignore[arg-type]
+            assert found_by_axe(person) == [], (what, width, theme)
+    assert before is not None
+    person.page.set_viewport_size(before)
+
+
 def test_axe_has_nothing_against_any_page_light_or_dark(person: Arrive) -> None:
     staff = person("staff")
     for path in [*PAGES, *REFUSED]:
