@@ -253,7 +253,7 @@ function rounded(pose) {
 }
 
 function lostText() {
-  return gettext("The robot does not know where it is: press “Robot is here” and show it.");
+  return gettext("The robot does not know where it is. Show it.");
 }
 
 function unknownText() {

@@ -179,7 +179,7 @@ describe("the map over the picture", () => {
     panel.view = { state, scan: { laser_cm: [100, 0] } };
     expect(page["map-open"].hidden).toBe(false);
     const canvas = opened();
-    expect(page["map-words"].textContent).toContain("press “Robot is here”");
+    expect(page["map-words"].textContent).toContain("does not know where it is");
     panel.drives = true;
     page["map-pose"].click();
     expect(page["map-words"].textContent).toContain("Press where the robot is");
