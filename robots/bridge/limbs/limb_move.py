@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -47,6 +47,7 @@ class Target:
 
     order: MoveLimb
     seconds: float = LEAST_S
+    active: bool = False  # the controller has begun it
     known_s: float = math.inf  # when its place was last known
     moved_s: float = math.inf  # when it last moved
     ending_s: float = math.inf  # when it was cancelled
@@ -206,7 +207,7 @@ class LimbMove(Goals[Target]):
         self._follow(target, now_s)
         if now_s - target.moved_s <= STILL_S or abs(at_m - target.order.to_m) <= THERE_M:
             return
-        if self._limb == "gripper" and target.order.to_m < at_m:
+        if self._limb == "gripper" and target.order.to_m < at_m and target.active:
             # A cancelled controller holds its present position, and lets go of what the fingers hold.
             self._held = goal_id
             self._end("stalled", self._stuck(at_m), now_s)
@@ -217,13 +218,19 @@ class LimbMove(Goals[Target]):
         text = f"The {self._limb} stopped at {at_m:.3f} m."
         return f"{text} Perhaps it holds something." if self._limb == "gripper" else text
 
-    def running(self, goal_ids: Collection[str], now_s: float) -> None:
-        """Take the controller's report of active goals; goals that nobody watches any more are cancelled."""
+    def running(self, goals: Mapping[str, bool], now_s: float) -> None:
+        """Take the controller's report of goals, and whether each is active: begun, and not being cancelled.
+
+        Goals that nobody watches any more are cancelled.
+        """
         self._strays_s = now_s
         current = self._current.id if self._current else None
-        watched = {current, self._held if self._held == self._ended else None}
-        strays = {goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id not in watched}
-        self._find_own(self._limb, [goal_id for goal_id in goal_ids if goal_id not in strays], now_s)
+        holds = self._held is not None and self._held == self._ended and goals.get(self._held)
+        watched = {current, self._held if holds else None}
+        strays = {goal_id for goal_id in goals if goal_id.startswith(OURS) and goal_id not in watched}
+        own = self._find_own(self._limb, [goal_id for goal_id in goals if goal_id not in strays], now_s)
+        if own is not None and own.id is not None:
+            own.what.active = goals[own.id]
         self._strays = {goal_id: self._strays.get(goal_id, -math.inf) for goal_id in strays}
         for goal_id, cancelled_s in self._strays.items():
             if now_s - cancelled_s >= CANCEL_AGAIN_S:

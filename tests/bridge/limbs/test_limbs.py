@@ -30,7 +30,7 @@ def bench():
     bench = Bench(config=msgspec.structs.replace(CONFIG, topics=TOPICS)).online().granted()
     bench.base.limbs = {"gripper": 0.04, "torso": 0.15}
     bench.gate.observe_posture = lambda arm, arrival_s: None
-    bench.answering = True
+    bench.answering = bench.active = True
     home(bench)
     yield bench
     bench.close()
@@ -45,7 +45,7 @@ def passed(bench, seconds, arm=AT_HOME):
     for _ in range(round(seconds / 0.05)):
         home(bench, arm)
         for limb, goal_id, *_ in bench.base.moves[-1:] if bench.answering else ():
-            bench.core.tasks.limbs.move(limb).running([goal_id], bench.now_s)
+            bench.core.tasks.limbs.move(limb).running({goal_id: bench.active}, bench.now_s)
         bench.core.grant(wire.Grant(1, 60.0, "session-1", "Ann", "ann-id", 1.0), 1, bench.now_s)
         bench.pass_time(0.05)
 
@@ -217,7 +217,7 @@ def test_a_page_that_is_gone_ends_it_after_2_s(bench):
     bench.core.link_lost(1, bench.now_s)
     for _ in range(60):
         home(bench)
-        bench.core.tasks.limbs.move("gripper").running([goal_id], bench.now_s)
+        bench.core.tasks.limbs.move("gripper").running({goal_id: True}, bench.now_s)
         bench.pass_time(0.05)
     assert goal_id in bench.base.cancelled_goals
 
@@ -268,8 +268,26 @@ def test_fingers_that_hold_something_keep_their_force(bench):
     another = moved(bench, OPEN)
     ends(bench, goal_id, "cancelled")  # the controller replaced it
     ends(bench, another, "cancelled")
-    bench.core.tasks.limbs.move("gripper").running([goal_id], bench.now_s)
+    bench.core.tasks.limbs.move("gripper").running({goal_id: True}, bench.now_s)
     assert goal_id in bench.base.cancelled_goals, "nobody waits for it any more"
+
+
+def test_a_goal_that_the_controller_has_not_begun_holds_nothing(bench):
+    bench.active = False  # it is paused: when it wakes, the fingers would close unasked
+    goal_id = moved(bench, CLOSE)
+    passed(bench, 3.2)
+    assert goal_id in bench.base.cancelled_goals
+    ends(bench, goal_id, "cancelled")
+    assert state(bench).ended.outcome == "no_progress"
+
+
+def test_a_goal_that_holds_is_cancelled_further_once_somebody_cancels_it(bench):
+    goal_id = moved(bench, CLOSE)
+    passed(bench, 3.2)
+    assert state(bench).ended.outcome == "stalled" and not bench.base.cancelled_goals
+    bench.active = False  # by a stop, which the controller does not obey
+    passed(bench, 1.0)
+    assert bench.base.cancelled_goals.count(goal_id) == 2
 
 
 def test_joint_states_that_end_end_it(bench):
@@ -343,7 +361,7 @@ def test_another_node_that_takes_the_limb_over_is_named(bench):
 
 
 def test_a_limb_that_others_move_is_busy(bench):
-    bench.core.tasks.limbs.move("gripper").running(["moveit-1"], bench.now_s)
+    bench.core.tasks.limbs.move("gripper").running({"moveit-1": True}, bench.now_s)
     assert code(bench, OPEN) == "limb_busy"
 
 

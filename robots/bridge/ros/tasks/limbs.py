@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import rospy
+from actionlib_msgs.msg import GoalStatus
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from robots.bridge.config import GRIPPER_COMMAND, LimbSource, Topic
@@ -63,7 +64,8 @@ class LimbTopics:
 
     def running(self, action: str, goals: dict[str, int]) -> None:
         """Report the running goals of all senders."""
-        self._mail.post((action, "goals"), lambda: self._move.running(goals.keys(), time.monotonic()))
+        active = {goal_id: status == GoalStatus.ACTIVE for goal_id, status in goals.items()}
+        self._mail.post((action, "goals"), lambda: self._move.running(active, time.monotonic()))
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
         """Ignore it: joint states say where the limb is."""
