@@ -73,7 +73,7 @@ class Limbs:
         `crawls`: past a limb that is lost the base may drive, since the gate holds it to a crawl.
         """
         for limb, move in self._moves.items():
-            if crawls and limb == self.lost:
+            if crawls and move.is_lost and not move.runs:
                 continue
             if move.runs:
                 text = f"The robot moves its {limb}: wait until it is there, or cancel the move."

@@ -340,6 +340,16 @@ def test_the_base_crawls_past_a_limb_whose_joint_states_ended_for_good(bench):
     assert bench.gate.lost_limb is None and bench.core.tasks.limbs.busy() is None
 
 
+def test_the_base_crawls_past_two_lost_limbs(bench):
+    moved(bench)
+    moved(bench, UP)
+    bench.answering = False
+    bench.base.limbs = {}
+    passed(bench, 9.0)
+    assert bench.core.tasks.limbs.busy().code == "limb_moving"
+    assert bench.gate.lost_limb and bench.stick(0.5) is None
+
+
 def test_a_controller_that_does_not_obey_is_given_up_when_the_limb_stands(bench):
     goal_id = moved(bench)
     bench.order(LimbCancel(1, "gripper"))
