@@ -69,7 +69,8 @@ class LimbMove(Goals[Target]):
         self._settling: Target | None = (
             None  # the controller did not say that it ended: the limb may still move
         )
-        self._lost = False  # it is settling, and its joint states have ended
+        self._known_s = math.inf  # when joint states last told where it is; the first look at the earliest
+        self._lost = False  # its joint states have ended
         self.last: wire.LimbEnd | None = None
 
     @property
@@ -89,8 +90,8 @@ class LimbMove(Goals[Target]):
 
     @property
     def is_lost(self) -> bool:
-        """Return whether the limb may move, but only because its joint states have ended: it may never be known."""
-        return self._settling is not None and self._lost and not self._strays
+        """Return whether the limb may move and its joint states have ended: when it stands may never be known."""
+        return self._lost and self.may_move
 
     @property
     def under_way(self) -> list[str]:
@@ -160,6 +161,8 @@ class LimbMove(Goals[Target]):
 
     def tick(self, now_s: float) -> None:
         """Watch the move by joint states; give up a goal that the controller does not answer."""
+        self._known_s = min(self._known_s, now_s) if self.at_m is None else now_s
+        self._lost = now_s - self._known_s > LOST_S
         goal = self._current
         if goal is not None and goal.id is not None and goal.cancelled is None:
             self._watch(goal.id, goal.what, now_s)
@@ -168,9 +171,12 @@ class LimbMove(Goals[Target]):
         if goal is not None and goal is self._current and goal.cancelled is not None:
             self._give_up(goal.what, now_s)
         elif goal is not None and goal.id is not None and self._current is None:  # nothing was heard of it
-            goal.what.moved_s = now_s
-            self._settling = goal.what
+            self._doubt(goal.what, now_s)
         self._settle(now_s)
+
+    def _doubt(self, target: Target, now_s: float) -> None:
+        target.moved_s = now_s
+        self._settling = target
 
     def _settle(self, now_s: float) -> None:
         if now_s - self._strays_s > UNHEARD_S:
@@ -178,15 +184,20 @@ class LimbMove(Goals[Target]):
         if (target := self._settling) is None:
             return
         self._follow(target, now_s)
-        self._lost = now_s - target.known_s > LOST_S
         if target.known_s - target.moved_s >= SETTLED_S:  # seen to stand so long
             self._settling = None
 
     def _give_up(self, target: Target, now_s: float) -> None:
-        """End a cancelled move whose controller does not say so, once the limb stands; it is cancelled further."""
+        """End a cancelled move whose controller does not say so, once the limb stands or is lost.
+
+        It is cancelled further.
+        """
         target.ending_s = min(target.ending_s, now_s)
         self._follow(target, now_s)
         if target.known_s - max(target.ending_s, target.moved_s) > OBEYS_S:
+            self._end("cancelled", "", now_s)
+        elif self._lost and now_s - target.ending_s > OBEYS_S:
+            self._doubt(target, now_s)
             self._end("cancelled", "", now_s)
 
     def _follow(self, target: Target, now_s: float) -> None:

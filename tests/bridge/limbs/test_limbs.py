@@ -9,6 +9,7 @@ from robots import wire
 from robots.bridge.config import ArmSource, LimbSource, Topic
 from robots.bridge.gate.geometry.arm_discs import AT_HOME, Posture
 from robots.bridge.gate.values import STILL, Velocity
+from robots.bridge.tasks.goals import OURS
 from robots.wire import LimbCancel, MoveLimb
 from tests.bridge.support import CONFIG, Bench
 
@@ -338,6 +339,38 @@ def test_the_base_crawls_past_a_limb_whose_joint_states_ended_for_good(bench):
     bench.base.limbs = {"gripper": 0.06, "torso": 0.15}
     passed(bench, 2.0)
     assert bench.gate.lost_limb is None and bench.core.tasks.limbs.busy() is None
+
+
+def test_the_base_crawls_past_a_lost_limb_whose_goal_the_controller_goes_on_reporting(bench):
+    goal_id = moved(bench)
+    bench.base.limbs = {}
+    passed(bench, 5.5)
+    assert bench.stick(0.5).code == "limb_moving", "the controller has 5 s to obey"
+    bench.stick(0.0)
+    passed(bench, 1.5)
+    assert state(bench).ended.outcome == "not_watched"
+    passed(bench, 5.0)
+    assert bench.base.cancelled_goals[-1] == goal_id
+    assert bench.gate.lost_limb == "gripper" and bench.stick(0.5) is None
+    bench.stick(0.0)
+    bench.pass_time(2.0)
+    assert bench.core.tasks.limbs.busy().code == "limb_moving", "no motion begins"
+    bench.base.limbs = {"gripper": 0.06, "torso": 0.15}
+    passed(bench, 2.0)
+    assert bench.gate.lost_limb is None
+    assert bench.stick(0.5).code == "limb_moving", "the controller still reports it"
+    bench.answering = False
+    passed(bench, 3.0)
+    assert bench.core.tasks.limbs.busy() is None
+
+
+def test_a_limb_that_an_earlier_bridge_moved_and_that_is_never_seen_is_lost(bench):
+    bench.base.limbs = {}
+    bench.pass_time(1.0)
+    for _ in range(70):
+        bench.core.tasks.limbs.move("torso").running({f"{OURS}7-left": True}, bench.now_s)
+        bench.pass_time(0.1)
+    assert bench.gate.lost_limb == "torso"
 
 
 def test_the_base_crawls_past_two_lost_limbs(bench):
