@@ -64,6 +64,8 @@ class LimbMove(Goals[Target]):
         self._mover = mover
         self._range = [len(source.joints) * end for end in source.range_m]
         self._held: str | None = None  # a goal that has ended here and goes on: fingers hold something
+        self._may_hold = limb == "gripper"  # by a goal of an earlier bridge; until this one sends a goal
+        self._stands: tuple[float, float] | None = None  # fingers with such a goal: since when, and where
         self._strays: dict[str, float] = {}  # goals that nobody watches: time of the last cancel
         self._strays_s = -math.inf  # when the controller last told which goals run
         self._settling: Target | None = (
@@ -145,6 +147,7 @@ class LimbMove(Goals[Target]):
         target.moved_m = at_m
         low, high = self._range
         to_m = min(max(target.order.to_m, low), high)
+        self._may_hold = False
         self._mover.move_limb(self._limb, goal.sent(now_s), to_m, target.seconds)
 
     def halt(self, refusal: Refusal, now_s: float) -> None:
@@ -244,9 +247,27 @@ class LimbMove(Goals[Target]):
             own.what.active = goals[own.id]
         self._strays = {goal_id: self._strays.get(goal_id, -math.inf) for goal_id in strays}
         for goal_id, cancelled_s in self._strays.items():
+            if goals[goal_id] and math.isinf(cancelled_s) and self._may_hold and self._left(goal_id, now_s):
+                continue
             if now_s - cancelled_s >= CANCEL_AGAIN_S:
                 self._strays[goal_id] = now_s
                 self._mover.cancel_limb(self._limb, goal_id)
+
+    def _left(self, goal_id: str, now_s: float) -> bool:
+        """Return whether an earlier bridge's goal is kept: the controller was not told to cancel it, the fingers stand.
+
+        They may hold something, and a bridge that begins anew must not let it fall.
+        """
+        at_m = self.at_m
+        if at_m is None:
+            return not self._lost
+        since_s, was_m = self._stands = self._stands or (now_s, at_m)
+        if abs(at_m - was_m) >= MOVED_M:
+            return False
+        if now_s - since_s > STILL_S:
+            self._held = self._ended = goal_id
+            self._may_hold = False
+        return True
 
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
         """Take the controller's report that a goal has ended; joint states must agree with success."""

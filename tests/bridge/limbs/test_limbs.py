@@ -23,6 +23,7 @@ TOPICS = msgspec.structs.replace(
     joint_states=Topic("/joint_states", "sensor_msgs/JointState"),
 )
 OPEN, CLOSE, UP = MoveLimb(1, "gripper", 0.09), MoveLimb(1, "gripper", 0.0), MoveLimb(1, "torso", 0.3)
+LEFT = f"{OURS}7-left"  # a goal of an earlier bridge
 AWAY = Posture(False, ((0.5, 0.0, 0.1),), (), None)
 
 
@@ -273,6 +274,56 @@ def test_fingers_that_hold_something_keep_their_force(bench):
     assert goal_id in bench.base.cancelled_goals, "nobody waits for it any more"
 
 
+def left_by_an_earlier_bridge(bench, seconds, active=True, moves_m=0.0):
+    """The controller reports a closing goal that this bridge did not send. Return its cancels."""
+    for _ in range(round(seconds / 0.2)):
+        bench.core.tasks.limbs.move("gripper").running({LEFT: active}, bench.now_s)
+        bench.pass_time(0.2)
+        if bench.base.limbs:
+            bench.base.limbs["gripper"] -= moves_m
+    return bench.base.cancelled_goals.count(LEFT)
+
+
+def test_a_bridge_that_begins_anew_lets_fingers_hold_what_they_hold(bench):
+    fingers, bench.base.limbs = bench.base.limbs, {}
+    assert not left_by_an_earlier_bridge(bench, 1.0), "joint states arrive a little later"
+    bench.base.limbs = fingers
+    assert not left_by_an_earlier_bridge(bench, 2.8)
+    assert bench.core.tasks.limbs.busy().code == "limb_moving", "whether they stand is not known yet"
+    assert not left_by_an_earlier_bridge(bench, 1.0)
+    assert bench.core.tasks.limbs.busy() is None
+    moved(bench)
+    assert left_by_an_earlier_bridge(bench, 0.2) == 0, "the controller replaces it"
+    ends(bench, bench.base.moves[-1][1], "cancelled")
+    assert left_by_an_earlier_bridge(bench, 0.2) == 1
+
+
+@pytest.mark.parametrize(
+    ("active", "moves_m", "seconds"), [(False, 0.0, 0.2), (True, 0.002, 0.4)], ids=["not begun", "moving"]
+)
+def test_a_goal_of_an_earlier_bridge_that_holds_nothing_is_cancelled(bench, active, moves_m, seconds):
+    cancels = left_by_an_earlier_bridge(bench, seconds, active, moves_m)
+    assert cancels
+    assert left_by_an_earlier_bridge(bench, 5.0, active) > cancels + 5
+
+
+def test_a_goal_of_an_earlier_bridge_whose_fingers_nobody_sees_is_cancelled(bench):
+    bench.base.limbs = {}
+    assert not left_by_an_earlier_bridge(bench, 4.0)
+    assert left_by_an_earlier_bridge(bench, 2.0)
+
+
+def test_a_goal_of_this_bridge_that_is_reported_again_is_cancelled(bench):
+    goal_id = moved(bench, CLOSE)
+    bench.answering = False
+    passed(bench, 2.5)
+    assert state(bench).ended.outcome == "unheard"
+    cancels = bench.base.cancelled_goals.count(goal_id)
+    bench.answering = True
+    passed(bench, 4.0)
+    assert bench.base.cancelled_goals.count(goal_id) > cancels + 5
+
+
 def test_a_goal_that_the_controller_has_not_begun_holds_nothing(bench):
     bench.active = False  # it is paused: when it wakes, the fingers would close unasked
     goal_id = moved(bench, CLOSE)
@@ -368,7 +419,7 @@ def test_a_limb_that_an_earlier_bridge_moved_and_that_is_never_seen_is_lost(benc
     bench.base.limbs = {}
     bench.pass_time(1.0)
     for _ in range(70):
-        bench.core.tasks.limbs.move("torso").running({f"{OURS}7-left": True}, bench.now_s)
+        bench.core.tasks.limbs.move("torso").running({LEFT: True}, bench.now_s)
         bench.pass_time(0.1)
     assert bench.gate.lost_limb == "torso"
 
