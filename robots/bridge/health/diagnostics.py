@@ -49,21 +49,31 @@ class Part:
     heard_s: float
     said: HealthLevel = "ok"  # by its node, before it fell silent
     said_s: float = 0.0  # since when
+    said_was: HealthLevel | None = None  # before that
     text: str = ""  # of that
     temperatures: dict[str, float] = field(default_factory=dict)  # °C, by key
     was: HealthLevel | None = None  # before this level; None: nothing was heard before
 
     def become(self, level: HealthLevel, since_s: float) -> None:
-        """Take a level; "since when" stays while it is the same."""
+        """Take a level; "since when" stays while it is the same, also past a silence of a part that is ill."""
         if level != self.level:
-            self.was, self.level, self.since_s = self.level, level, since_s
+            if self.level == "silent" and level == self.said != "ok":
+                self.was, self.since_s = self.said_was, self.said_s
+            else:
+                self.was, self.since_s = self.shown, since_s
+            self.level = level
         if level not in ("silent", self.said):
-            self.said, self.said_s = level, since_s
+            self.said, self.said_s, self.said_was = level, self.since_s, self.was
 
     @property
     def shown(self) -> HealthLevel:
         """The level for people. Silence is never an improvement: an error that was said may still be there."""
         return self.said if self.level == "silent" and self.said != "ok" else self.level
+
+    @property
+    def shown_since_s(self) -> float:
+        """Since when it is at this level, for people."""
+        return self.since_s if self.level == self.shown else self.said_s
 
     @property
     def got_worse(self) -> bool:
@@ -72,10 +82,10 @@ class Part:
 
     def report(self, name: str, now_s: float) -> wire.HealthPart:
         """Return the part for people."""
-        if self.level == self.shown:
-            return wire.HealthPart(name, self.level, self.text, max(0, int(now_s - self.since_s)))
-        text = f"{self.text or 'no reason given'}; silent for {age(now_s - self.since_s)}"
-        return wire.HealthPart(name, self.said, text, max(0, int(now_s - self.said_s)))
+        text = self.text
+        if self.level != self.shown:
+            text = f"{text or 'no reason given'}; silent for {age(now_s - self.since_s)}"
+        return wire.HealthPart(name, self.shown, text, max(0, int(now_s - self.shown_since_s)))
 
 
 class Diagnostics:
@@ -139,7 +149,7 @@ class Diagnostics:
         names = plain_names(members)
         ill = sorted(
             ((name, part) for name, part in members.items() if part.level != "ok"),
-            key=lambda item: (-BADNESS[item[1].shown], item[1].since_s, item[0]),
+            key=lambda item: (-BADNESS[item[1].shown], item[1].shown_since_s, item[0]),
         )
         worse = sorted((-part.since_s, name) for name, part in ill if part.got_worse)
         listed = [*(name for _, name in worse[:NEWEST]), *(name for name, _ in ill)]

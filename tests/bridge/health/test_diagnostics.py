@@ -68,6 +68,45 @@ def test_an_error_that_falls_silent_stays_an_error(diagnostics, stale):
     assert (diagnostics.view(now_s).level, diagnostics.view(now_s).well) == ("ok", 2)
 
 
+def test_an_error_that_is_reported_again_after_a_silence_is_as_old_as_before(diagnostics):
+    broken = Status("amplifier", ERROR, "no answer")
+    others = [Status(f"motor {number}", ERROR, "") for number in range(SHOWN - 1)]
+    diagnostics.take([Status(name, OK, "") for name in ("arm", "head", "laser")], 0.0)
+    diagnostics.take([broken], 1.0)
+    diagnostics.take(others, 2.0)
+    diagnostics.take([Status(name, ERROR, "") for name in ("arm", "head", "laser")], 3.0)
+    diagnostics.view(50.0)  # the radio was away
+    assert diagnostics.members(50.0)["amplifier"].level == "silent"
+    first = diagnostics.view(50.0).parts[0]
+    assert (first.name, first.since_s) == ("amplifier", 49), "the oldest"
+    diagnostics.take([broken, *others], 60.0)
+    first = diagnostics.view(60.0).parts[0]
+    assert (first.name, first.text, first.since_s) == ("amplifier", "no answer", 59)
+    diagnostics.take([Status(name, ERROR, "") for name in ("arm", "head", "laser")], 60.0)
+    names = [part.name for part in diagnostics.view(60.0).parts]
+    assert names[-3:] == ["arm", "head", "laser"], "the newest"
+    diagnostics.take([Status("amplifier", OK, "")], 61.0)
+    diagnostics.take([broken], 62.0)
+    assert diagnostics.view(62.0).parts[-1].since_s == 0
+
+
+def test_a_silent_error_that_is_older_comes_before_a_newer_one(diagnostics):
+    diagnostics.take([Status("zoom", ERROR, "")], 0.0)
+    diagnostics.take([Status("arm", ERROR, "")], 5.0)
+    diagnostics.take([Status("zoom", ERROR, "")], 8.0)  # then it falls silent
+    for now_s in range(9, 40):
+        diagnostics.take([Status("arm", ERROR, "")], float(now_s))
+    assert [part.since_s for part in diagnostics.view(40.0).parts] == [40, 35]
+
+
+def test_an_error_that_is_a_warning_after_a_silence_got_no_worse(diagnostics):
+    diagnostics.take([Status("arm", ERROR, "")], 0.0)
+    diagnostics.members(20.0)
+    diagnostics.take([Status("arm", WARN, "")], 20.0)
+    arm = diagnostics.members(20.0)["arm"]
+    assert (arm.since_s, arm.got_worse) == (20.0, False)
+
+
 def test_silent_parts_that_were_ill_make_room(diagnostics):
     diagnostics.take([Status(f"part {number}", ERROR, "") for number in range(MOST_PARTS)], 0.0)
     diagnostics.take([Status("arm", ERROR, "broken")], FORGOTTEN_S + 1.0)
