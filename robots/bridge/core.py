@@ -423,6 +423,11 @@ class Core:
         """Take a report of one of the robot's nodes on the health of its parts."""
         self._diagnostics.take(statuses, now_s)
 
+    def began_again(self, now_s: float) -> None:
+        """Note that the robot's master, and maybe the robot, was restarted."""
+        self._diagnostics.began_again(now_s)
+        self.tasks.refresh()
+
     def prepare(self, now_s: float) -> None:
         """Let the gate compute now, so that the next command does not wait for it."""
         self._gate.prepare(now_s)

@@ -19,6 +19,7 @@ from robots.wire import HealthLevel
 MOST_PARTS = 200
 SILENT_S = 10.0  # nodes report once a second
 FORGOTTEN_S = 600.0  # a part that was well and is silent for so long is not listed any more
+RESTARTED_S = 60.0  # since the robot began anew: who has not reported until then may be gone
 SHOWN = 8  # parts that are not well
 NEWEST = 3  # of them, at least: those that got worse last, since the page tells of what it is sent
 HOTTEST = 6  # temperatures
@@ -50,6 +51,7 @@ class Part:
     said: HealthLevel = "ok"  # by its node, before it fell silent
     said_s: float = 0.0  # since when
     said_was: HealthLevel | None = None  # before that
+    told_s: float = 0.0  # when its node last said so
     text: str = ""  # of that
     temperatures: dict[str, float] = field(default_factory=dict)  # °C, by key
     was: HealthLevel | None = None  # before this level; None: nothing was heard before
@@ -62,6 +64,8 @@ class Part:
             else:
                 self.was, self.since_s = self.shown, since_s
             self.level = level
+        if level != "silent":
+            self.told_s = since_s
         if level not in ("silent", self.said):
             self.said, self.said_s, self.said_was = level, self.since_s, self.was
 
@@ -97,6 +101,11 @@ class Diagnostics:
         self._unread = 0
         self._view: wire.Health | None = None
         self._viewed_s = -math.inf
+        self._began_s = -math.inf  # the robot's present run
+
+    def began_again(self, now_s: float) -> None:
+        """Note that the robot, or only its master, began anew: what was said before may not be true any more."""
+        self._began_s = now_s
 
     def take(self, statuses: Iterable[Status], now_s: float) -> None:
         """Take a report of one node."""
@@ -141,6 +150,8 @@ class Diagnostics:
         for part in self._parts.values():
             if now_s - part.heard_s > SILENT_S:
                 part.become("silent", part.heard_s)
+            if part.level == "silent" and part.told_s < self._began_s < now_s - RESTARTED_S:
+                part.said = "ok"  # an error of the run before is not known to be one of this run
         groups = {parent for name in self._parts for parent in _parents(name)}
         return {name: part for name, part in self._parts.items() if name not in groups}
 

@@ -405,7 +405,7 @@ class RosBase:
         self._runs.begin()
         self._described, self._description = False, None
         self._describe()
-        self._post(self._core.tasks.refresh)
+        self._post(lambda: self._core.began_again(time.monotonic()))
 
     def surveyed(self, system: SystemState) -> None:
         """Report the robot's state; read what is still missing, since the robot may start after its master."""

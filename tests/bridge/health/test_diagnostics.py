@@ -7,12 +7,14 @@ import pytest
 from robots.bridge.health.diagnostics import (
     FORGOTTEN_S,
     MOST_PARTS,
+    RESTARTED_S,
     SHOWN,
     SILENT_S,
     Diagnostics,
     Status,
     plain_name,
 )
+from tests.bridge.support import Bench
 
 OK, WARN, ERROR, STALE = range(4)
 
@@ -105,6 +107,37 @@ def test_an_error_that_is_a_warning_after_a_silence_got_no_worse(diagnostics):
     diagnostics.take([Status("arm", WARN, "")], 20.0)
     arm = diagnostics.members(20.0)["arm"]
     assert (arm.since_s, arm.got_worse) == (20.0, False)
+
+
+@pytest.mark.parametrize("stale", [False, True], ids=["silent", "called stale by an aggregator"])
+def test_an_error_does_not_outlive_the_robots_restart(diagnostics, stale):
+    old, stays, well = (Status(name, ERROR, "broken") for name in ("gone", "stays", "arm"))
+    well = well._replace(level=OK)
+    diagnostics.take([old, stays, well], 0.0)
+    diagnostics.began_again(30.0)
+    for now_s in range(31, 30 + int(RESTARTED_S) + 2):
+        diagnostics.take([Status("gone", STALE, "")] if stale else [], float(now_s))
+        diagnostics.take([stays, well], float(now_s))
+        parts = {part.name: part.level for part in diagnostics.view(float(now_s)).parts}
+        is_over = now_s - 30 > RESTARTED_S
+        assert parts == {"stays": "error", "gone": "silent" if is_over else "error"}
+    assert diagnostics.view(float(now_s)).parts[0].since_s == now_s
+    if not stale:
+        diagnostics.take([stays, well], FORGOTTEN_S + 1.0)
+        assert [part.name for part in diagnostics.view(FORGOTTEN_S + 1.0).parts] == ["stays"]
+    diagnostics.take([old], 700.0)
+    assert diagnostics.members(700.0)["gone"].shown == "error", "it is heard again"
+    diagnostics.members(800.0)
+    assert diagnostics.members(800.0)["gone"].shown == "error", "an error of this run"
+
+
+def test_the_bridge_tells_of_a_restart():
+    bench = Bench().online()
+    bench.core.diagnosed([Status("gone", ERROR, "broken")], bench.now_s)
+    bench.core.began_again(bench.now_s + 20.0)
+    assert bench.core.state(bench.now_s + 20.0, []).health.level == "error"
+    assert bench.core.state(bench.now_s + 21.0 + RESTARTED_S, []).health.level == "silent"
+    bench.close()
 
 
 def test_silent_parts_that_were_ill_make_room(diagnostics):
