@@ -75,12 +75,12 @@ class Crowd:
         await self._process.stdin.drain()
 
     async def until_all_see(self) -> None:
-        """Wait until each viewer has got something."""
+        """Wait until each viewer that reads has got something."""
 
         def viewers() -> set[int]:
             return {viewer for arrivals in self.seen.values() for viewer in arrivals}
 
-        await self.until(lambda: len(viewers()) == self._count)
+        await self.until(lambda: len(viewers()) == self._count - self._one_stalls)
 
     async def until(self, condition: Callable[[], object]) -> None:
         """Wait until `condition()` is true, which is checked from time to time."""
