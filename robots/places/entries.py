@@ -60,6 +60,8 @@ def why_no_name(name: str) -> str | None:
         return f"The name has {len(name)} characters; there is room for {LONGEST_NAME}."
     if len(key_of(name)) > 2 * LONGEST_NAME:  # one letter may stand for many
         return "The name is too long when its letters are written out."
+    if "\ufffd" in name:
+        return "The name has a letter that was lost: write it anew."
     if not name.isprintable():
         return "The name has a control character."
     if not name[0].isalnum():  # a spreadsheet would take =, +, - or @ for the begin of a formula

@@ -28,6 +28,7 @@ PICTURES = REPOSITORY / "docs/img"
 ROBOT = "tiago-3"  # the second one is in a student's slot
 TWO_CAMERAS = "tiago-2"
 DRIVEN_S = 20.0
+UNDER_WAY_S = 5.0  # until a robot that was sent to a place is some metres away
 SETTLED_S = 1.0  # until earlier notices have gone
 APPROACH_S = 1.8  # until the head looks to the floor ahead
 TRIES = 4
@@ -206,7 +207,9 @@ def send_to_a_place(page: Page, stack: Stack) -> None:
         page.get_by_role("button", name="charging dock", exact=True).click()
         with suppress(NotYet):
             page.get_by_text(re.compile("Drives to “charging dock”: .* m left")).wait_for(timeout=5000)
+            page.wait_for_timeout(1000.0 * UNDER_WAY_S)
             page.locator("[data-part=banner]").wait_for(state="hidden", timeout=5000)
+            page.locator("[data-part=go-cancel]").wait_for(timeout=1000)
             page.screenshot(path=PICTURES / "map.png")
             look_at_the_plan(page, stack)
             break
@@ -228,6 +231,8 @@ def look_in_3d(page: Page, stack: Stack) -> None:
             page.wait_for_function(HOLD_IS_DRAWN, timeout=1000.0 * DRIVEN_S / 3)
             break
         page.keyboard.up("w")
+    else:
+        raise TimeoutError("The gate did not hold the robot.")
     page.screenshot(path=PICTURES / "scene.png")
     page.keyboard.up("w")
     page.get_by_role("button", name="Plan").click()
@@ -273,6 +278,8 @@ def use_phones(stack: Stack, browser: Browser, cookie: str) -> None:
     for name, width, height in (("phone", 844, 390), ("phone-upright", 360, 640)):
         with page_of(stack, browser, cookie, width, height, "dark", scale=2) as page:
             take_control(page, stack)
+            page.locator("[data-part=delay]", has_text=re.compile(r"\d ms")).wait_for()
+            page.locator("[data-part=limits]", has_not_text="depth camera").wait_for(state="attached")
             wait_for_the_camera(page)
             page.screenshot(path=PICTURES / f"{name}.png")
             page.locator("[data-part=actions]").get_by_role("button", name="Release").click()

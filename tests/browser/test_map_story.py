@@ -52,7 +52,7 @@ def test_a_lost_robot_is_told_its_place_sent_stopped_sent_back_and_looked_at(ope
     drive(
         operator,
         lambda: by_the_map(operator, fingers),
-        lambda: math.dist(operator.place, begin) > 1.0,
+        lambda: bool(operator.state.get("going")) and math.dist(operator.place, begin) > 1.0,
         "a metre of the way",
     )
     expect(operator.part("go-words")).to_contain_text("Drives to “kitchen”")

@@ -21,7 +21,7 @@ export class HealthPanel {
   #parts;
   #tell;
   #told = null; // by part: how bad it was, and when that was told; null: nothing heard yet
-  #heardMs = -Infinity; // when health was last heard
+  #beganMs; // when health was first heard
   #low = null;
 
   /** @param {object} parts of the page @param {(notice: object) => void} tell adds a notice */
@@ -37,7 +37,7 @@ export class HealthPanel {
     this.#showHeader(cut ? null : health);
     if (cut) return; // "since" counts from when it was heard
     this.#showDetails(health, nowMs);
-    if (health) this.#tellOfParts(health.parts, nowMs);
+    if (health) this.#tellOfParts(health.parts, health.parts_more, nowMs);
     this.#tellOfBattery(state);
   }
 
@@ -77,15 +77,17 @@ export class HealthPanel {
     sayOrHide(more, health ? leftOutText(health) : "");
   }
 
-  #tellOfParts(parts, nowMs) {
+  #tellOfParts(parts, more, nowMs) {
+    this.#beganMs ??= nowMs;
     const before = this.#told ?? new Map();
     const now = new Map();
     for (const part of parts) {
       const old = before.get(part.name) ?? { badness: 0, toldBadness: 0, toldMs: -AGAIN_MS };
       const badness = BADNESS[part.level];
       const isNews = badness > old.toldBadness || nowMs - old.toldMs >= AGAIN_MS;
-      // Others may have pushed it out of the list, where there is no change.
-      const isFresh = nowMs - 1000 * part.since_s > this.#heardMs - LATE_MS;
+      // One that others had left no room for may be older than this page.
+      const isFresh =
+        before.has(part.name) || nowMs - 1000 * part.since_s > this.#beganMs - LATE_MS;
       const tells = this.#told !== null && badness > old.badness && isNews && isFresh;
       if (tells) {
         const level = part.level === "error" ? "error" : "warning";
@@ -97,11 +99,13 @@ export class HealthPanel {
         toldMs: tells ? nowMs : old.toldMs,
       });
     }
-    // A part that is well again is remembered for a minute: it may flap.
-    for (const [name, old] of before)
-      if (!now.has(name) && nowMs - old.toldMs < AGAIN_MS) now.set(name, { ...old, badness: 0 });
+    // Others may have left no room for it. A part that is well again is remembered for a minute: it may flap.
+    for (const [name, old] of before) {
+      if (now.has(name)) continue;
+      if (more > 0) now.set(name, old);
+      else if (nowMs - old.toldMs < AGAIN_MS) now.set(name, { ...old, badness: 0 });
+    }
     this.#told = now;
-    this.#heardMs = nowMs;
   }
 
   #tellOfBattery({ battery_percent: percent, charging }) {

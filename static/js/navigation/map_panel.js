@@ -1,6 +1,7 @@
 /** The panel "Map" over the picture: opens, loads the robot's map, and sends goals and poses that are chosen on it. */
 
 import { takeControlFirst } from "../control/lease.js";
+import { isSeen } from "../control/status/robot_words.js";
 import { dim, make, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { MapView } from "./map_view.js";
 import { readMaps, readPicture } from "./places_api.js";
@@ -22,7 +23,8 @@ export class MapPanel {
   #order;
   #tell;
   #view = null; // made when it is first opened
-  #mode = null; // one of MODES, or null
+  #mode = null;
+  #wanted = ""; // what a press on the map lacked // one of MODES, or null
   #drives = false;
   #path = [];
   #newest = null;
@@ -171,6 +173,10 @@ export class MapPanel {
   /** Choose a place for this from now on; the same again: no more. */
   #choose(mode) {
     if (IN_CONTROL.includes(mode) && !this.#mayOrder()) mode = null;
+    if (mode !== null && this.#loaded === null) {
+      this.#tell({ level: "info", code: "map unknown", text: unknownText() });
+      mode = null;
+    }
     this.#mode = mode === this.#mode ? null : mode;
     if (this.#mode !== null) this.#pick(null);
     mark(this.#parts.map, "chooses", this.#mode);
@@ -187,6 +193,7 @@ export class MapPanel {
     if (place?.number !== this.#picked?.number) this.#pickedMs = performance.now();
     this.#picked = place;
     show(this.#parts["map-picked"], place !== null);
+    if (place) this.#places.open(false);
     if (place) say(this.#parts["map-picked-go"], interpolate(gettext("Go to “%s”"), [place.name]));
   }
 
@@ -197,6 +204,8 @@ export class MapPanel {
 
   #chosen(pose) {
     const mode = this.#mode;
+    if (mode === "pose" && !pose.isTurned)
+      return this.#speak(gettext("Drag, too: to where the robot looks."));
     this.#choose(null);
     if (mode === "place") this.#places.add(rounded(pose));
     else
@@ -220,15 +229,21 @@ export class MapPanel {
     this.#order({ t: "go", ...rounded(place), place: place.name });
   }
 
-  #speak() {
-    const { location, navigation_held: held = "" } = this.#newest?.state ?? {};
+  #speak(wanted = "") {
+    const state = this.#newest?.state;
+    const { location, navigation_held: held = "" } = state ?? {};
     const modes = {
       go: gettext("Press where the robot should go, drag to where it should look."),
       pose: gettext("Press where the robot is, drag to where it looks."),
       place: gettext("Press where the place is, drag to where a robot should look."),
     };
-    const lost = this.#newest && !location ? lostText() : "";
-    const words = modes[this.#mode] ?? (held || location?.problem || lost);
+    if (this.#mode !== "pose") this.#wanted = "";
+    else if (wanted) this.#wanted = wanted;
+    // Without control its place is read no more: then a robot that knows it may seem lost.
+    const isLost = state && !location && isSeen(state) && this.#drives && this.#loaded !== null;
+    const words =
+      this.#wanted ||
+      (modes[this.#mode] ?? (held || location?.problem || (isLost ? lostText() : "")));
     say(this.#parts["map-words"], words);
     show(this.#parts["map-words"], words !== "");
   }

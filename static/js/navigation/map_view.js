@@ -126,7 +126,7 @@ export class MapView extends EventTarget {
   }
 
   zoom(factor, pixel = this.#middle) {
-    this.#frame = zoomed(this.#seen, factor, pixel, ...this.#size, this.#whole.scale);
+    this.#frame = zoomed(this.#seen, factor, pixel, ...this.#size, this.#coarsest);
     this.#canvas.redraw();
   }
 
@@ -150,6 +150,11 @@ export class MapView extends EventTarget {
 
   get #seen() {
     return this.#frame ?? this.#whole;
+  }
+
+  /** Pixels for each metre of the coarsest scale: a known map is never smaller than the whole of it. */
+  get #coarsest() {
+    return this.#map ? this.#whole.scale : 2;
   }
 
   get #whole() {
@@ -204,14 +209,20 @@ export class MapView extends EventTarget {
     const moved = panned(this.#seen, (now[0] - before[0]) / 2, (now[1] - before[1]) / 2);
     const between = [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2];
     const factor = width(now) / width(before);
-    this.#frame = zoomed(moved, factor, between, ...this.#size, this.#whole.scale);
+    this.#frame = zoomed(moved, factor, between, ...this.#size, this.#coarsest);
   }
 
   #choose(pixel) {
     const place = toPlace(this.#seen, this.#from, ...this.#size);
     const { x, y } = this.#robot ?? { x: place[0], y: place[1] };
     const away = Math.atan2(place[1] - y, place[0] - x);
-    this.#chosen = { x: place[0], y: place[1], heading: headingOf(this.#from, pixel, away) };
+    const heading = headingOf(this.#from, pixel, null);
+    this.#chosen = {
+      x: place[0],
+      y: place[1],
+      heading: heading ?? away,
+      isTurned: heading !== null,
+    };
     this.#canvas.redraw();
   }
 
@@ -303,7 +314,8 @@ export class MapView extends EventTarget {
 
   get #middlePlace() {
     const [x, y] = toPlace(this.#seen, this.#middle, ...this.#size);
-    return { x, y, heading: Math.atan2(Math.sin(this.#heading), Math.cos(this.#heading)) };
+    const heading = Math.atan2(Math.sin(this.#heading), Math.cos(this.#heading));
+    return { x, y, heading, isTurned: true };
   }
 
   // --- the picture -------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { parts } from "../../../static/js/lib/dom.js";
-import { corners, toPixels, whole } from "../../../static/js/navigation/map_frame.js";
+import { corners, corners, toPixels, toPlace, whole, whole } from "../../../static/js/navigation/map_frame.js";
 import { MapPanel } from "../../../static/js/navigation/map_panel.js";
 import { endText, goingText } from "../../../static/js/navigation/words.js";
 
@@ -122,8 +122,48 @@ describe("the map over the picture", () => {
     return canvas;
   }
 
-  it("chooses no place any more after Escape", () => {
+  /** The same with the robot's map, once it is there. */
+  async function openedWithMap() {
+    maps = [{ ...MAP, places: [] }];
     const canvas = opened();
+    await vi.waitFor(() => expect(page["map-none"].hidden).toBe(true));
+    await new Promise((resolve) => setTimeout(resolve));
+    return canvas;
+  }
+
+  /** The place under a pixel of the whole map, in millimetres. */
+  function placeAt(...pixel) {
+    const frame = whole(corners(MAP), 400, 300);
+    const [x, y] = toPlace(frame, pixel, 400, 300).map((metres) => Math.round(metres * 1000) / 1000);
+    return { x, y };
+  }
+
+  it("chooses no place before the map is there, and says why", () => {
+    const canvas = opened();
+    panel.drives = true;
+    for (const part of ["map-go", "map-pose"]) {
+      page[part].click();
+      expect(page[part].getAttribute("aria-pressed")).toBe("false");
+    }
+    canvas.dispatchEvent(pointer("pointerdown", 240, 150));
+    canvas.dispatchEvent(pointer("pointerup", 240, 110));
+    expect(order).not.toHaveBeenCalled();
+    expect(tell).toHaveBeenCalledWith(expect.objectContaining({ code: "map unknown" }));
+  });
+
+  it("takes no press without a drag for where the robot looks", async () => {
+    const canvas = await openedWithMap();
+    panel.drives = true;
+    page["map-pose"].click();
+    canvas.dispatchEvent(pointer("pointerdown", 240, 150));
+    canvas.dispatchEvent(pointer("pointerup", 240, 150));
+    expect(order).not.toHaveBeenCalled();
+    expect(page["map-words"].textContent).toContain("Drag, too");
+    expect(page["map-pose"].getAttribute("aria-pressed")).toBe("true");
+  });
+
+  it("chooses no place any more after Escape", async () => {
+    const canvas = await openedWithMap();
     panel.drives = true;
     page["map-go"].click();
     const pressed = () =>
@@ -140,22 +180,22 @@ describe("the map over the picture", () => {
     expect(second.defaultPrevented).toBe(false);
   });
 
-  it("sends the robot to a place by a press and a drag", () => {
-    const canvas = opened();
+  it("sends the robot to a place by a press and a drag", async () => {
+    const canvas = await openedWithMap();
     panel.drives = true;
     page["map-go"].click();
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointermove", 240, 110));
     canvas.dispatchEvent(pointer("pointerup", 240, 110));
-    expect(order).toHaveBeenCalledWith({ t: "go", x: 2, y: 2, heading: 1.571, map: "" });
+    expect(order).toHaveBeenCalledWith({ t: "go", ...placeAt(240, 150), heading: 1.571, map: "abc" });
     expect(page["map-go"].getAttribute("aria-pressed")).toBe("false");
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerup", 240, 150));
     expect(order).toHaveBeenCalledTimes(1); // a press without a mode only moves the map
   });
 
-  it("tells the robot where it is, by keys too, and lets no arrow drive it there", () => {
-    const canvas = opened();
+  it("tells the robot where it is, by keys too, and lets no arrow drive it there", async () => {
+    const canvas = await openedWithMap();
     panel.drives = true;
     page["map-pose"].click();
     const reached = vi.fn();
@@ -164,29 +204,31 @@ describe("the map over the picture", () => {
       canvas.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
     expect(order).toHaveBeenCalledWith({
       t: "set_pose",
-      x: 2.5,
-      y: 2,
+      ...placeAt(260, 150), // an arrow moves the map by 60 pixels
       heading: 0.262,
-      map: "",
+      map: "abc",
     });
     expect(reached).not.toHaveBeenCalled();
     canvas.dispatchEvent(new KeyboardEvent("keydown", { key: " ", bubbles: true }));
     expect(reached).toHaveBeenCalledTimes(1); // the stop is never kept
   });
 
-  it("tells a robot that knows no place of itself where it is, and says that it is needed", () => {
-    const state = { location: null, going: null };
+  it("tells a robot that knows no place of itself where it is, and says that it is needed", async () => {
+    const state = { phase: "online", location: null, going: null };
     panel.view = { state, scan: { laser_cm: [100, 0] } };
     expect(page["map-open"].hidden).toBe(false);
-    const canvas = opened();
-    expect(page["map-words"].textContent).toContain("does not know where it is");
+    const canvas = await openedWithMap();
+    panel.view = { state, scan: null };
+    expect(page["map-words"].hidden).toBe(true); // without control nobody knows
     panel.drives = true;
+    panel.view = { state, scan: null };
+    expect(page["map-words"].textContent).toContain("does not know where it is");
     page["map-pose"].click();
     expect(page["map-words"].textContent).toContain("Press where the robot is");
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointermove", 240, 110));
     canvas.dispatchEvent(pointer("pointerup", 240, 110));
-    const pose = { x: 1, y: 0, heading: 1.571, map: "" };
+    const pose = { ...placeAt(240, 150), heading: 1.571, map: "abc" };
     expect(order).toHaveBeenCalledExactlyOnceWith({ t: "set_pose", ...pose });
     panel.view = { state: { ...state, location: LOCATION }, scan: null };
     expect(page["map-words"].hidden).toBe(true);
