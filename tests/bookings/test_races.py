@@ -114,7 +114,7 @@ def test_housekeeping_processes_at_once_send_one_reminder(robot, operator, mailo
 CLIENTS = 50
 
 
-def test_of_fifty_after_one_slot_one_wins_and_the_others_get_alternatives(
+def test_of_fifty_after_one_slot_one_wins_the_others_get_others(
     signed_in, robot, django_user_model, monkeypatch
 ):
     people = [django_user_model.objects.create_user(f"s{number}") for number in range(CLIENTS)]

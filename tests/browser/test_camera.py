@@ -125,7 +125,7 @@ def test_the_whole_screen_keeps_joystick_and_stop(person: Arrive) -> None:
     assert operator.complaints == []
 
 
-def test_a_newcomer_with_a_phone_drives_by_the_camera_to_the_next_room(person: Arrive) -> None:
+def test_a_newcomer_drives_by_the_phones_camera_to_the_next_room(person: Arrive) -> None:
     """The whole way with the hints of a first visit: picture, door, a look around, a stop by a second finger."""
     operator = person("operator", width=390, height=844, touch=True, newcomer=True)
     operator.page.get_by_role("link", name="Open").click()

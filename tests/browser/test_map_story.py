@@ -35,7 +35,7 @@ def operator(tmp_path: Path, browser: Browser) -> Iterator[Person]:
         yield somebody
 
 
-def test_a_lost_robot_is_told_its_place_sent_stopped_sent_back_and_looked_at(operator: Person) -> None:
+def test_a_lost_robot_is_told_its_place_sent_and_stopped(operator: Person) -> None:
     fingers = Fingers(operator)
     operator.take("tiago-1")
     open_map(operator)

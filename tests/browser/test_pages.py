@@ -486,7 +486,7 @@ CROSSED = """(part) => {
 
 
 @pytest.mark.parametrize(("width", "height"), [*SIZES, (820, 1180), (1180, 820)])
-def test_what_comes_by_itself_moves_and_covers_no_button_of_the_picture(
+def test_what_comes_by_itself_covers_no_button_of_the_picture(
     person: Arrive, width: int, height: int
 ) -> None:
     operator = person("operator", width=width, height=height)

@@ -166,7 +166,7 @@ MESHES = {  # by name: what the mesh's address answers, and the words about it
 }
 
 
-def test_meshes_that_are_missing_huge_or_broken_are_named_and_replaced(person: Draw) -> None:
+def test_missing_huge_and_broken_meshes_are_named_and_replaced(person: Draw) -> None:
     observer = person("observer")
     names = [f"package://arm/{name}" for name in MESHES]
     entries = [

@@ -55,7 +55,7 @@ def test_a_style_sheet_holds_all_that_it_imports(console, settings):
     assert "@import" not in page
 
 
-def test_a_file_that_a_page_loads_itself_stays_though_another_imports_it(console, settings):
+def test_a_file_that_a_page_loads_stays_though_another_imports_it(console, settings):
     (plot,) = collected(settings, "vendor/plot.????????????.css")
     assert "navy" in plot
     assert not list(settings.STATIC_ROOT.glob("css/tokens.????????????.css"))

@@ -434,7 +434,7 @@ def at_a_desk(aside_m=0.0):
     return looker
 
 
-def test_a_desk_close_by_that_has_gone_is_free_when_the_head_looks_down():
+def test_a_desk_that_has_gone_is_free_when_the_head_looks_down():
     looker = at_a_desk()
     looker.to_base = camera(LOOK_AHEAD)
     looker.stand(3.0)

@@ -56,7 +56,7 @@ def test_it_goes_around_a_person_who_is_not_on_the_map(office):
 
 
 @pytest.mark.parametrize("at", [(4.5, 1.8), (4.5, 2.2)])
-def test_it_keeps_away_from_a_persons_trunk_which_is_wider_than_the_legs(office, at):
+def test_it_keeps_away_from_a_trunk_that_is_wider_than_the_legs(office, at):
     office.people["person"].x, office.people["person"].y = at
     assert drive(office, Pose(7.0, 1.8, 0.0), room_m=0.15).phase is Phase.REACHED
 

@@ -167,7 +167,7 @@ def test_the_command_line_ends_them_too(operator, signed_in):
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_password_stays_while_the_end_of_its_tokens_cannot_be_recorded(operator, staff, signed_in):
+def test_a_password_stays_while_its_tokens_end_cannot_be_recorded(operator, staff, signed_in):
     token_for(operator)
     admin = signed_in(staff)
     with mock.patch("fleet.accounts.tokens.services.record", autospec=True, side_effect=FULL):

@@ -70,7 +70,7 @@ def test_an_error_that_falls_silent_stays_an_error(diagnostics, stale):
     assert (diagnostics.view(now_s).level, diagnostics.view(now_s).well) == ("ok", 2)
 
 
-def test_an_error_that_is_reported_again_after_a_silence_is_as_old_as_before(diagnostics):
+def test_an_error_back_after_a_silence_is_as_old_as_before(diagnostics):
     broken = Status("amplifier", ERROR, "no answer")
     others = [Status(f"motor {number}", ERROR, "") for number in range(SHOWN - 1)]
     diagnostics.take([Status(name, OK, "") for name in ("arm", "head", "laser")], 0.0)

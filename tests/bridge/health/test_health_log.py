@@ -137,7 +137,7 @@ def test_the_error_that_takes_the_base_away_is_recorded(robot):
     assert robot.changes[1:] == [("health.better", "Speakers", "error", "ok")]
 
 
-def test_many_parts_that_fall_silent_at_once_are_recorded_one_after_the_other(robot):
+def test_many_parts_that_fall_silent_at_once_are_recorded_in_turn(robot):
     parts = [WELL._replace(name=f"part {number}") for number in range(10)]
     robot.reports(*parts, seconds=SETTLED_S)
     robot.reports(seconds=SILENT_S + 1.0)
@@ -169,7 +169,7 @@ def test_a_new_bridge_goes_on_from_what_is_on_record(robot):
     assert robot.changes == [("health.better", "Speakers", "error", "ok")]
 
 
-def test_what_is_on_record_is_asked_for_again_while_the_database_is_away(robot):
+def test_records_are_read_again_while_the_database_is_away(robot):
     robot.bench.sink.ill = {"Speakers": "error"}
     robot.bench.sink.fails = "the disk is full"
     robot.reports(WELL)

@@ -107,7 +107,7 @@ def test_joint_states_must_agree_with_the_controller(bench):
     assert state(bench).ended.outcome == "not_there" and "0.085 m" in state(bench).ended.text
 
 
-def test_a_gripper_that_its_controller_calls_stalled_may_hold_something(bench):
+def test_a_stalled_gripper_may_hold_something(bench):
     goal_id = moved(bench, CLOSE)
     bench.base.limbs["gripper"] = 0.031
     ends(bench, goal_id, "stalled")
@@ -307,7 +307,7 @@ def test_a_goal_of_an_earlier_bridge_that_holds_nothing_is_cancelled(bench, acti
     assert left_by_an_earlier_bridge(bench, 5.0, active) > cancels + 5
 
 
-def test_a_goal_of_an_earlier_bridge_whose_fingers_nobody_sees_is_cancelled(bench):
+def test_an_earlier_bridges_goal_of_unseen_fingers_is_cancelled(bench):
     bench.base.limbs = {}
     assert not left_by_an_earlier_bridge(bench, 4.0)
     assert left_by_an_earlier_bridge(bench, 2.0)
@@ -333,7 +333,7 @@ def test_a_goal_that_the_controller_has_not_begun_holds_nothing(bench):
     assert state(bench).ended.outcome == "no_progress"
 
 
-def test_a_goal_that_holds_is_cancelled_further_once_somebody_cancels_it(bench):
+def test_a_holding_goal_that_somebody_cancels_is_cancelled_further(bench):
     goal_id = moved(bench, CLOSE)
     passed(bench, 3.2)
     assert state(bench).ended.outcome == "stalled" and not bench.base.cancelled_goals
@@ -372,7 +372,7 @@ def test_the_base_stands_until_an_unheard_limb_stands(bench):
     assert bench.core.tasks.limbs.busy() is None
 
 
-def test_the_base_crawls_past_a_limb_whose_joint_states_ended_for_good(bench):
+def test_the_base_crawls_past_a_limb_without_joint_states(bench):
     moved(bench)
     bench.answering = False
     bench.base.limbs = {}
@@ -392,7 +392,7 @@ def test_the_base_crawls_past_a_limb_whose_joint_states_ended_for_good(bench):
     assert bench.gate.lost_limb is None and bench.core.tasks.limbs.busy() is None
 
 
-def test_the_base_crawls_past_a_lost_limb_whose_goal_the_controller_goes_on_reporting(bench):
+def test_the_base_crawls_past_a_lost_limb_with_a_reported_goal(bench):
     goal_id = moved(bench)
     bench.base.limbs = {}
     passed(bench, 5.5)
@@ -415,7 +415,7 @@ def test_the_base_crawls_past_a_lost_limb_whose_goal_the_controller_goes_on_repo
     assert bench.core.tasks.limbs.busy() is None
 
 
-def test_a_limb_that_an_earlier_bridge_moved_and_that_is_never_seen_is_lost(bench):
+def test_a_limb_of_an_earlier_bridge_that_is_never_seen_is_lost(bench):
     bench.base.limbs = {}
     bench.pass_time(1.0)
     for _ in range(70):
@@ -434,7 +434,7 @@ def test_the_base_crawls_past_two_lost_limbs(bench):
     assert bench.gate.lost_limb and bench.stick(0.5) is None
 
 
-def test_a_controller_that_does_not_obey_is_given_up_when_the_limb_stands(bench):
+def test_a_disobedient_controller_is_given_up_when_the_limb_stands(bench):
     goal_id = moved(bench)
     bench.order(LimbCancel(1, "gripper"))
     for step in range(10):  # it moves on: the base waits

@@ -120,7 +120,7 @@ def test_a_record_that_fails_sends_nothing(bench):
     assert [answer.code for answer in answers] == ["not_recorded"] and not bench.base.goals
 
 
-def test_the_bridge_is_silent_while_it_drives_and_sends_zeros_after_it(bench):
+def test_the_bridge_is_silent_in_a_drive_and_sends_zeros_after_it(bench):
     goal_id = gone(bench)
     before = len(bench.base.sent)
     passed(bench, 1.0)
@@ -146,7 +146,7 @@ def test_the_gate_takes_over(bench):
     assert "gate.begin" in bench.sink.kinds
 
 
-def test_a_cancel_is_over_even_if_navigation_reports_the_goal_for_ever(bench):
+def test_a_cancel_ends_though_navigation_reports_the_goal_for_ever(bench):
     goal_id = gone(bench)
     assert bench.order(GoCancel(1)) is None
     passed(bench, 4.0)
@@ -354,7 +354,7 @@ def test_a_motion_of_others_ends_a_drive(bench):
     )
 
 
-def test_a_goal_of_an_earlier_bridge_is_cancelled_and_the_base_is_held(bench):
+def test_a_goal_of_an_earlier_bridge_is_cancelled_and_held(bench):
     bench.core.revoke(1, "over", bench.now_s)
     bench.pass_time(2.0)
     sent = len(bench.base.sent)

@@ -171,7 +171,7 @@ def test_a_silent_laser_holds_the_base_with_zeros_without_a_gap(driver):
     assert driver.end == "scan_stale" and driver.last == STILL
 
 
-def test_a_drive_that_ends_on_an_overloaded_computer_names_the_computer(driver):
+def test_a_drive_ended_by_an_overloaded_computer_names_it(driver):
     driver.core.tick(driver.now_s, late_s=0.8)
     driver.steps(1.5, scans=False)
     said = "Stopped: laser is 1.3 s old; this computer is overloaded: the bridge was 0.8 s late."

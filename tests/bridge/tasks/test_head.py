@@ -71,7 +71,7 @@ def test_a_head_that_looked_down_looks_up_to_the_floor_ahead_once(bench):
     assert [(aim.pan, aim.tilt) for aim in bench.base.aims[1:]] == [(0.0, -0.68)]
 
 
-def test_a_head_looks_to_the_place_that_is_remembered_and_sweeps_slowly_to_the_middle():
+def test_a_head_looks_at_a_remembered_place_and_sweeps_back_slowly():
     head = Head(SOURCE)
     aims = [head.ahead(-0.8, 10.0)]
     for step in range(200):
@@ -273,7 +273,7 @@ def test_the_head_turns_within_its_limits():
     assert (aim.pan, aim.tilt) == (SOURCE.pan_rad[1], SOURCE.tilt_rad[1])
 
 
-def test_a_drag_starts_where_the_head_is_and_goes_on_where_it_was_sent(bench):
+def test_a_drag_starts_where_the_head_is_and_goes_on_from_there(bench):
     bench.base.head = (0.4, -0.3)  # a motion or another node moved it
     drag(bench, 0.2, 0.1)
     settled(bench)

@@ -113,7 +113,7 @@ def test_watchdog_starts_with_the_saved_stop() -> None:
     assert rules.press("Ben", "").number > 250
 
 
-def test_a_bridge_that_dies_while_navigation_drives_is_replaced_until_another_comes(rules: StopRules) -> None:
+def test_the_watchdog_brakes_for_a_bridge_that_dies_in_a_drive(rules: StopRules) -> None:
     rules.beat(Heartbeat(publishing=True, drive="/key_vel", drives_itself=True), 10.1)
     assert not rules.zeros(10.2) and not rules.cancel(10.2)
     rules.bridge_gone(10.2)

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { parts } from "../../../static/js/lib/dom.js";
-import { corners, corners, toPixels, toPlace, whole, whole } from "../../../static/js/navigation/map_frame.js";
+import { corners, toPixels, toPlace, whole } from "../../../static/js/navigation/map_frame.js";
 import { MapPanel } from "../../../static/js/navigation/map_panel.js";
 import { endText, goingText } from "../../../static/js/navigation/words.js";
 
@@ -134,7 +134,9 @@ describe("the map over the picture", () => {
   /** The place under a pixel of the whole map, in millimetres. */
   function placeAt(...pixel) {
     const frame = whole(corners(MAP), 400, 300);
-    const [x, y] = toPlace(frame, pixel, 400, 300).map((metres) => Math.round(metres * 1000) / 1000);
+    const [x, y] = toPlace(frame, pixel, 400, 300).map(
+      (metres) => Math.round(metres * 1000) / 1000,
+    );
     return { x, y };
   }
 
@@ -187,7 +189,12 @@ describe("the map over the picture", () => {
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointermove", 240, 110));
     canvas.dispatchEvent(pointer("pointerup", 240, 110));
-    expect(order).toHaveBeenCalledWith({ t: "go", ...placeAt(240, 150), heading: 1.571, map: "abc" });
+    expect(order).toHaveBeenCalledWith({
+      t: "go",
+      ...placeAt(240, 150),
+      heading: 1.571,
+      map: "abc",
+    });
     expect(page["map-go"].getAttribute("aria-pressed")).toBe("false");
     canvas.dispatchEvent(pointer("pointerdown", 240, 150));
     canvas.dispatchEvent(pointer("pointerup", 240, 150));

@@ -164,7 +164,7 @@ def test_a_bridges_own_action_is_recorded_without_a_person(sink: AuditSink, robo
     assert (end.actor, end.of_id, end.outcome) == (None, asked.pk, "cancelled")
 
 
-def test_parts_that_are_ill_by_their_last_record_are_known_to_the_next_bridge(
+def test_the_next_bridge_knows_parts_that_are_ill_on_record(
     sink: AuditSink, robot: Robot, other_robot: Robot
 ) -> None:
     def change(kind: str, part: str, to: str, to_sink: AuditSink = sink) -> None:

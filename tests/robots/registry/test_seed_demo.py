@@ -66,7 +66,7 @@ def test_a_second_start_keeps_peoples_changes(seed: Any) -> None:
     assert allowed_on(robot) == ()
 
 
-def test_the_practice_robots_know_the_kitchen_and_deleted_places_stay_deleted(seed: Any) -> None:
+def test_practice_robots_have_places_and_deleted_ones_stay_away(seed: Any) -> None:
     seed()
     robot = Robot.objects.get(slug="p-1")
     kitchen = place_of_robot(robot.id, "kitchen")

@@ -300,7 +300,7 @@ def test_pictures_come_without_a_pose_if_tf_is_missing_or_loops(camera, publish,
         until(lambda: said(transform("base_footprint", "eye")), "the pose again")
 
 
-def test_the_reason_why_nothing_is_drawn_into_pictures_is_said_in_words(camera, publish, ros):
+def test_words_say_why_nothing_is_drawn_into_pictures(camera, publish, ros):
     def warned(words: str) -> None:
         def says() -> bool:
             return words in getattr(camera.warnings.get("head"), "text", "")

@@ -83,7 +83,7 @@ async def until(condition: Callable[[], bool], what: str) -> None:
         await asyncio.sleep(0.01)
 
 
-async def test_the_end_of_another_link_starts_no_process_in_place_of_one_that_ends(rosmaster, tmp_path):
+async def test_the_end_of_another_link_starts_no_further_process(rosmaster, tmp_path):
     starts, ending, may_end = (tmp_path / name for name in ("starts", "ending", "may_end"))
     command = (sys.executable, "-c", _ENDS_WHEN_TOLD, *map(str, (starts, ending, may_end)))
     client, watcher = CameraClient(tiago_config(rosmaster, tmp_path), command, linger_s=0.5), Watcher()

@@ -134,7 +134,7 @@ def test_a_controller_that_never_answers_is_given_up(holder, fault):
 
 
 @pytest.mark.parametrize("holder", [COMMANDED], indirect=True)
-def test_a_gripper_with_a_controller_of_its_own_opens_closes_stalls_and_stops(holder, fault):
+def test_a_gripper_of_its_own_controller_moves_stalls_and_stops(holder, fault):
     far, near = (0.09, 0.0) if holder.hand.state.limbs["gripper"].at_m < 0.05 else (0.0, 0.09)
     end = holder.moves("gripper", far)
     assert (end.outcome, end.at_m) == ("done", pytest.approx(far, abs=THERE_M))

@@ -54,7 +54,7 @@ def test_a_huge_description_is_named_and_the_robot_drives(rosmaster: Master, tmp
         rospy.set_param("/robot_description", before)
 
 
-def test_a_description_that_changes_under_the_same_master_is_read_again(rosmaster: Master, ros, tmp_path):
+def test_a_description_that_changes_under_one_master_is_read_again(rosmaster: Master, ros, tmp_path):
     before = rospy.get_param("/robot_description")
     config = tiago_config(rosmaster, tmp_path, topics={"arm": ARM, "joint_states": JOINT_STATES})
     try:
@@ -162,7 +162,7 @@ def test_a_known_description_stays_while_none_can_be_read(robot, missing):
     assert robot.base._arm._model.lacking == [HAND]
 
 
-def test_a_reading_that_fails_in_control_is_not_repeated_before_its_end(robot):
+def test_a_reading_that_fails_in_control_waits_for_its_end(robot):
     robot.surveys(20)
     robot.needs_fresh_sensors, robot.description = True, MasterError("no answer")
     before = robot.readings

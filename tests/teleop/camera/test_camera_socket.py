@@ -117,9 +117,7 @@ async def test_the_camera_process_starts_before_the_page_asks_for_a_picture(open
     await bridge.hears(LinkCamera, lambda message: message.wanted)
 
 
-async def test_the_camera_process_does_not_wait_for_a_page_that_watches_nothing(
-    open_cameras, bridge, monkeypatch
-):
+async def test_the_camera_process_leaves_a_page_that_watches_nothing(open_cameras, bridge, monkeypatch):
     monkeypatch.setattr(camera_consumer, "WATCHES_WITHIN_S", 0.01)
     await open_cameras("observer")
     await bridge.hears(LinkCamera, lambda message: not message.wanted)

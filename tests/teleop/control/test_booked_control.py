@@ -198,9 +198,7 @@ def test_of_a_short_slot_booked_for_now_its_owner_gets_half(robot, operator, sec
     assert take(robot, second_operator, at(1 + begins)).term_ends_at == at(1 + lasts)
 
 
-def test_the_grace_time_of_a_slot_booked_for_now_is_no_shorter_than_the_warning(
-    robot, operator, second_operator
-):
+def test_grace_time_of_a_slot_booked_for_now_covers_the_warning(robot, operator, second_operator):
     Policy.objects.create(robot=robot, grace_min=5)
     take(robot, operator)
     book(robot, second_operator, 1, now=at(1.5))  # free again at 6, if it is not used

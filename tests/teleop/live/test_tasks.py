@@ -60,9 +60,7 @@ async def test_holders_request_reaches_the_bridge_and_is_answered(kind, holder, 
     assert refused["refusal"]["code"] == "stopped"
 
 
-async def test_a_drive_that_was_cancelled_while_its_place_was_read_does_not_begin(
-    holder, bridge, monkeypatch
-):
+async def test_a_drive_cancelled_while_its_place_is_read_never_begins(holder, bridge, monkeypatch):
     reading, may_end = threading.Event(), threading.Event()
 
     def read(request, _robot_id):
