@@ -317,7 +317,7 @@ class Bench:
     # --- commands ----------------------------------------------------------------------------------
 
     async def commands(self) -> list[Figure]:
-        """Compare delays of commands without viewers, with ten, with ten while the camera fails, and with MJPEG's ten.
+        """Compare delays of commands without viewers, with ten, and with ten while the camera fails.
 
         A node of the robot subscribes to the camera all the time, so that the simulator always draws: only the work
         for viewers differs.
@@ -328,11 +328,9 @@ class Bench:
         operator = await asyncio.to_thread(sign_in, self._stack, "operator")
         alone_s: list[float] = []
         watched_s: list[float] = []
-        baseline_s: list[float] = []
         bad_s: list[float] = []
         killed_s: list[float] = []
         async with (
-            self._mjpeg() as mjpeg,
             Observer(robot) as observer,
             Driver(self._stack, ROBOT, operator) as driver,
             self._crowd(VIEWERS) as crowd,
@@ -353,8 +351,6 @@ class Bench:
                 os.kill(camera, signal.SIGKILL)  # another one starts during the drive
                 killed_s += await drive(driver, observer, SLOT)
                 await crowd.watch(on=False)
-                async with MjpegCrowd(mjpeg.port, VIEWERS):
-                    baseline_s += await drive(driver, observer, SLOT)
         self._stack.release(watcher)
         alone_p99_s = quantile(alone_s, 0.99)
         return [
@@ -371,7 +367,6 @@ class Bench:
                     (f"{VIEWERS} viewers", watched_s, COMMAND_TIMES),
                     (f"{VIEWERS} viewers of bad pictures", bad_s, COMMAND_TIMES),
                     (f"{VIEWERS} viewers, a new camera process starts", killed_s, None),
-                    (f"{VIEWERS} viewers of MJPEG", baseline_s, None),
                 )
             ),
         ]

@@ -66,6 +66,7 @@ class LimbMove(Goals[Target]):
         self._held: str | None = None  # a goal that has ended here and goes on: fingers hold something
         self._may_hold = limb == "gripper"  # by a goal of an earlier bridge; until this one sends a goal
         self._stands: tuple[float, float] | None = None  # fingers with such a goal: since when, and where
+        self._found_s = math.inf  # when such a goal was first reported
         self._strays: dict[str, float] = {}  # goals that nobody watches: time of the last cancel
         self._strays_s = -math.inf  # when the controller last told which goals run
         self._settling: Target | None = (
@@ -171,7 +172,7 @@ class LimbMove(Goals[Target]):
             self._watch(goal.id, goal.what, now_s)
         goal = self._current
         super().tick(now_s)
-        if goal is not None and goal is self._current and goal.cancelled is not None:
+        if goal is not None and goal.id is not None and goal is self._current and goal.cancelled is not None:
             self._give_up(goal.what, now_s)
         elif goal is not None and goal.id is not None and self._current is None:  # nothing was heard of it
             self._doubt(goal.what, now_s)
@@ -249,6 +250,7 @@ class LimbMove(Goals[Target]):
         for goal_id, cancelled_s in self._strays.items():
             if goals[goal_id] and math.isinf(cancelled_s) and self._may_hold and self._left(goal_id, now_s):
                 continue
+            self._may_hold = False  # from now on it is told to cancel
             if now_s - cancelled_s >= CANCEL_AGAIN_S:
                 self._strays[goal_id] = now_s
                 self._mover.cancel_limb(self._limb, goal_id)
@@ -260,7 +262,8 @@ class LimbMove(Goals[Target]):
         """
         at_m = self.at_m
         if at_m is None:
-            return not self._lost
+            self._found_s = min(self._found_s, now_s)
+            return now_s - self._found_s <= LOST_S
         since_s, was_m = self._stands = self._stands or (now_s, at_m)
         if abs(at_m - was_m) >= MOVED_M:
             return False

@@ -122,6 +122,7 @@ class Going(Goals[Target]):
         self._map_problem = NO_MAP
         self._at_home_s = -math.inf  # when the arm was last at home
         self._sent, self._sent_s = STILL, -math.inf  # by navigation, and when
+        self._first_drove_s = math.inf  # when navigation first sent a velocity
         self._ended_s = -math.inf  # when the last drive ended
         self._fence: int | None = None
         self._fence_s = -math.inf  # since when this fence has control
@@ -135,7 +136,7 @@ class Going(Goals[Target]):
         """Return why the robot cannot be sent there. Rules of all tasks are checked elsewhere."""
         if self._source is None:
             return NO_NAVIGATION
-        if self.hold.why:
+        if self.hold.is_disobeyed:
             return Refusal("navigation_goes_on", self.hold.why, "robot")
         if drive_topic == self._source.velocity:
             text = f"The console drives by {drive_topic} itself: choose another topic for driving first."
@@ -393,7 +394,9 @@ class Going(Goals[Target]):
     def drove(self, velocity: Velocity, now_s: float) -> None:
         """Take what navigation sends to the base."""
         self._sent, self._sent_s = velocity, now_s
-        is_known = self._reported_s > -math.inf  # a bridge that begins does not know yet whether others drive
+        self._first_drove_s = min(self._first_drove_s, now_s)
+        # A bridge that begins does not know yet whether others drive. Then their goal is reported soon.
+        is_known = self._reported_s > -math.inf or now_s - self._first_drove_s > REPORTS_S
         has_goal = self.drives is not None or bool(self._busy(now_s)) or not is_known
         self.hold.drove(any(abs(part) > 1e-3 for part in velocity), has_goal, now_s)
 

@@ -42,6 +42,11 @@ class Hold:
         self.why = ""  # in words, once navigation does not obey
 
     @property
+    def is_disobeyed(self) -> bool:
+        """Return whether navigation still drives although its goal has ended."""
+        return self.why == UNHEARD
+
+    @property
     def holds(self) -> bool:
         """Return whether the bridge must keep the base."""
         return self.goal_id is not None
@@ -83,24 +88,26 @@ class Hold:
         if still is not True:
             self._moved_s = now_s
         drives = self._drove_s > self._since_s and now_s - self._drove_s < QUIET_S
-        if others_drive or (
-            not drives and not runs_on and now_s - max(self._moved_s, self._since_s) >= QUIET_S
-        ):
+        is_quiet = not drives and now_s - max(self._moved_s, self._since_s) >= QUIET_S
+        is_over = self._is_again and now_s - self._since_s > WATCHED_S
+        if others_drive or ((is_quiet or is_over) and not runs_on):
             self._end("released", now_s)
+            if is_over:
+                self.watched = ""
             return
         if drives and now_s - self._since_s > GOES_ON_S:
             self._tell(self.goal_id, UNHEARD, now_s)
-        elif runs_on and now_s - self._since_s > RUNS_ON_S:
+        elif not self.why and runs_on and now_s - self._since_s > RUNS_ON_S:
             self._tell(self.goal_id, UNENDED, now_s)
         if self.why and now_s - self._cancelled_s >= CANCEL_AGAIN_S:
             self._cancelled_s = now_s
             self._cancel(self.goal_id)
 
     def _tell(self, goal_id: str, why: str, now_s: float) -> None:
-        """Tell why the base is held for so long, once."""
-        if self.why:
+        """Tell why the base is held for so long. It is on record once."""
+        is_told, self.why = bool(self.why), why
+        if is_told:
             return
-        self.why = why
         what = {"goal": goal_id, "text": why}
         self._record = self._records.keep(lambda: self._records.sink.request(None, "go.hold", what), now_s)
 

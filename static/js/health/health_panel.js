@@ -82,12 +82,13 @@ export class HealthPanel {
     const before = this.#told ?? new Map();
     const now = new Map();
     for (const part of parts) {
-      const old = before.get(part.name) ?? { badness: 0, toldBadness: 0, toldMs: -AGAIN_MS };
+      const changedMs = nowMs - 1000 * part.since_s;
+      const old = { badness: 0, toldBadness: 0, toldMs: -AGAIN_MS, ...before.get(part.name) };
+      if (changedMs > (old.leftMs ?? Infinity) - LATE_MS) old.badness = 0; // it was well meanwhile, perhaps
       const badness = BADNESS[part.level];
       const isNews = badness > old.toldBadness || nowMs - old.toldMs >= AGAIN_MS;
       // One that others had left no room for may be older than this page.
-      const isFresh =
-        before.has(part.name) || nowMs - 1000 * part.since_s > this.#beganMs - LATE_MS;
+      const isFresh = before.has(part.name) || changedMs > this.#beganMs - LATE_MS;
       const tells = this.#told !== null && badness > old.badness && isNews && isFresh;
       if (tells) {
         const level = part.level === "error" ? "error" : "warning";
@@ -102,7 +103,7 @@ export class HealthPanel {
     // Others may have left no room for it. A part that is well again is remembered for a minute: it may flap.
     for (const [name, old] of before) {
       if (now.has(name)) continue;
-      if (more > 0) now.set(name, old);
+      if (more > 0) now.set(name, { leftMs: nowMs, ...old });
       else if (nowMs - old.toldMs < AGAIN_MS) now.set(name, { ...old, badness: 0 });
     }
     this.#told = now;

@@ -23,8 +23,8 @@ export class MapPanel {
   #order;
   #tell;
   #view = null; // made when it is first opened
-  #mode = null;
-  #wanted = ""; // what a press on the map lacked // one of MODES, or null
+  #mode = null; // one of MODES, or null
+  #wanted = ""; // what a press on the map lacked
   #drives = false;
   #path = [];
   #newest = null;
@@ -174,7 +174,8 @@ export class MapPanel {
   #choose(mode) {
     if (IN_CONTROL.includes(mode) && !this.#mayOrder()) mode = null;
     if (mode !== null && this.#loaded === null) {
-      this.#tell({ level: "info", code: "map unknown", text: unknownText() });
+      const text = this.#parts["map-none"].textContent || gettext("The map is being loaded.");
+      this.#tell({ level: "info", code: "map unknown", text });
       mode = null;
     }
     this.#mode = mode === this.#mode ? null : mode;

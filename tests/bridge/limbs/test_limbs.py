@@ -307,6 +307,14 @@ def test_a_goal_of_an_earlier_bridge_that_holds_nothing_is_cancelled(bench, acti
     assert left_by_an_earlier_bridge(bench, 5.0, active) > cancels + 5
 
 
+def test_a_bridge_that_is_joined_late_lets_fingers_hold_on(bench):
+    fingers, bench.base.limbs = bench.base.limbs, {}
+    bench.pass_time(10.0)  # the robot's network was out
+    assert not left_by_an_earlier_bridge(bench, 1.0)
+    bench.base.limbs = fingers
+    assert not left_by_an_earlier_bridge(bench, 4.0)
+
+
 def test_an_earlier_bridges_goal_of_unseen_fingers_is_cancelled(bench):
     bench.base.limbs = {}
     assert not left_by_an_earlier_bridge(bench, 4.0)

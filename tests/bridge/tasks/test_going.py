@@ -243,6 +243,22 @@ def test_being_held_again_does_not_prolong_the_watch(bench):
     assert not bench.going.hold.holds
 
 
+def test_what_drives_on_without_a_pause_is_held_for_five_minutes(bench):
+    ended_and_quiet(bench)
+    drives_on(bench, WATCHED_S - 5.0)
+    assert bench.going.hold.holds
+    drives_on(bench, 10.0)
+    assert not bench.going.hold.holds
+
+
+def test_a_goal_that_is_reported_for_ever_may_be_replaced(bench):
+    gone(bench)
+    assert bench.order(GoCancel(1)) is None
+    passed(bench, 35.0)
+    assert bench.going.hold.why == UNENDED
+    gone(bench)
+
+
 def test_a_bridge_that_begins_again_brakes_no_drive_of_others(bench):
     ended_and_quiet(bench)
     config = msgspec.structs.replace(CONFIG, topics=TOPICS)
@@ -252,6 +268,17 @@ def test_a_bridge_that_begins_again_brakes_no_drive_of_others(bench):
     assert not going.hold.holds
     drives_on(again, 1.0, others=["theirs"])
     assert not going.hold.holds
+    again.close()
+
+
+def test_a_bridge_that_hears_no_report_of_goals_holds_what_drives(bench):
+    ended_and_quiet(bench)
+    config = msgspec.structs.replace(CONFIG, topics=TOPICS)
+    again = Bench(left=bench.core.saved_state(), config=config).online()
+    for _ in range(25):
+        again.core.tasks.going.drove(Velocity(0.3, 0.0, 0.0), again.now_s)
+        again.pass_time(0.1)
+    assert again.core.tasks.going.hold.holds
     again.close()
 
 

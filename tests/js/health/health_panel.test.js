@@ -122,6 +122,17 @@ describe("health on the control page", () => {
     expect(tell).toHaveBeenCalledTimes(2);
   });
 
+  it("tells of a part that was well while the list was full, and is ill again", () => {
+    shown(ill(MOTOR));
+    const full = { ...ill({ ...SPEAKERS, since_s: 500 }), parts_more: 1 };
+    shown(full, 100_000); // the speakers were there before this page
+    expect(tell).not.toHaveBeenCalled();
+    shown({ ...ill({ ...MOTOR, since_s: 1 }), parts_more: 1 }, 900_000);
+    expect(tell).toHaveBeenCalledExactlyOnceWith(
+      expect.objectContaining({ code: `health ${MOTOR.name}` }),
+    );
+  });
+
   it("tells once that the battery is low", () => {
     shown(WELL, 0, { battery_percent: 20.4 });
     for (const percent of [19.9, 20.1, 19.8]) shown(WELL, 1000, { battery_percent: percent });

@@ -36,6 +36,7 @@ class NavigationTopics:
         self._planned_s = -math.inf
         self._skipped: Any = None  # the last path that came too soon; a timer runs for it
         self._plans = threading.Lock()
+        self._goals = 0  # sent: a path that was read before the last one is of another goal
         self._action = ActionTopics(Topic(source.action, source.type), self)
         posed = message_class("geometry_msgs/PoseWithCovarianceStamped")
         self._set_pose = Sender(source.set_pose, posed) if source.set_pose else None
@@ -54,6 +55,7 @@ class NavigationTopics:
         """Send a goal. A path that waits to be taken is of an earlier one."""
         with self._plans:
             self._planned_s, self._skipped = -math.inf, None
+            self._goals += 1
         message = self._action.goal_class()
         message.goal_id.id = goal_id
         message.header.stamp = message.goal_id.stamp = rospy.Time.from_sec(time.time())
@@ -143,7 +145,13 @@ class NavigationTopics:
         every = max(1, len(message.poses) // MOST_PLACES)
         poses = [*message.poses[::every], *message.poses[-1:]]
         places = np.array([(pose.pose.position.x, pose.pose.position.y) for pose in poses]).reshape(-1, 2)
-        self._mail.post("plan", lambda: self._going.planned(places), can_wait=True)
+        goals = self._goals
+
+        def take() -> None:
+            if goals == self._goals:
+                self._going.planned(places)
+
+        self._mail.post("plan", take, can_wait=True)
 
 
 def _fill(message: Any, pose: Pose) -> None:
