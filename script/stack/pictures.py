@@ -279,7 +279,7 @@ def use_phones(stack: Stack, browser: Browser, cookie: str) -> None:
         with page_of(stack, browser, cookie, width, height, "dark", scale=2) as page:
             take_control(page, stack)
             page.locator("[data-part=delay]", has_text=re.compile(r"\d ms")).wait_for()
-            page.locator("[data-part=limits]", has_not_text="depth camera").wait_for(state="attached")
+            page.locator("[data-part=limits]", has_not_text="head is turning").wait_for(state="attached")
             wait_for_the_camera(page)
             page.screenshot(path=PICTURES / f"{name}.png")
             page.locator("[data-part=actions]").get_by_role("button", name="Release").click()
