@@ -316,6 +316,23 @@ def robot_side(robot: SimulatedRobot, role: str, said: Path) -> Iterator[subproc
         process.communicate()
 
 
+@contextmanager
+def faults_of(robot: SimulatedRobot, folder: Path) -> Iterator[Callable[[str], None]]:
+    """Give a function that sets the simulated robot's faults, by names; they end with the `with` block."""
+    with robot_side(robot, "faults", folder / "said") as process:
+        assert process.stdin is not None
+
+        def begin(names: str) -> None:
+            assert process.stdin is not None
+            process.stdin.write(f"{names}\n")
+            process.stdin.flush()
+
+        yield begin
+        begin("none")
+        process.stdin.close()
+        process.wait(timeout=20.0)
+
+
 class Fingers:
     """Several parallel touches on a touch screen."""
 

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, expect
 
 from script.stack.stack import Stack
 from tests.browser.conftest import ROBOTS
-from tests.browser.people import Person, robot_side, running_stack
+from tests.browser.people import Person, faults_of, running_stack
 from tests.browser.test_camera import shows_a_picture
 from tests.browser.test_pages import SIZES, box_of, found_by_axe, overlap, too_small
 
@@ -55,18 +55,8 @@ def person(stack_with_cameras: Stack, browser: Browser) -> Iterator[Arrive]:
 @pytest.fixture
 def faults(stack_with_cameras: Stack, tmp_path: Path) -> Iterator[Callable[[str], None]]:
     """``faults(names)`` sets the simulated robot's faults; they end with the test."""
-    with robot_side(stack_with_cameras.robots[ROBOT], "faults", tmp_path / "said") as process:
-        assert process.stdin is not None
-
-        def begin(names: str) -> None:
-            assert process.stdin is not None
-            process.stdin.write(f"{names}\n")
-            process.stdin.flush()
-
+    with faults_of(stack_with_cameras.robots[ROBOT], tmp_path) as begin:
         yield begin
-        begin("none")
-        process.stdin.close()
-        process.wait(timeout=20.0)
 
 
 def open_view_bar(person: Person) -> None:

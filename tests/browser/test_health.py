@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import expect
 
 from script.stack.stack import Stack
-from tests.browser.people import Person, robot_side
+from tests.browser.people import Person, faults_of
 from tests.browser.test_pages import found_by_axe, too_small
 
 Arrive = Callable[..., Person]
@@ -20,18 +20,8 @@ ROBOT = "tiago-2"
 @pytest.fixture
 def faults(stack: Stack, tmp_path: Path) -> Iterator[Callable[[str], None]]:
     """``faults(names)`` sets the simulated robot's faults; they end with the test."""
-    with robot_side(stack.robots[ROBOT], "faults", tmp_path / "said") as process:
-        assert process.stdin is not None
-
-        def begin(names: str) -> None:
-            assert process.stdin is not None
-            process.stdin.write(f"{names}\n")
-            process.stdin.flush()
-
+    with faults_of(stack.robots[ROBOT], tmp_path) as begin:
         yield begin
-        begin("none")
-        process.stdin.close()
-        process.wait(timeout=20.0)
 
 
 def test_an_ill_part_is_on_card_and_page_with_its_time_and_told_once(
