@@ -1,4 +1,4 @@
-"""What a page reports of the age of the picture by which its person drives, and when the bridge must know at once."""
+"""A page reports the age of the picture by which its person drives; the bridge is told of each step at once."""
 
 import pytest
 
@@ -39,7 +39,7 @@ def test_a_page_that_reports_no_more_has_an_older_picture(now):
     assert age.age_s() is None
 
 
-def test_who_leaves_an_old_picture_is_told_at_once(now):
+def test_the_bridge_learns_at_once_that_nobody_drives_by_it(now):
     age = CameraViewAge()
     age.take(9000.0)
     assert not age.take(9400.0)
