@@ -17,7 +17,7 @@ from robots.bridge.tasks.arm_clearance import ArmClearance
 from robots.bridge.tasks.arm_posture import ArmPosture
 from robots.bridge.tasks.urdf import Tree
 from robots.simulator.joints.joint_table import HOME
-from tests.gate.test_depth import FLOOR, LOOK_AHEAD, Looker, camera
+from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, Looker, camera
 from tests.ros.tiago_arm import ARM, DESCRIPTION, JOINTS, without_hand
 
 FOLDED = [HOME[joint] for joint in JOINTS]

@@ -12,7 +12,7 @@ from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.obstacles.sonar_memory import MOST
 from robots.bridge.gate.values import STILL, DepthView, LaserScan, Pose, Velocity
 from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
-from tests.gate.test_depth import FLOOR, LOOK_AHEAD, camera, picture
+from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, camera, picture
 from tests.gate.world import World, leg, wall
 
 REVERSE = Velocity(-0.2, 0.0, 0.0)

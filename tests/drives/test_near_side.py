@@ -10,7 +10,7 @@ import pytest
 from robots.bridge.gate.obstacles.depth_camera import frame_of
 from robots.bridge.gate.values import DepthView, Pose, Velocity
 from tests.gate.conftest import tiago_profile
-from tests.gate.test_depth import FLOOR, LOOK_AHEAD, Looker, camera, picture
+from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, Looker, camera, picture
 
 BLIND_M = 0.5
 RADIUS_M = 0.27

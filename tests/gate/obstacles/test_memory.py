@@ -28,8 +28,8 @@ from robots.bridge.gate.obstacles.sources import Laser
 from robots.bridge.gate.sensing.scan import Sweep
 from robots.bridge.gate.timing.trail import Trail
 from robots.bridge.gate.values import STILL, LaserScan, Limits, Pose, Velocity
+from tests.drives.test_driving import towards
 from tests.gate.conftest import box_profile, tiago_profile
-from tests.gate.test_driving import towards
 from tests.gate.world import World, doorway, leg, wall
 
 NAN, INF = math.nan, math.inf

@@ -11,7 +11,7 @@ from robots.bridge.gate.geometry.planar import from_columns
 from robots.bridge.gate.sensing.depth import Columns, columns_of, seen_through, top_m
 from robots.bridge.gate.values import LaserScan, Pose
 from tests.gate.conftest import LASER, tiago_profile
-from tests.gate.test_depth import FLOOR, LOOK_AHEAD, VIEW, WALL, Looker, camera, picture
+from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, VIEW, WALL, Looker, camera, picture
 
 LASER_M = 0.09  # above the floor
 

@@ -10,9 +10,9 @@ import pytest
 from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import Parameters, Pose, Velocity
 from robots.bridge.navigation.going import LEAST_SPARE_M
+from tests.drives.test_near_side import RADIUS_M, NearSighted
 from tests.gate.conftest import LASER, Feeder, tiago_profile
-from tests.gate.test_depth import FLOOR, LOOK_AHEAD, TABLE, Looker, camera
-from tests.gate.test_near_side import RADIUS_M, NearSighted
+from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, TABLE, Looker, camera
 
 AWAY = [0.15 * step for step in (*range(21), *range(20, 12, -1), *range(12, 21))]  # to and fro, rad
 BOX = ((0.4, -0.25), (0.4, 0.25), (-0.4, 0.25), (-0.4, -0.25))

@@ -14,7 +14,7 @@ from robots.bridge.gate.geometry.footprint import Disc, Discs, Footprint, Polygo
 from robots.bridge.gate.geometry.planar import ORIGIN, Path, placed, put, seen_from
 from robots.bridge.gate.values import Pose, Velocity
 from tests.gate.conftest import box_profile, tiago_profile
-from tests.gate.test_arc import (
+from tests.gate.geometry.test_arc import (
     check_against,
     clearances_of,
     contact_times,
