@@ -171,7 +171,9 @@ def test_every_answer_keeps_to_the_schema(
             tag = (tag.get("etag") or ['"1"'])[0]
         ask(name, right, {**signed_in[0], "If-Match": tag})
 
-        for parts in requests:
+        # Staff ask for all; which of the others asks makes little difference: they take turns.
+        mine = requests if who == "staff" else requests[WHO.index(who) % 3 :: 3]
+        for parts in mine:
             number, headers = next(turns)
             used.add(number)
             if number % 4:  # else what was drawn
