@@ -32,8 +32,8 @@ import { Hints } from "./hints.js";
 import { Drawers } from "./layout/drawers.js";
 import { Panels } from "./layout/panels.js";
 import { takeControlFirst } from "./lease.js";
-import { isHeld, isSilent, isStale, seenAt } from "./status/robot_words.js";
 import { StatusBar } from "./status/status_bar.js";
+import { isHeld, isSilent, isStale, seenAt } from "./status/status_text.js";
 import { StopButton } from "./stop/stop_button.js";
 
 const LOOK_MS = 250;
@@ -537,7 +537,11 @@ class ControlPage {
 
   #stickReleased(reason) {
     if (reason !== "untouched") return;
-    this.#tell("info", "sticky", gettext("The stick let go: it was not touched for 30 s."));
+    this.#tell(
+      "info",
+      "sticky",
+      gettext("The stick returned to the middle: nobody touched it for 30 s."),
+    );
   }
 
   #tell(level, code, text) {

@@ -10,7 +10,7 @@ import {
   standstillText,
   unknownText,
   verdictText,
-} from "../control/status/robot_words.js";
+} from "../control/status/status_text.js";
 import { batteryText, cardHealth, MARKS } from "../health/health_words.js";
 import { movingText } from "../limbs/words.js";
 import { shortened } from "../tasks/tasks.js";

@@ -1,6 +1,6 @@
 /** "Clear all" on the fleet page: the stopped robots one by one, each with who stopped it and why; then each is cleared. */
 
-import { standstillText } from "../control/status/robot_words.js";
+import { standstillText } from "../control/status/status_text.js";
 import { closable } from "../lib/dialog.js";
 import { make, makeButton, say, show } from "../lib/dom.js";
 

@@ -2,7 +2,7 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { connectionFact } from "../control/status/robot_words.js";
+import { connectionFact } from "../control/status/status_text.js";
 import { StopButton } from "../control/stop/stop_button.js";
 import { StopWords } from "../control/stop/stop_words.js";
 import { mark, parts, say, show } from "../lib/dom.js";

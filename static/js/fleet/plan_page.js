@@ -1,8 +1,8 @@
-/** The fleet plan: each map with all robots that have it now, live; the others beside, with the reason. */
+/** The fleet map: each map with all robots that have it now, live; the others beside, with the reason. */
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { connectionFact } from "../control/status/robot_words.js";
+import { connectionFact } from "../control/status/status_text.js";
 import { make, makeButton, mark, parts, say, sayOrHide, show } from "../lib/dom.js";
 import { MapView } from "../navigation/map_view.js";
 import { readMaps, readPicture } from "../navigation/places_api.js";

@@ -1,6 +1,6 @@
-/** Where a robot is on the fleet plan, in words. Pure. */
+/** Where a robot is on the fleet map, in words. Pure. */
 
-import { isSeen, seenAt, unknownText } from "../control/status/robot_words.js";
+import { isSeen, seenAt, unknownText } from "../control/status/status_text.js";
 
 const THERE_M = 0.5;
 const NEAR_M = 2;

@@ -2,7 +2,7 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { connectionFact } from "../control/status/robot_words.js";
+import { connectionFact } from "../control/status/status_text.js";
 import { screenLock } from "../drive/wake_lock.js";
 import { mark, parts, say } from "../lib/dom.js";
 import { timeText } from "../lib/times.js";

@@ -1,7 +1,7 @@
 /** The panel "Map" over the picture: opens, loads the robot's map, and sends goals and poses that are chosen on it. */
 
 import { takeControlFirst } from "../control/lease.js";
-import { isSeen } from "../control/status/robot_words.js";
+import { isSeen } from "../control/status/status_text.js";
 import { dim, make, mark, say, sayOrHide, show } from "../lib/dom.js";
 import { MapView } from "./map_view.js";
 import { readMaps, readPicture } from "./places_api.js";
@@ -269,7 +269,9 @@ function rounded(pose) {
 }
 
 function lostText() {
-  return gettext("The robot does not know where it is. Show it.");
+  return gettext(
+    "The robot does not know where it is. Press “Robot is here”, then press its place on the map.",
+  );
 }
 
 function unknownText() {

@@ -28,7 +28,7 @@ const PEN = new Proxy({}, { get: () => () => {}, set: () => true });
 const ROW = `<h3><a href="/robots/x/">Robot</a><span data-part="status"></span></h3><p data-part="doing"></p>
   <p data-part="where"></p><b data-part="driver"></b><b data-part="battery"></b>`;
 
-describe("the fleet plan", () => {
+describe("the fleet map", () => {
   let page;
   let answer;
   const row = (slug) => document.querySelector(`[data-robot=${slug}]`);
@@ -120,7 +120,7 @@ describe("the fleet plan", () => {
   });
 });
 
-describe("words of the fleet plan", () => {
+describe("words of the fleet map", () => {
   it("name places", () => {
     expect(whereText({ ...LOCATION, x: 2.5 }, [KITCHEN])).toBe("Near “kitchen”");
     expect(whereText({ ...LOCATION, x: 4 }, [KITCHEN])).toBe("At 4.0 m, 1.0 m of the map");

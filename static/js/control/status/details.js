@@ -1,10 +1,10 @@
-/** The side panel: sensors, standing limits, who watches, what the robot refused. */
+/** The side panel: sensors, speed limits, who watches, what the robot refused. */
 
 import { make, say, sayOrHide, show } from "../../lib/dom.js";
 import { pageLanguage } from "../../lib/languages.js";
 import { timeText } from "../../lib/times.js";
 import { namesOf, plain, sensorName, stickWords } from "./plain_words.js";
-import { overloadText, watchdogText } from "./robot_words.js";
+import { overloadText, watchdogText } from "./status_text.js";
 
 function sensorText({ ok, age_s: ageS, text }) {
   if (text) return text;
@@ -85,8 +85,8 @@ export class Details {
   set state(state) {
     const { watchers, sensors, clock, latency, foreign, refusals } = this.#parts;
     const { "all-limits": limits, overload, watchdog } = this.#parts;
-    const { limits: standing = [] } = state.verdict;
-    const texts = standing.map(({ text }) => plain(text, this.#names));
+    const { limits: speedLimits = [] } = state.verdict;
+    const texts = speedLimits.map(({ text }) => plain(text, this.#names));
     fill(limits, texts.length ? texts : [gettext("None")]);
     say(latency, latencyText(state));
     say(watchers, watchersText(state));

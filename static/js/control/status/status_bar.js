@@ -4,10 +4,11 @@ import { HealthPanel } from "../../health/health_panel.js";
 import { Announcer } from "../../lib/announce.js";
 import { mark, say, show } from "../../lib/dom.js";
 import { SAID_MS } from "../stop/stop_button.js";
+import { banner } from "./banner.js";
 import { Details, fill } from "./details.js";
 import { brief, namesOf, plain } from "./plain_words.js";
 import { Reasons } from "./reasons.js";
-import { banner, connectionFact, isStale, limitsOf, stopText, verdictText } from "./robot_words.js";
+import { connectionFact, isStale, limitsOf, stopText, verdictText } from "./status_text.js";
 
 export class StatusBar {
   #root;
@@ -30,7 +31,7 @@ export class StatusBar {
   }
 
   /**
-   * @param {object} now as `banner` of robot_words.js takes it, and:
+   * @param {object} now as `banner` takes it, and:
    * @param {boolean} now.cut what is known of the robot may no longer be true
    * @param {boolean} now.mayClear this person may clear the stop
    * @param {number | null} now.delayMs page to console and back
@@ -99,15 +100,15 @@ export class StatusBar {
 
   #showGate(verdict, cut) {
     const { words, limits } = this.#parts;
-    const standing = cut ? [] : limitsOf(verdict);
-    const texts = standing.map(({ text }) => brief(text, this.#names));
+    const speedLimits = cut ? [] : limitsOf(verdict);
+    const texts = speedLimits.map(({ text }) => brief(text, this.#names));
     fill(limits, texts);
-    for (const [i, { holds }] of standing.entries()) mark(limits.children[i], "held", holds);
+    for (const [i, { holds }] of speedLimits.entries()) mark(limits.children[i], "held", holds);
     const text = cut ? "" : plain(verdictText(verdict), this.#names);
     const now = performance.now();
     this.#reasons.add(verdict, text, now);
     const shown = brief(text || (cut ? "" : this.#reasons.recent(now)));
-    const once = standing.some(({ holds }) => holds) || texts.includes(shown);
+    const once = speedLimits.some(({ holds }) => holds) || texts.includes(shown);
     say(words, once ? "" : shown); // the limits above it say it already
     mark(words, "past", !text);
     this.#details.reasons = this.#reasons.list;

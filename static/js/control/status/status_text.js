@@ -1,4 +1,4 @@
-/** The banner: the worst fault that keeps a person from driving, in words. Pure. */
+/** Words for the state of connection, robot, stop and gate. Pure. */
 
 import { whenText } from "../../lib/times.js";
 
@@ -71,113 +71,6 @@ export function stopText(state) {
   return interpolate(gettext("Standstill after %s\u00a0ms"), [Math.round(stop.standstill_ms)]);
 }
 
-function stopBanner(state) {
-  const { stop } = state;
-  const standstill = isSeen(state)
-    ? standstillText(stop)
-    : interpolate(gettext("Whether the robot stands: %s."), [unknownText(seenAt(state))]);
-  const isStopping = stop.state === "stopping";
-  const anonymous = isStopping ? gettext("Stopping, pressed") : gettext("Stopped");
-  const signed = isStopping ? gettext("Stopping, pressed by %s") : gettext("Stopped by %s");
-  return {
-    level: "stop",
-    title: stop.by ? interpolate(signed, [stop.by]) : anonymous,
-    text: [stop.reason, standstill].filter(Boolean).join(" "),
-    clear: true,
-  };
-}
-
-/**
- * @param {object} now
- * @param {boolean} now.outdated the page is of another version than the console, and may only stop
- * @param {boolean} now.connected the page has its socket
- * @param {object | null} now.gone refusal: no link from the console to the robot's bridge
- * @param {?object} now.pending the stop that waits for the robot, while there is no link
- * @param {?number} now.seen when the robot was last heard, in seconds since 1970
- * @param {object | null} now.state the robot's newest `State`
- * @param {number} now.sinceViewMs age of that state
- * @param {boolean} now.asksNeutral this page has control, and its stick must return to the middle first; shown if
- *   nothing else keeps the robot from driving
- * @returns {{level: string, title: string, text: string, clear?: boolean} | null} level: fault, stop, warning, console, watchdog, info
- */
-export function banner({
-  outdated,
-  connected,
-  gone,
-  pending,
-  seen,
-  state,
-  sinceViewMs,
-  asksNeutral,
-}) {
-  if (outdated) {
-    return {
-      level: "fault",
-      title: gettext("This page is of another version"),
-      text: gettext("Reload it."),
-    };
-  }
-  if (!connected) {
-    return {
-      level: "fault",
-      title: gettext("No connection"),
-      text: gettext(
-        "Connecting again by itself. Without it the robot stands still. If this lasts, see whether this device has a network.",
-      ),
-    };
-  }
-  if (gone) {
-    return {
-      level: "fault",
-      title: gettext("No link to the robot"),
-      text: sentences(pendingText(pending), gone.text, lastSeen(seen), waits()),
-    };
-  }
-  if (!state) return { level: "info", title: gettext("Looking for the robot"), text: "" };
-  if (isStale(sinceViewMs)) {
-    const seconds = (sinceViewMs / 1000).toFixed(0);
-    return {
-      level: "warning",
-      title: interpolate(gettext("No news for %s s"), [seconds]),
-      text: `${gettext("The picture is old, and the robot may not hear you.")} ${waits()}`,
-    };
-  }
-  if (state.stop.state !== "clear") return stopBanner(state);
-  if (state.phase !== "online") {
-    const text = sentences(state.text, isSeen(state) ? "" : lastSeen(seenAt(state)), waits());
-    return { level: "warning", title: phaseTitle(state.phase), text };
-  }
-  if (state.navigation_held) {
-    return {
-      level: "warning",
-      title: gettext("The robot is held"),
-      text: state.navigation_held,
-    };
-  }
-  if (asksNeutral && !state.motion) {
-    return {
-      level: "info",
-      title: gettext("Let the stick return to the middle"),
-      text: because(state.neutral_needed?.text),
-    };
-  }
-  if (state.overload) {
-    return {
-      level: "console",
-      title: gettext("The console’s computer is overloaded"),
-      text: `${overloadText(state)} ${gettext("Commands may come late, and then the robot stops. Tell staff.")}`,
-    };
-  }
-  if (state.watchdog_missing) {
-    return {
-      level: "watchdog",
-      title: gettext("A safety program is missing: keep the red button in reach"),
-      text: `${watchdogText(state)} ${gettext("Tell staff: the console’s log says why.")}`,
-    };
-  }
-  return null;
-}
-
 /** The part of the console that was late, and how late; empty if none was. */
 export function overloadText({ overload = null }) {
   if (!overload) return "";
@@ -197,14 +90,6 @@ export function watchdogText({ watchdog_missing: missing = false }) {
     : "";
 }
 
-function sentences(...texts) {
-  return texts.filter(Boolean).join(" ");
-}
-
-function lastSeen(at) {
-  return at ? interpolate(gettext("How the robot is: %s."), [unknownText(at)]) : "";
-}
-
 /** The pending stop and its author; empty if there is none. @param {?object} pending by, reason, at */
 export function pendingText(pending) {
   if (!pending) return "";
@@ -212,24 +97,14 @@ export function pendingText(pending) {
   return interpolate(text, [pending.by, whenText(pending.at * 1000)]);
 }
 
-/** Remedies for a robot that is out of reach. */
-function waits() {
-  return gettext("This page continues by itself. If this lasts, tell staff.");
-}
-
 export function phaseTitle(phase) {
   const titles = {
     waiting: gettext("Waiting for the robot"),
     connecting: gettext("The robot is not ready"),
-    refused: gettext("The robot was refused"),
+    refused: gettext("Another bridge may have this robot"),
     online: gettext("Online"),
   };
   return titles[phase] ?? phase;
-}
-
-function because(reason) {
-  if (!reason) return "";
-  return `${reason.charAt(0).toUpperCase()}${reason.slice(1)}.`.replace("..", ".");
 }
 
 // The gate holds nothing back, or the banner already says it.
@@ -240,7 +115,7 @@ export function verdictText(verdict) {
   return SILENT.has(verdict.code) ? "" : verdict.text;
 }
 
-/** The standing limits, and for each whether it holds the robot back now. */
+/** The speed limits, each with whether it holds the robot back now. */
 export function limitsOf({ code, way, limits = [] }) {
   const holds = (limit) => limit.code === code && limit.way === way;
   return limits.map((limit) => ({ text: limit.text, holds: holds(limit) }));
