@@ -34,7 +34,7 @@ IN_FORCE_S = 1.5  # from an attacker's start until its attack has effect
 LONGEST_S = 90.0  # life of an attacker
 SAMPLE_S = 0.25
 BACK_S = 60.0
-CALM_S, LOOK_S, BUSY = 15.0, 0.5, 0.6  # at most so long, checked so often, until less of a core is busy
+CALM_S, CHECK_S, BUSY = 15.0, 0.5, 0.6  # at most so long, checked so often, until less of a core is busy
 
 Row = tuple[str, Sequence[Figure], Sequence[str]]
 
@@ -163,8 +163,8 @@ class Bench:
             web = self._stack.web.pid
             pids = [web, *process_stats.children(web), *bridges(self._stack)]
             before_s = sum(map(_cpu_s, pids))
-            await asyncio.sleep(LOOK_S)
-            if sum(map(_cpu_s, pids)) - before_s < BUSY * LOOK_S:
+            await asyncio.sleep(CHECK_S)
+            if sum(map(_cpu_s, pids)) - before_s < BUSY * CHECK_S:
                 return
 
     async def _measured(self, taken: Taken, doors: Sequence[str], quick: int, *, calm: bool) -> None:

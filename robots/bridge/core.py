@@ -423,9 +423,9 @@ class Core:
         """Take a report of one of the robot's nodes on the health of its parts."""
         self._diagnostics.take(statuses, now_s)
 
-    def began_again(self, now_s: float) -> None:
+    def restarted(self, now_s: float) -> None:
         """Note that the robot's master, and maybe the robot, was restarted."""
-        self._diagnostics.began_again(now_s)
+        self._diagnostics.restarted(now_s)
         self.tasks.refresh()
 
     def prepare(self, now_s: float) -> None:
@@ -601,7 +601,10 @@ class Core:
         return refusal, by.velocity(grant, self.lease.confirmed_s, self._sent, now_s)
 
     def _go_on(self, grant: Grant, requester: Requester, now_s: float) -> None:
-        """End a drive to a place that a rule forbids to go on, or hold the base; keep its way on record."""
+        """End the drive to a place if a rule forbids it. Brake if a sensor is silent.
+
+        Otherwise continue, and record the path.
+        """
         going = self.tasks.going
         if refusal := self.why_not_begin(requester, now_s) or self.tasks.why_stand(now_s):
             going.end(
@@ -660,7 +663,7 @@ class Core:
             self.tasks.unrecorded(self._unrecorded, now_s)
 
     def _awaited(self, now_s: float) -> wire.NeutralNeeded | None:
-        """Return the part of the robot that must be back before stick positions count, also neutral ones.
+        """Return what is missing (robot or sensor). While it is missing no stick position counts, not even neutral.
 
         Otherwise a stick that is pushed while a sensor is silent would drive off by itself when the sensor is back.
         """

@@ -1,4 +1,4 @@
-"""Reading maps that robots share, their places, and where a robot would have room."""
+"""Reading maps that robots share, their places, and where a robot can stand."""
 
 from __future__ import annotations
 
@@ -113,8 +113,8 @@ def place_of_robot(robot_id: UUID, name: str) -> Place:
     raise NotDone(Refusal("place_unknown", text, "robot"))
 
 
-class Room:
-    """Where on a map the robots that have it could stand."""
+class Clearance:
+    """Decides where on a map its robots can stand."""
 
     def __init__(self, digest: str) -> None:
         """Raises `NotDone` if the map's picture is not kept any more."""

@@ -11,7 +11,7 @@ from fleet.audit.command_line import SystemAccount
 from fleet.audit.services import record
 from robots.places.entries import MOST_PLACES, PlaceEntry, entry_of, why_no_name
 from robots.places.models import Place, SharedMap
-from robots.places.selectors import Room
+from robots.places.selectors import Clearance
 from robots.registry.configuration.profile_schema import Problems
 from robots.registry.phrases import shortened
 from robots.wire import NotDone, Refusal
@@ -52,7 +52,7 @@ def place_add(*, digest: str, entry: PlaceEntry, actor: Actor) -> Place:
     _require_free(found, entry)
     if found.places.count() >= MOST_PLACES:
         raise NotDone(_FULL)
-    if refusal := Room(digest).refuse(entry.pose):
+    if refusal := Clearance(digest).refuse(entry.pose):
         raise NotDone(refusal)
     place = _made(found, entry)
     place.save(force_insert=True)
@@ -68,7 +68,7 @@ def place_change(*, place: Place, entry: PlaceEntry, actor: Actor) -> Place:
     if entry.key != place.key:
         _require_free(found, entry)
     before = entry_from(place)
-    if entry.pose != before.pose and (refusal := Room(found.digest).refuse(entry.pose)):
+    if entry.pose != before.pose and (refusal := Clearance(found.digest).refuse(entry.pose)):
         raise NotDone(refusal)
     if entry != before:
         _fill(place, entry)
@@ -94,13 +94,13 @@ def places_import(*, digest: str, entries: dict[int, PlaceEntry], actor: Actor) 
     """
     found = map_hold(digest)
     held = {place.key: place for place in found.places.all()}
-    room = Room(digest)
+    clearance = Clearance(digest)
     problems, added, changed = [], [], []
     for line, entry in entries.items():
         place = held.get(entry.key)
         if place is not None and entry_from(place) == entry:
             continue
-        if refusal := room.refuse(entry.pose):
+        if refusal := clearance.refuse(entry.pose):
             problems.append(f"line {line}, “{entry.name}”: {refusal.text}")
         elif place is None:
             added.append(_made(found, entry))

@@ -26,7 +26,7 @@ from robots.registry.selectors import link_address
 log = logging.getLogger(__name__)
 
 BRIDGE, ROBOT = "bridge", "robot"  # parts
-LOOK_S = 5.0  # between two checks of the robots
+CHECK_S = 5.0  # between two checks of the robots
 SURE_AFTER = 3  # checks: a restarting bridge is no fault
 
 State = BridgeStatus.State
@@ -90,7 +90,7 @@ class RobotWatch:
                 self._note(robot_id, answer.result())
                 del self._asked[robot_id]
         if now_s >= self._next_s:
-            self._next_s = now_s + LOOK_S
+            self._next_s = now_s + CHECK_S
             for robot in Robot.objects.filter(enabled=True).select_related("profile"):
                 if robot.id not in self._asked:
                     self._asked[robot.id] = _ask(robot.id, link_address(robot))

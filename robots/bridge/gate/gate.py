@@ -262,7 +262,9 @@ class Gate:
 
     def limits(self, now_s: float) -> tuple[SpeedLimit, ...]:
         """Return the limits that are independent of the command, for display and records. No command waits for it."""
-        return self._limits.standing(self._limits.everywhere(self.latency.in_force_s(now_s), now_s), now_s)
+        return self._limits.of_any_command(
+            self._limits.everywhere(self.latency.in_force_s(now_s), now_s), now_s
+        )
 
     def fault(self, now_s: float) -> Fault | None:
         """Return the missing data that forbids motion; afterwards the stick must return to the middle."""

@@ -128,7 +128,7 @@ class SpeedLimits:
         """Return the limits for every direction, for a robot with this latency (s)."""
         return [*self._arm_limit(now_s), *self._delay_limits(latency_s)]
 
-    def standing(self, everywhere: list[SpeedLimit], now_s: float) -> tuple[SpeedLimit, ...]:
+    def of_any_command(self, everywhere: list[SpeedLimit], now_s: float) -> tuple[SpeedLimit, ...]:
         """Return all limits that are independent of the command: those `everywhere` and those of each direction."""
         ways = ALONG if self._profile.limits.lateral_mps == 0.0 else EVERY_WAY
         by_way = [limit for direction in ways for limit in self._direction_limit(direction, now_s)]

@@ -19,7 +19,7 @@ from robots.wire import HealthLevel
 MOST_PARTS = 200
 SILENT_S = 10.0  # nodes report once a second
 FORGOTTEN_S = 600.0  # a part that was well and is silent for so long is not listed any more
-RESTARTED_S = 60.0  # since the robot began anew: who has not reported until then may be gone
+RESTARTED_S = 60.0  # after a restart of the robot: a part without a report by then may be gone
 SHOWN = 8  # parts that are not well
 NEWEST = 3  # of them, at least: those that got worse last, since the page tells of what it is sent
 HOTTEST = 6  # temperatures
@@ -103,8 +103,8 @@ class Diagnostics:
         self._viewed_s = -math.inf
         self._began_s = -math.inf  # the robot's present run
 
-    def began_again(self, now_s: float) -> None:
-        """Note that the robot, or only its master, began anew: what was said before may not be true any more."""
+    def restarted(self, now_s: float) -> None:
+        """Note that the robot, or only its master, restarted: earlier reports may not be true any more."""
         self._began_s = now_s
 
     def take(self, statuses: Iterable[Status], now_s: float) -> None:
@@ -146,7 +146,7 @@ class Diagnostics:
         return self._view
 
     def members(self, now_s: float) -> dict[str, Part]:
-        """Return the parts by name. Without an aggregator’s groups: their members say more exactly what they say."""
+        """Return the parts by name. An aggregator’s group is left out: its members are more exact."""
         for part in self._parts.values():
             if now_s - part.heard_s > SILENT_S:
                 part.become("silent", part.heard_s)

@@ -18,11 +18,11 @@ from robots.bridge.health.diagnostics import BADNESS, MOST_PARTS, Diagnostics, P
 from robots.bridge.server.flood_limits import TokenBucket
 from robots.wire import HealthLevel
 
-LOOK_S = 1.0
+CHECK_S = 1.0
 SETTLED_S = 60.0  # after the robot came, for nodes that report later than odometry; and after it went
 PART_BURST, PART_GAP_S = 4, 600.0  # records of one part at once, and then one in this time
 ROBOT_BURST, ROBOT_GAP_S = 30, 60.0  # of all parts together
-AT_ONCE = 2  # records in one look: what a driver asks for must not wait behind them
+AT_ONCE = 2  # records in one check: what a driver asks for must not wait behind them
 MOST_KEPT = 2 * MOST_PARTS  # of parts on record that may not be there any more
 
 
@@ -46,19 +46,19 @@ class HealthLog:
         self._knows_earlier = False
         self._earlier: Future[dict[str, HealthLevel]] | None = None  # on record by an earlier bridge
         self._budget = TokenBucket(1.0 / ROBOT_GAP_S, ROBOT_BURST)
-        self._looked_s = -math.inf
-        self._left = 0  # records that this look may still write
+        self._checked_s = -math.inf
+        self._left = 0  # records that this check may still write
         self._online = False
         self._since_s = -math.inf  # the robot is there, or away
 
     def tick(self, online: bool, now_s: float) -> None:
-        """Look whether a part is better or worse than the log says."""
+        """Check whether a part is better or worse than the log says."""
         if online != self._online:
             self._online, self._since_s = online, now_s
         settles = now_s - self._since_s <= SETTLED_S
-        if now_s - self._looked_s < LOOK_S or not (online or settles):
+        if now_s - self._checked_s < CHECK_S or not (online or settles):
             return
-        self._looked_s, self._left = now_s, AT_ONCE
+        self._checked_s, self._left = now_s, AT_ONCE
         parts = self._diagnostics.members(now_s)
         if parts and not self._knows_earlier:
             self._read_earlier(now_s)
@@ -68,7 +68,7 @@ class HealthLog:
         for name, part in parts.items():
             may_be_away = not online or (settles and part.heard_s < self._since_s)
             if part.level != "silent" or not may_be_away:
-                self._look(name, names[name], part, now_s)
+                self._check(name, names[name], part, now_s)
         self._forget(now_s)
 
     def _read_earlier(self, now_s: float) -> None:
@@ -83,7 +83,7 @@ class HealthLog:
             }
             self._knows_earlier = True
 
-    def _look(self, name: str, plain: str, part: Part, now_s: float) -> None:
+    def _check(self, name: str, plain: str, part: Part, now_s: float) -> None:
         noted = self._noted.get(name)
         if noted is None:
             if part.level == "ok":

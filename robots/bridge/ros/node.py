@@ -400,12 +400,12 @@ class RosBase:
             self._tf = TfTopics()
             self._on_demand = OnDemandTopics(self._topic_worker, self._tf)
 
-    def began_again(self) -> None:
+    def restarted(self) -> None:
         """Handle a restart of the master, and maybe of the robot."""
         self._runs.begin()
         self._described, self._description = False, None
         self._describe()
-        self._post(lambda: self._core.began_again(time.monotonic()))
+        self._post(lambda: self._core.restarted(time.monotonic()))
 
     def surveyed(self, system: SystemState) -> None:
         """Report the robot's state; read what is still missing, since the robot may start after its master."""

@@ -14,7 +14,7 @@ from robots.bridge.ros.registration import register_again
 
 log = logging.getLogger(__name__)
 
-_LOOK_EVERY_S = 0.5
+_CHECK_EVERY_S = 0.5
 
 
 def watch_registration(stop: threading.Event, set_parameters: Callable[[], None]) -> None:
@@ -25,7 +25,7 @@ def watch_registration(stop: threading.Event, set_parameters: Callable[[], None]
 def _watch(stop: threading.Event, set_parameters: Callable[[], None]) -> None:
     master = Master(rosgraph.get_master_uri(), rospy.get_name())
     known = True
-    while not stop.wait(_LOOK_EVERY_S):
+    while not stop.wait(_CHECK_EVERY_S):
         try:
             known = known and master.node_uri(rospy.get_name()) is not None
             if not known:  # until all is registered

@@ -27,7 +27,7 @@ from teleop.background.database import in_database
 from teleop.webhooks.events import NEWS, data_of, is_news, rfc3339
 from teleop.webhooks.news import lines_after, newest_record
 
-LOOK_S = 0.7  # a stream ends within a second of its token
+CHECK_S = 0.7  # a stream ends within a second of its token
 REST_S = 0.1  # between two parts of a long way to the newest record
 QUIET_S = 15.0  # then a comment shows that the stream is alive
 LONGEST_S = 600.0  # then the client connects again: what it has not read is not kept for ever
@@ -130,7 +130,7 @@ async def _stream(reader: Reader, start: int) -> AsyncIterator[bytes]:
             elif loop.time() - said_s > QUIET_S:
                 yield b": nothing new\n\n"
                 said_s = loop.time()
-            await asyncio.sleep(LOOK_S if start == before else REST_S)
+            await asyncio.sleep(CHECK_S if start == before else REST_S)
     finally:
         del _open[place]
 

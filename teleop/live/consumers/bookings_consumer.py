@@ -20,12 +20,12 @@ from teleop.webhooks.news import lines_after, newest_record
 
 log = logging.getLogger(__name__)
 
-LOOK_S = 0.4
+CHECK_S = 0.4
 KINDS = ("booking.", "policy.", "robot.out_of_service", "robot.back_in_service")
 
 
 class BookingsConsumer(MessageSocket):
-    """One calendar. It hears of a change within `LOOK_S`, and once when it opens."""
+    """One calendar. It hears of a change within `CHECK_S`, and once when it opens."""
 
     async def on_open(self) -> None:
         """Begin to listen."""
@@ -79,7 +79,7 @@ class _Reader:
                 read_to = lines[-1].pk if lines else read_to
                 if any(line.kind.startswith(KINDS) for line in lines):
                     await self._tell()
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CHECK_S)
 
     async def _tell(self) -> None:
         for listener in list(self._listeners):

@@ -114,7 +114,7 @@ def test_an_error_does_not_outlive_the_robots_restart(diagnostics, stale):
     old, stays, well = (Status(name, ERROR, "broken") for name in ("gone", "stays", "arm"))
     well = well._replace(level=OK)
     diagnostics.take([old, stays, well], 0.0)
-    diagnostics.began_again(30.0)
+    diagnostics.restarted(30.0)
     for now_s in range(31, 30 + int(RESTARTED_S) + 2):
         diagnostics.take([Status("gone", STALE, "")] if stale else [], float(now_s))
         diagnostics.take([stays, well], float(now_s))
@@ -134,7 +134,7 @@ def test_an_error_does_not_outlive_the_robots_restart(diagnostics, stale):
 def test_the_bridge_tells_of_a_restart():
     bench = Bench().online()
     bench.core.diagnosed([Status("gone", ERROR, "broken")], bench.now_s)
-    bench.core.began_again(bench.now_s + 20.0)
+    bench.core.restarted(bench.now_s + 20.0)
     assert bench.core.state(bench.now_s + 20.0, []).health.level == "error"
     assert bench.core.state(bench.now_s + 21.0 + RESTARTED_S, []).health.level == "silent"
     bench.close()

@@ -97,7 +97,7 @@ def test_only_an_absent_robot_is_at_fault_a_hung_one_is_not(
     watch = RobotWatch()
     for look in range(len(answers)):
         assert recorded(robot) == ([] if look < 5 else [(ROBOT, "robot_offline")])
-        watch.step(look * faults.LOOK_S)
+        watch.step(look * faults.CHECK_S)
         until(lambda: watch._asked[robot.id].done(), "an answer")
-        watch.step(look * faults.LOOK_S)
+        watch.step(look * faults.CHECK_S)
     assert recorded(robot) == [(ROBOT, "robot_offline"), (ROBOT, "over")]

@@ -56,7 +56,7 @@ class RecordingNode:
             self._begins.pop(0)()
         self._heard.put("begun")
 
-    def began_again(self) -> None:
+    def restarted(self) -> None:
         self._heard.put("begun again")
 
     def surveyed(self, system) -> None:

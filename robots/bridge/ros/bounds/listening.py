@@ -41,7 +41,7 @@ AGAIN_S = (
 )  # until one that could not be reached is tried again: doubled each time, up to the second
 CONNECT_S = 5.0
 MOST_DIALLING = 32  # connections in progress, of all topics
-LOOK_S = 1.0  # between checks of which nodes may be tried again
+CHECK_S = 1.0  # between checks of which nodes may be tried again
 
 _length = struct.Struct("<I")
 _here = threading.local()
@@ -261,7 +261,7 @@ class Manager(RegManager):  # type: ignore[misc]
     def _try_again(self) -> None:
         """Ask the master again for the publishers of topics on which some were barred."""
         while not rospy.is_shutdown():
-            time.sleep(LOOK_S)
+            time.sleep(CHECK_S)
             topics = BOARD.released(time.monotonic())
             if UNHEARD.is_set():
                 UNHEARD.clear()

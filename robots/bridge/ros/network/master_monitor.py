@@ -41,7 +41,7 @@ class Node(Protocol):
     def begin(self) -> None:
         """Join the master by rospy: it answers and knows no other bridge. Called once."""
 
-    def began_again(self) -> None:
+    def restarted(self) -> None:
         """Handle a restarted master. All registrations were repeated."""
 
     def surveyed(self, system: SystemState) -> None:
@@ -98,7 +98,7 @@ class MasterMonitor:
             self._require_no_namesake()
             if self._begun:
                 register_again(self._master)
-                self._node.began_again()
+                self._node.restarted()
             else:
                 self._begin()
             self._stay(watch)

@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 HEADER = "Idempotency-Key"
 KEPT = timedelta(hours=24)
 WAIT_S = 10.0
-LOOK_S = 0.05
+CHECK_S = 0.05
 LONGEST_WORK_S = 60.0  # after that, a claim without answer is that of a process which ended
 MOST_WAITING = 4  # others are told at once that it goes on
 KEPT_HEADERS = ("Location", "ETag")
@@ -146,7 +146,7 @@ def _kept(claim: KeyedRequest) -> Response:
                 raise Problem(_UNKNOWN, 409)
             if not may_wait or time.monotonic() > until_s:
                 raise Problem(_GOES_ON, 409)
-            time.sleep(LOOK_S)
+            time.sleep(CHECK_S)
             try:
                 claim.refresh_from_db()
             except KeyedRequest.DoesNotExist as error:  # nothing was done

@@ -12,7 +12,7 @@ from django.db import DatabaseError
 from fleet.audit.models import Record
 from teleop.background.database import in_database
 
-LOOK_S = 0.2
+CHECK_S = 0.2
 MOST = 150  # that wait at once: others are answered at once. A process takes 400 requests, 200 of one address
 HEARD_EVERY_S = 1.0
 
@@ -48,7 +48,7 @@ class Outcomes:
 
     async def _look(self) -> None:
         while self._waiting:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CHECK_S)
             try:
                 over = await in_database(_over, list(self._waiting))
             except DatabaseError:

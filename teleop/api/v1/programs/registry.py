@@ -12,7 +12,7 @@ from teleop.api.v1.programs.connection import Caller, ProgramConnection
 
 SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the process that drives listens for us; `fleet.server.pages_process` sets it
 UNUSED_S = 30.0  # without a request, a program's connection closes, and control ends
-LOOK_S = 1.0
+CHECK_S = 1.0
 MOST = 100
 MOST_OF_PERSON = 20
 
@@ -97,7 +97,7 @@ class Programs:
     async def _clean(self) -> None:
         """Close what is unused, all at once: one that does not answer delays no other."""
         while self._places:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CHECK_S)
             now_s = time.monotonic()
             unused = {key: place for key, place in self._places.items() if place.unused(now_s)}
             for key in unused:
