@@ -111,7 +111,7 @@ def accounts_by_address(addresses: Iterable[str]) -> dict[str, User]:
 
 
 def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) -> Plan:
-    """Enrol the people of a list, and make the accounts that do not exist yet. Twice is harmless.
+    """Enrol the people of a list, and make the accounts that do not exist yet. A repeated call changes nothing.
 
     It is done in parts of `AT_ONCE` people, one transaction each; after a fault, repeat it. New people get an e-mail
     with a link to set their password; `site` is the address of the console, such as `https://fleet.example.org`.
@@ -224,7 +224,7 @@ def invitation_make(*, course: Course, expires_at: datetime, most_uses: int, act
 
 @transaction.atomic
 def invitation_revoke(*, invitation: Invitation, actor: User) -> None:
-    """End an invitation. Twice is harmless."""
+    """End an invitation. A repeated call changes nothing."""
     ended = Invitation.objects.filter(pk=invitation.pk, revoked_at=None).update(revoked_at=timezone.now())
     if ended:
         parameters = {"course": invitation.course.slug, "invitation": str(invitation.pk)}

@@ -36,7 +36,7 @@ class Health(Struct, frozen=True):
     parts: list[
         HealthPart
     ]  # at most 8 that are not well, the newest among them; the worst first, then the oldest
-    parts_more: int  # that are not well either
+    parts_more: int  # further parts that are not well
     well: int  # number of parts
     temperatures: list[Temperature]  # at most 6, the hottest first
     left_out: int = 0  # parts beyond the first 200

@@ -44,7 +44,7 @@ class Renew(Struct, frozen=True, tag_field="t", tag="renew"):
 
 
 class Release(Struct, frozen=True, tag_field="t", tag="release"):
-    """Give control back."""
+    """Release control."""
 
 
 class Ask(Struct, frozen=True, tag_field="t", tag="ask"):
@@ -168,8 +168,8 @@ class RobotFacts(Struct, frozen=True):
     stick: str  # steps from stick to gate, in words
     has_head: bool = False  # one that can be asked to look ahead
     has_map: bool = False  # with navigation that drives to its places
-    cameras: list[CameraEntry] = []  # that can be watched
-    limbs: dict[Limb, LimbRange] = {}  # that people can move
+    cameras: list[CameraEntry] = []  # cameras that people can watch
+    limbs: dict[Limb, LimbRange] = {}  # limbs that people can move
 
 
 class Welcome(Struct, frozen=True, tag_field="t", tag="welcome"):
@@ -215,7 +215,7 @@ class Control(Struct, frozen=True, tag_field="t", tag="control"):
     resumable_s: float | None = None
     requests: list[
         Request
-    ] = []  # who waits for control, in order: to the holder, and to those who may take over
+    ] = []  # people who wait for control, in order: to the holder, and to those who may take over
     asking: int | None = None  # this connection's own place in line
     ahead: int | None = None  # how many wait before it
     offer_s: float | None = None  # so long control is this person's to take, and nobody else's

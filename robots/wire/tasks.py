@@ -142,7 +142,7 @@ class Publish(Struct, frozen=True, tag_field="t", tag="publish"):
 
 
 class PublishStop(Struct, frozen=True, tag_field="t", tag="publish_stop"):
-    """Publish no more on `topic`."""
+    """Stop publishing on `topic`."""
 
     fence: Fence
     topic: TopicName

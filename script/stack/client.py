@@ -187,7 +187,7 @@ class Driver:
             del self._answers[key]
 
     async def release(self) -> None:
-        """Give control back."""
+        """Release control."""
         await self.send(wire.Release())
         await self.until(lambda: self.fence is None)
 

@@ -166,7 +166,7 @@ class Person:
         self.until(lambda: self.state["stop"]["state"] == "clear", "the latch to clear")
 
     def release(self) -> None:
-        """Give control back."""
+        """Release control."""
         self.part("actions").get_by_role("button", name="Release").click()
         self.until(lambda: self.control["state"] == "free", "control to be free")
 

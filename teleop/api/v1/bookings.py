@@ -352,14 +352,14 @@ class BookingView(BookingsBase):
 
     @_read("bookings_read", "Read a booking", answer=BookingEntry)
     def get(self, _request: Request, booking_id: UUID) -> Response:
-        """Its ETag is its version."""
+        """The answer has an ETag: send it as If-Match with a change."""
         return self.answer(self.one(booking_id).pk)
 
     @_change_seen(
         "bookings_move", "Move, lengthen or shorten a booking", body=MoveRequest, problem=BookingProblem
     )
     def patch(self, request: Request, booking_id: UUID, body: MoveRequest) -> Response:
-        """By its person, or who manages it. Of a slot that runs, only the end moves."""
+        """For its person, and people who manage it. Of a slot that runs, only the end moves."""
         version_seen(request)
         old = self.one(booking_id)
         slot = _slot(body.starts_at or old.starts_at, body.ends_at or old.ends_at)
@@ -388,7 +388,7 @@ class ApproveView(BookingsBase):
 
     @_change_seen("bookings_approve", "Approve a booking", keyed=True)
     def post(self, request: Request, booking_id: UUID) -> Response:
-        """By a supervisor of the robot or of the booking’s course, or staff, at the times that they read."""
+        """For supervisors of the robot or of the booking’s course, and staff, at the times that they read."""
         return self.change(request, booking_id, services.booking_approve)
 
 
@@ -397,7 +397,7 @@ class AcceptView(BookingsBase):
 
     @_change("bookings_accept", "Accept an offer", keyed=True)
     def post(self, _request: Request, booking_id: UUID) -> Response:
-        """By the person who waited for the slot, before `offer_until`."""
+        """For the person who waited for the slot, before `offer_until`."""
         self.one(booking_id)
         offer_accept(booking_id=str(booking_id), actor=self.person, now=timezone.now())
         return self.answer(booking_id)
@@ -408,7 +408,7 @@ class WaitingView(BookingsBase):
 
     @_read("waiting_list", "List the slots for which you wait", refuses=(), answer=WaitingList)
     def get(self, _request: Request) -> WaitingList:
-        """Those to come."""
+        """Lists the slots to come for which you wait."""
         found = self.waiting().filter(starts_at__gt=timezone.now()).order_by("starts_at", "pk")
         return WaitingList([_waiting(one) for one in found])
 

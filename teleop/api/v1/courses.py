@@ -325,7 +325,7 @@ class CoursesView(CoursesBase):
         ],
     )
     def post(self, _request: Request, body: CourseRequest) -> Response:
-        """By staff. Its people are enrolled at `/courses/{slug}/members`."""
+        """For staff. Its people are enrolled at `/courses/{slug}/members`."""
         self.staff()
         course = Course(name=body.name, slug=free_slug(Course, body.name))
         self.save(course, body)
@@ -348,7 +348,7 @@ class CourseView(CoursesBase):
         tag="courses",
     )
     def patch(self, request: Request, slug: str, body: CourseChange) -> Response:
-        """By staff. An archived course gives its people nothing."""
+        """For staff. An archived course gives its people nothing."""
         staff = self.staff()
         with transaction.atomic():
             course = self.course(slug)
@@ -401,7 +401,7 @@ class MembersView(CoursesBase):
         ],
     )
     def post(self, request: Request, slug: str, body: EnrolRequest) -> EnrolAnswer:
-        """Twice is harmless. Lines that cannot be used are left out and named."""
+        """A repeated call changes nothing. Lines that cannot be used are left out and named."""
         course, people = self.course(slug), read_people(body.list)
         if body.preview:
             plan = enrolment.plan_of(people, course, self.person)

@@ -158,7 +158,7 @@ class OneMapView(MapsBase):
 
     @edits("maps_name", "Name a map", body=MapName, answer=MapDetail, tag="maps")
     def patch(self, request: Request, digest: str, body: MapName) -> Response:
-        """By staff and supervisors of a robot that has it."""
+        """For staff and supervisors of a robot that has it."""
         found = self.changeable_map(digest)
         with transaction.atomic():
             require_unchanged(request, MapName(services.map_hold(digest).name))

@@ -86,7 +86,7 @@ class PlacesView(PlacesBase):
         tag="maps",
     )
     def post(self, _request: Request, digest: str, body: PlaceRequest) -> Response:
-        """By staff and supervisors of a robot that has the map. Refused where no robot of this map has room."""
+        """For staff and supervisors of a robot that has the map. Refused where no robot of this map has room."""
         found = self.changeable_map(digest).digest
         entry = PlaceEntry(body.name, body.x, body.y, body.heading)
         place = services.place_add(digest=found, entry=entry, actor=self.person)
@@ -109,7 +109,7 @@ class PlaceView(PlacesBase):
         tag="maps",
     )
     def patch(self, request: Request, digest: str, number: int, body: PlaceChange) -> Response:
-        """By staff and supervisors of a robot that has the map."""
+        """For staff and supervisors of a robot that has the map."""
         self.changeable_map(digest)
         with transaction.atomic():
             services.map_hold(digest)  # first, as all who change places do
@@ -122,7 +122,7 @@ class PlaceView(PlacesBase):
 
     @manages("places_delete", "Delete a place", tag="maps")
     def delete(self, _request: Request, digest: str, number: int) -> None:
-        """By staff and supervisors of a robot that has the map. A robot on its way there drives on."""
+        """For staff and supervisors of a robot that has the map. A robot on its way there drives on."""
         self.changeable_map(digest)
         services.place_delete(place=self.place(digest, number), actor=self.person)
 
@@ -160,7 +160,7 @@ class ImportView(PlacesBase):
         tag="maps",
     )
     def post(self, _request: Request, digest: str, body: PlacesFile) -> Imported:
-        """By staff and supervisors of a robot that has the map. A place with the name of another one moves it; places
+        """For staff and supervisors of a robot that has the map. A place with the name of another one moves it; places
         that are not in the file stay. All lines or none: the problem names the wrong ones. The same file again changes
         nothing."""
         found = self.changeable_map(digest).digest

@@ -50,7 +50,7 @@ class ControlEntry(Struct, frozen=True):
     session: UUID | None = None  # control session, as in the log
     term_s: float | None = None  # until control ends, unless it is renewed
     unused_s: float | None = None  # control ends, too, when the program asks for nothing so long
-    requests: list[wire.Request] = []  # who waits in line, in order: to the holder and to supervisors
+    requests: list[wire.Request] = []  # people who wait in line, in order: to the holder and to supervisors
     ahead: int | None = None  # programs and people in line before this one; null: not in line
     offer_s: float | None = None  # so long control is this program's to take, and nobody else's
     refusal: Refusal | None = None  # why it would be refused now
@@ -66,7 +66,7 @@ class TakeControl(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class HandOver(Struct, frozen=True, forbid_unknown_fields=True):
-    """Give control to who waits in line with this number."""
+    """Give control to the person in line with this number."""
 
     request: int
 
@@ -167,7 +167,7 @@ class ControlView(ProgramView):
         message = wire.TakeOver(body.reason) if body.reason else wire.Take()
         return _entry(async_to_sync(connection.change)(message))
 
-    @_control("control_release", "Give control back")
+    @_control("control_release", "Release control")
     def delete(self, _request: Request, slug: str) -> None:
         """The robot stops."""
         async_to_sync(self.connected(self.robot(slug)).change)(wire.Release())

@@ -25,7 +25,7 @@ from teleop.api.v1.robot.control import ProgramView
 from teleop.api.v1.robot.tasks import TaskEntry, TasksBase
 
 _NUMBER = OpenApiParameter(
-    "number", int, description="That of the map: the picture of another map has another address."
+    "number", int, description="The number of the map; the picture of another map has another address."
 )
 NO_MAP = Refusal(
     "not_found", "The console knows no map of this robot yet: it is read while somebody has control.", "robot"

@@ -36,7 +36,7 @@ from teleop.api.v1.robot.control import ProgramView
 from teleop.webhooks.news import newest_record
 
 LONGEST_WAIT_S = 30
-LOOK_S = 0.2
+CHECK_S = 0.2
 CLEARED_S = 3.0
 
 # The kinds of records of a task's request, by what programs call it, and that of its outcome.
@@ -194,7 +194,7 @@ class MotionCancelView(TasksBase):
 
     @_task("motions_cancel", "Cancel the motion", scope=Scope.MOTIONS)
     def delete(self, _request: Request, slug: str) -> None:
-        """The one that this program’s control started."""
+        """Cancels the motion that this program started."""
         self.cancel(slug, "motion", lambda fence, seq: wire.PlayCancel(fence, seq))
 
 
@@ -289,7 +289,7 @@ class ClearView(TasksBase):
                 raise NotDone(error.refusal) from error
             if stop.state == "clear":
                 return stop
-            time.sleep(LOOK_S)
+            time.sleep(CHECK_S)
         raise Problem(_NOT_CLEARED)
 
 

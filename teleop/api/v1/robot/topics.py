@@ -123,7 +123,7 @@ class TopicsView(TopicsBase):
 
     @_topics("topics_list", "List topics, actions and services", answer=Graph)
     def get(self, _request: Request, slug: str) -> Any:
-        """As the robot's master has them."""
+        """Lists the topics, actions and services that the ROS master knows."""
         return self.ask(slug, wire.ListTopics(), Graph)
 
 
@@ -158,9 +158,9 @@ class PublishView(TopicsBase):
             )
         )
 
-    @_topics("topics_publish_end", "Publish no more at a rate", query=TopicAsked)
+    @_topics("topics_publish_end", "Stop publishing at a rate", query=TopicAsked)
     def delete(self, _request: Request, slug: str, query: TopicAsked) -> None:
-        """On this topic."""
+        """Ends the publication on this topic."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(lambda fence, seq: wire.PublishStop(fence, query.topic, seq))
 
@@ -188,7 +188,7 @@ class ParametersView(TopicsBase):
 
     @_topics("parameters_list", "List parameters", answer=Parameters)
     def get(self, _request: Request, slug: str) -> Any:
-        """Their names."""
+        """Lists the names of all parameters."""
         return self.ask(slug, wire.ListParameters(), Parameters)
 
 
@@ -197,7 +197,7 @@ class ParameterView(TopicsBase):
 
     @_topics("parameters_read", "Read a parameter", query=ParameterAsked, answer=Parameter)
     def get(self, _request: Request, slug: str, query: ParameterAsked) -> Any:
-        """Or a tree of them."""
+        """Reads one parameter, or all parameters below a name."""
         return self.ask(slug, wire.GetParameter(query.name), Parameter)
 
     @_topics("parameters_set", "Set a parameter", body=SetRequest, answer=Parameter)
@@ -226,6 +226,6 @@ class ForgetView(TopicsBase):
 
     @_topics("forget", "Forget remembered obstacles", scope=Scope.DRIVE, tag="control")
     def post(self, _request: Request, slug: str) -> None:
-        """Needs control, and a robot that stands. What sensors see now stays."""
+        """Needs control, and a robot that stands. Current readings stay."""
         connection = self.connected(self.robot(slug))
         async_to_sync(connection.request)(lambda fence, seq: wire.Forget(fence, seq))

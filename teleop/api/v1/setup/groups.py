@@ -111,7 +111,7 @@ class GroupsView(GroupsBase):
 
     @manages("groups_list", "List robot groups", answer=GroupList, tag="groups", refuses=())
     def get(self, _request: Request) -> GroupList:
-        """By staff."""
+        """For staff."""
         self.staff()
         found = RobotGroup.objects.prefetch_related("robots")
         return GroupList([_group(one) for one in found if self.serves(one.robots.all())])
@@ -120,7 +120,7 @@ class GroupsView(GroupsBase):
         "groups_make", "Make a robot group", body=GroupRequest, answer=GroupEntry, keyed=True, tag="groups"
     )
     def post(self, _request: Request, body: GroupRequest) -> Response:
-        """By staff."""
+        """For staff."""
         self.staff()
         group = RobotGroup()
         self.save_group(group, body)
@@ -132,12 +132,12 @@ class GroupView(GroupsBase):
 
     @manages("groups_read", "Read a robot group", answer=GroupEntry, tag="groups")
     def get(self, _request: Request, slug: str) -> Response:
-        """By staff."""
+        """For staff."""
         return self.tagged(_group(self.group(slug)))
 
     @edits("groups_change", "Change a robot group", body=GroupRequest, answer=GroupEntry, tag="groups")
     def put(self, request: Request, slug: str, body: GroupRequest) -> Response:
-        """By staff. Roles and bookings follow at once."""
+        """For staff. Roles and bookings follow at once."""
         with transaction.atomic():
             group = locked(self.group(slug))
             require_unchanged(request, _group(group))
@@ -161,7 +161,7 @@ class GroupRoleView(GroupsBase):
         tag="groups",
     )
     def put(self, _request: Request, slug: str, username: str, body: RoleRequest) -> Holder:
-        """By staff."""
+        """For staff."""
         group, person = self.group(slug), account_named(username)
         services.group_role_set(group=group, user=person, role=Role(body.role), actor=self.staff())
         return Holder(person.username, body.role)
@@ -184,7 +184,7 @@ class RobotRolesView(SetupView):
         tag="registry",
     )
     def put(self, _request: Request, slug: str, username: str, body: RoleRequest) -> Holder:
-        """By staff."""
+        """For staff."""
         staff, robot, person = self.staff(), self.robot(slug), account_named(username)
         services.role_set(robot=robot, user=person, role=Role(body.role), actor=staff)
         return Holder(person.username, body.role)
@@ -224,7 +224,7 @@ class QualificationsView(QualificationsBase):
 
     @manages("qualifications_list", "List qualifications", answer=QualificationList, tag="groups", refuses=())
     def get(self, _request: Request) -> QualificationList:
-        """By staff."""
+        """For staff."""
         self.staff()
         found = Qualification.objects.prefetch_related("robots", "groups__robots")
         return QualificationList([_qualification(one) for one in found if self.serves(_demanding(one))])
@@ -238,7 +238,7 @@ class QualificationsView(QualificationsBase):
         tag="groups",
     )
     def post(self, _request: Request, body: QualificationRequest) -> Response:
-        """By staff. From now on only people who hold it drive these robots."""
+        """For staff. From now on only people who hold it drive these robots."""
         self.staff()
         entry = Qualification()
         self.save_qualification(entry, body)
@@ -250,7 +250,7 @@ class QualificationView(QualificationsBase):
 
     @manages("qualifications_read", "Read a qualification", answer=QualificationDetail, tag="groups")
     def get(self, _request: Request, slug: str) -> Response:
-        """By staff."""
+        """For staff."""
         return self.tagged(_qualification(self.qualification(slug)))
 
     @edits(
@@ -261,7 +261,7 @@ class QualificationView(QualificationsBase):
         tag="groups",
     )
     def put(self, request: Request, slug: str, body: QualificationRequest) -> Response:
-        """By staff. People who lack it lose control of robots that demand it now."""
+        """For staff. People who lack it lose control of robots that demand it now."""
         with transaction.atomic():
             entry = locked(self.qualification(slug))
             require_unchanged(request, _qualification(entry))

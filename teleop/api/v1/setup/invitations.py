@@ -82,7 +82,7 @@ class InvitationView(CoursesBase):
 
     @manages("invitations_revoke", "Revoke an invitation", tag="courses")
     def delete(self, _request: Request, slug: str, invitation_id: UUID) -> None:
-        """End an invitation: its link admits nobody any more. Twice is harmless."""
+        """End an invitation: its link admits nobody any more. A repeated call changes nothing."""
         found = Invitation.objects.select_related("course").filter(pk=invitation_id, course=self.course(slug))
         if (one := found.first()) is None:
             raise Problem(NOT_FOUND)

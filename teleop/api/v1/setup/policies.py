@@ -182,7 +182,7 @@ class CommonPolicyView(PoliciesBase):
         tag="policies",
     )
     def put(self, request: Request, body: Rules) -> Response:
-        """By staff."""
+        """For staff."""
         self.staff()
         self.require_all_robots()
         return self.changed(request, body)
@@ -193,17 +193,17 @@ class RobotPolicyView(PoliciesBase):
 
     @reads("policies_read_robot", "Read the policy of a robot", answer=PolicyEntry, tag="policies")
     def get(self, _request: Request, slug: str) -> Response:
-        """Its own, or that which it follows."""
+        """The robot’s own policy, or the one that it follows."""
         return self.tagged(self.entry(robot=self.robot(slug)))
 
     @edits("policies_set_robot", "Set the policy of a robot", body=Rules, answer=PolicyEntry, tag="policies")
     def put(self, request: Request, slug: str, body: Rules) -> Response:
-        """By supervisors of the robot itself, and staff. Bookings that are made stay."""
+        """For supervisors of the robot itself, and staff. Bookings that are made stay."""
         return self.changed(request, body, robot=self.managed_robot(slug))
 
     @manages("policies_remove_robot", "Remove the policy of a robot", tag="policies")
     def delete(self, _request: Request, slug: str) -> None:
-        """It follows that of its group, or of all robots again."""
+        """The robot follows the policy of its group, or of all robots, again."""
         policy_changes.policy_remove(robot=self.managed_robot(slug), actor=self.person)
 
 
@@ -212,7 +212,7 @@ class GroupPolicyView(PoliciesBase):
 
     @reads("policies_read_group", "Read the policy of a robot group", answer=PolicyEntry, tag="policies")
     def get(self, _request: Request, slug: str) -> Response:
-        """By staff: a group may have robots of several supervisors."""
+        """For staff: a group may have robots of several supervisors."""
         return self.tagged(self.entry(group=self.group(slug)))
 
     @edits(
@@ -223,12 +223,12 @@ class GroupPolicyView(PoliciesBase):
         tag="policies",
     )
     def put(self, request: Request, slug: str, body: Rules) -> Response:
-        """By staff."""
+        """For staff."""
         return self.changed(request, body, group=self.group(slug))
 
     @manages("policies_remove_group", "Remove the policy of a robot group", tag="policies")
     def delete(self, _request: Request, slug: str) -> None:
-        """Its robots follow that of all robots again."""
+        """Its robots follow the policy of all robots again."""
         policy_changes.policy_remove(group=self.group(slug), actor=self.person)
 
 
@@ -257,7 +257,7 @@ class PeriodsView(PoliciesBase):
         tag="policies",
     )
     def post(self, _request: Request, body: PeriodRequest) -> PeriodMade:
-        """By supervisors of the robot itself, and staff. Bookings stay: their people learn that they are affected."""
+        """For supervisors of the robot itself, and staff. Bookings stay: their people learn that they are affected."""
         now = timezone.now()
         with faults_named():
             period, affected = policy_changes.out_of_service_add(

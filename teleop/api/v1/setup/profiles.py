@@ -141,7 +141,7 @@ class ProfileView(ProfilesBase):
 
     @edits("profiles_change", "Change a profile", body=ProfileChange, answer=ProfileDetail, tag="registry")
     def patch(self, request: Request, slug: str, body: ProfileChange) -> Response:
-        """By staff. Bridges of its robots start again, and robots that move stop for it."""
+        """For staff. Bridges of its robots start again, and robots that move stop for it."""
         with faults_named(), transaction.atomic():
             found = locked(self.changeable(slug))
             require_unchanged(request, _detail(found))
@@ -180,7 +180,7 @@ class ProfilePhrasesView(PhrasesBase):
         tag="registry",
     )
     def put(self, request: Request, slug: str, body: PhraseTexts) -> Response:
-        """By staff."""
+        """For staff."""
         return self.replaced(request, self.changeable(slug), body)
 
 
@@ -205,7 +205,7 @@ class RobotPhrasesView(PhrasesBase):
         tag="registry",
     )
     def put(self, request: Request, slug: str, body: PhraseTexts) -> Response:
-        """By staff."""
+        """For staff."""
         self.staff()
         return self.replaced(request, self.robot(slug), body)
 

@@ -81,7 +81,7 @@ class RegisterView(RegistryView):
 
     @_registry("registry_add", "Register a robot", refuses=(), body=RegisterRequest, status=201, keyed=True)
     def post(self, _request: Request, body: RegisterRequest) -> Response:
-        """By staff. A bridge is started for it; `GET /robots/{slug}` says how it is."""
+        """For staff. A bridge is started for it; `GET /robots/{slug}` says how it is."""
         staff = self.staff()
         self.require_all_robots()  # the new one is not among those that the token serves
         profile = RobotProfile.objects.filter(slug=body.profile).first()
@@ -99,7 +99,7 @@ class RegistrationView(RegistryView):
 
     @_registry("registry_read", "Read a registration")
     def get(self, _request: Request, slug: str) -> Response:
-        """By staff."""
+        """For staff."""
         self.staff()
         return self.answer(self.robot(slug))
 
@@ -111,7 +111,7 @@ class RegistrationView(RegistryView):
         parameters=[IF_MATCH],
     )
     def patch(self, request: Request, slug: str, body: RegistrationChange) -> Response:
-        """By staff. The bridge is started again where that is needed."""
+        """For staff. The bridge is started again where that is needed."""
         staff, found = self.staff(), self.robot(slug)
         if body.master_uri is not UNSET:
             self.require_all_robots()  # another master is another robot

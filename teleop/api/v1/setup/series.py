@@ -95,7 +95,7 @@ class SeriesView(SetupView):
         ],
     )
     def post(self, _request: Request, body: SeriesRequest) -> SeriesAnswer:
-        """By supervisors, also of a course, and staff. Weeks that a rule refuses are left out and say why."""
+        """For supervisors, also of a course, and staff. Weeks that a rule refuses are left out and say why."""
         robot, course = self._supervised(body.robot), self._course(body.course)
         if body.zone is not None and body.zone not in names():
             raise Problem(_NO_ZONE)

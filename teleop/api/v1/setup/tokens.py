@@ -71,7 +71,7 @@ class TokenMade(TokenEntry, frozen=True, kw_only=True):
 
 
 class TokenRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """A new token. What is left out is as that of the token which asks; from a browser: all robots, 90 days."""
+    """A new token. A field that is left out is as in the token of the request; from a browser: all robots, 90 days."""
 
     name: Name
     scopes: Annotated[list[ScopeName], Meta(min_length=1, max_length=len(Scope))]
@@ -240,7 +240,7 @@ class ServiceAccountsView(TokensBase):
         "service_accounts_list", "List service accounts", answer=ServiceAccountList, tag="tokens", refuses=()
     )
     def get(self, _request: Request) -> ServiceAccountList:
-        """By staff."""
+        """For staff."""
         self.staff()
         found = User.objects.exclude(project="").annotate(count=Count("tokens"), used=Max("tokens__used_at"))
         return ServiceAccountList([_account(one) for one in found.order_by("project", "full_name")])
@@ -255,7 +255,7 @@ class ServiceAccountsView(TokensBase):
         refuses=(),
     )
     def post(self, _request: Request, body: ServiceAccountRequest) -> ServiceAccount:
-        """By staff. It needs a role, and a token."""
+        """For staff. It needs a role, and a token."""
         name, project = (" ".join(text.split()) for text in (body.name, body.project))
         if not (name and project):
             raise Problem(Refusal("invalid", "Name and project are not blank.", "wire"))
@@ -267,7 +267,7 @@ class ServiceTokensView(TokensBase):
 
     @manages("service_tokens_list", "List the tokens of a service account", answer=TokenList, tag="tokens")
     def get(self, _request: Request, username: str) -> TokenList:
-        """By staff."""
+        """For staff."""
         return self.listed(self.account(username))
 
     @makes(
@@ -279,7 +279,7 @@ class ServiceTokensView(TokensBase):
         tag="tokens",
     )
     def post(self, _request: Request, username: str, body: TokenRequest) -> Response:
-        """By staff, as one's own. Nobody makes a token of another person."""
+        """For staff, as one's own. Nobody makes a token of another person."""
         return self.make(self.account(username), body)
 
     def account(self, username: str) -> User:

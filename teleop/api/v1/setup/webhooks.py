@@ -67,7 +67,7 @@ class WebhookRequest(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class WebhookChange(Struct, frozen=True, forbid_unknown_fields=True):
-    """`paused`: send nothing, or go on; who lets it go on is its owner then. For the rest make another webhook."""
+    """`paused`: send nothing, or go on; the person who resumes it becomes its owner. Other fields: a new webhook."""
 
     paused: bool
 
@@ -132,7 +132,7 @@ class WebhooksView(WebhooksBase):
 
     @manages("webhooks_list", "List webhooks", answer=WebhookList, tag="webhooks", refuses=())
     def get(self, _request: Request) -> WebhookList:
-        """By staff."""
+        """For staff."""
         return WebhookList([WebhookEntry(**_entry(one)) for one in self.seen()])
 
     @makes(
@@ -156,7 +156,7 @@ class WebhooksView(WebhooksBase):
         ],
     )
     def post(self, _request: Request, body: WebhookRequest) -> Response:
-        """By staff; a token needs the scope `read`, too. The answer has its secret, which nothing shows again; so this
+        """For staff; a token needs the scope `read`, too. The answer has its secret, which nothing shows again; so this
         takes no Idempotency-Key, and its name is taken by the first of two requests."""
         staff, robots = self.staff(), self.named_robots(body.robots)
         self.require_served(robots)
@@ -179,7 +179,7 @@ class WebhookView(WebhooksBase):
 
     @manages("webhooks_read", "Read a webhook", answer=WebhookEntry, tag="webhooks")
     def get(self, _request: Request, webhook_id: UUID) -> WebhookEntry:
-        """By staff."""
+        """For staff."""
         return WebhookEntry(**_entry(self.one(webhook_id)))
 
     @manages(
@@ -190,14 +190,14 @@ class WebhookView(WebhooksBase):
         tag="webhooks",
     )
     def patch(self, _request: Request, webhook_id: UUID, body: WebhookChange) -> WebhookEntry:
-        """By staff. A paused webhook goes on with the news since then, of at most 7 days."""
+        """For staff. A paused webhook goes on with the news since then, of at most 7 days."""
         step = services.webhook_pause if body.paused else services.webhook_resume
         step(webhook=self.one(webhook_id), actor=self.staff())
         return WebhookEntry(**_entry(self.one(webhook_id)))
 
     @manages("webhooks_delete", "Delete a webhook", tag="webhooks")
     def delete(self, _request: Request, webhook_id: UUID) -> None:
-        """By staff, with its deliveries."""
+        """For staff. Its deliveries are deleted, too."""
         services.webhook_delete(webhook=self.one(webhook_id), actor=self.staff())
 
 
