@@ -1,4 +1,4 @@
-"""The fleet page, the fleet plan and the control page."""
+"""The fleet page, the fleet map and the control page."""
 
 from __future__ import annotations
 

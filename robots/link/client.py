@@ -66,7 +66,11 @@ _WAITING_PACE_S = 0.5  # between two searches for pending stops
 _DISK_S = 0.5  # a disk that takes longer to read pending stops must not delay the link
 _LINGER_S = 10.0  # a link without listeners closes after this time, so that a reloaded page finds it up
 
-OTHER_PROTOCOL = Refusal("protocol", "The bridge speaks another protocol: restart it.", "wire")
+OTHER_PROTOCOL = Refusal(
+    "protocol",
+    "The robot’s bridge has another version than the console. Tell staff to restart it.",
+    "wire",
+)
 _FAULTY = Refusal("link_fault", "The console failed to follow the robot’s bridge; it tries again.", "wire")
 _BUSY = Refusal("busy", "The robot’s bridge has too much to answer: wait a moment.", "wire")
 

@@ -198,7 +198,7 @@ def show_bookings(page: Page, stack: Stack) -> None:
 
 
 def send_to_a_place(page: Page, stack: Stack) -> None:
-    """Take the map and the fleet plan while the robot drives to a named place, then cancel."""
+    """Take the map and the fleet map while the robot drives to a named place, then cancel."""
     take_control(page, stack)
     page.get_by_role("button", name="Map", exact=True).click()
     for _ in range(TRIES):  # a busy computer ends drives
@@ -240,7 +240,7 @@ def look_in_3d(page: Page, stack: Stack) -> None:
 
 
 def look_at_the_plan(page: Page, stack: Stack) -> None:
-    """Take the fleet plan in another window: in another tab the robot's page would be hidden, and the drive end."""
+    """Take the fleet map in another window: in another tab the robot's page would be hidden, and the drive end."""
     browser = page.context.browser
     assert browser is not None  # noqa: S101 - it opened the page
     window = browser.new_context(

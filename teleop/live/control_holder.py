@@ -142,8 +142,8 @@ class ControlHolder:
             pass  # the lease lapsed a moment ago, or the right to control ended
 
     async def release(self) -> None:
-        """Give control back. The robot stops first; then the end is stored."""
-        if not self._give_up(EndReason.RELEASED, "Control was given back.", by=self._user_id):
+        """Release control. The robot stops first; then the end is stored."""
+        if not self._give_up(EndReason.RELEASED, "You released control.", by=self._user_id):
             raise ControlRefused(NO_LEASE)
         # A program that is told reads the robot at once: the end must be stored by then.
         try:

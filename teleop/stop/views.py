@@ -48,7 +48,11 @@ class _CsrfCheck(CsrfViewMiddleware):
         if not (request.path.startswith("/api/") or wants_json(request)):
             page: HttpResponse = super()._reject(request, reason)  # type: ignore[misc]  # not in the stubs
             return page
-        return _refused(Refusal("permission_denied", f"CSRF Failed: {reason}", "account"), 403)
+        text = (
+            f"Not stopped: the request is not from this console ({reason.rstrip('.')}). "
+            "Reload the page, or use the red button on the robot."
+        )
+        return _refused(Refusal("permission_denied", text, "account"), 403)
 
     def check(self, request: HttpRequest) -> HttpResponse | None:
         """Return the refusal of a request that another site may have forged; None if it passes."""

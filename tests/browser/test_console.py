@@ -204,9 +204,9 @@ def test_each_control_action_gives_one_notice(person: Arrive) -> None:
     operator.press("Hand over to Supervisor")
     supervisor.until_in_control()
     supervisor.release()
-    supervisor.until(lambda: logged(supervisor)[0] == "Control is given back.", "the last of it in the log")
+    supervisor.until(lambda: logged(supervisor)[0] == "You released control.", "the last of it in the log")
     assert logged(supervisor) == [
-        "Control is given back.",
+        "You released control.",
         "Control was handed to you.",
         "You wait in line. Operator knows that you ask for control.",
         "You wait in line no more.",

@@ -1,4 +1,4 @@
-"""The fleet plan: all robots of a map on one page, live, as far as a person may see them."""
+"""The fleet map: all robots of a map on one page, live, as far as a person may see them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def sent_to(operator: Person, name: str) -> None:
 def test_the_plan_shows_robots_on_their_map_who_drives_and_where_to(person: Arrive) -> None:
     operator, staff = person("operator", apart=True), person("staff")
     staff.open("/")
-    staff.page.get_by_role("link", name="Fleet plan").click()
+    staff.page.get_by_role("link", name="Fleet map").click()
     on_map = staff.page.locator(".plan-map")
     expect(on_map.get_by_role("heading", name="Office")).to_be_visible()
     one, two = (on_map.locator(f"[data-robot={slug}]") for slug in ("tiago-1", "tiago-2"))

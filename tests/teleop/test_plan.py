@@ -1,4 +1,4 @@
-"""The fleet plan lists the robots that a person may see, and no other."""
+"""The fleet map lists the robots that a person may see, and no other."""
 
 from __future__ import annotations
 

@@ -112,11 +112,11 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
         return True
 
     def pre_social_login(self, request: HttpRequest, sociallogin: SocialLogin) -> None:
-        """Join a newcomer with the account that has their e-mail address, if the provider verified it.
+        """Connect a newcomer with the account that has their e-mail address, if the provider verified it.
 
         Accounts have addresses that staff entered or their owner verified, so the address identifies the person. A
         newcomer's address that nobody verified is left out: lists of courses would take them for its owner. An account
-        is joined with one person of the provider: an address may be given to another person in a later year.
+        is connected with one person of the provider: an address may be given to another person in a later year.
         """
         for one in sociallogin.email_addresses:  # some providers write the truth as a text
             one.verified = str(one.verified).lower() == "true"
@@ -124,7 +124,9 @@ class SingleSignOnAdapter(DefaultSocialAccountAdapter):
             return
         if sociallogin.state.get("process") == "connect":
             if _is_joined(request.user):
-                text = _("This account is joined with another account of your organisation. Part it first.")
+                text = _(
+                    "This account is connected with another account of your organisation. Disconnect it first."
+                )
                 messages.error(request, text)
                 raise ImmediateHttpResponse(redirect("socialaccount_connections"))
             return

@@ -284,7 +284,9 @@ def _enrol(request: HttpRequest, found: Course, form: PeopleForm) -> None:
     )
     facts = {"course": found.name, "people": plan.to_enrol, "new": len(plan.new)}
     if plan.undisclosed:
-        text = _("%(people)d people are enrolled in %(course)s; who had no account got one, and an e-mail.")
+        text = _(
+            "%(people)d people are enrolled in %(course)s; each person without an account got one, and an e-mail."
+        )
     elif plan.to_enrol:
         text = _("%(people)d people are enrolled in %(course)s; %(new)d of them have a new account.")
     elif form.people_list.people:

@@ -78,7 +78,7 @@ class LimbMove(Goals[Target]):
 
     @property
     def at_m(self) -> float | None:
-        """Where it is; None: not known."""
+        """The limb's position by joint states (m); None: unknown."""
         return self._mover.limb_at(self._limb)
 
     @property
@@ -111,7 +111,7 @@ class LimbMove(Goals[Target]):
             text = f"Nothing on the robot takes goals for its {limb} ({self._source.action})."
             return Refusal("no_listener", text, "robot", {"topic": self._source.action})
         if self.at_m is None:
-            text = f"Where the {limb} is is not known: its joint states are missing."
+            text = f"The position of the {limb} is unknown: its joint states are missing."
             return Refusal("limb_unknown", text, "robot")
         if self._busy(now_s):
             return Refusal("limb_busy", f"Something else on the robot moves the {limb}.", "robot")
@@ -133,7 +133,7 @@ class LimbMove(Goals[Target]):
 
     @property
     def to_m(self) -> float | None:
-        """Where it goes now; None: nowhere."""
+        """The goal of the running move (m); None: no move runs."""
         return self._current.what.order.to_m if self._current else None
 
     def start(self, now_s: float) -> None:
@@ -216,7 +216,7 @@ class LimbMove(Goals[Target]):
         at_m = self.at_m
         if at_m is None:
             if now_s - target.known_s > SILENT_S:
-                text = f"Where the {self._limb} is is not known any more: its joint states ended."
+                text = f"The position of the {self._limb} is unknown now: its joint states ended."
                 self.cancel("not_watched", text)
             return
         self._follow(target, now_s)

@@ -52,7 +52,10 @@ class Limbs:
     def _arm_away(self, now_s: float) -> Refusal | None:
         if not self._has_arm or now_s - self._at_home_s <= KNOWN_S:
             return None
-        text = "The torso carries the arm: bring the arm home first. What is above and below it is not known."
+        text = (
+            "The torso carries the arm, and no sensor checks the space above and below the arm: "
+            "bring the arm home first."
+        )
         return Refusal("arm_away", text, "robot")
 
     def arm(self, at_home: bool, now_s: float) -> None:
@@ -105,7 +108,7 @@ class Limbs:
             move.start(now_s)
             move.tick(now_s)
         if self._arm_away(now_s) and (torso := self._moves.get("torso")) and torso.begun:
-            torso.cancel("arm_away", "Where the robot’s arm is is not known any more.")
+            torso.cancel("arm_away", "The position of the robot’s arm is unknown now.")
 
     def end(self, refusal: Refusal, now_s: float) -> None:
         """Cancel moves that run, and drop those that have not begun."""

@@ -30,7 +30,7 @@ from robots.wire import Go, Refusal
 CONFIRMED_S = 2.0  # without a sign of the holder's client for so long, nobody may be there
 ANSWERS_S = 5.0  # navigation that is silent while the robot stands has this long to say something
 LEAST_SPARE_M = 0.03  # to anything seen, when navigation may start: zeros take effect some centimetres later
-SENDS_S = 0.5  # as long a velocity of navigation counts, as for twist_mux
+SENDS_S = 0.5  # a velocity from navigation is valid for this long; the same timeout as twist_mux
 REPORTS_S = 2.0  # a report of running goals is true for so long
 OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
 STANDS_S = 2.0  # from the end of a drive until the robot stands
@@ -148,7 +148,7 @@ class Going(Goals[Target]):
             text = f"No node of the robot takes goals on {self._source.action}: its navigation does not run."
             return Refusal("no_listener", text, "robot", {"topic": self._source.action})
         if self._has_arm and now_s - self._at_home_s > KNOWN_S:
-            text = "The robot’s arm is not at home, or where it is is not known: bring it home first."
+            text = "The robot’s arm is not at home, or its position is unknown: bring it home first."
             return Refusal("arm_away", text, "robot")
         if (lost := navigation_watch.depth_lost(self._gate, now_s)) is not None:
             return Refusal("depth_stale", f"The gate does not see table tops: {lost}.", "gate")
@@ -339,7 +339,7 @@ class Going(Goals[Target]):
         if goal is not None and goal.cancel_sent_s is not None and now_s - goal.what.ending_s > OBEYS_S:
             self._end("cancelled", "", now_s)  # the hold goes on
         if self.drives and not self.waits and self._has_arm and now_s - self._at_home_s > KNOWN_S:
-            self.end("arm_away", "Where the robot’s arm is is not known any more.", now_s)
+            self.end("arm_away", "The position of the robot’s arm is unknown now.", now_s)
         runs_on = self.hold.goal_id in self._strays and now_s - self._reported_s < REPORTS_S
         self.hold.tick(still, bool(self._busy(now_s)) and fence is None, runs_on or self._ending, now_s)
 

@@ -25,7 +25,9 @@ UNCERTAIN_M, UNCERTAIN_RAD = (
 JUMP_M, JUMP_RAD = 0.5, 0.5  # from one transform to the next, against the odometry
 
 MISSING = Refusal(
-    "localisation_missing", "The robot does not know where it is on its map: set its pose first.", "robot"
+    "localisation_missing",
+    "The robot does not know where it is on its map: tell it first (“Robot is here”).",
+    "robot",
 )
 
 
@@ -116,7 +118,7 @@ class Localisation:
             turned = math.degrees(self._spread.sigma_rad)
             text = (
                 f"The robot is not sure where it is (± {longer_m:.1f} m, ± {turned:.0f}°): "
-                "set its pose, or drive it a little."
+                "tell it where it is (“Robot is here”), or drive it a little."
             )
             return Refusal(
                 "localisation_uncertain",

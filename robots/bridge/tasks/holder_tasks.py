@@ -190,7 +190,9 @@ class Tasks:
             case wire.PublishStop(topic=topic):
                 return self.publications.stop(topic, now_s)
             case _:
-                return Refusal("not_offered", "This robot does not do that.", "robot")
+                return Refusal(
+                    "not_offered", "This bridge does not know the request. Reload the page.", "robot"
+                )
 
     def cancel(self, what: str, by: str) -> Refusal | None:
         """Cancel for a person who need not have control; the web process has checked the right."""

@@ -17,7 +17,7 @@ export class ConsoleClock {
     if (this.#trips.length > KEPT) this.#trips.shift();
   }
 
-  /** That time by this page's clock, by the shortest of the last round trips; null before the first. */
+  /** The console's time by this page's clock, by the shortest of the last round trips; null before the first. */
   here(consoleMs) {
     if (this.#trips.length === 0) return null;
     const { offsetMs } = this.#trips.reduce((a, b) => (b.tripMs < a.tripMs ? b : a));

@@ -30,7 +30,7 @@ function doneText(t, { holder, remaining_s: remainingS }) {
     take: gettext("You have control."),
     take_over: gettext("You have control."),
     renew: interpolate(gettext("You keep control: %s left."), [clockText(remainingS ?? 0)]),
-    release: gettext("Control is given back."),
+    release: gettext("You released control."),
     ask: holder
       ? interpolate(gettext("You wait in line. %s knows that you ask for control."), [holder])
       : gettext("You wait in line."),

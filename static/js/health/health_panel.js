@@ -87,7 +87,7 @@ export class HealthPanel {
       if (changedMs > (old.leftMs ?? Infinity) - LATE_MS) old.badness = 0; // it was well meanwhile, perhaps
       const badness = BADNESS[part.level];
       const isNews = badness > old.toldBadness || nowMs - old.toldMs >= AGAIN_MS;
-      // One that others had left no room for may be older than this page.
+      // The list is limited. A part that appears only now may have been faulty before this page was opened.
       const isFresh = before.has(part.name) || changedMs > this.#beganMs - LATE_MS;
       const tells = this.#told !== null && badness > old.badness && isNews && isFresh;
       if (tells) {

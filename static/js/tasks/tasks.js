@@ -45,7 +45,7 @@ function orderText(order) {
     case "publish":
       return interpolate(gettext("Publish on %s"), [order.topic]);
     case "publish_stop":
-      return interpolate(gettext("Publish no more on %s"), [order.topic]);
+      return interpolate(gettext("Stop publishing on %s"), [order.topic]);
     case "refresh":
       return gettext("Read the list again");
     default:

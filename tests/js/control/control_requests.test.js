@@ -25,7 +25,7 @@ describe("control requests", () => {
     ["take", { state: "yours" }, "You have control."],
     ["take_over", { state: "yours" }, "You have control."],
     ["renew", { state: "yours", remaining_s: 900 }, "You keep control: 15:00 left."],
-    ["release", { state: "free" }, "Control is given back."],
+    ["release", { state: "free" }, "You released control."],
     [
       "ask",
       { state: "other", holder: "Ann", asking: 3 },

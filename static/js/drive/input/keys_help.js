@@ -1,4 +1,4 @@
-/** The map of keyboard and gamepad: shown on "?", and from the menu. */
+/** The list of keys and gamepad buttons: shown on "?", and from the menu. */
 
 import { closable } from "../../lib/dialog.js";
 import { isEditing } from "./keyboard.js";

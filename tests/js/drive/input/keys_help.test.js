@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it } from "vitest";
 import { keysHelp } from "../../../../static/js/drive/input/keys_help.js";
 
-describe("the map of the keys", () => {
+describe("the list of keys", () => {
   let dialog;
   let opener;
   let end;
