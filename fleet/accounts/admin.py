@@ -104,9 +104,10 @@ class PersonAdmin(ListedLookups, UserAdmin):  # type: ignore[type-arg]  # not su
         super().save_model(request, obj, form, change)
 
     def user_change_password(self, request: HttpRequest, id: str, form_url: str = "") -> HttpResponse:
-        """Change a person's password: their sign-ins and tokens end. Who changes their own stays signed in here.
+        """Change a person's password: their sign-ins and tokens end.
 
-        A service account gets none: it signs in by tokens only.
+        A person who changes their own password stays signed in here. A service account gets none: it signs in by
+        tokens only.
         """
         with transaction.atomic():
             before = self.get_object(request, unquote(id))

@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 def keep_house(now: datetime) -> Iterator[None]:
     """Remove expired data, unless the clock is doubted: removed data cannot come back.
 
-    Whoever does this twice finds nothing the second time.
+    A second call removes nothing.
     """
     today = now.astimezone(timezone.utc).date()
     _record_clock_set_back(today)

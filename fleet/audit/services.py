@@ -219,7 +219,7 @@ def _next_numbers(count: int) -> list[int]:
 def _content(text: str, private: dict[str, Any]) -> Content | None:
     if not text and not private:
         return None
-    # Composed, as the search is: one word has the same letters from every keyboard.
+    # NFC-normalised, like search terms.
     said = bounded_text(unicodedata.normalize("NFC", text))
     return Content(text=said, data=plain(private, bounded_text), salt=secrets.token_hex(SALT_BYTES))
 

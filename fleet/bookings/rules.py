@@ -84,10 +84,10 @@ class Wish(Struct, frozen=True):
     role: Role | None = None  # from the slot's start to its end
     role_until: date | None = None  # the last day on which the person may drive the robot by a course
     missing: tuple[str, ...] = ()  # qualifications that the person lacks at the start
-    qualified_until: datetime | None = None  # the first that the robot demands expires then
+    qualified_until: datetime | None = None  # when the first required qualification expires
     own: tuple[Slot, ...] = ()  # the person's other bookings, of every robot
     own_here: tuple[Slot, ...] = ()  # those of this robot
-    beside: tuple[Taken, ...] = ()  # those of other robots, with their names, that are no lessons
+    beside: tuple[Taken, ...] = ()  # the person's bookings of other robots, with robot names, without lessons
     lesson: bool = False  # of a course: one teacher has several robots
     course: Course | None = (
         None  # for which the slot counts, of those by which the person may drive the robot

@@ -1,4 +1,6 @@
-"""Requests for bookings take turns in a process, and share what one of them has read since the others came.
+"""Booking requests in one process run one after another.
+
+A waiting request may reuse data that another one read after it arrived.
 
 Of fifty who want one slot, all would otherwise find it free, and wait for the database's lock to be refused.
 """

@@ -1,7 +1,7 @@
 """The part of a robot's description (URDF) that a page draws: links with their shapes, joints, colours.
 
-All else is left out: collision, inertia, plug-ins, textures. What cannot be drawn is named, so that a page shows the
-rest. Pure: no files, no database.
+All else is left out: collision, inertia, plug-ins, textures. Parts that cannot be drawn are named, so that a page shows
+the rest. Pure: no files, no database.
 """
 
 from __future__ import annotations

@@ -50,8 +50,9 @@ class ControlStatus(Struct, frozen=True):
     def slot_end(self) -> datetime | None:
         """Return when the term must end instead, because of a slot; None if it may stay as it is, or is not known.
 
-        The present slot counts as used from its holder's control on: the lease is stored again for that, too. Control
-        of a supervisor ends when the slot of another person begins: to go on, they take over with a reason.
+        A slot counts as used once its holder has control. So the lease must also be stored again when the slot is not
+        yet marked as used. Control of a supervisor ends when the slot of another person begins: to go on, they take
+        over with a reason.
         """
         lease = self.lease
         if lease is None:

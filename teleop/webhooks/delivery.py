@@ -35,7 +35,7 @@ PAUSES = [
     timedelta(hours=2),
     timedelta(hours=12),
 ]
-CLAIMED = timedelta(minutes=2)  # longer than an attempt takes, with the resolution of the name
+CLAIMED = timedelta(minutes=2)  # longer than an attempt takes, including the DNS lookup
 AT_ONCE = 50  # of one webhook in one round
 ANSWER_LENGTH = 300  # characters kept
 KEPT = timedelta(days=30)
@@ -52,7 +52,7 @@ def active_webhooks() -> QuerySet[Webhook]:
 def due(webhook_id: UUID, now: datetime) -> QuerySet[WebhookDelivery]:
     """Return what is to be sent now, the oldest first."""
     waiting = WebhookDelivery.objects.filter(webhook=webhook_id, state=State.WAITING)
-    # No pause is longer: later ones are from a clock that was set back since.
+    # A due time later than the longest pause means that the clock was set back: send now.
     return waiting.filter(Q(due_at__lte=now) | Q(due_at__gt=now + PAUSES[-1])).order_by("due_at", "pk")
 
 

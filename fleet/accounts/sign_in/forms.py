@@ -138,7 +138,7 @@ class EmailForm(AddEmailForm):
     """A new e-mail address of a person, before it is verified."""
 
     def clean_email(self) -> str:
-        """Refuse the present address. That another account has it shows only to who opens the link: its owner."""
+        """Refuse the present address. Only the person who opens the link learns that another account has it."""
         address: str = self.cleaned_data["email"].lower()
         if address == self.user.email:
             raise ValidationError(_("This is your present address."), code="same_email")

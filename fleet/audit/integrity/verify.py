@@ -120,7 +120,7 @@ class Taken(Struct):
     # by kind: those of earlier days had expired
     before: dict[str, date] = msgspec.field(default_factory=dict)
     erased: set[int] = msgspec.field(default_factory=set)  # of these records, with a person
-    # of these, if they are of later days than these
+    # by record number: the day of the expiry record; the content may be missing if the record's date is later
     misdated: dict[int, date] = msgspec.field(default_factory=dict)
 
     def covers(self, record: Any) -> bool:
@@ -289,7 +289,7 @@ def _removal_before(seq: int, records: QuerySet[Record]) -> Removal | None:
 def _removals(records: QuerySet[Record]) -> dict[int, Removal]:
     """Valid checkpoints of a chain, by number.
 
-    Each goes on where the one before ended, and lets go what is older than the settings can say.
+    Each starts where the previous one ended, and removes only records older than the minimum retention time.
     """
     counting: dict[int, Removal] = {}
     through = None  # removals of the previous checkpoint; None if that is gone itself
@@ -335,7 +335,7 @@ def _statement(row: Any, kind: type[T]) -> T | None:
 
 
 def _is_to_come(day: date) -> bool:
-    """Return whether it is a day that no clock that is right can have shown."""
+    """Return whether the day lies in the future, beyond the allowed clock difference."""
     return day > django_timezone.now().date() + CLOCKS_DIFFER
 
 

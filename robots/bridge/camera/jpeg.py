@@ -100,7 +100,10 @@ def jpeg(image: PIL.Image.Image, quality: int = QUALITY) -> bytes:
 
 
 def decoded(picture: bytes, at_least: int) -> PIL.Image.Image:
-    """Decode a JPEG or PNG in RGB, as small as its format decodes quickly but at least so wide. Raises `Damaged`."""
+    """Decode a JPEG or PNG in RGB. Raises `Damaged`.
+
+    Decode at reduced size where the format allows it, but at least `at_least` pixels wide.
+    """
     try:
         image = PIL.Image.open(io.BytesIO(picture), formats=("JPEG", "PNG"))
         image.draft("RGB", (at_least, at_least))

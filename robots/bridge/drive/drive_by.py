@@ -21,7 +21,7 @@ from robots.wire import DriveBy, Grant, Refusal
 DEFAULT_SHARE = 0.4  # of the robot's speed limit, if the request names no speed
 CONFIRMED_S = 2.0  # without a sign of the holder's client for so long, nobody may be there
 HELD_S = 3.0  # without progress for so long, the request ends
-PROGRESS = 0.01  # m or rad: less is none
+PROGRESS = 0.01  # m or rad: smaller changes do not count as progress
 SETTLED_S = 0.3  # of zeros, before standstill counts: the last velocity may still be on its way
 NEVER_S = 5.0  # a robot that still moves after so many seconds of zeros does not obey
 

@@ -1,17 +1,17 @@
 """Watches a robot that drives itself: by its measured velocity, with the obstacles and the roll-out of the gate.
 
-While it may still brake clear of everything that sensors have seen or heard, it drives on. Two plays must be clear,
-until zeros take effect and it has braked: it keeps its measured velocity; it follows what navigation sends to the
-base. A robot that stands close to something shows by its velocity too late where it is about to go. The zeros that
-would brake it take as long as commands of people were measured to take, at least the profile's latency with its spare,
-and longer while the robot's messages come late.
+While it may still brake clear of everything that sensors have seen or heard, it drives on. Two predicted motions must
+be free of obstacles until the robot stands: (1) it keeps its measured velocity; (2) it follows navigation's commanded
+velocity. A robot that stands close to something shows by its measured velocity too late where it is about to go. The
+zeros that would brake it take as long as commands of people were measured to take, at least the profile's latency with
+its spare, and longer while the robot's messages come late.
 
-Obstacles count where they were seen. For a person's command the gate takes them as near as they may be: it adds the
-near side that the camera could not measure, and the odometry's doubt about remembered places. A person may look, turn,
-and press Forget; navigation, which turns beside a table, would lose its goal to what nobody has seen.
+Obstacles count where they were seen. For a person's command the gate assumes the worst case: it adds near sides that
+the camera could not measure, and the position error of remembered obstacles. A person may look, turn, and press Forget;
+navigation, which turns beside a table, would lose its goal to what nobody has seen.
 
 Where nothing looks, it may go faster than the gate would let a person drive, but for a moment only: a head turns, a
-recovery backs up. What the camera showed before is remembered, and reaches that far.
+recovery backs up. The gate remembers the camera's earlier pictures, to the range they showed.
 
 One source counts less: an echo of a sonar that is remembered and no longer heard, at a place ahead that the laser or a
 fresh depth picture covers. A sonar tells the distance of an echo only, its place may be anywhere on an arc.
@@ -36,7 +36,8 @@ DEPTH_LOST_S = 2.0
 UNSEEN_S = 2.0  # the way ahead may be out of the depth picture for so long
 BLIND_S = 0.5  # a direction that no laser watches may be driven too fast for so long
 ECHOES = SonarMemory.name
-AHEAD_RAD = math.radians(75.0)  # bearings from the base's middle: a sonar behind hears no place ahead of this
+# Bearings within this angle count as ahead; echoes of rear sonars never lie there.
+AHEAD_RAD = math.radians(75.0)
 
 
 class Watch:

@@ -32,7 +32,7 @@ class Goal(RecordedTask, Generic[What]):
     id: str | None = None
     heard_s: float = math.inf  # when it was recorded, sent, or last reported by the robot
     cancelled: Refusal | None = None  # reason of the cancel; its code is the outcome
-    cancel_sent_s: float | None = None  # no later than this
+    cancel_sent_s: float | None = None  # the last cancel was sent at this time or earlier
 
     def sent(self, now_s: float) -> str:
         """It goes to the robot now, by this id."""

@@ -83,7 +83,7 @@ def intruder(
 ) -> Intruder | None:
     """The obstacle in the swept space that is nearest to the base (`gaps`, one for each obstacle).
 
-    What is well within the arm as it is now (`arm`) is above it, below it, or the arm itself.
+    An obstacle well within the present arm (`arm`) is above it, below it, or the arm itself.
     """
     inside = (_depth(discs, obstacles.points) >= 0.0) & (_depth(arm, obstacles.points) < UNDER_M)
     rows = np.flatnonzero(inside)

@@ -18,7 +18,7 @@ from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
 
 
 class LimbTopics:
-    """The action of one limb. What it says goes to `move` through `mail`, on the event loop."""
+    """The action of one limb. Its reports go to `move` through `mail`, on the event loop."""
 
     def __init__(self, source: LimbSource, mail: Mailboxes, move: LimbMove) -> None:
         self._source = source

@@ -27,7 +27,7 @@ PLANS_S = 1.0  # of paths that come sooner after another one, the last is taken 
 
 
 class NavigationTopics:
-    """The topics of one robot's navigation. What they say goes to `going` through `mail`, on the event loop."""
+    """The topics of one robot's navigation. Their messages go to `going` through `mail`, on the event loop."""
 
     def __init__(self, source: NavigationSource, mail: Mailboxes, going: Going) -> None:
         self._frame = source.frame
