@@ -42,14 +42,7 @@ class LimbRange(Struct, frozen=True):
 
 
 class LimbEnd(Struct, frozen=True):
-    """End of a move.
-
-    `outcome`: done; not_there (the controller says done, joint states do not); no_progress (it stopped on its
-    way); stalled (a closing gripper did, or its controller says so: perhaps it holds something; it is not cancelled,
-    since it would let go); rejected, failed (by the controller, `text` is what it said); taken_over (by another node);
-    cancelled, replaced, stopped, control_ended, link_lost, not_watched (joint states ended), arm_away, unheard (the
-    controller does not answer), not_recorded, bridge_ended; or a refusal's code.
-    """
+    """End of a move. `outcome`: docs/limbs.md lists the words, or it is a refusal's code."""
 
     number: int | None  # of its record; None: it has none
     seq: int  # of the request, and its fence

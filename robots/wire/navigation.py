@@ -81,13 +81,7 @@ class GoProgress(Struct, frozen=True):
 
 
 class GoEnd(Struct, frozen=True):
-    """End of a drive to a place.
-
-    `outcome`: arrived; failed, rejected (by navigation, `text` is what it said); held_back (the gate took over, or a
-    sensor that it needs fell silent); cancelled, stopped, replaced (by the stick or a published velocity),
-    control_lost, map_changed, map_gone, location_lost, location_jumped, unheard, answered_another, intruder,
-    not_recorded, bridge_ended; or a refusal's code.
-    """
+    """End of a drive to a place. `outcome`: docs/navigation.md lists the words, or it is a refusal's code."""
 
     number: int | None  # of its record, as in `GoProgress`
     seq: int  # of the request, and its fence

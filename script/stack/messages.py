@@ -31,7 +31,8 @@ HEAD = f"""# Messages, field by field
 `script/messages` writes this page from [robots/wire/](../robots/wire/). [protocol.md](protocol.md) says how to use the
 messages (`protocol` {wire.PROTOCOL}). Each is one JSON object whose `t` is its name here. A field without a default is
 required. Unknown fields are ignored; a report may leave out fields with their default. *Optional*: null by default.
-Units are SI unless the name says otherwise.
+Units are SI unless the name says otherwise. Messages between the console's own processes are in
+`robots/wire/link.py` and `camera.py` only.
 
 """
 COMMON = 5  # messages with the same field: it is described once, at the top
@@ -44,11 +45,14 @@ DOORS: Mapping[str, Any] = {
     "From the console to the fleet page": wire.FleetReport,
     "From readers of cameras to the console": wire.CameraMessage,
     "From the console to readers of cameras": wire.CameraReport,
-    "From a web process to a camera process": wire.CameraRequest,
     "From the console to the calendar": wire.BookingsReport,
-    "From a web process to a bridge": wire.LinkRequest,
-    "From a bridge to a web process": wire.LinkReport,
 }
+INTERNAL = (
+    wire.LinkRequest,
+    wire.LinkReport,
+    wire.CameraRequest,
+    wire.TakenPicture,
+)  # no reader outside needs them
 WORDS = {
     bool: "boolean",
     int: "integer",
@@ -66,6 +70,7 @@ Kind = type[Struct]
 def page() -> str:
     """Return the text of the page."""
     described_at: dict[Kind, str] = {}  # the door under which a message is described
+    left_out = _parts(*INTERNAL) - _parts(*DOORS.values())
     common = _common()
     fields = "\n".join(f"* {line}" for line in common.values())
     sections = [f"{HEAD}Fields that several messages have in common:\n\n{fields}\n"]
@@ -83,13 +88,26 @@ def page() -> str:
     sections += [
         _section(kind, common)
         for kind in _structs()
-        if kind not in described_at and not kind.__name__.startswith("_")
+        if kind not in described_at and kind not in left_out and not kind.__name__.startswith("_")
     ]
     return "\n".join(sections)
 
 
 def _kinds(union: Any) -> list[Kind]:
     return [kind for part in get_args(union) for kind in (get_args(part) or (part,))]
+
+
+def _parts(*hints: Any) -> set[Kind]:
+    """Return the message types that occur in type hints, with those in their fields."""
+    found: set[Kind] = set()
+    waiting = list(hints)
+    while waiting:
+        hint = waiting.pop()
+        waiting += get_args(hint)
+        if inspect.isclass(hint) and issubclass(hint, Struct) and hint not in found:
+            found.add(hint)
+            waiting += get_type_hints(hint, include_extras=True).values()
+    return found
 
 
 def _structs() -> Iterator[Kind]:

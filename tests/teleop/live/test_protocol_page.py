@@ -44,9 +44,7 @@ async def test_example_prints_and_acknowledges_samples():
     heard = []
 
     async def console(socket):
-        heard.append(
-            (socket.request.path, socket.request.headers["Origin"], socket.request.headers["Cookie"])
-        )
+        heard.append((socket.request.path, socket.request.headers["Authorization"]))
         heard.append(wire.topics_message(await socket.recv()))
         for number in (1, 2):
             fields = {"pose": {"pose": {"position": {"x": number}}}}
@@ -60,11 +58,11 @@ async def test_example_prints_and_acknowledges_samples():
         address = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
         pipe = asyncio.subprocess.PIPE
         running = await asyncio.create_subprocess_exec(
-            sys.executable, "-c", program, address, "tiago-1", "fleet_session_x=y", stdout=pipe, stderr=pipe
+            sys.executable, "-c", program, address, "tiago-1", "fleet_x", stdout=pipe, stderr=pipe
         )
         printed, complained = await asyncio.wait_for(running.communicate(), 20)
     assert (printed, complained) == (b"{'x': 1}\n{'x': 2}\n", b"The bridge is not running.\n")
     handshake, look, *acknowledged = heard
-    assert handshake == ("/ws/robots/tiago-1/topics/", address, "fleet_session_x=y")
+    assert handshake == ("/ws/robots/tiago-1/topics/", "Bearer fleet_x")
     assert isinstance(look, wire.Subscribe)
     assert acknowledged == [wire.Ack(), wire.Ack()]
