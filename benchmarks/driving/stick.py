@@ -1,15 +1,14 @@
-"""Effect of smoothing on a hand at the stick: none, the mean of similar inputs (the former scheme), One-Euro.
+"""Effect of smoothing on a hand at the stick: none, the mean of similar inputs, One-Euro.
 
-Recorded hands (`benchmarks.driving.hand_model`), reduced to the page's 30 commands a second and to the 20 of the first
-design:
+Recorded hands (`benchmarks.driving.hand_model`), reduced to the page's 30 commands a second and to 20:
 
 * jitter: rms distance of a resting hand's output from its mean, percent of the stick's range;
 * lag: time shift at which the output fits the hand's intention best;
 * stop lag: from the first zero of a released stick to zero output, worst.
 
-The former system's table, at the page's rate: the stick's direction goes from 0 to 45, 90, 135 and 180 degrees in 2 and
+A table of turns, at the page's rate: the stick's direction goes from 0 to 45, 90, 135 and 180 degrees in 2 and
 in 5 s. *Difference* is the mean angle between the directions of two successive commands. *Improvement* is by how much
-it is larger without a filter; the former system reached 0 to 232 %. If the hand itself turns far between two commands,
+it is larger without a filter. If the hand itself turns far between two commands,
 no filter may remove this, so little can be gained.
 
 Results: over the recorded hands One-Euro lags less than half as much as the mean. In every row of the table its
@@ -146,7 +145,7 @@ def _stop_ms(trace: Trace, given: Array, release: Movement) -> float:
 
 
 def _past_no_zero(step: Mean, positions: Array, rate_hz: float) -> Array:
-    """One filter step, as the former system ran it: zero and reversal are ordinary inputs."""
+    """One filter step without the bypass: zero and reversal are ordinary inputs."""
     columns = []
     for axis in positions.T.tolist():
         memory = step.begin(axis[0])
@@ -158,7 +157,7 @@ def _past_no_zero(step: Mean, positions: Array, rate_hz: float) -> Array:
     return np.array(columns).T
 
 
-# --- the former system's table -------------------------------------------------------------------
+# --- the table of turns ---------------------------------------------------------------------------
 
 
 class Row(NamedTuple):

@@ -117,7 +117,7 @@ class OneEuro(Struct, frozen=True, tag_field="step", tag="one_euro"):
 class Mean(Struct, frozen=True, tag_field="step", tag="mean"):
     """The mean of the newest `count` inputs, as far back as they are `similar` to the newest (axis ranges).
 
-    This is the former system's filter. docs/figures.md gives its lag and jitter at 0.4.
+    A simple filter, for comparison with One-Euro. docs/figures.md gives its lag and jitter at 0.4.
     """
 
     count: Annotated[int, Meta(ge=2, le=20)] = 5
