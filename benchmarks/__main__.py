@@ -29,10 +29,19 @@ MODULES = (
 )
 BENCHMARKS = {name.rpartition(".")[2].replace("_", "-"): f"benchmarks.{name}" for name in MODULES}
 
+VARIABLES = (
+    "Environment variables make a run shorter or longer, where the benchmark has them: FLEET_BENCH_PARTS (the parts to "
+    "run; the docstring or PARTS of its module names them), FLEET_BENCH_REPEATS, FLEET_BENCH_SLOTS, "
+    "FLEET_BENCH_SECONDS, FLEET_BENCH_COUNTS; of gate-world also FLEET_BENCH_DRAWS, FLEET_BENCH_FIRST (seed of the "
+    "first draw) and FLEET_BENCH_METRES."
+)
+
 
 def main() -> int:
     """Returns the exit status: 0 if every figure holds."""
-    parser = argparse.ArgumentParser(prog="script/bench", description="Without a name, lists what there is.")
+    parser = argparse.ArgumentParser(
+        prog="script/bench", description="Without a name, lists what there is.", epilog=VARIABLES
+    )
     parser.add_argument("name", nargs="?")
     parser.add_argument("--json", action="store_true", help="JSON alone on stdout")
     parser.add_argument(
