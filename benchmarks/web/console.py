@@ -151,6 +151,6 @@ async def looker(stack: Stack, cookie: str) -> AsyncIterator[count[int]]:
 async def count_shown(socket: ClientConnection, shown: count[int]) -> None:
     """Acknowledge every view and draw nothing."""
     async for raw in socket:
-        if msgspec.json.decode(raw).get("t") == "shown":
+        if msgspec.json.decode(raw).get("t") == "sample":
             next(shown)
             await socket.send(wire.encode(wire.Ack()), text=True)

@@ -114,7 +114,7 @@ class Listener(Protocol):
     def on_path(self, path: wire.GoPath) -> None:
         """The path of the robot's navigation: on connecting and on change."""
 
-    def on_sample(self, topic: str, shown: str) -> None:
+    def on_sample(self, topic: str, sample: str) -> None:
         """A message of a subscribed topic, encoded."""
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
@@ -568,9 +568,9 @@ class BridgeLink:
                 for listener in list(self._listeners):
                     listener.on_refused(refused)
 
-    def _forward_sample(self, seen: wire.LinkSample) -> None:
-        if self._viewer and seen.topic in self._topics:
-            self._viewer.on_sample(seen.topic, bytes(seen.shown).decode())
+    def _forward_sample(self, report: wire.LinkSample) -> None:
+        if self._viewer and report.topic in self._topics:
+            self._viewer.on_sample(report.topic, bytes(report.sample).decode())
 
     def _report_state(self, state: State) -> None:
         self.state, self._heard_s = state, time.monotonic()

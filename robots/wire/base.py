@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-PROTOCOL = 7
+PROTOCOL = 8
 LARGEST_MESSAGE_BYTES = 8 * 1024  # from a browser; a view may have up to 64 KiB (Daphne's limit)
-MOST_SUBSCRIPTIONS = 30  # topics of one robot that are looked at: as many as one message has room for
+MOST_SUBSCRIPTIONS = 30  # topics of one robot that are subscribed: as many as one message has room for
 DEEPEST = 20  # levels of lists and dictionaries in values of any shape
 Axis = Annotated[float, Meta(ge=-1.0, le=1.0)]
 Share = Annotated[float, Meta(gt=0.0, le=1.0)]

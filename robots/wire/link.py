@@ -48,7 +48,7 @@ class Revoke(Struct, frozen=True, tag_field="t", tag="revoke"):
     reason: ShortText
 
 
-class Pause(Struct, frozen=True, tag_field="t", tag="hold"):
+class Pause(Struct, frozen=True, tag_field="t", tag="pause"):
     """The holder's page is gone: zero at once, stick to neutral before it moves again."""
 
     fence: Fence
@@ -105,8 +105,8 @@ class LinkQuery(Struct, frozen=True, tag_field="t", tag="inspect"):
     ask: TopicQuery
 
 
-class LinkSubscribe(Struct, frozen=True, tag_field="t", tag="look_at"):
-    """All topics whose messages are looked at through this web process, with the highest rate that is wanted."""
+class LinkSubscribe(Struct, frozen=True, tag_field="t", tag="subscribed"):
+    """All topics that are subscribed through this web process, with the highest rate that is wanted."""
 
     topics: dict[TopicName, SampleRate]
 
@@ -211,11 +211,11 @@ class LinkAnswer(Struct, frozen=True, tag_field="t", tag="inspected"):
     answer: msgspec.Raw  # a `TopicAnswer`, handed on untouched
 
 
-class LinkSample(Struct, frozen=True, tag_field="t", tag="seen"):
-    """The newest message of a topic that is looked at."""
+class LinkSample(Struct, frozen=True, tag_field="t", tag="link_sample"):
+    """The newest message of a topic that is subscribed."""
 
     topic: str
-    shown: msgspec.Raw  # a `Sample`, handed on untouched
+    sample: msgspec.Raw  # a `Sample`, handed on untouched
 
 
 class CameraAt(Struct, frozen=True, tag_field="t", tag="camera_at"):

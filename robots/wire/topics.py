@@ -80,14 +80,14 @@ TopicQuery = (
 )
 
 
-class Subscribe(Struct, frozen=True, tag_field="t", tag="look"):
+class Subscribe(Struct, frozen=True, tag_field="t", tag="subscribe"):
     """Show the messages of a topic, newest wins, at most `rate_hz` of them; `Sample` follows, each after an `Ack`."""
 
     topic: TopicName
     rate_hz: SampleRate = 5.0
 
 
-class Unsubscribe(Struct, frozen=True, tag_field="t", tag="unlook"):
+class Unsubscribe(Struct, frozen=True, tag_field="t", tag="unsubscribe"):
     """Show that topic no more."""
 
     topic: TopicName
@@ -176,7 +176,7 @@ class Called(Struct, frozen=True, tag_field="t", tag="called"):
 TopicAnswer = Graph | Described | Parameters | Parameter | Called | Refused
 
 
-class Sample(Struct, frozen=True, tag_field="t", tag="shown"):
+class Sample(Struct, frozen=True, tag_field="t", tag="sample"):
     """A message of a topic, big arrays shortened, and how the topic was over the last seconds."""
 
     topic: str

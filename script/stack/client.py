@@ -304,7 +304,7 @@ class Topics:
 
     async with Topics(stack, "tiago-1", cookie) as topics:
         graph = await topics.ask(wire.ListTopics())
-        await topics.look("/mobile_base_controller/odom")
+        await topics.subscribe("/mobile_base_controller/odom")
         await topics.until(lambda: topics.shown)
     """
 
@@ -343,11 +343,11 @@ class Topics:
         finally:
             del self._answers[seq]
 
-    async def look(self, topic: str, rate_hz: float = 5.0) -> None:
+    async def subscribe(self, topic: str, rate_hz: float = 5.0) -> None:
         """Subscribe to a topic."""
         await self._send(wire.Subscribe(topic, rate_hz))
 
-    async def look_away(self, topic: str) -> None:
+    async def unsubscribe(self, topic: str) -> None:
         """Unsubscribe from a topic."""
         await self._send(wire.Unsubscribe(topic))
         self.shown.pop(topic, None)

@@ -334,9 +334,9 @@ class RobotHub:
         for member in list(self.members.values()):
             member.path_changed(path)
 
-    def on_sample(self, topic: str, shown: str) -> None:
+    def on_sample(self, topic: str, sample: str) -> None:
         """Pass a sample to all subscribers of its topic."""
-        self.topics.publish(topic, shown)
+        self.topics.publish(topic, sample)
 
     def on_ended(self, ended: Ended) -> None:
         """Inform all members; the holder acts on it."""

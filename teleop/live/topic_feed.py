@@ -57,10 +57,14 @@ class TopicViewer:
         if topic not in self.subscriptions:
             if len(self.subscriptions) >= MAX_SUBSCRIPTIONS:
                 text = f"At most {MAX_SUBSCRIPTIONS} topics are shown at once: close one first."
-                return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": MAX_SUBSCRIPTIONS})
+                return Refusal(
+                    "too_many_subscriptions", text, "wire", {"topic": topic, "limit": MAX_SUBSCRIPTIONS}
+                )
             if topic not in self._feed.rates_hz and len(self._feed.rates_hz) >= MOST_SUBSCRIPTIONS:
                 text = f"{MOST_SUBSCRIPTIONS} topics of this robot are shown to people already: more are not possible."
-                return Refusal("too_many_looks", text, "wire", {"topic": topic, "limit": MOST_SUBSCRIPTIONS})
+                return Refusal(
+                    "too_many_subscriptions", text, "wire", {"topic": topic, "limit": MOST_SUBSCRIPTIONS}
+                )
         self.subscriptions[topic] = Subscription(rate_hz)
         self.news.set()  # another connection may have subscribed already: then the newest sample is here
         self._feed.changed()
@@ -148,11 +152,11 @@ class TopicFeed:
         """Return the number of the newest sample of a topic; 0: none arrived."""
         return self.newest[topic][0] if topic in self.newest else 0
 
-    def publish(self, topic: str, shown: str) -> None:
-        """Make `shown` the newest sample of a topic."""
+    def publish(self, topic: str, sample: str) -> None:
+        """Make `sample` the newest sample of a topic."""
         if topic not in self.rates_hz:
             return
-        self.newest[topic] = next(self._numbers), {"type": "websocket.send", "text": shown}
+        self.newest[topic] = next(self._numbers), {"type": "websocket.send", "text": sample}
         for viewer in self.viewers:
             if topic in viewer.subscriptions:
                 viewer.news.set()

@@ -52,7 +52,7 @@ class Link:
         self._socket = socket
         self._reports: deque[bytes] = deque()
         self._view: bytes | None = None
-        self._seen: dict[str, bytes] = {}
+        self._samples: dict[str, bytes] = {}
         self._news = asyncio.Event()
         self._ending = False
 
@@ -70,9 +70,9 @@ class Link:
         self._view = view
         self._news.set()
 
-    def show_sample(self, topic: str, seen: bytes) -> None:
-        """Send the encoded report `seen` about `topic`; it replaces an older one that is not sent yet."""
-        self._seen[topic] = seen
+    def show_sample(self, topic: str, sample: bytes) -> None:
+        """Send the encoded report `sample` about `topic`; it replaces an older one that is not sent yet."""
+        self._samples[topic] = sample
         self._news.set()
 
     def end(self) -> None:
@@ -97,8 +97,8 @@ class Link:
             if self._view is not None:
                 view, self._view = self._view, None
                 await self._socket.send(view)
-            if self._seen:
-                await self._socket.send(self._seen.pop(next(iter(self._seen))), text=True)
+            if self._samples:
+                await self._socket.send(self._samples.pop(next(iter(self._samples))), text=True)
                 self._news.set()  # reports that arrived meanwhile go first
 
 

@@ -39,7 +39,7 @@ COMMAND = (sys.executable, "-m", "robots.bridge.ros.inspector")
 LINGER_S = 60.0  # an unused inspector ends after this time
 ANSWER_S = 2.0  # a query is answered within this time, or refused
 START_S = 10.0  # the same while the process starts
-SILENCE_S = 1.0  # publishing stops within this time, or the process is killed
+HALT_S = 1.0  # publishing stops within this time, or the process is killed
 MAX_QUERIES = 32  # limit of pending queries per link
 MAX_UNSENT = 200  # limit of requests while there is no process
 
@@ -60,7 +60,7 @@ class InspectorViewer(Protocol):
     def report(self, message: Struct) -> None:
         """Queue an answer."""
 
-    def show_sample(self, topic: str, seen: bytes) -> None:
+    def show_sample(self, topic: str, sample: bytes) -> None:
         """Make this the topic's next sample; it replaces an older one that is not sent yet."""
 
 
@@ -72,12 +72,12 @@ class _Waiting:
         viewer: InspectorViewer | None,
         answer: Callable[[Any], None],
         timer: asyncio.TimerHandle,
-        silence: Refusal,
+        unanswered: Refusal,
     ) -> None:
         self.viewer = viewer
         self.answer = answer  # called with a `Refusal`, or with the report's content
         self.timer = timer
-        self.silence = silence  # the answer if none arrives
+        self.unanswered = unanswered  # the answer if none arrives
 
 
 class InspectorClient:
@@ -190,7 +190,7 @@ class InspectorClient:
 
     def _stop_publishing(self, topic: str | None) -> None:
         if self._child.lives:
-            number = self._expect(None, self._confirmed, SILENCE_S)
+            number = self._expect(None, self._confirmed, HALT_S)
             self._send(HaltPublishing(number, topic))
 
     def _confirmed(self, given: Refusal | None) -> None:
@@ -215,10 +215,10 @@ class InspectorClient:
         """Take an answer or a sample."""
         match _report.decode(line):
             case wire.LinkSample(topic=topic):
-                seen = line.rstrip()  # unchanged: the link's report has the same bytes
+                sample = line.rstrip()  # unchanged: the link's report has the same bytes
                 for viewer, topics in self._subscriptions.items():
                     if topic in topics:
-                        viewer.show_sample(topic, seen)
+                        viewer.show_sample(topic, sample)
             case wire.LinkAnswer(seq=number, answer=raw):
                 self._answer(number, raw)
             case Done(number=number, refusal=refusal):
@@ -245,19 +245,19 @@ class InspectorClient:
         viewer: InspectorViewer | None,
         answer: Callable[[Any], None],
         within_s: float,
-        silence: Refusal = _SILENT,
+        unanswered: Refusal = _SILENT,
     ) -> int:
-        """Return a number whose answer goes to `answer`; without an answer in time, `silence` goes there."""
+        """Return a number whose answer goes to `answer`; without an answer in time, `unanswered` goes there."""
         self._need()
         self._count += 1
         timer = asyncio.get_running_loop().call_later(within_s, partial(self._give_up, self._count))
-        self._waiting[self._count] = _Waiting(viewer, answer, timer, silence)
+        self._waiting[self._count] = _Waiting(viewer, answer, timer, unanswered)
         return self._count
 
     def _give_up(self, number: int) -> None:
         """Answer a request that timed out. A request that was never sent was certainly not carried out."""
         unsent = self._unsent.pop(number, None)
-        self._answer(number, self._waiting[number].silence if unsent is None else _SILENT)
+        self._answer(number, self._waiting[number].unanswered if unsent is None else _SILENT)
 
     def _answer(self, number: int, given: Any) -> None:
         waiting = self._waiting.pop(number, None)
@@ -306,6 +306,6 @@ class InspectorClient:
 
 def _not_shown(topic: str) -> bytes:
     text = f"{MOST_SUBSCRIPTIONS} topics of this robot are open already: close some, here or on other pages."
-    refusal = Refusal("too_many_looks", text, "robot", {"limit": MOST_SUBSCRIPTIONS})
-    shown = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
-    return wire.encode(wire.LinkSample(topic, msgspec.Raw(wire.encode(shown))))
+    refusal = Refusal("too_many_subscriptions", text, "robot", {"limit": MOST_SUBSCRIPTIONS})
+    sample = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
+    return wire.encode(wire.LinkSample(topic, msgspec.Raw(wire.encode(sample))))

@@ -34,7 +34,7 @@ class Check(Struct, frozen=True, tag_field="t", tag="check"):
     order: wire.Publish
 
 
-class HaltPublishing(Struct, frozen=True, tag_field="t", tag="silence"):
+class HaltPublishing(Struct, frozen=True, tag_field="t", tag="halt_publishing"):
     """Stop publishing on this topic; None: on all, including waiting messages. Answer: `Done`."""
 
     number: int

@@ -17,7 +17,7 @@ class RefusedError extends Error {
 
 /**
  * Events: "open", "refused" (detail: a refusal without a request), "late" (the first answer that is late).
- * Open only while somebody looks.
+ * Open only while somebody reads topics.
  */
 export class TopicsChannel extends EventTarget {
   #url;
@@ -26,7 +26,7 @@ export class TopicsChannel extends EventTarget {
   #listening = null; // ignore messages of a closed socket
   #seq = 0;
   #asked = new Map();
-  #looks = new Map();
+  #subscriptions = new Map();
 
   /** @param {string} url of the WebSocket */
   constructor(url) {
@@ -43,7 +43,7 @@ export class TopicsChannel extends EventTarget {
     this.#socket.addEventListener("open", () => this.#opened(), { signal });
     this.#socket.addEventListener("down", () => this.#lost(), { signal });
     this.#socket.addEventListener("message", ({ detail }) => this.#heard(detail), { signal });
-    document.addEventListener("visibilitychange", () => this.#lookAsSeen(), { signal });
+    document.addEventListener("visibilitychange", () => this.#followVisibility(), { signal });
     this.#socket.connect();
   }
 
@@ -78,27 +78,27 @@ export class TopicsChannel extends EventTarget {
   }
 
   /** Subscribes to a topic until the end of the subscription. One subscription for each topic. */
-  look(topic, rateHz, shown) {
-    this.#looks.set(topic, { rateHz, shown });
-    this.#socket?.send({ t: "look", topic, rate_hz: rateHz });
+  subscribe(topic, rateHz, show) {
+    this.#subscriptions.set(topic, { rateHz, show });
+    this.#socket?.send({ t: "subscribe", topic, rate_hz: rateHz });
   }
 
-  /** Close the connection while the page is hidden. */
-  #lookAsSeen() {
-    for (const [topic, { rateHz }] of this.#looks) {
+  /** While the page is hidden there are no subscriptions. */
+  #followVisibility() {
+    for (const [topic, { rateHz }] of this.#subscriptions) {
       this.#socket.send(
-        document.hidden ? { t: "unlook", topic } : { t: "look", topic, rate_hz: rateHz },
+        document.hidden ? { t: "unsubscribe", topic } : { t: "subscribe", topic, rate_hz: rateHz },
       );
     }
   }
 
-  lookAway(topic) {
-    if (this.#looks.delete(topic)) this.#socket?.send({ t: "unlook", topic });
+  unsubscribe(topic) {
+    if (this.#subscriptions.delete(topic)) this.#socket?.send({ t: "unsubscribe", topic });
   }
 
   #opened() {
     this.#heartbeat.begin();
-    if (!document.hidden) this.#lookAsSeen();
+    if (!document.hidden) this.#followVisibility();
     this.dispatchEvent(new CustomEvent("open"));
   }
 
@@ -120,8 +120,8 @@ export class TopicsChannel extends EventTarget {
 
   #heard(message) {
     this.#heartbeat.heard(message);
-    if (message.t === "shown") {
-      this.#looks.get(message.topic)?.shown(message);
+    if (message.t === "sample") {
+      this.#subscriptions.get(message.topic)?.show(message);
       requestAnimationFrame(() => this.#socket?.send({ t: "ack" }));
     } else if (this.#asked.has(message.seq)) {
       const { resolve, reject } = this.#asked.get(message.seq);

@@ -44,7 +44,7 @@ export class TopicView extends EventTarget {
     this.element.setAttribute("aria-label", topic);
   }
 
-  /** @param {object} message as in `shown`; sent again if nothing came, so that its figures are current */
+  /** @param {object} message as in `sample`; sent again if nothing came, so that its figures are current */
   show(message) {
     clearTimeout(this.#silence);
     this.#silence = setTimeout(() => this.#lost(), SILENCE_MS);

@@ -14,8 +14,8 @@ import { Repeater } from "./repeater.js";
 import { ParameterView, ServiceCall } from "./services.js";
 import { TopicView } from "./topic_view.js";
 
-const LOOK_HZ = 5;
-const LOOKS_AT_MOST = 8;
+const RATE_HZ = 5;
+const MOST_SUBSCRIPTIONS = 8;
 const AGAIN_MS = 3000; // until a request without answer is sent again: the robot may be back by then
 const LASTING = new Set(["too_large", "inspector_fault", "not_connected"]); // refusals that a repetition cannot change
 
@@ -115,7 +115,7 @@ export class TopicsTab {
 
   close() {
     this.hide();
-    for (const topic of [...this.#watches.keys()]) this.#lookAway(topic);
+    for (const topic of [...this.#watches.keys()]) this.#unsubscribe(topic);
     this.#listening.abort();
     this.#publish.close();
     for (const list of Object.values(this.#lists)) list.close();
@@ -150,7 +150,7 @@ export class TopicsTab {
         label: gettext("Search topics"),
         text: ({ name, type }) => `${name} ${type}`,
         note: ({ type }) => typeText(type),
-        act: (row) => this.#look(row),
+        act: (row) => this.#subscribe(row),
       }),
       services: new SearchList(this.#parts["service-list"], {
         label: gettext("Search services"),
@@ -254,30 +254,30 @@ export class TopicsTab {
     this.#send({ t: "choose", use, topic: topic === this.#offers.uses[use].topic ? null : topic });
   }
 
-  // --- looking ---------------------------------------------------------------------------------
+  // --- subscribing -----------------------------------------------------------------------------
 
-  #look({ name, type }) {
+  #subscribe({ name, type }) {
     if (this.#watches.has(name)) {
       this.#watches.get(name).element.scrollIntoView({ block: "nearest" });
       return;
     }
-    if (this.#watches.size >= LOOKS_AT_MOST) {
+    if (this.#watches.size >= MOST_SUBSCRIPTIONS) {
       this.#warn(
-        interpolate(gettext("At most %s topics at once: close one first."), [LOOKS_AT_MOST]),
+        interpolate(gettext("At most %s topics at once: close one first."), [MOST_SUBSCRIPTIONS]),
       );
       return;
     }
     const watch = new TopicView(name, type);
-    watch.addEventListener("end", () => this.#lookAway(name));
+    watch.addEventListener("end", () => this.#unsubscribe(name));
     watch.addEventListener("refused", ({ detail }) => this.#warn(detail));
     this.#watches.set(name, watch);
     this.#parts.watches.prepend(watch.element);
     show(this.#parts["watch-none"], false);
-    this.#channel.look(name, LOOK_HZ, (message) => watch.show(message));
+    this.#channel.subscribe(name, RATE_HZ, (message) => watch.show(message));
   }
 
-  #lookAway(topic) {
-    this.#channel.lookAway(topic);
+  #unsubscribe(topic) {
+    this.#channel.unsubscribe(topic);
     this.#watches.get(topic)?.close();
     this.#watches.delete(topic);
     show(this.#parts["watch-none"], this.#watches.size === 0);

@@ -67,7 +67,7 @@ class TopicsConsumer(RobotSocket):
 
     async def _show(self, event: dict[str, Any]) -> None:
         if self.camera_audit and not self.camera_audit.may_show(event["text"]):
-            await self.refuse("look", TOO_MANY_CAMERAS)
+            await self.refuse("subscribe", TOO_MANY_CAMERAS)
             raise SampleWithheld
         await self.asgi_send(event)
 
@@ -82,7 +82,7 @@ class TopicsConsumer(RobotSocket):
             case wire.Subscribe(topic=topic, rate_hz=rate_hz):
                 refusal = self.viewer.subscribe(topic, rate_hz)
                 if refusal is not None:
-                    await self.refuse("look", refusal)
+                    await self.refuse("subscribe", refusal)
             case wire.Unsubscribe(topic=topic):
                 self.viewer.unsubscribe(topic)
                 if self.camera_audit:

@@ -99,7 +99,7 @@ async def test_the_word_that_ends_control_overtakes_no_command(bridge, link):
     link.send(wire.Pause(2, "The page is gone."))
     await bridge.until(lambda: any(isinstance(message, wire.Pause) for _, message in bridge.heard))
     heard = [message for _, message in bridge.heard if not isinstance(message, wire.LinkHello)]
-    assert [getattr(message, "seq", "hold") for message in heard] == [*range(20), "hold"]
+    assert [getattr(message, "seq", "pause") for message in heard] == [*range(20), "pause"]
 
 
 async def test_slow_bridge_reads_only_few_commands_late(bridge, link):

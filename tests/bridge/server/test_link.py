@@ -105,8 +105,8 @@ class Follower:
     def on_path(self, path):
         self.news.put_nowait(("path", path))
 
-    def on_sample(self, topic, shown):
-        self.news.put_nowait(("seen", (topic, shown)))
+    def on_sample(self, topic, sample):
+        self.news.put_nowait(("sample", (topic, sample)))
 
     def on_link(self, up, refusal):
         self.news.put_nowait(("up" if up else "down", refusal))

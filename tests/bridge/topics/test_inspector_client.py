@@ -46,17 +46,17 @@ PROGRAM = textwrap.dedent("""
                     value = [os.getpid(), config["slug"]]
                     answer = {"t": "parameter_value", "name": name, "value": value, "seq": request["ask"].get("seq", 0)}
                     say(t="inspected", seq=request["seq"], answer=answer)
-            case "look_at":
+            case "subscribed":
                 for topic, rate in request["topics"].items():
-                    say(t="seen", topic=topic, shown={"rate": rate})
+                    say(t="link_sample", topic=topic, sample={"rate": rate})
             case "check":
                 wrong = request["order"]["fields"].get("data") == "wrong"
                 refusal = {"code": "bad_field", "text": "No.", "rule": "wire"} if wrong else None
                 say(t="done", number=request["number"], refusal=refusal)
-            case "silence" if request["topic"] != "/deaf":
+            case "halt_publishing" if request["topic"] != "/deaf":
                 say(t="done", number=request["number"], refusal=None)
             case "publish":
-                say(t="seen", topic="/published", shown=request["fields"])
+                say(t="link_sample", topic="/published", sample=request["fields"])
 """)
 
 
@@ -75,7 +75,7 @@ class Viewer:
     def show_sample(self, topic: str, seen: bytes) -> None:
         report = wire.link_report(seen)
         assert isinstance(report, wire.LinkSample)
-        self.seen[topic] = msgspec.json.decode(report.shown)
+        self.seen[topic] = msgspec.json.decode(report.sample)
         self.news.set()
 
     async def until(self, condition: Callable[[], Any]) -> Any:
@@ -158,7 +158,7 @@ async def test_more_topics_than_one_robot_shows_are_refused_in_words(relay):
     ann, ben = Viewer(), Viewer()
     relay.set_subscriptions(ann, {f"/t{number}": 1.0 for number in range(wire.MOST_SUBSCRIPTIONS)})
     relay.set_subscriptions(ben, {"/t0": 1.0, "/one_more": 1.0})
-    assert ben.seen["/one_more"]["refusal"]["code"] == "too_many_looks"
+    assert ben.seen["/one_more"]["refusal"]["code"] == "too_many_subscriptions"
     await ann.until(lambda: len(ann.seen) == wire.MOST_SUBSCRIPTIONS)
     assert ben.seen["/t0"] == {"rate": 1.0}
     assert "/one_more" not in relay._wanted()
@@ -246,7 +246,7 @@ async def test_fields_are_checked_before_anything_is_published(relay):
 
 
 async def test_a_process_that_does_not_stop_publishing_is_killed(relay, monkeypatch):
-    monkeypatch.setattr(inspector_client, "SILENCE_S", 0.05)
+    monkeypatch.setattr(inspector_client, "HALT_S", 0.05)
     ann, process = await started(relay)
     relay.publish(msgspec.structs.replace(AT_A_RATE, topic="/notes"))
     relay.publish_stop("/notes")
@@ -294,8 +294,8 @@ async def test_inspector_in_its_start_ends_with_the_bridge(make):
 
 @pytest.mark.parametrize("rate_hz", [1e-300, 0.05, 0.0, 11.0])
 def test_subscription_rates_have_a_lower_limit(rate_hz):
-    look = f'{{"t":"look","topic":"/odom","rate_hz":{rate_hz}}}'
-    look_at = f'{{"t":"look_at","topics":{{"/odom":{rate_hz}}}}}'
-    for door, raw in ((wire.topics_message, look), (wire.link_request, look_at)):
+    subscribe = f'{{"t":"subscribe","topic":"/odom","rate_hz":{rate_hz}}}'
+    subscribed = f'{{"t":"subscribed","topics":{{"/odom":{rate_hz}}}}}'
+    for door, raw in ((wire.topics_message, subscribe), (wire.link_request, subscribed)):
         with pytest.raises(wire.WireError):
             door(raw)

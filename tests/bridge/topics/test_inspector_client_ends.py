@@ -31,8 +31,8 @@ PROGRAM = textwrap.dedent("""
     say(t="ready")
     for line in sys.stdin:
         request = json.loads(line)
-        say(t="seen", topic="/heard", shown=request)
-        if request["t"] == "silence" and {confirms}:
+        say(t="link_sample", topic="/heard", sample=request)
+        if request["t"] == "halt_publishing" and {confirms}:
             say(t="done", number=request["number"], refusal=None)
         if request["t"] == "inspect" and "name" in request["ask"]:
             answer = {{"t": "parameter_value", "name": request["ask"]["name"], "value": None}}
@@ -78,7 +78,7 @@ async def listen(make):
 async def talk(listen):
     """The same, after the inspector has started."""
     relay, ear = await listen()
-    await ear.hears("look_at")
+    await ear.hears("subscribed")
     return relay, ear
 
 
@@ -96,14 +96,14 @@ async def test_halt_after_a_single_message_is_sent_exactly_once(talk):
     relay.halt()
     relay.ask(ear, question(1))
     await ear.answer(1)
-    assert ear.kinds() == ["look_at", "publish", "silence", "inspect"]
+    assert ear.kinds() == ["subscribed", "publish", "halt_publishing", "inspect"]
     assert ear.heard[2]["topic"] is None
 
 
 async def test_an_inspector_that_does_not_confirm_a_halt_is_killed(listen, monkeypatch):
-    monkeypatch.setattr(inspector_client, "SILENCE_S", 0.05)
+    monkeypatch.setattr(inspector_client, "HALT_S", 0.05)
     relay, ear = await listen(confirms=False)
-    await ear.hears("look_at")
+    await ear.hears("subscribed")
     process = relay._child._process
     relay.publish(ORDER)
     relay.halt()
@@ -141,7 +141,7 @@ async def test_keep_alive_is_for_publishing_at_a_rate(talk):
     relay.keep_alive()
     relay.ask(ear, question(1))
     await ear.answer(1)
-    assert ear.kinds() == ["look_at", "publish", "publish", "alive", "silence", "inspect"]
+    assert ear.kinds() == ["subscribed", "publish", "publish", "alive", "halt_publishing", "inspect"]
 
 
 def test_keep_alive_is_sent_each_tick_while_publishing_at_rate(bench):
@@ -208,7 +208,7 @@ async def test_query_to_an_ending_inspector_goes_to_the_next(listen, monkeypatch
     may_end = tmp_path / "may end"
     os.mkfifo(may_end)
     relay, ear = await listen(end=f"open({str(may_end)!r}).read()")
-    await ear.hears("look_at")
+    await ear.hears("subscribed")
     process = relay._child._process
     relay.set_subscriptions(ear, {})
     relay._child.end()

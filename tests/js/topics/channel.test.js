@@ -65,9 +65,9 @@ describe("the channel of the topics", () => {
     channel.open();
     made[1].opens();
     const shown = vi.fn();
-    channel.look("/odom", 5, shown);
+    channel.subscribe("/odom", 5, shown);
     const asked = channel.ask({ t: "topics" });
-    made[0].says('{"t": "shown", "topic": "/odom", "number": 1}');
+    made[0].says('{"t": "sample", "topic": "/odom", "number": 1}');
     made[0].ends();
     made[1].says('{"t": "graph", "seq": 1, "topics": []}');
     expect(await asked).toMatchObject({ t: "graph" });
@@ -75,35 +75,35 @@ describe("the channel of the topics", () => {
   });
 
   it("gives up a silent socket and renews its subscriptions", async () => {
-    channel.look("/odom", 5, () => {});
+    channel.subscribe("/odom", 5, () => {});
     const asked = expect(channel.ask({ t: "topics" })).rejects.toThrow("connection was lost");
     vi.advanceTimersByTime(6000);
     await asked;
     vi.advanceTimersByTime(250);
     made[1].opens();
-    expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);
+    expect(made[1].sent).toEqual([{ t: "subscribe", topic: "/odom", rate_hz: 5 }]);
   });
 
   it("pauses subscriptions while its page is hidden", () => {
-    channel.look("/odom", 5, () => {});
+    channel.subscribe("/odom", 5, () => {});
     const hidden = vi.spyOn(document, "hidden", "get").mockReturnValue(true);
     document.dispatchEvent(new Event("visibilitychange"));
-    expect(made[0].sent.at(-1)).toEqual({ t: "unlook", topic: "/odom" });
+    expect(made[0].sent.at(-1)).toEqual({ t: "unsubscribe", topic: "/odom" });
     made[0].ends();
     vi.advanceTimersByTime(250);
     made[1].opens();
     expect(made[1].sent).toEqual([]); // a connection that returns meanwhile has no subscriptions either
     hidden.mockReturnValue(false);
     document.dispatchEvent(new Event("visibilitychange"));
-    expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);
+    expect(made[1].sent).toEqual([{ t: "subscribe", topic: "/odom", rate_hz: 5 }]);
   });
 
   it("renews the same subscriptions when opened again", () => {
-    channel.look("/odom", 5, () => {});
+    channel.subscribe("/odom", 5, () => {});
     channel.close();
     channel.open();
     made[1].opens();
-    expect(made[1].sent).toEqual([{ t: "look", topic: "/odom", rate_hz: 5 }]);
+    expect(made[1].sent).toEqual([{ t: "subscribe", topic: "/odom", rate_hz: 5 }]);
   });
 
   it("fails a query when the connection is lost", async () => {

@@ -114,7 +114,7 @@ class InspectorProcess:
         ).refusal
         return refusal
 
-    def look(self, **topics: float) -> None:
+    def subscribe(self, **topics: float) -> None:
         """Subscribe to these topics (names without slash) at these rates, Hz."""
         for name in topics:
             self._shown.setdefault(f"/{name}", queue.SimpleQueue())
@@ -164,7 +164,7 @@ class InspectorProcess:
         for line in self.process.stdout:
             report = _report.decode(line)
             if isinstance(report, wire.LinkSample):
-                self._shown[report.topic].put(_shown.decode(report.shown))
+                self._shown[report.topic].put(_shown.decode(report.sample))
             else:
                 self._said.put(report)
         self.process.stdout.close()
@@ -181,7 +181,7 @@ def process(rosmaster, ros, tmp_path_factory) -> Iterator[InspectorProcess]:
 @pytest.fixture
 def inspector(process, rosmaster) -> Iterator[InspectorProcess]:
     yield process
-    process.look()
+    process.subscribe()
     until(lambda: not subscribed(rosmaster), "no subscription of the inspector's")
 
 
@@ -237,7 +237,7 @@ def test_a_message_is_shown_with_its_figures(inspector):
     message = TwistStamped(header=Header(frame_id="base", stamp=rospy.Time.from_sec(time.time())))
     message.twist.linear.x = 0.25
     with talking("/look/twist", message):
-        inspector.look(**{"look/twist": 10.0})
+        inspector.subscribe(**{"look/twist": 10.0})
         shown = inspector.shown("/look/twist", lambda s: s.rate_hz and s.number > 20)
     assert shown.type == "geometry_msgs/TwistStamped"
     assert shown.fields["twist"]["linear"] == {"x": 0.25, "y": 0.0, "z": 0.0}
@@ -254,7 +254,7 @@ def test_a_missing_type_is_shown_by_its_publishers_definition(inspector):
     message.stations[1].name = "Gràcia"
     message.stations[1].place.y = 2.5
     with talking("/look/weather", message):
-        inspector.look(**{"look/weather": 10.0})
+        inspector.subscribe(**{"look/weather": 10.0})
         shown = inspector.shown("/look/weather", lambda s: s.fields)
         described = inspector.ask(wire.Describe(UNKNOWN, "/look/weather", seq=7))
     assert shown.type == UNKNOWN
@@ -273,16 +273,16 @@ def test_a_definition_with_a_wrong_md5_sum_is_refused(inspector):
     honest = generated("fleet_test_msgs/Level", "float64 level\n")
     liar = type("Liar", (honest,), {"_full_text": "int64 level\n"})
     with talking("/look/liar", liar(1.0)):
-        inspector.look(**{"look/liar": 10.0})
+        inspector.subscribe(**{"look/liar": 10.0})
         shown = inspector.shown("/look/liar", lambda s: s.number)
     assert shown.refusal.code == "definition_differs"
     assert shown.fields == {}
     assert shown.refusal.figures["claimed_md5"] == honest._md5sum
     with talking("/look/mute", type("Mute", (honest,), {"_full_text": ""})(2.0)):
-        inspector.look(**{"look/mute": 10.0})
+        inspector.subscribe(**{"look/mute": 10.0})
         assert inspector.shown("/look/mute", lambda s: s.number).refusal.code == "type_unknown"
         with talking("/look/honest", honest(3.0)):  # its definition serves both
-            inspector.look(**{"look/honest": 10.0, "look/mute": 10.0})
+            inspector.subscribe(**{"look/honest": 10.0, "look/mute": 10.0})
             assert inspector.shown("/look/honest", lambda s: s.number).fields == {"level": 3.0}
             assert inspector.shown("/look/mute", lambda s: s.fields).fields == {"level": 2.0}
 
@@ -295,7 +295,7 @@ def test_bytes_that_do_not_fit_the_definition_are_reported(inspector):
             buff.write(b"1234")
 
     with talking("/look/cut", Cut()):
-        inspector.look(**{"look/cut": 10.0})
+        inspector.subscribe(**{"look/cut": 10.0})
         shown = inspector.shown("/look/cut", lambda s: s.number)
     assert (shown.refusal.code, shown.fields) == ("broken", {})
 
@@ -305,7 +305,7 @@ def test_only_the_start_of_a_large_map_or_image_is_shown(inspector):
     grid.info.width = grid.info.height = 1000
     image = Image(height=480, width=640, encoding="rgb8", step=1920, data=bytes(range(256)) * 3600)
     with talking("/look/map", grid, 2.0), talking("/look/image", image, 10.0):
-        inspector.look(**{"look/map": 10.0, "look/image": 5.0})
+        inspector.subscribe(**{"look/map": 10.0, "look/image": 5.0})
         grid_shown = inspector.shown("/look/map", lambda s: s.number)
         image_shown = inspector.shown("/look/image", lambda s: s.number)
     assert grid_shown.fields["data"] == [7] * 16
@@ -319,7 +319,7 @@ def test_only_the_start_of_a_large_map_or_image_is_shown(inspector):
 def test_a_message_of_many_long_texts_is_cut_until_it_fits(inspector):
     state = JointState(name=["j" * 900] * 32, position=[1.0] * 32)
     with talking("/look/texts", state):
-        inspector.look(**{"look/texts": 10.0})
+        inspector.subscribe(**{"look/texts": 10.0})
         shown = inspector.shown("/look/texts", lambda s: s.number)
     assert len(wire.encode(shown)) <= 16 * 1024
     assert shown.fields["name"] == ["j" * 100 + "…"] * 4
@@ -328,7 +328,7 @@ def test_a_message_of_many_long_texts_is_cut_until_it_fits(inspector):
 
 def test_messages_come_at_the_wanted_rate_newest_first(inspector):
     with talking("/look/fast", Empty(), 100.0):
-        inspector.look(**{"look/fast": 4.0})
+        inspector.subscribe(**{"look/fast": 4.0})
         first = inspector.shown("/look/fast", lambda s: s.rate_hz and s.rate_hz > 50)
         began_s = time.monotonic()
         numbers = [inspector.shown("/look/fast").number for _ in range(4)]
@@ -339,7 +339,7 @@ def test_messages_come_at_the_wanted_rate_newest_first(inspector):
 
 
 def test_a_vanished_topic_is_reported_and_shown_on_return(inspector):
-    inspector.look(**{"look/brief": 10.0})
+    inspector.subscribe(**{"look/brief": 10.0})
     assert inspector.shown("/look/brief").refusal.code == "no_publisher"
     with talking("/look/brief", String("here")):
         assert inspector.shown("/look/brief", lambda s: s.publishers).refusal is None
@@ -351,7 +351,7 @@ def test_a_vanished_topic_is_reported_and_shown_on_return(inspector):
 
 def test_a_topic_that_changes_its_type_is_shown_with_the_new_one(inspector):
     with talking("/look/change", String("a")):
-        inspector.look(**{"look/change": 10.0})
+        inspector.subscribe(**{"look/change": 10.0})
         assert inspector.shown("/look/change", lambda s: s.number).type == "std_msgs/String"
     with talking("/look/change", Bool(True)):
         shown = inspector.shown("/look/change", lambda s: s.type == "std_msgs/Bool")
@@ -362,7 +362,7 @@ def test_a_topics_only_message_is_shown_to_later_readers(inspector):
     publisher = rospy.Publisher("/look/once", String, queue_size=1, latch=True)
     publisher.publish("for long")
     try:
-        inspector.look(**{"look/once": 10.0})
+        inspector.subscribe(**{"look/once": 10.0})
         first, again = (inspector.shown("/look/once", lambda s: s.number) for _ in range(2))
     finally:
         publisher.unregister()
@@ -374,7 +374,7 @@ def test_a_message_grows_older_until_the_next_one_comes(inspector):
     publisher = rospy.Publisher("/look/aging", PoseStamped, queue_size=1, latch=True)
     publisher.publish(PoseStamped(header=Header(stamp=rospy.Time.from_sec(time.time() - 60.0))))
     try:
-        inspector.look(**{"look/aging": 10.0})
+        inspector.subscribe(**{"look/aging": 10.0})
         first, again = (inspector.shown("/look/aging", lambda s: s.number) for _ in range(2))
     finally:
         publisher.unregister()
@@ -403,7 +403,7 @@ def test_rates_of_frequent_rare_and_ended_messages_are_right(arrivals, now_s, ex
 def test_every_message_is_counted_also_of_many_that_come_at_once(inspector):
     publisher = rospy.Publisher("/look/burst", Float64, queue_size=1000)
     try:
-        inspector.look(**{"look/burst": 10.0})
+        inspector.subscribe(**{"look/burst": 10.0})
         until(publisher.get_num_connections, "the inspector")
         for number in range(500):
             publisher.publish(number)
@@ -416,7 +416,7 @@ def test_every_message_is_counted_also_of_many_that_come_at_once(inspector):
 def test_a_silent_topic_has_its_publishers_type(inspector):
     publisher = rospy.Publisher("/look/never", Float64, queue_size=1)
     try:
-        inspector.look(**{"look/never": 10.0})
+        inspector.subscribe(**{"look/never": 10.0})
         shown = inspector.shown("/look/never", lambda s: s.publishers)
     finally:
         publisher.unregister()
@@ -433,7 +433,7 @@ def test_disagreeing_publishers_are_reported_and_shown(inspector, rosmaster):
     process = subprocess.Popen([sys.executable, "-c", other], cwd=REPOSITORY, env=rosmaster.environment())
     try:
         with talking("/look/discord", String("here")):
-            inspector.look(**{"look/discord": 10.0})
+            inspector.subscribe(**{"look/discord": 10.0})
             shown = inspector.shown("/look/discord", lambda s: s.publishers == 2 and s.fields)
     finally:
         end(process)
@@ -443,10 +443,10 @@ def test_disagreeing_publishers_are_reported_and_shown(inspector, rosmaster):
 
 def test_without_viewers_no_topic_is_subscribed(inspector, rosmaster):
     with talking("/look/seldom", Empty()):
-        inspector.look(**{"look/seldom": 10.0})
+        inspector.subscribe(**{"look/seldom": 10.0})
         inspector.shown("/look/seldom", lambda s: s.number)
         assert list(subscribed(rosmaster)) == ["/look/seldom"]
-        inspector.look()
+        inspector.subscribe()
         until(lambda: not subscribed(rosmaster), "no subscription of the inspector's")
 
 
@@ -455,7 +455,7 @@ def test_without_viewers_no_topic_is_subscribed(inspector, rosmaster):
 
 def test_the_graph_has_topics_types_nodes_but_no_inspector(inspector):
     with talking("/ask/pose", PoseStamped()):
-        inspector.look(**{"ask/pose": 1.0, "ask/nobody": 1.0})
+        inspector.subscribe(**{"ask/pose": 1.0, "ask/nobody": 1.0})
         inspector.shown("/ask/pose", lambda s: s.number)
         graph = inspector.ask(wire.ListTopics(seq=3))
     rows = {row.name: row for row in graph.topics}
@@ -680,7 +680,7 @@ def test_with_stdin_everything_ends(rosmaster, ros, tmp_path):
     with ros.listen("/notes", String) as notes, talking("/look/end", Empty()):
         inspector.done(lambda number: Check(number, note))
         inspector.send(note)
-        inspector.look(**{"look/end": 5.0})
+        inspector.subscribe(**{"look/end": 5.0})
         notes.next()
         inspector.shown("/look/end", lambda s: s.number)
         assert inspector.stop() == 0
@@ -690,7 +690,7 @@ def test_with_stdin_everything_ends(rosmaster, ros, tmp_path):
 def test_with_its_master_it_ends(make_master, tmp_path):
     master = make_master()
     inspector = InspectorProcess(tiago_config(master, tmp_path), master)
-    inspector.look(rosout=5.0)
+    inspector.subscribe(rosout=5.0)
     until(lambda: subscribed(master), "a look")
     master.stop()
     assert inspector.process.wait(PATIENCE_S) == 1
@@ -725,7 +725,7 @@ def test_without_a_master_it_says_so_and_ends(tmp_path, rosmaster):
     dead = Master(tmp_path)
     inspector = InspectorProcess(tiago_config(dead, tmp_path), dead)
     assert inspector.ask(wire.ListTopics()).refusal.code == "robot_offline"
-    inspector.look(anything=5.0)
+    inspector.subscribe(anything=5.0)
     assert inspector.shown("/anything").refusal.code == "robot_offline"
     assert inspector.process.wait(PATIENCE_S) == 1
     inspector.stop()

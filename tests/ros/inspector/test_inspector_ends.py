@@ -25,7 +25,7 @@ from robots.bridge.ros.inspector.subscriptions import Subscriptions
 from robots.bridge.ros.network.master import Master
 from robots.bridge.ros.network.tcpros import connect_to_publisher
 from robots.bridge.ros.tasks.publishing import heard_by
-from robots.bridge.topics.inspector_client import SILENCE_S
+from robots.bridge.topics.inspector_client import HALT_S
 from robots.bridge.topics.inspector_messages import Check, HaltPublishing, InspectorQuery, KeepAlive
 from tests.processes import PATIENCE_S, until
 from tests.ros.bridge_support import tiago_config
@@ -113,7 +113,7 @@ def test_a_reader_of_nothing_is_cut_off(inspector, rosmaster, ros):
         heard(inspector, notes)
         began_s = time.monotonic()
         assert inspector.done(lambda number: HaltPublishing(number)) is None
-        assert time.monotonic() - began_s < SILENCE_S
+        assert time.monotonic() - began_s < HALT_S
 
 
 def test_without_a_sign_of_life_nothing_is_published_at_a_rate(inspector, ros):
@@ -174,22 +174,22 @@ def test_an_answer_with_a_too_long_line_is_refused(rosmaster, tmp_path, monkeypa
 
 def test_a_sample_names_its_publishers(inspector):
     with talking("/look/who", Empty()):
-        inspector.look(**{"look/who": 10.0})
+        inspector.subscribe(**{"look/who": 10.0})
         shown = inspector.shown("/look/who", lambda s: s.number)
-    inspector.look()
+    inspector.subscribe()
     assert shown.publisher_names == [rospy.get_name()]
 
 
 def test_a_subscription_by_a_page_is_no_listener(inspector, ros):
     with talking("/look/heard", String("hello")) as publisher:
-        inspector.look(**{"look/heard": 10.0})
+        inspector.subscribe(**{"look/heard": 10.0})
         inspector.shown("/look/heard", lambda s: s.number)
         assert publisher.get_num_connections() == 1
         assert heard_by(publisher) == []
         with ros.listen("/look/heard", String) as inbox:
             inbox.next()
             assert len(heard_by(publisher)) == 1
-    inspector.look()
+    inspector.subscribe()
 
 
 NEVER_HZ = 1e-300  # not accepted from pages: the wait overflows and the thread fails

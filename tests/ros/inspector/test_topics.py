@@ -87,7 +87,7 @@ def shown(hand: Hand, topic: str) -> wire.Sample:
     seen = hand.until(
         lambda report: isinstance(report, wire.LinkSample) and report.topic == topic, f"{topic} seen"
     )
-    return msgspec.json.decode(seen.shown, type=wire.Sample)
+    return msgspec.json.decode(seen.sample, type=wire.Sample)
 
 
 def falls_silent(inbox: Inbox) -> None:

@@ -535,7 +535,7 @@ async def test_closed_page_pauses_the_bridge_and_others_see_it(open_page, bridge
     fence = (await page.take())["fence"]
     await watching.hears("control", state="other")
     await page.close()
-    assert (await bridge.hears(wire.Pause, lambda hold: "gone" in hold.reason)).fence == fence
+    assert (await bridge.hears(wire.Pause, lambda pause: "gone" in pause.reason)).fence == fence
     away = await watching.hears("control", state="away")
     assert 8 < away["resumable_s"] <= 10
 
@@ -714,7 +714,7 @@ async def test_page_closed_during_a_read_gets_no_control_again(open_page, bridge
     await open_page("second")
     await page.take()
     closing = asyncio.ensure_future(page.close())
-    await bridge.hears(wire.Pause, lambda hold: hold.reason == "The page is gone.")
+    await bridge.hears(wire.Pause, lambda pause: pause.reason == "The page is gone.")
     granted = len(bridge.all(wire.Grant))
     monkeypatch.setattr(robot_hub, "control_status", looked)
     for _ in range(4):

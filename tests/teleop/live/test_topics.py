@@ -69,7 +69,7 @@ async def test_page_of_another_origin_is_refused(robot, browsers, websocket_head
 
 async def test_person_who_loses_the_role_is_disconnected(open_topics, bridge, observer):
     page = await open_topics("observer")
-    await page.say("look", topic="/odom")
+    await page.say("subscribe", topic="/odom")
     await bridge.hears(wire.LinkSubscribe)
     begun_s = time.monotonic()
     await in_database(lambda: RobotRole.objects.filter(user=observer).delete())
@@ -174,8 +174,8 @@ async def test_frequent_queries_are_slowed_down(open_topics, bridge):
     [
         ('{"t":"fly","seq":3}', "invalid"),
         ('{"t":"say","fence":1,"seq":3,"text":"Hi","language":"en"}', "invalid"),
-        ('{"t":"look","seq":3,"topic":"no name"}', "invalid"),
-        ('{"t":"look","seq":3,"topic":"/odom","rate_hz":1000}', "invalid"),
+        ('{"t":"subscribe","seq":3,"topic":"no name"}', "invalid"),
+        ('{"t":"subscribe","seq":3,"topic":"/odom","rate_hz":1000}', "invalid"),
         ('{"t":"call","seq":3,"service":"/a","fields":{"a":' + "[" * 40 + "]" * 40 + "}}", "invalid"),
         ("go!", "not_json"),
         ('{"t":"topics","seq":3,"padding":"' + "x" * 9000 + '"}', "too_large"),
@@ -279,66 +279,66 @@ async def test_call_that_cannot_be_recorded_is_not_sent(open_topics, bridge, dis
 
 async def test_subscriber_gets_the_newest_sample_after_each_ack(open_topics, bridge):
     page = await open_topics("observer")
-    await page.say("look", topic="/odom", rate_hz=10)
+    await page.say("subscribe", topic="/odom", rate_hz=10)
     assert (await bridge.hears(wire.LinkSubscribe)).topics == {"/odom": 10.0}
     sent = bridge.shows("/odom", 1)
-    await page.hears("shown")
+    await page.hears("sample")
     assert page.last_raw == sent
     bridge.shows("/odom", 2)
     bridge.shows("/odom", 3)
-    await page.hears_nothing("shown")
+    await page.hears_nothing("sample")
     await page.say("ack")
-    assert (await page.hears("shown"))["number"] == 3
+    assert (await page.hears("sample"))["number"] == 3
 
 
 async def test_bridge_gets_all_subscriptions_in_one_message(open_topics, bridge):
     first, second = await open_topics("observer"), await open_topics("operator")
-    await first.say("look", topic="/odom", rate_hz=2)
+    await first.say("subscribe", topic="/odom", rate_hz=2)
     await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 2.0})
-    await second.say("look", topic="/odom", rate_hz=5)
+    await second.say("subscribe", topic="/odom", rate_hz=5)
     await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 5.0})
-    await second.say("look", topic="/scan", rate_hz=1)
+    await second.say("subscribe", topic="/scan", rate_hz=1)
     await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 5.0, "/scan": 1.0})
     await second.close()
     await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 2.0})
-    await first.say("unlook", topic="/odom")
+    await first.say("unsubscribe", topic="/odom")
     await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {})
 
 
 async def test_frequent_changes_of_topics_are_collected(open_topics, bridge):
     page = await open_topics("observer")
     for number in range(100):
-        await page.say("look", topic=f"/topic{number}")
-        await page.say("unlook", topic=f"/topic{number}")
-    await page.say("look", topic="/odom")
+        await page.say("subscribe", topic=f"/topic{number}")
+        await page.say("unsubscribe", topic=f"/topic{number}")
+    await page.say("subscribe", topic="/odom")
     await bridge.hears(wire.LinkSubscribe, lambda look: look.topics == {"/odom": 5.0})
     assert len(bridge.all(wire.LinkSubscribe)) < 30
 
 
 async def test_newcomer_gets_the_newest_sample_at_once(open_topics, bridge):
     first, second = await open_topics("observer"), await open_topics("operator")
-    await first.say("look", topic="/map")
+    await first.say("subscribe", topic="/map")
     await bridge.hears(wire.LinkSubscribe)
     bridge.shows("/map", 1)
-    assert (await first.hears("shown"))["number"] == 1
-    await second.hears_nothing("shown")
-    await second.say("look", topic="/map")
-    assert (await second.hears("shown"))["number"] == 1
+    assert (await first.hears("sample"))["number"] == 1
+    await second.hears_nothing("sample")
+    await second.say("subscribe", topic="/map")
+    assert (await second.hears("sample"))["number"] == 1
 
 
 async def test_restarted_bridge_gets_the_subscriptions_again(open_topics, bridge):
     page = await open_topics("observer")
-    await page.say("look", topic="/odom")
+    await page.say("subscribe", topic="/odom")
     await bridge.hears(wire.LinkSubscribe)
     bridge.cut()
     assert (await bridge.hears(wire.LinkSubscribe, count=2)).topics == {"/odom": 5.0}
     bridge.shows("/odom", 1)
-    await page.hears("shown")
+    await page.hears("sample")
 
 
 async def test_robot_with_a_new_address_keeps_its_subscriptions(open_topics, bridge, monkeypatch):
     page = await open_topics("observer")
-    await page.say("look", topic="/odom")
+    await page.say("subscribe", topic="/odom")
     await bridge.hears(wire.LinkSubscribe)
     await in_database(lambda: Robot.objects.update(bridge_address="wss://127.0.0.1:9"))
     await page.hears("bridge_gone")
@@ -347,14 +347,14 @@ async def test_robot_with_a_new_address_keeps_its_subscriptions(open_topics, bri
 async def test_too_many_subscriptions_are_refused(open_topics, bridge):
     page = await open_topics("observer")
     for number in range(MAX_SUBSCRIPTIONS):
-        await page.say("look", topic=f"/topic{number}")
-    await page.say("look", topic="/one_more")
-    refused = await page.hears("refused", of="look")
-    assert refused["refusal"]["code"] == "too_many_looks"
+        await page.say("subscribe", topic=f"/topic{number}")
+    await page.say("subscribe", topic="/one_more")
+    refused = await page.hears("refused", of="subscribe")
+    assert refused["refusal"]["code"] == "too_many_subscriptions"
     assert refused["refusal"]["figures"] == {"topic": "/one_more", "limit": MAX_SUBSCRIPTIONS}
-    await page.say("look", topic="/topic1", rate_hz=1)  # another rate is no new subscription
-    await page.say("unlook", topic="/topic0")
-    await page.say("look", topic="/one_more")
+    await page.say("subscribe", topic="/topic1", rate_hz=1)  # another rate is no new subscription
+    await page.say("unsubscribe", topic="/topic0")
+    await page.say("subscribe", topic="/one_more")
     await bridge.hears(wire.LinkSubscribe, lambda look: "/one_more" in look.topics)
 
 
@@ -363,11 +363,11 @@ async def test_all_subscriptions_fit_into_one_message(open_topics, bridge):
     for number in range(wire.MOST_SUBSCRIPTIONS):
         if number % MAX_SUBSCRIPTIONS == 0:
             page = await open_topics("observer")
-        await page.say("look", topic=f"{long}{number}", rate_hz=3.3333333333333335)
+        await page.say("subscribe", topic=f"{long}{number}", rate_hz=3.3333333333333335)
     await bridge.hears(wire.LinkSubscribe, lambda look: len(look.topics) == wire.MOST_SUBSCRIPTIONS)
     page = await open_topics("observer")
-    await page.say("look", topic="/one_more")
-    assert (await page.hears("refused"))["refusal"]["code"] == "too_many_looks"
-    await page.say("look", topic=f"{long}0")  # another connection subscribes to it already
+    await page.say("subscribe", topic="/one_more")
+    assert (await page.hears("refused"))["refusal"]["code"] == "too_many_subscriptions"
+    await page.say("subscribe", topic=f"{long}0")  # another connection subscribes to it already
     bridge.shows(f"{long}0", 1)
-    await page.hears("shown")
+    await page.hears("sample")

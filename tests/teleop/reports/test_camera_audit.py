@@ -34,12 +34,12 @@ async def picture(bridge, page, number=1, **fields):
     shown = wire.Sample(CAMERA, "sensor_msgs/CompressedImage", number, 5.0, 4, None, 1, {"data": [1]})
     encoded = wire.encode(msgspec.structs.replace(shown, **fields))
     bridge.say(wire.LinkSample(CAMERA, msgspec.Raw(encoded)))
-    await page.hears("shown", number=number)
+    await page.hears("sample", number=number)
     await page.say("ack")
 
 
 async def look(bridge, page):
-    await page.say("look", topic=CAMERA, rate_hz=10.0)
+    await page.say("subscribe", topic=CAMERA, rate_hz=10.0)
     await bridge.hears(wire.LinkSubscribe, lambda looks: CAMERA in looks.topics)
 
 
@@ -61,7 +61,7 @@ async def test_viewing_lasts_from_first_picture_to_unsubscribe(page, bridge, rob
         {"camera": CAMERA},
     )
     await picture(bridge, page, 2)
-    await page.say("unlook", topic=CAMERA)
+    await page.say("unsubscribe", topic=CAMERA)
     end = await found("camera.end")  # shorter than a second, but recorded
     assert (end.of_id, end.actor_id, end.outcome) == (start.pk, str(observer.pk), "closed")
     assert 0.0 <= end.parameters["duration_s"] < 5.0
@@ -132,7 +132,7 @@ async def test_frequent_viewings_delay_the_next_picture(page, bridge, robot, mon
     for number in (1, 2):
         await look(bridge, page)
         await picture(bridge, page, number)
-        await page.say("unlook", topic=CAMERA)
+        await page.say("unsubscribe", topic=CAMERA)
         await bridge.hears(wire.LinkSubscribe, lambda looks: CAMERA not in looks.topics)
     await look(bridge, page)
     shown = wire.Sample(CAMERA, "sensor_msgs/CompressedImage", 3, 5.0, 4, None, 1, {"data": [1]})

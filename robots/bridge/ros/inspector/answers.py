@@ -71,13 +71,13 @@ class Inspector:
             case Check(number=number, order=order):
                 self._aside(partial(self._check, number, order))
             case wire.LinkSubscribe(topics=topics):
-                self._work.put(partial(self._look_at, topics))
+                self._work.put(partial(self._subscribe, topics))
             case wire.Publish() as order:
                 self._work.put(partial(self._publish, order, self._permit))
             case HaltPublishing(number=number, topic=None):
                 self._halt(number)
             case HaltPublishing(number=number, topic=str(topic)):
-                self._work.put(partial(self._silence, number, topic))
+                self._work.put(partial(self._stop_publishing, number, topic))
             case KeepAlive():
                 pass  # its arrival already extended the permit
 
@@ -98,10 +98,10 @@ class Inspector:
         if self._node is None:
             from robots.bridge.ros.inspector.node import Node
 
-            self._node = Node(self._config, self._master, self._definitions, self._seen)
+            self._node = Node(self._config, self._master, self._definitions, self._sample)
         return self._node
 
-    def _look_at(self, topics: dict[str, float]) -> None:
+    def _subscribe(self, topics: dict[str, float]) -> None:
         if not topics and self._node is None:
             return
         try:
@@ -110,8 +110,8 @@ class Inspector:
             text = f"No ROS master answers at {self._config.master_uri}."
             refusal = wire.Refusal("robot_offline", text, "robot")
             for topic in topics:
-                shown = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
-                self._seen(topic, wire.encode(shown))
+                sample = wire.Sample(topic, "*", 0, None, 0, None, 0, {}, refusal=refusal)
+                self._sample(topic, wire.encode(sample))
             raise
 
     def _publish(self, order: wire.Publish, permit: PublishPermit) -> None:
@@ -128,7 +128,7 @@ class Inspector:
         ended.end()
         self._report(Done(number))
 
-    def _silence(self, number: int, topic: str) -> None:
+    def _stop_publishing(self, number: int, topic: str) -> None:
         if self._node is not None:
             self._node.publishers.stop(topic)
         self._report(Done(number))
@@ -138,8 +138,8 @@ class Inspector:
     def _report(self, report: Report) -> None:
         self._say(wire.encode(report))
 
-    def _seen(self, topic: str, shown: bytes) -> None:
-        self._report(wire.LinkSample(topic, msgspec.Raw(shown)))
+    def _sample(self, topic: str, sample: bytes) -> None:
+        self._report(wire.LinkSample(topic, msgspec.Raw(sample)))
 
     # --- queries --------------------------------------------------------------------------------------
 
