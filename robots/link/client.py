@@ -150,11 +150,11 @@ class BridgeLink:
         self._subscriptions_timer: asyncio.TimerHandle | None = (
             None  # sends changed subscriptions to the bridge
         )
-        self._grants: PendingReplies[None] = PendingReplies()  # by fencing number
+        self._grants: PendingReplies[None] = PendingReplies()  # by fence
         self._latch: PendingReplies[Stopped] = PendingReplies()  # by number
         self._task_requests: PendingReplies[Accepted | Refused] = (
             PendingReplies()
-        )  # by kind, fencing number and number
+        )  # by kind, fence and number
         self._queries: PendingReplies[str] = PendingReplies()  # by number
         self._pause_s = _BACK_OFF_S[0]
         self.tried = asyncio.Event()  # a first attempt came to an end, good or bad

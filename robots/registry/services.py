@@ -131,7 +131,7 @@ def _named(robot: Robot) -> _Named:
 
 
 def _save_changes(entry: models.Model, stored: models.Model) -> list[dict[str, Any]]:
-    """Save only changed fields: a form left open must not bring back an old fencing number."""
+    """Save only changed fields: a form left open must not bring back an old fence."""
     before, after = _entered(stored), _entered(entry)
     changed = [name for name in after if after[name] != before[name]]
     if changed:

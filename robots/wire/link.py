@@ -25,7 +25,7 @@ class LinkHello(Struct, frozen=True, tag_field="t", tag="link_hello"):
 class Grant(Struct, frozen=True, tag_field="t", tag="grant"):
     """Control for `seconds` from arrival, by the bridge's own clock; repeated to renew.
 
-    The bridge refuses a fencing number below the highest it has ever seen, and the same number under another
+    The bridge refuses a fence below the highest it has ever seen, and the same number under another
     control session.
     """
 

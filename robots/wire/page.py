@@ -66,7 +66,7 @@ class Drive(Struct, frozen=True, tag_field="t", tag="drive"):
 
     `x` forward, `y` left (holonomic bases), `w` turn left; `share` is the part of the robot's limits that
     a full stick means. `seq` grows with each `Drive` of a connection; `sent_ms` is the browser's monotonic clock
-    (performance.now()). `fence` is the fencing number of the sender's lease.
+    (performance.now()). `fence` is that of the sender's lease.
     """
 
     fence: Fence

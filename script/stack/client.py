@@ -147,7 +147,7 @@ class Driver:
         await self.socket.send(wire.encode(message), text=True)
 
     async def take(self) -> int:
-        """Take control of a free robot, the stick in the middle; returns the fencing number."""
+        """Take control of a free robot, the stick in the middle; returns the fence."""
         await self.send(wire.Take())
         await self.until(lambda: self.fence is not None)
         await self.drive(0.0, 0.0)

@@ -2,7 +2,7 @@
 
 A change that is not allowed raises `ControlRefused`. Conditional updates decide races: if the lease changed since it
 was read, the change is refused. This module does not talk to bridges; its callers do, after the commit.
-`highest_fence` is the highest fencing number that the robot's bridge has seen: with it, a database that was restored
+`highest_fence` is the highest fence that the robot's bridge has seen: with it, a database that was restored
 from an older copy cannot assign a number twice.
 """
 
@@ -26,9 +26,10 @@ from robots.access.selectors import supervises
 from robots.registry.models import Robot, Role
 from robots.registry.services import fence_next
 from robots.wire import Refusal
-from teleop.control import lease_checks, queue
+from teleop.control import lease_checks
 from teleop.control.changes import ControlRefused, recorded_change, robot_locked
 from teleop.control.lease_checks import LeaseState, Tab, Waiter
+from teleop.control.line import GRANTED, places_close
 from teleop.control.rules import Permit, permit_for
 from teleop.control.selectors import lease_of, line_of, subject_of
 from teleop.models import ControlSession, EndReason, Lease, named
@@ -320,7 +321,7 @@ def _assign(
     highest_fence: int,
     now: datetime,
 ) -> LeaseState:
-    """Replace the lease `before` with one of `user`, with a new control session and fencing number."""
+    """Replace the lease `before` with one of `user`, with a new control session and fence."""
     given = LeaseState(
         session=uuid4(),
         user=user.id,
@@ -355,7 +356,7 @@ def _assign(
         started_at=now,
     )
     booking_used(robot_id=robot.id, person_id=user.id, now=now)
-    queue.places_close(queue.GRANTED, robot=robot, person=user)
+    places_close(GRANTED, robot=robot, person=user)
     return given
 
 

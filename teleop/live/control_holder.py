@@ -20,7 +20,7 @@ from robots.registry.models import Role
 from robots.wire import Control, Notice, Refusal
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
-from teleop.control import queue, services
+from teleop.control import line, services
 from teleop.control.changes import ControlRefused, NotStored
 from teleop.control.lease_checks import NO_LEASE, LeaseState, Phase, Tab, lapse_reason, phase
 from teleop.control.lease_checks import offered as offered_now
@@ -89,7 +89,7 @@ class ControlHolder:
 
     @property
     def fence(self) -> int | None:
-        """Its fencing number."""
+        """Its fence."""
         return self._renewer.fence if self._renewer else None
 
     @property
@@ -128,7 +128,7 @@ class ControlHolder:
         status = self._status
         places = status.line if status else []
         waited = any(one.user == self._user_id and one.tab.is_same_tab(self.tab) for one in places)
-        if waited and await in_database(queue.line_resume, **self._me(), now=timezone.now()):
+        if waited and await in_database(line.line_resume, **self._me(), now=timezone.now()):
             await self._hub.lease_changed()
         lease = status.lease if status else None
         if lease is None or lease.user != self._user_id or not lease.tab.is_same_tab(self.tab):
@@ -154,13 +154,13 @@ class ControlHolder:
     async def ask(self) -> None:
         """Wait in line for control. The holder sees it."""
         self._withdrew = False
-        await self._change(queue.line_join)
+        await self._change(line.line_join)
 
     async def withdraw(self) -> None:
         """Leave the line."""
         self._withdrew = True
         await in_database(
-            queue.line_leave,
+            line.line_leave,
             robot_id=self._hub.robot_id,
             connection=self.tab.connection,
         )
@@ -179,7 +179,7 @@ class ControlHolder:
         return {"robot_id": self._hub.robot_id, "user_id": self._user_id, "tab": self.tab}
 
     async def _highest_fence(self) -> int:
-        """Return the highest fencing number that the bridge knows. LinkRefused: the robot is out of reach."""
+        """Return the highest fence that the bridge knows. LinkRefused: the robot is out of reach."""
         await self._hub.wait_for_link()
         link = self._hub.link
         if not link.up and link.refusal:
@@ -232,7 +232,7 @@ class ControlHolder:
                 mine,
                 permit=rights.permit,
                 answered=self._report_control,
-                # The bridge knows better: it has a higher fencing number, or another session under this one.
+                # The bridge knows better: it has a higher fence, or another session under this one.
                 refused=partial(self._end, EndReason.BRIDGE),
                 delay_s=self._delay_s,
                 camera_s=self._camera_s,
@@ -356,7 +356,7 @@ def _leave(robot_id: UUID, connection: str, session: UUID | None) -> None:
     now = timezone.now()
     if session is not None:
         services.lease_lost(robot_id=robot_id, session=session, connection=connection, now=now)
-    queue.line_away(robot_id=robot_id, connection=connection)
+    line.line_away(robot_id=robot_id, connection=connection)
 
 
 def _end_lease(

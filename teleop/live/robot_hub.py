@@ -24,7 +24,7 @@ from robots.link.client import BridgeLink, links
 from robots.processes.durations import Durations
 from robots.wire import Ended, GoPath, Offers, Refresh, Refusal, Refused, State
 from teleop.background.database import in_database
-from teleop.control import lease_checks, queue
+from teleop.control import lease_checks, line
 from teleop.control.changes import ControlRefused
 from teleop.control.lease_checks import Phase
 from teleop.control.lease_events import LeaseEvents
@@ -234,7 +234,7 @@ class RobotHub:
         if not status.line or lease_checks.offered(status.line, status.read_at) is not None:
             return False
         with suppress(ControlRefused, DatabaseError):
-            return queue.offer_next(robot_id=self.robot_id, now=status.read_at)
+            return line.offer_next(robot_id=self.robot_id, now=status.read_at)
         return False
 
     def _read_again(self, people: Collection[SignIn], sessions: list[UUID]) -> ControlStatus:
@@ -255,7 +255,7 @@ class RobotHub:
                     seen_at=timezone.now() - silent,
                 )
         if waiting := [member.id for member in list(self.members.values()) if member.waits]:
-            queue.line_keep(robot_id=self.robot_id, connections=waiting, now=timezone.now())
+            line.line_keep(robot_id=self.robot_id, connections=waiting, now=timezone.now())
 
     async def _keep_reading(self) -> None:
         reads = 0

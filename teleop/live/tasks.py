@@ -55,7 +55,7 @@ class TaskOwner(Protocol):
 
     @property
     def fence(self) -> int | None:
-        """The fencing number of its control; None without control."""
+        """The fence of its control; None without control."""
 
     @property
     def role_in_control(self) -> Role | None:

@@ -396,7 +396,7 @@ def test_a_record_links_its_control_session(admin):
     start = say("hello", session_id=uuid.uuid4(), fence=7)
     page = page_of(admin, start)
     assert f"session={start.session_id}" in page
-    assert "fencing number 7" in page
+    assert "fence 7" in page
 
 
 def test_a_record_shows_all_its_details_and_its_digest(admin, operator):

@@ -1,4 +1,4 @@
-"""People in line for taken slots: join, leave, offer, accept. For control now: `teleop.control.queue`.
+"""People in line for taken slots: join, leave, offer, accept. For control now: `teleop.control.line`.
 
 An offer is a booking in state "offered": it holds the slot until its deadline. Housekeeping makes offers and ends those
 that lapsed, so several such processes, or none for a while, do no harm.

@@ -15,7 +15,7 @@ export function isDue({ neutral, sinceLastMs, backlog }) {
   return sinceLastMs >= (neutral ? RESTING_MS : DRIVING_MS) - TIMER_SLACK_MS;
 }
 
-/** Sends a stick over a socket under a fencing number; runs only while its page has control. */
+/** Sends a stick over a socket under a fence; runs only while its page has control. */
 export class DriveSender {
   #socket;
   #stick;

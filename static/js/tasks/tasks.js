@@ -94,7 +94,7 @@ export function shortened(text, length = 40) {
 }
 
 /**
- * Sends under the fencing number of this tab's control. Knows which motion and which speech this page began, so that
+ * Sends under the fence of this tab's control. Knows which motion and which speech this page began, so that
  * their end is reported to the person who asked.
  */
 export class Orders {

@@ -241,7 +241,7 @@ class RobotConsumer(RobotSocket):
 
     @property
     def fence(self) -> int | None:
-        """Its fencing number."""
+        """Its fence."""
         return self.control.fence if self.control else None
 
     @property

@@ -93,7 +93,7 @@ class RobotSocket(MessageSocket):
 
     @property
     def fence(self) -> int | None:
-        """The fencing number of its control; None without control."""
+        """The fence of its control; None without control."""
         return None
 
     @property

@@ -29,7 +29,7 @@ from fleet.bookings.services import store_no_shows
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
 from teleop.api.v1.framework.idempotency import remove_old_answers
-from teleop.control import lease_checks, queue, services
+from teleop.control import lease_checks, line, services
 from teleop.control.changes import ControlRefused
 from teleop.control.selectors import held_leases
 from teleop.recording import camera_audit
@@ -158,4 +158,4 @@ def end_lapsed() -> None:
             with suppress(ControlRefused):  # another process was faster, or the next round tries again
                 services.lease_expire(robot_id=robot_id, now=now)
     with suppress(ControlRefused):
-        queue.line_tidy(now=now)
+        line.line_tidy(now=now)

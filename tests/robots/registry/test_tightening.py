@@ -189,7 +189,7 @@ def test_the_default_share_never_exceeds_the_largest(robot: Robot) -> None:
     assert robot_facts(robot).default_share == 0.2
 
 
-def test_the_digest_notices_edits_and_not_fencing_numbers(robot: Robot) -> None:
+def test_the_digest_notices_edits_and_not_fences(robot: Robot) -> None:
     before = bridge_config(robot).digest()
     robot.fence = 99
     assert bridge_config(robot).digest() == before

@@ -24,9 +24,10 @@ from robots.access.enrolment import enrol, unenrol
 from robots.access.models import Course
 from robots.registry.models import Robot, RobotProfile, Role
 from robots.wire import NotDone
-from teleop.control import queue, services
+from teleop.control import services
 from teleop.control.changes import NotStored
 from teleop.control.lease_checks import Tab
+from teleop.control.line import line_join, offer_next
 from teleop.control.selectors import lease_of, line_of
 from teleop.models import EndReason
 
@@ -66,8 +67,8 @@ class Lab:
             lambda: services.lease_take_over(
                 **take, user_id=self.staff.id, tab=_tab(self.staff), reason="a test"
             ),
-            lambda: queue.line_join(robot_id=robot.id, now=now, **me),
-            lambda: queue.offer_next(robot_id=robot.id, now=now),
+            lambda: line_join(robot_id=robot.id, now=now, **me),
+            lambda: offer_next(robot_id=robot.id, now=now),
             lambda: services.lease_expire(robot_id=robot.id, now=now + timedelta(hours=5)),
             lambda: keep_waiting_lists(now),
             lambda: bookings_free_lost(None, now),

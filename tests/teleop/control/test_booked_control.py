@@ -11,7 +11,7 @@ from fleet.bookings.schedule import schedule_of
 from fleet.bookings.services import booking_approve, booking_cancel, booking_make
 from robots.registry.models import Role
 from robots.wire import Refusal
-from teleop.control import queue, services
+from teleop.control import line, services
 from teleop.control.lease_checks import Tab
 from teleop.control.rules import Subject, permit_for, schedule_for
 from teleop.control.selectors import end_notes, lease_of
@@ -128,7 +128,7 @@ def test_handing_over_hands_the_rest_of_the_slot(robot, operator, second_operato
     book(robot, operator, 0)
     take(robot, operator, at(1))
     ask = {"robot_id": robot.id, "user_id": second_operator.id, "tab": tab(second_operator), "now": at(1.1)}
-    request = queue.line_join(**ask)
+    request = line.line_join(**ask)
     take(robot, operator, at(1.1), services.lease_hand_over, request_id=request)
     assert lease_of(robot.id).user == second_operator.id
     assert Booking.objects.get().person == second_operator

@@ -24,7 +24,7 @@ from robots.link.client import BridgeLink
 from robots.registry.models import Robot
 from robots.wire import Refusal
 from teleop.background.database import in_database
-from teleop.control import lease_checks, queue, services
+from teleop.control import lease_checks, line, services
 from teleop.control.lease_checks import Tab
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.rules import WARNING
@@ -371,7 +371,7 @@ async def test_withdrawing_a_request_gives_no_notice(open_page, monkeypatch):
     looks, control_status, cancel = (
         threading.Semaphore(0),
         robot_hub.control_status,
-        queue.line_leave,
+        line.line_leave,
     )
 
     def looked(*args, **kwargs):
@@ -386,7 +386,7 @@ async def test_withdrawing_a_request_gives_no_notice(open_page, monkeypatch):
     monkeypatch.setattr(robot_hub, "STATUS_S", 0.02)
     monkeypatch.setattr(robot_hub, "FULL_EVERY", 1)
     monkeypatch.setattr(robot_hub, "control_status", looked)
-    monkeypatch.setattr(queue, "line_leave", cancelled_after_a_look)
+    monkeypatch.setattr(line, "line_leave", cancelled_after_a_look)
     await asker.say("ask_cancel")
     while (await asker.hears("control"))["asking"]:
         pass

@@ -12,7 +12,7 @@ from fleet.audit.models import Record
 from fleet.bookings.models import Waiting
 from robots.registry.models import Robot, RobotRole
 from robots.wire import Refusal
-from teleop.control import queue, services
+from teleop.control import line, services
 from teleop.control.lease_checks import Tab
 from teleop.control.selectors import end_notes, lease_of, line_of
 from teleop.models import ControlSession, EndReason, Lease
@@ -38,7 +38,7 @@ def take(robot, user, *, name=None, highest_fence=0, now=NOW):
 
 
 def ask(robot, user):
-    return queue.line_join(robot_id=robot.id, user_id=user.id, tab=tab(user.username), now=NOW)
+    return line.line_join(robot_id=robot.id, user_id=user.id, tab=tab(user.username), now=NOW)
 
 
 def hand_over(robot, holder, request):
@@ -236,14 +236,14 @@ def test_handover_gives_control_to_the_page_that_asked(robot, operator, second_o
 def test_handover_to_a_withdrawn_request_is_refused(robot, operator, second_operator):
     take(robot, operator)
     number = ask(robot, second_operator)
-    queue.line_leave(robot_id=robot.id, connection="second-connection")
+    line.line_leave(robot_id=robot.id, connection="second-connection")
     assert refused(hand_over, robot, operator, number).code == "no_such_request"
 
 
 def test_asking_twice_makes_one_request(robot, operator, second_operator):
     take(robot, operator)
     ask = {"robot_id": robot.id, "user_id": second_operator.id, "now": NOW}
-    assert queue.line_join(tab=tab("one"), **ask) == queue.line_join(tab=tab("two"), **ask)
+    assert line.line_join(tab=tab("one"), **ask) == line.line_join(tab=tab("two"), **ask)
     assert [one.tab.token for one in line_of(robot.id, NOW)] == ["two-tab"]
 
 
@@ -296,7 +296,7 @@ def test_session_ends_once_however_control_ends(robot, operator, second_operator
     held += [take(robot, operator), take(robot, operator, name="operator-elsewhere")]
     step(services.lease_take_over, supervisor, reason="fire drill", highest_fence=0)
     held.append(lease_of(robot.id))
-    asked = step(queue.line_join, operator)
+    asked = step(line.line_join, operator)
     held.append(step(services.lease_hand_over, supervisor, request_id=asked, highest_fence=0))
     services.lease_end(
         robot_id=robot.id, session=held[-1].session, reason=EndReason.RIGHT, refusal=refusal, now=NOW
@@ -333,24 +333,24 @@ def test_names_and_reasons_in_records_may_expire(robot, operator, supervisor):
 def test_outcome_of_a_request_is_recorded(outcome, robot, operator, second_operator):
     held = take(robot, operator)
     asker, holder = tab("second"), {"robot_id": robot.id, "user_id": operator.id, "tab": tab("operator")}
-    asked = queue.line_join(robot_id=robot.id, user_id=second_operator.id, tab=asker, now=NOW)
+    asked = line.line_join(robot_id=robot.id, user_id=second_operator.id, tab=asker, now=NOW)
     match outcome:
         case "granted":
             services.lease_hand_over(**holder, request_id=asked, highest_fence=0, now=NOW)
         case "lapsed":
             give_back(robot, held)
-            queue.offer_next(robot_id=robot.id, now=NOW)
+            line.offer_next(robot_id=robot.id, now=NOW)
             Waiting.objects.update(seen_at=NOW + timedelta(seconds=31))
-            queue.line_tidy(now=NOW + timedelta(seconds=31))
+            line.line_tidy(now=NOW + timedelta(seconds=31))
         case "gone":
-            queue.line_away(robot_id=robot.id, connection=asker.connection)
-            queue.line_tidy(now=NOW + timedelta(seconds=15))
+            line.line_away(robot_id=robot.id, connection=asker.connection)
+            line.line_tidy(now=NOW + timedelta(seconds=15))
         case "not_allowed":
             give_back(robot, held)
             RobotRole.objects.filter(user=second_operator).delete()
-            assert not queue.offer_next(robot_id=robot.id, now=NOW)
+            assert not line.offer_next(robot_id=robot.id, now=NOW)
         case _:
-            queue.line_leave(robot_id=robot.id, connection=asker.connection)
+            line.line_leave(robot_id=robot.id, connection=asker.connection)
     ask, answer = Record.objects.filter(kind="control.ask").order_by("id")
     assert (ask.actor_id, ask.outcome) == (str(second_operator.pk), "")
     assert (answer.of_id, answer.outcome, answer.session_id) == (ask.pk, outcome, ask.session_id)

@@ -62,7 +62,7 @@ async def test_binary_frame_is_refused(holder, bridge):
     await still_drives(holder, bridge)
 
 
-async def test_old_fencing_number_is_refused(holder, bridge):
+async def test_old_fence_is_refused(holder, bridge):
     await holder.say_raw(drive(fence=FENCE + 1))
     refused = await holder.refused("old_fence")
     assert (refused["of"], refused["seq"], refused["fence"]) == ("drive", 1, FENCE + 1)

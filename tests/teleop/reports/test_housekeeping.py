@@ -18,7 +18,7 @@ from django.utils import timezone
 from fleet.audit.models import Record
 from fleet.bookings.messages import letters
 from fleet.bookings.models import Letter, Waiting
-from teleop.control import lease_checks, queue, services
+from teleop.control import lease_checks, line, services
 from teleop.control.lease_checks import Tab
 from teleop.control.selectors import lease_of
 from teleop.management.commands import run_housekeeping
@@ -58,7 +58,7 @@ def test_valid_lease_is_left_alone(robot, held):
 
 
 def test_a_page_that_died_loses_its_place_in_line(robot, held, second_operator):
-    queue.line_join(robot_id=robot.id, user_id=second_operator.id, tab=TAB, now=timezone.now())
+    line.line_join(robot_id=robot.id, user_id=second_operator.id, tab=TAB, now=timezone.now())
     Waiting.objects.update(seen_at=timezone.now() - timedelta(seconds=lease_checks.WAITS_S + 1))
     call_command("run_housekeeping", "--once")
     assert not Waiting.objects.exists()

@@ -136,7 +136,7 @@ class ProgramConnection:
 
     @property
     def fence(self) -> int | None:
-        """The fencing number of the program's control; None without control."""
+        """The fence of the program's control; None without control."""
         control = self._control
         return control.fence if self.open_now and control and control.state == "yours" else None
 
@@ -147,7 +147,7 @@ class ProgramConnection:
         return control
 
     async def request(self, make: Callable[[int, int], Any]) -> None:
-        """Send a task, made with fencing number and sequence number. Returns when it was taken; else `NotDone`."""
+        """Send a task, made with fence and sequence number. Returns when it was taken; else `NotDone`."""
         fence = self.fence
         if fence is None:
             raise NotDone(_NOT_YOURS)

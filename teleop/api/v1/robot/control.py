@@ -46,7 +46,7 @@ class ControlEntry(Struct, frozen=True):
         ControlState | Literal["unknown"]
     )  # "yours": this program's; "unknown": it has asked for nothing yet
     holder: str | None = None
-    fence: int | None = None  # fencing number, of one's own control
+    fence: int | None = None  # of one's own control
     session: UUID | None = None  # control session, as in the log
     term_s: float | None = None  # until control ends, unless it is renewed
     unused_s: float | None = None  # control ends, too, when the program asks for nothing so long

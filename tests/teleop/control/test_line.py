@@ -9,7 +9,7 @@ from fleet.bookings.models import Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
 from robots.registry.models import RobotRole
-from teleop.control import queue, services
+from teleop.control import line, services
 from teleop.control.changes import ControlRefused
 from teleop.control.lease_checks import OFFER_S, WAITS_S, Tab
 from teleop.control.selectors import lease_of, line_of
@@ -33,7 +33,7 @@ def take(robot, person, now=NOW, step=services.lease_take, **options):
 
 
 def wait(robot, person, now=NOW):
-    return queue.line_join(robot_id=robot.id, user_id=person.id, tab=tab(person), now=now)
+    return line.line_join(robot_id=robot.id, user_id=person.id, tab=tab(person), now=now)
 
 
 def give_back(robot, now=NOW):
@@ -64,7 +64,7 @@ def free_with_a_line(robot, operator, second_operator, third):
     wait(robot, second_operator, at(1))
     wait(robot, third, at(2))
     give_back(robot, at(3))
-    assert queue.offer_next(robot_id=robot.id, now=at(3))
+    assert line.offer_next(robot_id=robot.id, now=at(3))
 
 
 def test_the_first_in_line_gets_30_s_and_nobody_else(
@@ -84,8 +84,8 @@ def test_the_first_in_line_gets_30_s_and_nobody_else(
 
 def test_an_offer_that_nobody_takes_goes_to_the_next(robot, second_operator, third, free_with_a_line):
     Waiting.objects.update(seen_at=at(34))
-    assert not queue.offer_next(robot_id=robot.id, now=at(3 + OFFER_S - 1))
-    assert queue.offer_next(robot_id=robot.id, now=at(34))
+    assert not line.offer_next(robot_id=robot.id, now=at(3 + OFFER_S - 1))
+    assert line.offer_next(robot_id=robot.id, now=at(34))
     assert refused(take, robot, second_operator, at(35)).code == "next_in_line"
     assert take(robot, third, at(35)).user == third.id
     assert not Waiting.objects.exists()
@@ -94,7 +94,7 @@ def test_an_offer_that_nobody_takes_goes_to_the_next(robot, second_operator, thi
 def test_a_robot_that_somebody_drives_is_not_offered(robot, operator, second_operator):
     take(robot, operator)
     wait(robot, second_operator)
-    assert not queue.offer_next(robot_id=robot.id, now=at(1))
+    assert not line.offer_next(robot_id=robot.id, now=at(1))
     assert line_of(robot.id, at(1))[0].offer_until is None
 
 
@@ -119,7 +119,7 @@ def test_a_slots_owner_does_not_wait(robot, operator, second_operator, third):
     booking_make(robot=robot, person=third, slot=Slot(at(60), at(3660)), now=NOW)
     give_back(robot, at(61))
     Waiting.objects.update(seen_at=at(61))
-    assert not queue.offer_next(robot_id=robot.id, now=at(61))  # it is booked: nobody else may take it
+    assert not line.offer_next(robot_id=robot.id, now=at(61))  # it is booked: nobody else may take it
     take(robot, third, at(62))
     assert [one.user for one in line_of(robot.id, at(62))] == [second_operator.id]
 
@@ -130,7 +130,7 @@ def test_a_lost_right_makes_room_for_the_next(robot, second_operator, third, ope
     wait(robot, third)
     RobotRole.objects.filter(user=second_operator).delete()
     give_back(robot)
-    assert queue.offer_next(robot_id=robot.id, now=at(1))
+    assert line.offer_next(robot_id=robot.id, now=at(1))
     assert take(robot, third, at(2)).user == third.id
 
 
@@ -156,7 +156,7 @@ def test_a_clock_that_was_set_back_lengthens_no_offer(
     earlier = at(-3600)
     assert line_of(robot.id, earlier) == []  # until their pages are seen again
     Waiting.objects.update(seen_at=earlier)
-    queue.line_tidy(now=earlier)
+    line.line_tidy(now=earlier)
     assert [one.user for one in line_of(robot.id, earlier)] == [third.id]
-    assert queue.offer_next(robot_id=robot.id, now=earlier)
+    assert line.offer_next(robot_id=robot.id, now=earlier)
     assert take(robot, third, at(-3599)).user == third.id
