@@ -23,7 +23,7 @@ from robots.bridge.audit.record_sink import (
     GateSummary,
     Holder,
     Parameters,
-    Place,
+    Position,
     TakenDescription,
     TakenMap,
 )
@@ -374,7 +374,7 @@ class _NoRecords:
 
     def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None: ...
 
-    def begin_drive(self, holder: Holder, start: Place) -> int:
+    def begin_drive(self, holder: Holder, start: Position) -> int:
         return 1
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None: ...

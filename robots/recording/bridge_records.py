@@ -38,7 +38,7 @@ from robots.bridge.audit.record_sink import (
     GateSummary,
     Holder,
     Parameters,
-    Place,
+    Position,
     RecordError,
     TakenDescription,
     TakenMap,
@@ -176,9 +176,9 @@ class AuditSink:
         BridgePulse.objects.update_or_create(robot_id=self._robot_id, defaults={"at": timezone.now()})
 
     @_or_record_error
-    def begin_drive(self, holder: Holder, start: Place) -> int:
+    def begin_drive(self, holder: Holder, start: Position) -> int:
         """Commit the start of a drive."""
-        return record("drive.start", private=_place(start), **self._by(holder)).pk
+        return record("drive.start", private=_position(start), **self._by(holder)).pk
 
     @_or_record_error
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
@@ -194,7 +194,7 @@ class AuditSink:
             "words": summary.ended_by,
             "path": _path(summary.path),
             "path_tolerance_m": summary.tolerance_m,
-            **_place(summary.end),
+            **_position(summary.end),
         }
         record(
             "drive.end",
@@ -309,8 +309,8 @@ class _By(TypedDict):
     fence: int | None
 
 
-def _place(place: Place) -> dict[str, Any]:
-    return {"pose": _pose(place.pose), "map_to_odom": _pose(place.map_to_odom)}
+def _position(position: Position) -> dict[str, Any]:
+    return {"pose": _pose(position.pose), "map_to_odom": _pose(position.map_to_odom)}
 
 
 def _pose(pose: Pose | None) -> list[float] | None:

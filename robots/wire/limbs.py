@@ -10,7 +10,7 @@ from robots.wire.base import Fence, Seq
 
 Limb = Literal["gripper", "torso"]
 FARTHEST_LIMB_M = 4.0
-LimbPlace = Annotated[float, Meta(ge=-FARTHEST_LIMB_M, le=FARTHEST_LIMB_M)]  # metres
+LimbPosition = Annotated[float, Meta(ge=-FARTHEST_LIMB_M, le=FARTHEST_LIMB_M)]  # metres
 
 
 class MoveLimb(Struct, frozen=True, tag_field="t", tag="move_limb"):
@@ -22,7 +22,7 @@ class MoveLimb(Struct, frozen=True, tag_field="t", tag="move_limb"):
 
     fence: Fence
     limb: Limb
-    to_m: LimbPlace
+    to_m: LimbPosition
     seq: Seq = 0
 
 

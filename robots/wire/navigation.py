@@ -10,7 +10,7 @@ from msgspec import Meta, Struct
 from robots.wire.base import Fence, Seq
 
 FARTHEST_PLACE_M = 10_000.0
-MOST_PATH = 200  # places of a path
+MOST_PATH = 200  # points of a path
 Coordinate = Annotated[float, Meta(ge=-FARTHEST_PLACE_M, le=FARTHEST_PLACE_M)]  # metres
 MapDigest = Annotated[str, Meta(max_length=64)]  # as the console's API names a map; empty: any
 PlaceName = Annotated[str, Meta(max_length=60)]  # of a place that people named
@@ -53,7 +53,10 @@ class SetPose(Struct, frozen=True, tag_field="t", tag="set_pose"):
 
 
 class Location(Struct, frozen=True):
-    """The robot's place on its map, as it believes. `problem`: why it cannot be sent to a place; empty: it can."""
+    """The robot's pose on its map by localisation: metres, radians.
+
+    `problem`: why it cannot drive to a place; empty: it can.
+    """
 
     x: float
     y: float

@@ -52,8 +52,8 @@ class Target(NamedTuple):
     host_header: str
 
 
-class Place(NamedTuple):
-    """An address that a name has: the arguments of `socket.socket` and of `connect`."""
+class Endpoint(NamedTuple):
+    """An IP address and port of a name: the arguments of `socket.socket` and of `connect`."""
 
     family: socket.AddressFamily
     sockaddr: tuple[Any, ...]
@@ -90,7 +90,7 @@ def target_of(address: str) -> Target:
     )
 
 
-def resolved(target: Target) -> list[Place]:
+def resolved(target: Target) -> list[Endpoint]:
     """Return the addresses of the target's host to which the request may go.
 
     Raises `AddressRefused` if there is none.
@@ -101,16 +101,16 @@ def resolved(target: Target) -> list[Place]:
         raise AddressRefused(
             "no_such_host", _("The name %(host)s has no address.") % {"host": target.host}
         ) from None
-    places, refused = [], AddressRefused("no_such_host", "")
+    endpoints, refused = [], AddressRefused("no_such_host", "")
     for family, _type, _protocol, _name, sockaddr in found:
         try:
             _require_allowed(target.host, ip_address(sockaddr[0]), tls=target.tls)
-            places.append(Place(family, sockaddr))
+            endpoints.append(Endpoint(family, sockaddr))
         except AddressRefused as refusal:
             refused = refusal
-    if not places:
+    if not endpoints:
         raise refused
-    return places
+    return endpoints
 
 
 def is_public(address: IPv4Address | IPv6Address) -> bool:

@@ -13,12 +13,12 @@ from typing import NamedTuple
 from django.utils.translation import gettext as _
 
 from robots.wire import NotDone, Refusal
-from teleop.webhooks.addresses import Place, Target, resolved
+from teleop.webhooks.addresses import Endpoint, Target, resolved
 
 STEP_S = 5.0  # to connect, and between two parts of an answer
 WHOLE_S = 10.0  # for a receiver that sends an answer letter by letter
 ANSWER_BYTES = 2048
-MOST_PLACES = 2  # addresses of one name: one of each family
+MOST_ENDPOINTS = 2  # addresses of one name: one of each family
 
 
 class NotSent(NotDone):
@@ -43,9 +43,9 @@ class Answer(NamedTuple):
 
 def post(target: Target, headers: Mapping[str, str], body: bytes) -> Answer:
     """Send a body. Raises `NotSent` or `AddressRefused`."""
-    places = resolved(target)
+    endpoints = resolved(target)
     try:
-        with _connected(target, places) as connection:
+        with _connected(target, endpoints) as connection:
             connection.request("POST", target.path, body, {"Host": target.host_header, **headers})
             response = connection.getresponse()
             text = _beginning(response)
@@ -68,9 +68,9 @@ class _TooLong(Exception):
 
 
 @contextmanager
-def _connected(target: Target, places: list[Place]) -> Iterator[http.client.HTTPConnection]:
+def _connected(target: Target, endpoints: list[Endpoint]) -> Iterator[http.client.HTTPConnection]:
     """Connect to one of these addresses, and to no other. After `WHOLE_S` the connection is shut down."""
-    sock = _first_that_answers(places)
+    sock = _first_that_answers(endpoints)
     line = sock.dup()  # survives the wrapping in TLS
     late = threading.Event()
 
@@ -99,14 +99,14 @@ def _connected(target: Target, places: list[Place]) -> Iterator[http.client.HTTP
         sock.close()
 
 
-def _first_that_answers(places: list[Place]) -> socket.socket:
-    families = {place.family: place for place in reversed(places)}  # the first of each
-    ordered = [place for place in places if families[place.family] is place][:MOST_PLACES]
-    for number, place in enumerate(ordered, 1):
-        sock = socket.socket(place.family, socket.SOCK_STREAM)
+def _first_that_answers(endpoints: list[Endpoint]) -> socket.socket:
+    families = {endpoint.family: endpoint for endpoint in reversed(endpoints)}  # the first of each
+    ordered = [endpoint for endpoint in endpoints if families[endpoint.family] is endpoint][:MOST_ENDPOINTS]
+    for number, endpoint in enumerate(ordered, 1):
+        sock = socket.socket(endpoint.family, socket.SOCK_STREAM)
         sock.settimeout(STEP_S / len(ordered))
         try:
-            sock.connect(place.sockaddr)
+            sock.connect(endpoint.sockaddr)
         except OSError:
             sock.close()
             if number == len(ordered):

@@ -18,7 +18,7 @@ from robots.bridge.audit.record_sink import (
     GateSummary,
     Holder,
     Parameters,
-    Place,
+    Position,
     RecordError,
     RecordSink,
 )
@@ -291,7 +291,7 @@ class MemorySink:
         self._wait()
         self.stops.append((holder, number))
 
-    def begin_drive(self, holder: Holder, start: Place) -> int:
+    def begin_drive(self, holder: Holder, start: Position) -> int:
         return self._record("drive.start", start)
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:

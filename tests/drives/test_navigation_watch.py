@@ -95,7 +95,7 @@ def test_what_navigation_is_about_to_do_counts():
 
 
 def test_a_thin_thing_at_the_edge_of_the_way_is_braked_for_in_time():
-    """The doubt brings its place nearer, where a box could not avoid it any more: that hides no place as seen."""
+    """Odometry drift brings its place nearer, where a box could not avoid it any more: that hides no place as seen."""
     thing = ((1.6, 0.22, 0.66), (1.64, 0.27, 0.74))
     looker = Looker([FLOOR, thing], radius_m=None, outline=BOX)
     looker.to_base = camera(LOOK_AHEAD)

@@ -14,7 +14,7 @@ from robots.bridge.audit.record_sink import (
     GateSummary,
     Holder,
     Parameters,
-    Place,
+    Position,
     TakenDescription,
     TakenMap,
 )
@@ -44,7 +44,7 @@ class FileSink:
 
     def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None: ...
 
-    def begin_drive(self, holder: Holder, start: Place) -> int:
+    def begin_drive(self, holder: Holder, start: Position) -> int:
         return self._record("drive.start")
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:

@@ -35,7 +35,7 @@ class Holder(Struct, frozen=True):
     fence: int
 
 
-class Place(Struct, frozen=True):
+class Position(Struct, frozen=True):
     """The robot's position as far as known: metres and radians."""
 
     pose: Pose | None = None  # in the odometry frame
@@ -50,7 +50,7 @@ class DriveSummary(Struct, frozen=True):
 
     outcome: DriveEnd
     ended_by: str  # the outcome in words
-    end: Place
+    end: Position
     distance_m: float
     duration_s: float
     top_mps: float
@@ -105,7 +105,7 @@ class RecordSink(Protocol):
     def test_writable(self) -> None:
         """Test whether a record could be committed."""
 
-    def begin_drive(self, holder: Holder, start: Place) -> int:
+    def begin_drive(self, holder: Holder, start: Position) -> int:
         """Commit the start of a drive: before its first non-zero Twist."""
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:

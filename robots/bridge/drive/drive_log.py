@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from robots.bridge.audit.drive_path import Path, Track
-from robots.bridge.audit.record_sink import DriveEnd, DriveSummary, GateStart, GateSummary, Holder, Place
+from robots.bridge.audit.record_sink import DriveEnd, DriveSummary, GateStart, GateSummary, Holder, Position
 from robots.bridge.audit.records import Records, unrecorded
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.wire import Refusal
@@ -155,7 +155,7 @@ class DriveLog:
         self._end_intervention(now_s)
         self._drive = None
         self._records.run_in_background(partial(drive.path.extend, drive.track.taken(last=True)))
-        track, end = drive.track, self._place
+        track, end = drive.track, self._position
 
         def write() -> None:
             summary = DriveSummary(
@@ -181,11 +181,11 @@ class DriveLog:
         return number is not None and number.done() and number.exception() is None
 
     @property
-    def _place(self) -> Place:
-        return Place(self._pose, self._map_to_odom())
+    def _position(self) -> Position:
+        return Position(self._pose, self._map_to_odom())
 
     def _begin(self, holder: Holder, now_s: float) -> None:
-        start = self._place
+        start = self._position
         number = self._records.ask(lambda: self._sink.begin_drive(holder, start), now_s)
         self._drive = _Drive(holder, now_s, number, Track(now_s))
         if self._pose is not None:

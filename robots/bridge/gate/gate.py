@@ -351,7 +351,7 @@ class Gate:
         return any(laser.covers(direction) for laser in self._lasers.values())
 
     def obstacles_as_seen(self, now_s: float) -> Obstacles:
-        """Return all points where sensors saw or heard them: without unseen near sides and the odometry's doubt."""
+        """Return all points where sensors saw or heard them: without unseen near sides and odometry drift."""
         return self._cache.as_seen(now_s)
 
     def unseen_near_sides(self) -> Points:

@@ -155,13 +155,13 @@ class Going(Goals[Target]):
         if (spare_m := navigation_watch.spare_m(self._gate, now_s)) < LEAST_SPARE_M:
             text = "Something is within 3 cm of the robot, or may be: drive it away from there by the stick first."
             return Refusal("too_close", text, "gate", {"gap_m": round(spare_m, 3), "limit_m": LEAST_SPARE_M})
-        refusal = self.refuse_place(now_s) or self._refuse_goal(goal)
+        refusal = self.refuse_pose(now_s) or self._refuse_goal(goal)
         if refusal is not None or self._gate.looks_ahead(now_s):
             return refusal
         return HEAD_AWAY if self._has_head else CAMERA_AWAY  # last: the head turns when all else is well
 
-    def refuse_place(self, now_s: float) -> Refusal | None:
-        """Return why it is unknown where the robot is."""
+    def refuse_pose(self, now_s: float) -> Refusal | None:
+        """Return why the robot's pose on the map is unknown."""
         return self.localisation.refuse(now_s)
 
     def _refuse_goal(self, goal: Pose) -> Refusal | None:

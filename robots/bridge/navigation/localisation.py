@@ -104,7 +104,7 @@ class Localisation:
         return None if self._frame is None or self._odometry is None else put(self._odometry, self._frame)
 
     def refuse(self, now_s: float) -> Refusal | None:
-        """Return why the robot's place cannot be relied on, in control."""
+        """Return why the robot's pose cannot be relied on, in control."""
         if self.pose is None or self._spread is None:
             return MISSING
         silent_s = now_s - self._transformed_s
@@ -129,7 +129,7 @@ class Localisation:
         return None
 
     def view(self, now_s: float, problem: str) -> wire.Location | None:
-        """Return the robot's place, for pages."""
+        """Return the robot's pose, for pages."""
         pose, spread = self.pose, self._spread or Spread()
         if pose is None:
             return None

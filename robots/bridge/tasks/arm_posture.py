@@ -40,7 +40,7 @@ class _Model(NamedTuple):
 
 
 class ArmPosture:
-    """Place of one arm. Times are the bridge's monotonic clock, seconds.
+    """Posture of one arm. Times are the bridge's monotonic clock, seconds.
 
     Joint positions and goals come on rospy's threads, questions on the gate's.
     """

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.simulator.navigation.planner import Place
+from robots.simulator.navigation.planner import Point
 from robots.simulator.physics.base import STILL, Twist, clamp
 from robots.simulator.physics.mujoco_world import Pose
 
@@ -25,25 +25,25 @@ LEFT_M = 0.2  # localisation may shift a robot that turns at its goal so far, an
 Points = NDArray[np.float64]  # rows of x, y
 
 
-def nearest(path: list[Place], pose: Pose) -> int:
-    """Return the index of the path's nearest place."""
+def nearest(path: list[Point], pose: Pose) -> int:
+    """Return the index of the path's nearest point."""
     return min(range(len(path)), key=lambda index: math.dist(path[index], pose[:2]))
 
 
-def steering_point(path: list[Place], pose: Pose) -> Place:
-    """Return the first place of the path that is `AHEAD_M` away, beyond the nearest one; its end, if none is."""
-    for place in path[nearest(path, pose) :]:
-        if math.dist(place, pose[:2]) >= AHEAD_M:
-            return place
+def steering_point(path: list[Point], pose: Pose) -> Point:
+    """Return the first point of the path that is `AHEAD_M` away, beyond the nearest one; its end, if none is."""
+    for point in path[nearest(path, pose) :]:
+        if math.dist(point, pose[:2]) >= AHEAD_M:
+            return point
     return path[-1]
 
 
-def is_there(path: list[Place], pose: Pose, was_there: bool) -> bool:
+def is_there(path: list[Point], pose: Pose, was_there: bool) -> bool:
     """Return whether the robot is at the end of the path. Once there, it may be up to `LEFT_M` away."""
     return math.dist(path[-1], pose[:2]) < (LEFT_M if was_there else THERE_M)
 
 
-def follow(path: list[Place], heading: float, pose: Pose, clear_m: float, there: bool) -> Twist | None:
+def follow(path: list[Point], heading: float, pose: Pose, clear_m: float, there: bool) -> Twist | None:
     """Return the twist along the path at `pose` (map), or onto `heading` if it is `there`; None: it has arrived."""
     if there:
         off = math.remainder(heading - pose.yaw, math.tau)

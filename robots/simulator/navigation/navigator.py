@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 
 from robots.simulator.navigation import follower
-from robots.simulator.navigation.planner import CostMap, Place
+from robots.simulator.navigation.planner import CostMap, Point
 from robots.simulator.physics.base import STILL, Twist
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import Robot
@@ -44,11 +44,11 @@ class Going:
     """A goal on its way. `path` is in the map frame; `text` says why it ended."""
 
     goal: Pose
-    path: list[Place] = field(default_factory=list)
+    path: list[Point] = field(default_factory=list)
     phase: Phase = Phase.DRIVING
     there: bool = False  # at the goal: only its heading is left
     text: str = ""
-    moved_from: Place = (math.inf, math.inf)  # place of the last progress
+    moved_from: Point = (math.inf, math.inf)  # where it last made progress
     moved_s: float = -math.inf  # time of that
     planned_s: float = -math.inf
 
@@ -111,10 +111,10 @@ class Navigator:
         if now - going.moved_s > GIVES_UP_S:
             going.phase, going.text = Phase.FAILED, NO_CONTROL
 
-    def _is_barred(self, path: list[Place], pose: Pose) -> bool:
+    def _is_barred(self, path: list[Point], pose: Pose) -> bool:
         """Return whether something that is seen is nearer to the path ahead than plans allow."""
         ahead = [
-            place for place in path[follower.nearest(path, pose) :] if math.dist(place, pose[:2]) < BARRED_M
+            point for point in path[follower.nearest(path, pose) :] if math.dist(point, pose[:2]) < BARRED_M
         ]
         if not ahead or not len(self._seen):
             return False
@@ -124,7 +124,7 @@ class Navigator:
 
     def _plan(self, going: Going, now: float, *, forgive: bool = False) -> None:
         pose = self._robot.believed()
-        path: list[Place] = []
+        path: list[Point] = []
         if pose is not None and not self._robot.faults.navigation_fails:
             path = self._costs.plan((pose.x, pose.y), going.goal[:2])
         going.planned_s = now

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robots.simulator.sensors.survey import FREE, OCCUPIED, RESOLUTION_M, Survey
 
-Place = tuple[float, float]
+Point = tuple[float, float]
 Cell = tuple[int, int]  # row, column
 
 STEP_CELLS = 2  # the path runs on every second cell of the map: 0.1 m
@@ -32,7 +32,7 @@ class CostMap:
         self._clear = _clearance(survey.cells == OCCUPIED)
         self._mapped = self._clear
 
-    def mark(self, points: Iterable[Place]) -> None:
+    def mark(self, points: Iterable[Point]) -> None:
         """Add obstacles (world) to those of the map; those that were added before are forgotten."""
         solid = np.zeros(self._known.shape, bool)
         for point in points:
@@ -41,31 +41,31 @@ class CostMap:
                 solid[row, column] = True
         self._clear = np.minimum(self._mapped, _clearance(solid))
 
-    def clear_m(self, place: Place) -> float:
-        """Distance from a place to the nearest obstacle, metres; 0 outside the known map."""
-        return self._clear_at(self.cell(place))
+    def clear_m(self, point: Point) -> float:
+        """Distance from a point to the nearest obstacle, metres; 0 outside the known map."""
+        return self._clear_at(self.cell(point))
 
-    def cell(self, place: Place) -> Cell:
-        """Return the cell of a place."""
+    def cell(self, point: Point) -> Cell:
+        """Return the cell of a point."""
         survey = self._survey
         return (
-            math.floor((place[1] - survey.south_m) / RESOLUTION_M),
-            math.floor((place[0] - survey.west_m) / RESOLUTION_M),
+            math.floor((point[1] - survey.south_m) / RESOLUTION_M),
+            math.floor((point[0] - survey.west_m) / RESOLUTION_M),
         )
 
-    def plan(self, start: Place, goal: Place) -> list[Place]:
-        """Return places from `start` to `goal`; empty: there is no way. A start too close to a wall may leave it."""
+    def plan(self, start: Point, goal: Point) -> list[Point]:
+        """Return points from `start` to `goal`; empty: there is no way. A start too close to a wall may leave it."""
         begin, end = self._coarse(start), self._nearest_open(self._coarse(goal))
         if end is None:
             return []
         cells = self._search(begin, end)
         if not cells:
             return []
-        places = [self._place(cell) for cell in cells]
-        places[0] = start
+        points = [self._point(cell) for cell in cells]
+        points[0] = start
         if self._open(self._coarse(goal)):
-            places[-1] = goal
-        return places
+            points[-1] = goal
+        return points
 
     def _search(self, begin: Cell, end: Cell) -> list[Cell]:
         """A*, with the straight distance as the estimate."""
@@ -95,11 +95,11 @@ class CostMap:
                     heapq.heappush(queue, (via + math.dist(other, end), other))
         return []
 
-    def _coarse(self, place: Place) -> Cell:
-        row, column = self.cell(place)
+    def _coarse(self, point: Point) -> Cell:
+        row, column = self.cell(point)
         return row // STEP_CELLS, column // STEP_CELLS
 
-    def _place(self, cell: Cell) -> Place:
+    def _point(self, cell: Cell) -> Point:
         half = STEP_CELLS / 2
         return (
             self._survey.west_m + (cell[1] * STEP_CELLS + half) * RESOLUTION_M,

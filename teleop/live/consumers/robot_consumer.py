@@ -279,7 +279,7 @@ class RobotConsumer(RobotSocket):
             run_in_background(self.send_message(offers))
 
     def path_changed(self, path: GoPath) -> None:
-        """Tell the page the way that the robot will drive by itself."""
+        """Tell the page the path of the robot's navigation."""
         if self.wants_pictures:
             run_in_background(self.send_message(path))
 

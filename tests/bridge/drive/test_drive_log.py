@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from robots.bridge.audit.record_sink import DriveSummary, GateStart, GateSummary, Place
+from robots.bridge.audit.record_sink import DriveSummary, GateStart, GateSummary, Position
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.wire import Refusal
 from tests.bridge.support import Bench
@@ -109,7 +109,7 @@ def test_drive_records_map_to_odom_at_begin_and_end(bench: Bench) -> None:
     rolls(bench, 1.0)
     stands(bench)
     (start,) = records_of(bench, "drive.start")
-    assert start == Place(Pose(0.0, 0.0, 0.0), Pose(1.0, 2.0, 0.1))
+    assert start == Position(Pose(0.0, 0.0, 0.0), Pose(1.0, 2.0, 0.1))
     assert drive_of(bench).end.map_to_odom == Pose(1.1, 2.0, 0.1)
 
 

@@ -23,7 +23,7 @@ from robots.bridge.audit.record_sink import (
     GateStart,
     GateSummary,
     Holder,
-    Place,
+    Position,
     RecordError,
 )
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
@@ -53,8 +53,8 @@ FIGURES_OF_HELD = {
     "asked": {"vx_mps": 0.4, "vy_mps": 0.0, "w_radps": 0.0},
     "allowed": {"vx_mps": 0.2, "vy_mps": 0.0, "w_radps": 0.0},
 }
-START = Place(Pose(1.0, 2.0, 0.5), Pose(10.0, 0.0, 0.0))
-END = Place(Pose(4.14159, 2.0, 0.5), None)
+START = Position(Pose(1.0, 2.0, 0.5), Pose(10.0, 0.0, 0.0))
+END = Position(Pose(4.14159, 2.0, 0.5), None)
 SUMMARY = DriveSummary(
     outcome="halted",
     ended_by="Ann took over.",

@@ -263,16 +263,18 @@ def test_a_set_pose_reaches_the_robot_and_a_doubtful_one_refuses(ros, traveller,
         until(told, "the pose on the robot’s topic")
         pose = heard[0].pose
         assert pose.pose.position.x == pytest.approx(x + 0.2)
-    traveller.until(lambda state: state.location.sigma_m == pytest.approx(0.5), "the doubt of a set pose")
+    traveller.until(
+        lambda state: state.location.sigma_m == pytest.approx(0.5), "the uncertainty of a set pose"
+    )
     assert any(line.startswith("pose.set") for line in traveller.process.recorded())
-    with ros.speak("/amcl_pose", PoseWithCovarianceStamped) as doubter:
-        doubt = PoseWithCovarianceStamped()
-        doubt.header.frame_id = "map"
-        doubt.pose.pose.position.x, doubt.pose.pose.position.y = x, y
-        doubt.pose.pose.orientation.w = 1.0
-        doubt.pose.covariance = [4.0] + [0.0] * 6 + [1.0] + [0.0] * 28
-        doubter.publish(doubt)
-        state = traveller.until(lambda state: state.location.sigma_m > 1.9, "a great doubt")
+    with ros.speak("/amcl_pose", PoseWithCovarianceStamped) as publisher:
+        uncertain = PoseWithCovarianceStamped()
+        uncertain.header.frame_id = "map"
+        uncertain.pose.pose.position.x, uncertain.pose.pose.position.y = x, y
+        uncertain.pose.pose.orientation.w = 1.0
+        uncertain.pose.covariance = [4.0] + [0.0] * 6 + [1.0] + [0.0] * 28
+        publisher.publish(uncertain)
+        state = traveller.until(lambda state: state.location.sigma_m > 1.9, "a great uncertainty")
     assert (state.location.sigma_m, state.location.sigma_across_m) == (2.0, 1.0)
     pause(traveller, 3.0)
     assert traveller.refused(*FAR).code == "localisation_uncertain"

@@ -37,7 +37,7 @@ TURN_M = 0.5  # of way, for each radian turned
 SURE_M = 0.5  # of way without odometry error: points that leave the view next to the hull
 DOUBT_SHARE = 0.03  # of all way more
 MOST_DOUBT_M = 0.10
-KEEP_OFF_M = 0.03  # from the hull: doubt brings nothing nearer
+KEEP_OFF_M = 0.03  # from the hull: drift brings nothing nearer
 NEAR_LASTS = 2.0  # near points stay for this many times as much way
 NEWEST_SHARE = 0.2  # of the newest place in the mean of those seen in a cell
 

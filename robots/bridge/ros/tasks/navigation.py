@@ -22,7 +22,7 @@ from robots.bridge.ros.tasks.publishing import Sender
 
 # Covariance of a pose that a person sets, as rviz sends it: 0.5 m, 15 degrees.
 SET_M2, SET_RAD2 = 0.25, 0.0685
-MOST_PLACES = 10_000  # of a path; a longer one is thinned before it is read
+MOST_POINTS = 10_000  # of a path; a longer one is thinned before it is read
 PLANS_S = 1.0  # of paths that come sooner after another one, the last is taken when this time is over
 
 
@@ -142,14 +142,14 @@ class NavigationTopics:
 
     def _take_plan(self, message: Any) -> None:
         self._planned_s, self._skipped = time.monotonic(), None
-        every = max(1, len(message.poses) // MOST_PLACES)
+        every = max(1, len(message.poses) // MOST_POINTS)
         poses = [*message.poses[::every], *message.poses[-1:]]
-        places = np.array([(pose.pose.position.x, pose.pose.position.y) for pose in poses]).reshape(-1, 2)
+        points = np.array([(pose.pose.position.x, pose.pose.position.y) for pose in poses]).reshape(-1, 2)
         goals = self._goals
 
         def take() -> None:
             if goals == self._goals:
-                self._going.planned(places)
+                self._going.planned(points)
 
         self._mail.post("plan", take, can_wait=True)
 

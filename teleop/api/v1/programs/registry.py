@@ -27,7 +27,7 @@ _FULL_OF_YOURS = Refusal(
 )
 
 
-class _Place:
+class _Entry:
     """The connection of one program to one robot."""
 
     def __init__(self, person: UUID) -> None:
@@ -50,33 +50,33 @@ class Programs:
     """Opens connections when they are needed, and closes those that are no longer used."""
 
     def __init__(self) -> None:
-        self._places: dict[tuple[str, str], _Place] = {}
+        self._entries: dict[tuple[str, str], _Entry] = {}
         self._cleaning: asyncio.Task[None] | None = None
 
     async def connection(self, slug: str, caller: Caller) -> ProgramConnection:
         """Return the program's connection to a robot. Raises `NotDone`."""
         key = (caller.key, slug)
         path = self.path()
-        if key not in self._places:
+        if key not in self._entries:
             self._require_room(caller)
-        place = self._places.setdefault(key, _Place(caller.person))
+        entry = self._entries.setdefault(key, _Entry(caller.person))
         if self._cleaning is None or self._cleaning.done():
             self._cleaning = asyncio.create_task(self._clean())
-        place.users += 1
+        entry.users += 1
         try:
-            async with place.opening:
-                found = place.open_connection
+            async with entry.opening:
+                found = entry.open_connection
                 if found is None:
-                    found = place.connection = await ProgramConnection.open(path, slug, caller)
+                    found = entry.connection = await ProgramConnection.open(path, slug, caller)
         finally:
-            place.users -= 1
+            entry.users -= 1
         found.used_s = time.monotonic()
         return found
 
     def found(self, slug: str, caller: Caller) -> ProgramConnection | None:
         """Return the connection if there is one; None: the program has asked for nothing yet."""
-        place = self._places.get((caller.key, slug))
-        found = place.open_connection if place else None
+        entry = self._entries.get((caller.key, slug))
+        found = entry.open_connection if entry else None
         if found is not None:
             found.used_s = time.monotonic()
         return found
@@ -89,20 +89,20 @@ class Programs:
         return path
 
     def _require_room(self, caller: Caller) -> None:
-        if len(self._places) >= MOST:
+        if len(self._entries) >= MOST:
             raise NotDone(_FULL)
-        if sum(place.person == caller.person for place in self._places.values()) >= MOST_OF_PERSON:
+        if sum(entry.person == caller.person for entry in self._entries.values()) >= MOST_OF_PERSON:
             raise NotDone(_FULL_OF_YOURS)
 
     async def _clean(self) -> None:
         """Close what is unused, all at once: one that does not answer delays no other."""
-        while self._places:
+        while self._entries:
             await asyncio.sleep(CHECK_S)
             now_s = time.monotonic()
-            unused = {key: place for key, place in self._places.items() if place.unused(now_s)}
+            unused = {key: entry for key, entry in self._entries.items() if entry.unused(now_s)}
             for key in unused:
-                del self._places[key]
-            closing = [place.connection.close() for place in unused.values() if place.connection]
+                del self._entries[key]
+            closing = [entry.connection.close() for entry in unused.values() if entry.connection]
             await asyncio.gather(*closing)
 
 

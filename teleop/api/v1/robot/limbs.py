@@ -13,7 +13,7 @@ from fleet.accounts.tokens.models import Scope
 from robots import wire
 from robots.registry.selectors import robot_facts
 from robots.wire import Limb, Refusal
-from robots.wire.limbs import LimbPlace
+from robots.wire.limbs import LimbPosition
 from teleop.api.v1.framework.operation import operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.api.v1.robot.tasks import TaskEntry, TasksBase
@@ -29,7 +29,7 @@ class GripperRequest(Struct, frozen=True, forbid_unknown_fields=True):
 class TorsoRequest(Struct, frozen=True, forbid_unknown_fields=True):
     """A height above the torso's lowest place, metres."""
 
-    height_m: LimbPlace
+    height_m: LimbPosition
 
 
 class LimbView(TasksBase):
