@@ -99,7 +99,7 @@ class Core:
     """The rules of one robot.
 
     `announce` sends a report to every link. Stops are numbered from `stops_before` on. `on_scan` is called after each
-    scan, so that a picture drawn then is fresh. `on_news` is called after each sensor message while somebody has
+    scan, so that a view drawn then is fresh. `on_news` is called after each sensor message while somebody has
     control: `prepare` then does the gate's work before the next command needs it.
     """
 

@@ -136,7 +136,7 @@ class LinkHandler:
         return spent
 
     def _take(self, link: Link, order: wire.TaskRequest, now_s: float) -> None:
-        """Begin a task. A failed task must not end the link: the pictures and drives of a whole web process use it."""
+        """Begin a task. A failed task must not end the link: the views and drives of a whole web process use it."""
         is_open = True
 
         def answer(refusal: wire.Refusal | None) -> None:

@@ -1,4 +1,4 @@
-"""Build the reports about the robot: its state, and a picture of its surroundings. Reads only."""
+"""Build the reports about the robot: its state, and a view of its surroundings. Reads only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robots.bridge.tasks.holder_tasks import Tasks
 from robots.wire import Grant, StopState
 
 VIEW_RADIUS_M = 8.0
-DRAWN_GRAIN_CM = 6  # surfaces have many points; a picture for fifty viewers must stay small
+DRAWN_GRAIN_CM = 6  # surfaces have many points; a view for fifty viewers must stay small
 
 
 class StateInputs(NamedTuple):
@@ -92,7 +92,7 @@ def state(
 
 
 def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float, with_heights: bool = False) -> wire.Scan:
-    """Return obstacles and sonar ranges for pictures."""
+    """Return obstacles and sonar ranges for views."""
     obstacles = gate.obstacles(now_s)
     x, y = obstacles.points.T
     near = np.flatnonzero(x * x + y * y < VIEW_RADIUS_M**2)

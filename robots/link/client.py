@@ -97,7 +97,7 @@ class Listener(Protocol):
     """Receives a robot's reports. Called on the event loop; must not block."""
 
     def on_view(self, raw: str) -> None:
-        """A picture, encoded."""
+        """A view, encoded."""
 
     def on_status(self, state: State) -> None:
         """The state, twice a second and on change."""
@@ -108,7 +108,7 @@ class Listener(Protocol):
     def on_refused(self, refused: Refused) -> None:
         """The bridge refused a message."""
 
-    def on_capabilities(self, offers: wire.Offers) -> None:
+    def on_offers(self, offers: wire.Offers) -> None:
         """The robot's capabilities: on connecting and on change."""
 
     def on_path(self, path: wire.GoPath) -> None:
@@ -141,7 +141,7 @@ class BridgeLink:
         self._socket: ClientConnection | None = None  # the same, once the bridge has confirmed its robot
         self._lane: Lane | None = None  # to a bridge on this computer
         self._listeners: set[Listener] = set()
-        # the one listener that gets pictures and samples
+        # the one listener that gets views and samples
         self._viewer: Listener | None = None
         self._names: frozenset[str] = frozenset()  # of the viewers
         self._draw_joints = False  # one of them does
@@ -174,7 +174,7 @@ class BridgeLink:
         if self.state is not None:
             listener.on_status(self.state)
         if self.offers is not None:
-            listener.on_capabilities(self.offers)
+            listener.on_offers(self.offers)
         if self.path.path_cm:
             listener.on_path(self.path)
 
@@ -190,7 +190,7 @@ class BridgeLink:
             self._linger_timer = self._start_linger()
 
     def set_viewers(self, viewer: Listener, names: Collection[str], joints: bool = False) -> None:
-        """Set the names of people who view through `viewer`; the bridge draws pictures only for viewers.
+        """Set the names of people who view through `viewer`; the bridge draws views only for viewers.
 
         `joints`: one of them draws the robot's joints.
         """
@@ -540,7 +540,7 @@ class BridgeLink:
             case wire.Offers():
                 self.offers = report
                 for listener in list(self._listeners):
-                    listener.on_capabilities(report)
+                    listener.on_offers(report)
             case wire.GoPath():
                 self.path = report
                 for listener in list(self._listeners):

@@ -191,7 +191,7 @@ class Ended(Struct, frozen=True, tag_field="t", tag="ended"):
 
 
 class Status(Struct, frozen=True, tag_field="t", tag="status"):
-    """The state without a picture, twice a second and on change, also without viewers."""
+    """The state without a view, twice a second and on change, also without viewers."""
 
     state: State
 

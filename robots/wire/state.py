@@ -1,4 +1,4 @@
-"""The state of a robot and the picture of its surroundings. Bridge to page, through the web process."""
+"""The state of a robot and the view of its surroundings. Bridge to page, through the web process."""
 
 from __future__ import annotations
 
@@ -288,7 +288,7 @@ class Scan(Struct, frozen=True):
 
 
 class View(Struct, frozen=True, omit_defaults=True, tag_field="t", tag="view"):
-    """One picture of the robot for its viewers. The next one comes after `Ack`."""
+    """The state and surroundings of the robot, for its viewers. The next one comes after `Ack`."""
 
     state: State
     scan: Scan | None  # None: nothing is drawn

@@ -1,1 +1,1 @@
-"""WebSockets: consumers, the hub of each robot, lease renewal, topic and picture feeds."""
+"""WebSockets: consumers, the hub of each robot, lease renewal, topic and view feeds."""

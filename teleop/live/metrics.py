@@ -30,12 +30,12 @@ class DrivingCollector(Collector):
         for robot, taken in robot_hub.forwards.items():
             forward.add_metric([web, robot], buckets(taken.counts), taken.sum_s)
         link = GaugeMetricFamily("fleet_link_up", "1: the link to the robot's bridge is up.", labels=names)
-        viewers = GaugeMetricFamily("fleet_viewers", "Pages that get pictures of the robot.", labels=names)
+        viewers = GaugeMetricFamily("fleet_viewers", "Pages that get views of the robot.", labels=names)
         pages = GaugeMetricFamily("fleet_connections", "WebSockets about the robot.", labels=names)
         for hub in hubs:
             labels = [web, hub.entry.facts.slug]
             link.add_metric(labels, float(hub.link.up))
-            viewers.add_metric(labels, float(sum(one.wants_pictures for one in hub.members.values())))
+            viewers.add_metric(labels, float(sum(one.wants_views for one in hub.members.values())))
             pages.add_metric(labels, float(len(hub.members)))
         open_links = GaugeMetricFamily("fleet_links_open", "Links of this process to bridges.", labels=[WEB])
         open_links.add_metric([web], float(len(links.all())))

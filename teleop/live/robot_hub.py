@@ -31,8 +31,8 @@ from teleop.control.lease_events import LeaseEvents
 from teleop.control.selectors import SignIn, control_status, robot_entry, who_sees
 from teleop.control.services import lease_expire, lease_fit_slot, lease_keep
 from teleop.control.status import ControlStatus, RobotEntry
-from teleop.live.picture_feed import PictureFeed
 from teleop.live.topic_feed import TopicFeed
+from teleop.live.view_feed import ViewFeed
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +49,7 @@ class Member(Protocol):
     id: str
     person: SignIn
     name: str
-    wants_pictures: bool
+    wants_views: bool
     draws_joints: bool  # of the robot in 3D
     heard_s: float  # monotonic time of its last message
 
@@ -95,7 +95,7 @@ class RobotHub:
         self.entry = entry
         self.link: BridgeLink = links.get(robot_id, entry.link)
         self.forwards = forwards[entry.facts.slug]
-        self.pictures = PictureFeed()
+        self.views = ViewFeed()
         self.topics = TopicFeed(self._subscribe_topics)
         self.members: dict[str, Member] = {}
         self.link_is_up = asyncio.Event()
@@ -125,11 +125,11 @@ class RobotHub:
             await self._reader
         self.link.unsubscribe(self)
         await self._lease_events.close()
-        await self.pictures.close()
+        await self.views.close()
 
     def viewers_changed(self) -> None:
         """Tell the bridge the names of the viewers, and whether one draws the robot's joints."""
-        viewers = [member for member in self.members.values() if member.wants_pictures]
+        viewers = [member for member in self.members.values() if member.wants_views]
         self.link.set_viewers(
             self, {member.name for member in viewers}, any(member.draws_joints for member in viewers)
         )
@@ -308,11 +308,11 @@ class RobotHub:
     # --- the link (robots.link.client.Listener) -------------------------------------------------------------
 
     def on_view(self, raw: str) -> None:
-        """Pass a picture to all viewers."""
-        self.pictures.publish(raw)
+        """Pass a view to all viewers."""
+        self.views.publish(raw)
 
     def on_status(self, state: State) -> None:
-        """Do nothing: pictures contain the state."""
+        """Do nothing: views contain the state."""
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
         """Inform all members."""
@@ -324,7 +324,7 @@ class RobotHub:
         for member in list(self.members.values()):
             member.link_changed(up, refusal)
 
-    def on_capabilities(self, offers: Offers) -> None:
+    def on_offers(self, offers: Offers) -> None:
         """Inform all members."""
         for member in list(self.members.values()):
             member.offers_changed(offers)

@@ -16,7 +16,7 @@ from itertools import count
 from typing import Any
 
 from robots.wire import MOST_SUBSCRIPTIONS, Refusal
-from teleop.live.picture_feed import Send
+from teleop.live.view_feed import Send
 
 log = logging.getLogger(__name__)
 

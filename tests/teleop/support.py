@@ -103,12 +103,12 @@ class FakeBridge:
             link.report(message)
 
     def show(self, number: int) -> str:
-        """Send a picture with this number to every web process. Returns it as a page receives it."""
+        """Send a view with this number to every web process. Returns it as a page receives it."""
         state = msgspec.structs.replace(IDLE, seq=number)
-        picture = wire.encode(wire.View(state, None))
+        view = wire.encode(wire.View(state, None))
         for link in self._server.links:
-            link.show(picture)
-        return picture.decode()
+            link.show(view)
+        return view.decode()
 
     def tells_stop(self, state: str) -> None:
         """Send the state of the stop to every web process."""

@@ -235,7 +235,7 @@ class FleetConsumer(MessageSocket):
     # --- events of the links (robots.link.client.Listener) --------------------------------------------------
 
     def on_view(self, raw: str) -> None:
-        """Ignore pictures: cards show the state."""
+        """Ignore views: cards show the state."""
 
     def on_status(self, state: State) -> None:
         """Send an update soon if an important value changed."""
@@ -245,7 +245,7 @@ class FleetConsumer(MessageSocket):
         """Send an update soon."""
         self._wake()
 
-    def on_capabilities(self, offers: Offers) -> None:
+    def on_offers(self, offers: Offers) -> None:
         """Ignore: not on a card."""
 
     def on_path(self, path: GoPath) -> None:

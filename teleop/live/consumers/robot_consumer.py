@@ -35,8 +35,8 @@ from teleop.live.camera_view_age import CameraViewAge
 from teleop.live.consumers.message_socket import BUSY, CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.live.control_holder import ControlHolder
-from teleop.live.picture_feed import PictureViewer
 from teleop.live.tasks import TaskSender
+from teleop.live.view_feed import Viewer
 from teleop.stop import emergency_stop
 
 log = logging.getLogger(__name__)
@@ -47,14 +47,14 @@ _HELLO_FIRST = Refusal("hello_first", "The first message is hello.", "wire")
 
 
 class RobotConsumer(RobotSocket):
-    """One page of one robot: its pictures, its control, its tasks, its stop button."""
+    """One page of one robot: its views, its control, its tasks, its stop button."""
 
     through = "robot page"
 
     def __init__(self) -> None:
         super().__init__()
         self.control: ControlHolder | None = None  # from hello on
-        self.viewer: PictureViewer | None = None
+        self.viewer: Viewer | None = None
         self.camera_view = CameraViewAge()
 
     # --- opening and closing -----------------------------------------------------------------------
@@ -196,9 +196,9 @@ class RobotConsumer(RobotSocket):
         await self._welcome()
         await self.hub.read_status_for(self)
         await self.control.resume()
-        self.viewer = PictureViewer(self.hub.pictures, self.asgi_send)
+        self.viewer = Viewer(self.hub.views, self.asgi_send)
         self.viewer.is_driver = self.fence is not None
-        self.wants_pictures = True
+        self.wants_views = True
         self.hub.viewers_changed()
         if self.hub.link.offers:
             await self.send_message(self.hub.link.offers)
@@ -275,12 +275,12 @@ class RobotConsumer(RobotSocket):
 
     def offers_changed(self, offers: Offers) -> None:
         """Tell the page what the robot offers now. A page that has not said hello yet learns it then."""
-        if self.wants_pictures:
+        if self.wants_views:
             run_in_background(self.send_message(offers))
 
     def path_changed(self, path: GoPath) -> None:
         """Tell the page the path of the robot's navigation."""
-        if self.wants_pictures:
+        if self.wants_views:
             run_in_background(self.send_message(path))
 
     def ended_at_bridge(self, ended: Ended) -> None:

@@ -33,7 +33,7 @@ class RobotSocket(MessageSocket):
         super().__init__()
         self.id = uuid4().hex
         self.name = ""
-        self.wants_pictures = False
+        self.wants_views = False
         self.draws_joints = False
 
     async def find_robot(self) -> RobotEntry | None:

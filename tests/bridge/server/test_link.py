@@ -99,7 +99,7 @@ class Follower:
     def on_refused(self, refused):
         self.news.put_nowait(("refused", refused))
 
-    def on_capabilities(self, offers):
+    def on_offers(self, offers):
         self.news.put_nowait(("offers", offers))
 
     def on_path(self, path):

@@ -78,7 +78,7 @@ async def test_taking_a_free_robot_gives_control_and_drive(open_page, bridge):
 async def test_grant_contains_the_delay_to_the_drivers_page(open_page, bridge):
     page = await open_page("operator")
     await page.take()
-    assert (await bridge.hears(wire.Grant)).delay_s is None, "no picture was drawn yet"
+    assert (await bridge.hears(wire.Grant)).delay_s is None, "no view was drawn yet"
     bridge.show(1)
     await page.hears("view")
     await page.say("ack")

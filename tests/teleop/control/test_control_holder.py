@@ -25,7 +25,7 @@ pytestmark = pytest.mark.django_db(transaction=True)
 class Program:
     """A program that controls a robot: a member of the robot's hub that owns a ControlHolder."""
 
-    wants_pictures = False
+    wants_views = False
     draws_joints = False
     checked_often = True
 

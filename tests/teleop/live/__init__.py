@@ -1,1 +1,1 @@
-"""WebSockets: pages, pictures, topics, tasks."""
+"""WebSockets: pages, views, topics, tasks."""

@@ -8,8 +8,8 @@ import pytest
 from robots import wire
 from robots.bridge.drive.drive_input import COMMAND_LIFE_S
 from robots.bridge.gate.values import STILL
-from teleop.live import picture_feed
-from teleop.live.picture_feed import PictureViewer
+from teleop.live import view_feed
+from teleop.live.view_feed import Viewer
 from tests.bridge.support import Bench
 
 PAGE_S = 1 / 30  # between two commands of a page
@@ -68,14 +68,14 @@ def test_command_moves_the_robot_no_longer_than_it_lives(driven, slower):
 
 
 def test_late_answers_of_a_page_reach_the_gate_with_the_grant(driven, monkeypatch):
-    """The page acknowledges pictures on the connection of its commands, so a delay affects both.
+    """The page acknowledges views on the connection of its commands, so a delay affects both.
 
     This also detects a change too slow for a command's age, which is measured from the best of the last minute.
     """
     now = SimpleNamespace(s=0.0)
-    monkeypatch.setattr(picture_feed, "time", SimpleNamespace(monotonic=lambda: now.s))
+    monkeypatch.setattr(view_feed, "time", SimpleNamespace(monotonic=lambda: now.s))
     feed = SimpleNamespace(add=lambda _: 1, number=0, turn_length=1, ready=set())
-    viewer = PictureViewer(feed, send=None)
+    viewer = Viewer(feed, send=None)
 
     def answers(*delays_s):
         for delay_s in delays_s:

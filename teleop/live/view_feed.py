@@ -1,6 +1,6 @@
-"""Pictures of a robot for its viewers.
+"""Views of a robot for its viewers.
 
-A viewer gets the newest picture after it acknowledged the previous one. Pictures are never queued.
+A viewer gets the newest view after it acknowledged the previous one. Views are never queued.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ log = logging.getLogger(__name__)
 
 Send = Callable[[dict[str, Any]], Awaitable[None]]
 
-ROUND_TRIPS = 40  # measured for the delay: about four seconds of pictures
+ROUND_TRIPS = 40  # measured for the delay: about four seconds of views
 DELAY_QUANTILE = 0.95
 FULL_RATE_VIEWERS = (
-    30  # so many viewers get every picture; with twice as many each gets every second one, and so on
+    30  # so many viewers get every view; with twice as many each gets every second one, and so on
 )
 
 
-class PictureViewer:
-    """One page that shows pictures. At most one picture is unacknowledged, and no picture is stored for a page."""
+class Viewer:
+    """One page that shows views of a robot. At most one view is unacknowledged, and no view is stored for a page."""
 
-    def __init__(self, feed: PictureFeed, send: Send) -> None:
+    def __init__(self, feed: ViewFeed, send: Send) -> None:
         self.send = send
-        self.shown = 0  # number of the last picture sent
+        self.shown = 0  # number of the last view sent
         self.turn = feed.add(self)
-        self.is_driver = False  # the driver gets every picture
+        self.is_driver = False  # the driver gets every view
         self.sent_s = 0.0
         self._round_trips: deque[float] = deque(maxlen=ROUND_TRIPS)
         self._feed = feed
 
     async def acknowledge(self) -> None:
-        """Note that the page has drawn its picture. Send the newest at once if the page missed its turn."""
+        """Note that the page has drawn its view. Send the newest at once if the page missed its turn."""
         self._round_trips.append(time.monotonic() - self.sent_s)
         if self._feed.number - self.shown >= self._feed.turn_length or (
             self.is_driver and self._feed.number > self.shown
@@ -48,54 +48,54 @@ class PictureViewer:
 
     @property
     def delay_s(self) -> float | None:
-        """Round trip time of a picture in seconds, 95th percentile; None before the first acknowledgement."""
+        """Round trip time of a view in seconds, 95th percentile; None before the first acknowledgement."""
         trips = sorted(self._round_trips)
         return trips[int(DELAY_QUANTILE * (len(trips) - 1))] if trips else None
 
     def leave(self) -> None:
-        """Send no more pictures."""
+        """Send no more views."""
         self._feed.remove(self)
 
 
-class PictureFeed:
-    """The newest picture of one robot, and the viewers that are ready for the next one.
+class ViewFeed:
+    """The newest view of one robot, and the viewers that are ready for the next one.
 
-    The bridge encodes a picture once; all viewers get the same text. Under Daphne sending never waits, so one task
+    The bridge encodes a view once; all viewers get the same text. Under Daphne sending never waits, so one task
     serves all viewers. Many viewers take turns, so that the cost does not grow with their number.
     """
 
     def __init__(self) -> None:
         self.number = 0
-        self.turn_length = 1  # a viewer that does not drive gets one of so many pictures
-        self.ready: set[PictureViewer] = set()
-        self._viewers: set[PictureViewer] = set()
+        self.turn_length = 1  # a viewer that does not drive gets one of so many views
+        self.ready: set[Viewer] = set()
+        self._viewers: set[Viewer] = set()
         self._added = 0
         self._newest: dict[str, Any] = {}
         self._news = asyncio.Event()
         self._task = asyncio.create_task(self._keep_sending())
 
-    def add(self, viewer: PictureViewer) -> int:
-        """Add a viewer, ready for its first picture. Returns its place in the turns."""
+    def add(self, viewer: Viewer) -> int:
+        """Add a viewer, ready for its first view. Returns its place in the turns."""
         self._viewers.add(viewer)
         self.ready.add(viewer)
         self._set_turn_length()
         self._added += 1
         return self._added
 
-    def remove(self, viewer: PictureViewer) -> None:
+    def remove(self, viewer: Viewer) -> None:
         """Remove a viewer."""
         self._viewers.discard(viewer)
         self.ready.discard(viewer)
         self._set_turn_length()
 
     def publish(self, raw: str) -> None:
-        """Make `raw` the newest picture."""
+        """Make `raw` the newest view."""
         self.number += 1
         self._newest = {"type": "websocket.send", "text": raw}
         self._news.set()
 
-    async def show(self, viewer: PictureViewer) -> None:
-        """Send the newest picture to one viewer."""
+    async def show(self, viewer: Viewer) -> None:
+        """Send the newest view to one viewer."""
         viewer.shown = self.number
         viewer.sent_s = time.monotonic()
         with suppress(OSError):  # the connection is gone; its consumer notices that itself
@@ -117,9 +117,9 @@ class PictureFeed:
                 try:
                     await self.show(viewer)
                 except Exception:
-                    log.exception("A picture was not sent.")
+                    log.exception("A view was not sent.")
 
-    def _has_turn(self, viewer: PictureViewer) -> bool:
+    def _has_turn(self, viewer: Viewer) -> bool:
         if viewer.is_driver or self.number - viewer.shown > self.turn_length:
             return True
         return (self.number + viewer.turn) % self.turn_length == 0

@@ -1,4 +1,4 @@
-"""Pictures: each ready viewer gets the newest one; nothing is queued."""
+"""Views: each ready viewer gets the newest one; nothing is queued."""
 
 import asyncio
 from collections import Counter
@@ -6,7 +6,7 @@ from collections import Counter
 import pytest
 
 from robots import wire
-from teleop.live.picture_feed import FULL_RATE_VIEWERS, PictureFeed, PictureViewer
+from teleop.live.view_feed import FULL_RATE_VIEWERS, Viewer, ViewFeed
 
 pytestmark = pytest.mark.django_db(transaction=True)
 
@@ -53,14 +53,14 @@ async def test_picture_is_passed_on_as_the_bridge_encoded_it(open_page, bridge):
 
 
 async def test_stalled_viewer_delays_no_other_and_stores_no_picture():
-    views = PictureFeed()
+    views = ViewFeed()
     sent = {"stalled": [], "lively": []}
 
     def viewer(name):
         async def send(event):
             sent[name].append(event["text"])
 
-        return PictureViewer(views, send)
+        return Viewer(views, send)
 
     stalled, lively = viewer("stalled"), viewer("lively")
     for number in range(1000):
@@ -75,7 +75,7 @@ async def test_stalled_viewer_delays_no_other_and_stores_no_picture():
 
 
 async def test_many_viewers_take_turns_but_the_driver_gets_all():
-    views = PictureFeed()
+    views = ViewFeed()
     sent = {}
 
     def viewer(name):
@@ -84,7 +84,7 @@ async def test_many_viewers_take_turns_but_the_driver_gets_all():
         async def send(event):
             sent[name].append(int(event["text"]))
 
-        return PictureViewer(views, send)
+        return Viewer(views, send)
 
     crowd = [viewer(name) for name in range(3 * FULL_RATE_VIEWERS)]
     crowd[0].is_driver = True
@@ -102,7 +102,7 @@ async def test_many_viewers_take_turns_but_the_driver_gets_all():
 
 
 async def test_viewer_that_fails_to_send_affects_no_other():
-    views, sent, arrived = PictureFeed(), [], asyncio.Event()
+    views, sent, arrived = ViewFeed(), [], asyncio.Event()
 
     async def fails(_event):
         raise RuntimeError("a fault of ours")
@@ -111,8 +111,8 @@ async def test_viewer_that_fails_to_send_affects_no_other():
         sent.append(event["text"])
         arrived.set()
 
-    PictureViewer(views, fails)
-    lively = PictureViewer(views, send)
+    Viewer(views, fails)
+    lively = Viewer(views, send)
     for number in range(2):
         arrived.clear()
         views.publish(str(number))
