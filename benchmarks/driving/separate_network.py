@@ -46,7 +46,7 @@ class RobotApart:
 
     @property
     def plan(self) -> PracticeRobot:
-        """Return the first practice robot, moved into this network."""
+        """Return the first simulated robot, moved into this network."""
         return replace(
             PRACTICE_ROBOTS[0], address=ROBOT_ADDRESS, console_address=CONSOLE_ADDRESS, inside=self._inside
         )

@@ -73,7 +73,7 @@ class OneThreadHandler(ASGIHandler):
 
     def _answer(self, scope: Any, body: Any) -> Any:
         """Return the response. It is closed, if its content is complete."""
-        prefer_stop_thread()  # the process that drives answers stops alone; the pages process may prefer nobody
+        prefer_stop_thread()  # the web process answers stops alone; the pages process may prefer nobody
         set_script_prefix(get_script_prefix(scope))
         request_started.send(sender=type(self), scope=scope)
         request, malformed = self.create_request(scope, body)
@@ -107,7 +107,7 @@ class PagesHandler(OneThreadHandler):
     def _on_a_thread(
         self, call: Callable[P, R], *, stops: bool = False
     ) -> Callable[P, Coroutine[Any, Any, R]]:
-        if stops:  # by a program: those of pages are answered by the process that drives
+        if stops:  # by a program: those of pages are answered by the web process
             return sync_to_async(call, thread_sensitive=False, executor=self._stop_threads)
         run = sync_to_async(call, thread_sensitive=False, executor=self._threads)
 

@@ -61,7 +61,7 @@ def measured(
         method = (
             request.method if request.method in ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE") else "other"
         )
-        web = str(os.getppid())  # the process that drives, which started this one
+        web = str(os.getppid())  # the web process, which started this one
         _seconds.labels(web, method, route, str(response.status_code)).observe(time.perf_counter() - began_s)
         return response
 

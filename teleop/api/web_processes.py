@@ -1,6 +1,6 @@
-"""Metrics of the other processes of the web: those that drive, and the pages processes of other web processes.
+"""Metrics of the other processes: web processes, and the pages processes of other web processes.
 
-Each listens on a Unix socket of this account in `FLEET_RUN_DIR`, whose name has the number of the process that drives.
+Each listens on a Unix socket of this account in `FLEET_RUN_DIR`, whose name has the number of the web process.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ def of_others(host: str, authorization: str) -> Iterator[Metric]:
     Pages processes ask again who may know: `host` and `authorization` are the headers of the scrape.
     """
     run: Path = settings.FLEET_RUN_DIR
-    own = f"web-{os.getppid()}.sock"  # the process that drives started this one
+    own = f"web-{os.getppid()}.sock"  # the web process started this one
     driving = sorted(run.glob("programs-*.sock"))
     asked = [(path, PATH) for path in driving]
     asked += [(path, f"{PATH}?{OWN}=1") for path in sorted(run.glob("web-*.sock")) if path.name != own]
     with ThreadPoolExecutor(max_workers=8) as pool:
         texts = list(pool.map(lambda one: _scraped(one[0], one[1], host, authorization), asked))
     yield from _joined(text for text in texts if text is not None)
-    up = GaugeMetricFamily("fleet_web_up", "1: the process that drives answered the scrape.", labels=["web"])
+    up = GaugeMetricFamily("fleet_web_up", "1: the web process answered the scrape.", labels=["web"])
     for path, text in zip(driving, texts, strict=False):
         up.add_metric([path.stem.split("-")[1]], float(text is not None))
     yield up

@@ -1,4 +1,4 @@
-"""Metrics of the process that drives: what it forwards, its links and viewers."""
+"""Metrics of the web process: what it forwards, its links and viewers."""
 
 from __future__ import annotations
 

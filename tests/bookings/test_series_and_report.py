@@ -129,7 +129,7 @@ def test_the_report_shows_one_robot_or_person(
     assert hours_booked(person="olga", robot=other_robot.slug) == ["3.00"]
 
 
-def test_the_report_sums_hours_and_slots_not_shown(client, robot, operator, supervisor):
+def test_the_report_sums_hours_and_slots_not_used(client, robot, operator, supervisor):
     now = django_timezone.now()
     for days, used in ((3, True), (2, True), (1, False)):
         starts = now - timedelta(days=days)
@@ -143,7 +143,7 @@ def test_the_report_sums_hours_and_slots_not_shown(client, robot, operator, supe
             made_at=starts,
         )
     [row] = report([robot], (), starts=now - timedelta(days=7), ends=now, by="person", now=now)
-    assert (row.name, row.bookings, row.booked_h, row.used_h, row.not_shown) == ("Olga Operator", 3, 6, 3, 1)
+    assert (row.name, row.bookings, row.booked_h, row.used_h, row.not_used) == ("Olga Operator", 3, 6, 3, 1)
     client.force_login(supervisor)
     answer = client.get(reverse("booking-report"), {"as": "csv", "by": "course"})
     assert answer.content.decode().splitlines()[1] == "-,3,6.00,3.00,1,0"

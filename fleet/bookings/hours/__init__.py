@@ -1,1 +1,1 @@
-"""Hours on robots, added up: booked, used and not shown; left of each quota."""
+"""Hours on robots, added up: booked and used, slots not used; left of each quota."""

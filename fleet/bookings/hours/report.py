@@ -1,4 +1,4 @@
-"""Hours booked, used and not shown, by robot, person and course."""
+"""Hours booked and used, and slots not used, by robot, person and course."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Row(Struct):
     bookings: int = 0
     booked_h: float = 0.0
     used_h: float = 0.0
-    not_shown: int = 0
+    not_used: int = 0
     cancelled: int = 0
 
 
@@ -45,7 +45,7 @@ def report(
     They are those of these robots, and of these courses on any robot; of these, `only` those.
 
     A slot counts as used from its start to its end, or to where it was given up, if its person took control in it. A
-    past slot without control counts as not shown.
+    past slot without control counts as not used.
     """
     these = Q(robot__in=robots) | Q(course__in=courses)
     found = Booking.objects.filter(these, starts_at__gte=starts, starts_at__lt=ends)
@@ -68,13 +68,13 @@ def _sums(rows: Iterable[Any], by: str, now: datetime) -> Iterable[Row]:
         if row.used_at is not None:
             total.used_h += (min(row.held_until, max(now, row.starts_at)) - row.starts_at) / HOUR
         elif row.state == State.NO_SHOW or (row.ends_at <= now and row.state not in NOT_YET):
-            total.not_shown += 1
+            total.not_used += 1
     return sums.values()
 
 
 def lines(rows: list[Row]) -> list[list[str]]:
     """Return the report as lines of a CSV file, with a heading."""
-    heading = ["name", "bookings", "booked_h", "used_h", "not_shown", "cancelled"]
+    heading = ["name", "bookings", "booked_h", "used_h", "not_used", "cancelled"]
     return [heading, *([_cell(value) for value in structs.astuple(row)] for row in rows)]
 
 

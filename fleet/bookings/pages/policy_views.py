@@ -190,7 +190,7 @@ def _series_page(
 @never_cache
 @require_safe
 def booking_report(request: HttpRequest) -> HttpResponse:
-    """Show the hours booked, used and not shown of a period, by robot, person or course; also as CSV."""
+    """Show the hours booked and used, and the slots not used, of a period, by robot, person or course; also as CSV."""
     person, zone, now = person_of(request), viewers(), timezone.now()
     robots, courses = robots_managed_by(person), courses_managed_by(person)
     if not (person.is_staff or robots or courses):

@@ -455,7 +455,7 @@ class RevokeView(CoursesBase):
 
     @_course(
         "qualifications_revoke",
-        "Take a qualification from people of a course",
+        "Revoke a qualification of people of a course",
         body=PeopleRequest,
         answer=Changed,
         keyed=True,

@@ -1,6 +1,6 @@
 """``manage.py seed_demo_week FILE``: a course, bookings around now and a past week of use, for script/demo.
 
-FILE is JSON: {"students": [{"username", "password"}]}; the practice robots must be there. A second run does nothing.
+FILE is JSON: {"students": [{"username", "password"}]}; the simulated robots must be there. A second run does nothing.
 """
 
 from __future__ import annotations

@@ -98,7 +98,7 @@ class Asker:
         return "" if answer.status_code < 400 else str(json.loads(answer.content)["code"])
 
     async def serve(self, socket: ServerConnection) -> None:
-        """Be the process that drives."""
+        """Be the web process."""
         async for raw in socket:
             if socket.request is not None and "/topics/" in socket.request.path:
                 continue
@@ -193,7 +193,7 @@ async def not_connected(ask: Asker) -> str:
 
 
 async def served(ask: Asker, *steps: Case) -> str:
-    """Ask one after the other, with a process that drives; return the last code."""
+    """Ask one after the other, with a web process; return the last code."""
     ask.patch.setenv(registry.SOCKET, str(ask.path))
     ask.patch.setattr(registry, "programs", registry.programs)
     code = ""

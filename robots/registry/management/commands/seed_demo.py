@@ -1,4 +1,4 @@
-"""``manage.py seed_demo FILE``: the practice robots and accounts of script/demo.
+"""``manage.py seed_demo FILE``: the simulated robots and accounts of script/demo.
 
 FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick", "rear_camera", "camera"}],
 "accounts": [{"username", "role", "password"}]}, and perhaps "students" for `seed_demo_week`.
@@ -88,9 +88,9 @@ class Plan(Struct, frozen=True):
 
 
 class Command(BaseCommand):
-    """Practice robots and accounts for script/demo."""
+    """Simulated robots and accounts for script/demo."""
 
-    help = "Register the practice robots and accounts of script/demo."
+    help = "Register the simulated robots and accounts of script/demo."
 
     def add_arguments(self, parser: CommandParser) -> None:
         """Add the option: file."""
@@ -111,7 +111,7 @@ class Command(BaseCommand):
 
 
 def seed_robot(planned: PracticeRobot) -> Robot:
-    """Register a practice robot, or update the master of a registered one."""
+    """Register a simulated robot, or update the master of a registered one."""
     robot = Robot.objects.filter(slug=planned.slug).first()
     if robot is not None:
         robot.master_uri = planned.master_uri
@@ -138,7 +138,7 @@ def seed_robot(planned: PracticeRobot) -> Robot:
 
 
 def seed_map(robots: list[Robot]) -> None:
-    """Store the map that the practice robots have of their world, and its places, unless people changed them."""
+    """Store the map that the simulated robots have of their world, and its places, unless people changed them."""
     world, body = load_world(WORLD), BODIES[PROFILE]
     x, y, _ = world.starts[0]
     survey = surveyed(Physics(world, body, Start(x, y, 0.0)), world.size, body.laser.pose[2])
@@ -153,7 +153,7 @@ def seed_map(robots: list[Robot]) -> None:
 
 
 def seed_account(planned: Account, robots: list[Robot]) -> None:
-    """Create an account, if it does not exist, with its role on every practice robot."""
+    """Create an account, if it does not exist, with its role on every simulated robot."""
     if User.objects.filter(username=planned.username).exists():
         return
     is_staff = planned.role == Role.STAFF

@@ -92,7 +92,7 @@ class ProgramConnection:
 
     @classmethod
     async def open(cls, path: str, slug: str, caller: Caller) -> ProgramConnection:
-        """Connect to the process that drives. Raises `NotDone`."""
+        """Connect to the web process. Raises `NotDone`."""
         try:
             socket = await unix_connect(
                 path,

@@ -10,7 +10,7 @@ from uuid import UUID
 from robots.wire import NotDone, Refusal
 from teleop.api.v1.programs.connection import Caller, ProgramConnection
 
-SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the process that drives listens for us; `fleet.server.pages_process` sets it
+SOCKET = "FLEET_PROGRAMS_SOCKET"  # where the web process listens for us; `fleet.server.pages_process` sets it
 UNUSED_S = 30.0  # without a request, a program's connection closes, and control ends
 CHECK_S = 1.0
 MOST = 100
@@ -82,7 +82,7 @@ class Programs:
         return found
 
     def path(self) -> str:
-        """Return where the process that drives listens. Raises `NotDone`."""
+        """Return where the web process listens. Raises `NotDone`."""
         path = os.environ.get(SOCKET)
         if not path:
             raise NotDone(_NO_SERVER)
