@@ -25,7 +25,7 @@ from fleet.audit.models import Actor, Chain, Content, Record
 from robots.registry.models import Robot, RobotProfile
 from teleop.models import ControlSession
 
-AT_ONCE = 10_000  # records in one transaction
+BATCH_SIZE = 10_000  # records in one transaction
 CACHE_KB = 400_000  # of SQLite, so that all indexes are in memory
 BEGAN = datetime(2023, 11, 1, 8, tzinfo=timezone.utc)
 BETWEEN_S = 1300.0  # two control sessions, on average
@@ -95,7 +95,7 @@ class Past:
         insert = {"sqlite": _insert_into_sqlite, "postgresql": _copy_to_postgresql}[connection.vendor]
         with _much_memory():
             while self._count < count:
-                batch = list(islice(self._records, min(AT_ONCE, count - self._count)))
+                batch = list(islice(self._records, min(BATCH_SIZE, count - self._count)))
                 with transaction.atomic():
                     _open_chains({row.robot_id or NO_ROBOT: row.robot_name for row, _kept in batch})
                     insert(Record, [record for record, _kept in batch])

@@ -78,7 +78,7 @@ def record(
         outcome=_short(outcome),
     )
     with _in_words(), transaction.atomic(savepoint=False):
-        _take_over(new[0], _numbered(of) if isinstance(of, int) else of, request_id)
+        _copy_from_request(new[0], _numbered(of) if isinstance(of, int) else of, request_id)
         _append([new], people)
     return new[0]
 
@@ -96,7 +96,7 @@ def record_all(kind: str, several: Sequence[Said], *, actor: AbstractUser | Syst
     people = {_id_of(actor): actor} if actor else {}
     new = [_new(kind, said, actor_id=_id_of(actor) if actor else None) for said in several]
     for record_, _ in new:
-        _take_over(record_, None, None)
+        _copy_from_request(record_, None, None)
     with _in_words(), transaction.atomic(savepoint=False):
         _append(new, people)
 
@@ -127,8 +127,8 @@ def wait_for_writers() -> None:
             _hold(chain_id)
 
 
-def _take_over(new: Record, earlier: Record | None, request_id: uuid.UUID | None) -> None:
-    """Fields that an outcome copies from its request unless they are given."""
+def _copy_from_request(new: Record, earlier: Record | None, request_id: uuid.UUID | None) -> None:
+    """Copy from the request of an outcome the fields that are not given."""
     if earlier is not None:
         new.of = earlier
         new.robot_id = new.robot_id or earlier.robot_id

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-AT_ONCE = 100  # people in one transaction: others must not wait long for the database
+BATCH_SIZE = 100  # people in one transaction: others must not wait long for the database
 NOT_IN_USERNAMES = re.compile(r"[^\w.@+-]")
 
 
@@ -113,13 +113,13 @@ def accounts_by_address(addresses: Iterable[str]) -> dict[str, User]:
 def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) -> Plan:
     """Enrol the people of a list, and make the accounts that do not exist yet. A repeated call changes nothing.
 
-    It is done in parts of `AT_ONCE` people, one transaction each; after a fault, repeat it. New people get an e-mail
+    It is done in parts of `BATCH_SIZE` people, one transaction each; after a fault, repeat it. New people get an e-mail
     with a link to set their password; `site` is the address of the console, such as `https://fleet.example.org`.
     """
     plan = plan_of(people, course, actor)
-    for part in _parts(plan.accounts, AT_ONCE):
+    for part in _parts(plan.accounts, BATCH_SIZE):
         enrol(course=course, people=part, actor=actor)
-    for listed in _parts(plan.newcomers, AT_ONCE):
+    for listed in _parts(plan.newcomers, BATCH_SIZE):
         with transaction.atomic():
             _one_at_a_time()
             now = plan_of(PeopleList(tuple(listed)), course, actor)  # the button may have been pressed twice

@@ -47,7 +47,7 @@ log = logging.getLogger(__name__)
 # zeros are repeated for this time after control ended; then the topic is free for other nodes
 QUIET_AFTER_S = 1.0
 ODOMETRY_ONLINE_S = 1.0
-AT_ONCE_S = 0.05
+READ_WITHIN_S = 0.05  # a message that came is read within this time
 REACHED_S = 1.0  # after joining the master: subscribers of cancel topics are connected by then
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
@@ -279,7 +279,7 @@ class Core:
         if still is None:
             self._drives.halted("nothing new came from odometry")
         self._records.tick(now_s, watched=self._drives.under_way or bool(self.tasks.under_way))
-        drives_itself = self.tasks.going.drives is not None
+        drives_itself = self.tasks.navigation.driving_requester is not None
         self._drives.tick(now_s, self._passed == STILL and still is not False and not drives_itself)
         self._watch_records(now_s)
         self._decide(now_s)
@@ -306,7 +306,7 @@ class Core:
     @property
     def drives_itself(self) -> bool:
         """Return whether navigation drives the robot, or may still do so: without this process it must be stopped."""
-        return self.tasks.going.drives is not None or self.tasks.going.hold.holds
+        return self.tasks.navigation.driving_requester is not None or self.tasks.navigation.hold.holds
 
     @property
     def skew_s(self) -> float | None:
@@ -355,7 +355,7 @@ class Core:
         if run != self._run:
             self._run = run
             self._gate.forget(restarted=True)
-        if self.tasks.going.drives:
+        if self.tasks.navigation.driving_requester:
             # After a silence, messages come in a burst. The first are old: the robot only looks slow to answer.
             self._miss_sensors(arrival_s)
         if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
@@ -365,8 +365,8 @@ class Core:
         self._reported.skew_s = skew_s if steadied_s is None else steadied_s + 0.1 * (skew_s - steadied_s)
         self._drives.moved(pose, velocity, arrival_s)
         self.tasks.drives_by.moved(pose)
-        self.tasks.going.moved(pose, velocity, arrival_s)
-        if self.tasks.going.drives:
+        self.tasks.navigation.moved(pose, velocity, arrival_s)
+        if self.tasks.navigation.driving_requester:
             self._watch(arrival_s)
         self._report_changes()
 
@@ -390,7 +390,7 @@ class Core:
     def posture(self, arm: Posture, arrival_s: float) -> None:
         """Take the arm's posture."""
         self._gate.observe_posture(arm, arrival_s)
-        self.tasks.going.arm(arm.at_home, arrival_s)
+        self.tasks.navigation.arm(arm.at_home, arrival_s)
         self.tasks.limbs.arm(arm.at_home, arrival_s)
 
     def bad_depth(self, why: str) -> None:
@@ -399,11 +399,11 @@ class Core:
 
     def mapped(self, goal_map: GoalMap, now_s: float) -> None:
         """Take the robot's map."""
-        self.tasks.going.mapped(goal_map, now_s)
+        self.tasks.navigation.mapped(goal_map, now_s)
 
     def unmapped(self, why: str, now_s: float) -> None:
         """Note that the robot's map cannot be fetched."""
-        self.tasks.going.unmapped(why, now_s)
+        self.tasks.navigation.unmapped(why, now_s)
 
     def described(self, taken: TakenDescription, failed: Callable[[], object]) -> None:
         """Take the robot's description: the console keeps it for pages. `failed` is called if it could not."""
@@ -441,7 +441,7 @@ class Core:
     def saved_state(self) -> SavedState:
         """Return the state that must survive a kill of this process."""
         stop = self.stop_state
-        goal = self.tasks.going.may_drive_to
+        goal = self.tasks.navigation.may_drive_to
         return SavedState(stop.state != "clear", stop.by or "", stop.reason, self.lease.highest, goal)
 
     def hello(self) -> wire.BridgeHello:
@@ -463,11 +463,11 @@ class Core:
             tasks.motions.last,
             speech and (speech.number, speech.status, speech.word),
             tasks.speech.last,
-            tasks.drives_by.running,
+            tasks.drives_by.running_requester,
             tasks.drives_by.last,
-            (going := tasks.going.view(now_s)) and (going.number, going.ending),
-            tasks.going.last,
-            tasks.going.hold.why,
+            (goal := tasks.navigation.view(now_s)) and (goal.number, goal.ending),
+            tasks.navigation.last,
+            tasks.navigation.hold.why,
             *tasks.limbs.headline,
             tasks.routing.chosen,
             dict(tasks.routing.gone),
@@ -524,9 +524,9 @@ class Core:
     def why_not_still(self, now_s: float) -> Refusal | None:
         """Return a refusal if the base moves, is commanded to move, or its motion is unknown."""
         still = self._gate.standstill(now_s)
-        if self.tasks.going.begun:
-            return self.tasks.going.busy()
-        if self.tasks.drives_by.running or self._passed != STILL or still is False:
+        if self.tasks.navigation.begun:
+            return self.tasks.navigation.busy()
+        if self.tasks.drives_by.running_requester or self._passed != STILL or still is False:
             return Refusal("base_moving", "The robot drives: wait until it stands still.", "robot")
         if still is None:
             text = "It is unknown whether the robot stands still: its odometry is late."
@@ -539,7 +539,7 @@ class Core:
         self._asking, self._passed = None, STILL
         self._publish_until_s = now_s + QUIET_AFTER_S
         self._send(STILL, now_s)
-        self.tasks.going.halted(code, reason, now_s)
+        self.tasks.navigation.halted(code, reason, now_s)
         self.tasks.drives_by.halted(code, reason, now_s)
 
     # --- inside -----------------------------------------------------------------------------------
@@ -552,14 +552,14 @@ class Core:
             self._stop_until_neutral(*self._explain_silence(self._asking, now_s))
         awaited = self._awaited(now_s)
         self._asking, asked = self._inputs.wanted(grant, awaited is None, now_s) if grant else (None, STILL)
-        by, refusal = self.tasks.drives_by, None
+        drives_by, refusal = self.tasks.drives_by, None
         if grant and self._asking:
-            by.end("replaced", "The holder’s own drive input took over.", now_s)
-            self.tasks.going.end("replaced", "The holder’s own drive input took over.", now_s)
+            drives_by.end("replaced", "The holder’s own drive input took over.", now_s)
+            self.tasks.navigation.end("replaced", "The holder’s own drive input took over.", now_s)
             refusal = self._why_not(grant, self._asking, now_s)
-        elif grant and (requester := by.running):
+        elif grant and (requester := drives_by.running_requester):
             refusal, asked = self._drive_by(grant, requester, awaited, now_s)
-        elif grant and (requester := self.tasks.going.drives):
+        elif grant and (requester := self.tasks.navigation.driving_requester):
             self._go_on(grant, requester, now_s)
         self._passed = asked if refusal is None else STILL
         verdict = self._gate.decide(self._passed, self._sent, now_s)
@@ -568,18 +568,22 @@ class Core:
             if verdict.neutral:
                 self._stop_until_neutral(verdict.code, verdict.text)
             if self._asking is None:
-                by.decided(verdict, now_s)
+                drives_by.decided(verdict, now_s)
         if self._asking and refusal and refusal.code in _HALTING:
             self._stop_until_neutral(refusal.code, _HALTING[refusal.code])
         if self._asking and awaited:
             self._stop_until_neutral(awaited.code, awaited.text)
         if reason := refusal or self._unrecorded:
             verdict = verdict._replace(asked=asked, code=reason.code, text=reason.text)
-        if self.tasks.going.waits:
+        if self.tasks.navigation.waits:
             verdict = self._verdict  # why the base is held
         if not self._latch.latched:
             self._verdict = verdict
-        if self._passed == STILL and self.tasks.going.drives and not self.tasks.going.waits:
+        if (
+            self._passed == STILL
+            and self.tasks.navigation.driving_requester
+            and not self.tasks.navigation.waits
+        ):
             self._drives.decided(verdict, now_s)  # an intervention may end
             self._sent = STILL  # silent: zeros on the drive topic would win over navigation
         else:
@@ -590,31 +594,31 @@ class Core:
         self, grant: Grant, requester: Requester, awaited: wire.NeutralNeeded | None, now_s: float
     ) -> tuple[Refusal | None, Velocity]:
         """Return the next velocity towards the goal of a task, or the rule that forbids it."""
-        by = self.tasks.drives_by
+        drives_by = self.tasks.drives_by
         refusal = self.why_not_begin(requester, now_s) or self._why_not(grant, None, now_s)
         if refusal is not None and refusal is not WAITING:
-            by.forbidden(refusal, now_s)
+            drives_by.forbidden(refusal, now_s)
             return refusal, STILL
         if awaited:
             self._drives.halted(awaited.text)
-            by.awaits(awaited, now_s)
-        return refusal, by.velocity(grant, self.lease.confirmed_s, self._sent, now_s)
+            drives_by.awaits(awaited, now_s)
+        return refusal, drives_by.velocity(grant, self.lease.confirmed_s, self._sent, now_s)
 
     def _go_on(self, grant: Grant, requester: Requester, now_s: float) -> None:
         """End the drive to a place if a rule forbids it. Brake if a sensor is silent.
 
         Otherwise continue, and record the path.
         """
-        going = self.tasks.going
+        navigation = self.tasks.navigation
         if refusal := self.why_not_begin(requester, now_s) or self.tasks.why_stand(now_s):
-            going.end(
+            navigation.end(
                 "control_lost" if refusal.rule == "lease" else refusal.code, refusal.text, now_s, refusal.code
             )
             return
         if not self._miss_sensors(now_s):
-            going.settles(now_s)
-        if going.drives:
-            going.confirm(self.lease.confirmed_s, now_s)
+            navigation.settles(now_s)
+        if navigation.driving_requester:
+            navigation.confirm(self.lease.confirmed_s, now_s)
             self._drives.may_move(holder_of(grant), now_s)
 
     def _miss_sensors(self, now_s: float) -> bool:
@@ -624,20 +628,20 @@ class Core:
             text = f"stopped: {fault.text}"
             if overload := self._late.report(now_s):
                 text += f"; this computer is overloaded: the bridge was {overload.late_s:.1f} s late"
-            self._take_over(Verdict(STILL, self._gate.velocity, fault.code, text, fault.sensor), now_s)
+            self._brake_navigation(Verdict(STILL, self._gate.velocity, fault.code, text, fault.sensor), now_s)
         return fault is not None
 
     def _watch(self, now_s: float) -> None:
         """Judge the velocity at which the robot drives itself; take over where the gate's promise would be broken."""
-        verdict = self.tasks.going.judge(now_s)
+        verdict = self.tasks.navigation.judge(now_s)
         if verdict.code != "free":
-            self._take_over(verdict, now_s)
+            self._brake_navigation(verdict, now_s)
 
-    def _take_over(self, verdict: Verdict, now_s: float) -> None:
+    def _brake_navigation(self, verdict: Verdict, now_s: float) -> None:
         """Brake a robot that drives itself. Its drive ends, unless the cause may pass in a moment."""
         self._verdict = verdict
-        if not self.tasks.going.waits_for(verdict, now_s):
-            self.tasks.going.held_back(verdict, now_s)
+        if not self.tasks.navigation.waits_for(verdict, now_s):
+            self.tasks.navigation.held_back(verdict, now_s)
             verdict = verdict._replace(neutral=True)  # on record by itself
         self._send(STILL, now_s)
         self._drives.decided(verdict, now_s)
@@ -648,7 +652,7 @@ class Core:
         This computer is named only if its lateness explains the gap.
         """
         for late, part in ((self._late, "the bridge"), (self._console_late, "the console")):
-            late_s = late.since(now_s - AT_ONCE_S)  # messages that arrived earlier have been read
+            late_s = late.since(now_s - READ_WITHIN_S)  # messages that came earlier have been read
             if late_s and now_s - stick.taken_s - late_s < COMMAND_LIFE_S:
                 return "overloaded", f"this computer is overloaded: {part} was {late_s:.1f} s late"
         return "dead_man", f"no command came for {COMMAND_LIFE_S} s"
@@ -682,7 +686,7 @@ class Core:
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
         """Publish while there is a reason to; then leave the topic to other nodes."""
-        if self.lease.current or self._latch.latched or self.tasks.going.hold.holds:
+        if self.lease.current or self._latch.latched or self.tasks.navigation.hold.holds:
             self._publish_until_s = now_s + QUIET_AFTER_S
         if now_s < self._publish_until_s:
             self._base.publish(velocity)

@@ -22,7 +22,7 @@ from robots.bridge.topics.inspector_client import InspectorClient
 log = logging.getLogger(__name__)
 
 DRIVES_PER_S = 200.0  # limit of a page; a stick sends 20 to 50
-DRIVES_AT_ONCE = 50.0
+DRIVES_BURST = 50.0
 REFUSAL_GAP_S = 0.25  # answer refused messages of one kind and code at most this often per link
 
 _STOP = "link_stop"
@@ -56,7 +56,7 @@ class LinkHandler:
 
     def opened(self, link: Link) -> None:
         """Send the first message to a web process: this robot's id, without any state."""
-        self._drives[link] = TokenBucket(DRIVES_PER_S, DRIVES_AT_ONCE)
+        self._drives[link] = TokenBucket(DRIVES_PER_S, DRIVES_BURST)
         self._refused[link] = {}
         link.report(self._core.hello())
 
@@ -187,7 +187,7 @@ class LinkHandler:
         link.greeted = True
         link.report(wire.Status(self._core.state(now_s, [])))
         link.report(self._core.tasks.capabilities.now())
-        link.report(self._core.tasks.going.shown_path)
+        link.report(self._core.tasks.navigation.shown_path)
 
     def _refuse(self, link: Link, refused: wire.Refused, now_s: float) -> None:
         """Answer a refused message, but not thirty times a second."""

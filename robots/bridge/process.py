@@ -186,12 +186,14 @@ class Bridge:
 
     def _tick(self, now_s: float, late_s: float) -> None:
         self._core.tick(now_s, late_s)
-        if (goal := self._core.tasks.going.may_drive_to) != self._goal:
+        if (goal := self._core.tasks.navigation.may_drive_to) != self._goal:
             self._goal = goal
             self._fences.save_latch()
         grant = self._core.lease.current
         self._base.use_on_demand_topics(grant is not None)
-        self._maps.tick(grant.fence if grant else None, now_s, self._core.tasks.going.drives is not None)
+        self._maps.tick(
+            grant.fence if grant else None, now_s, self._core.tasks.navigation.driving_requester is not None
+        )
         self._soon(self._show)
         self._soon(self._collect)
 
@@ -244,7 +246,7 @@ class Bridge:
 
     def _show_path(self, now_s: float) -> None:
         """Send navigation's path to all links when it is another one."""
-        path = self._core.tasks.going.shown_path
+        path = self._core.tasks.navigation.shown_path
         if path != self._path and now_s - self._path_s >= PATH_GAP_S:
             self._path, self._path_s = path, now_s
             self._announce(path)

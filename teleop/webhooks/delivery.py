@@ -36,10 +36,10 @@ PAUSES = [
     timedelta(hours=12),
 ]
 CLAIMED = timedelta(minutes=2)  # longer than an attempt takes, including the DNS lookup
-AT_ONCE = 50  # of one webhook in one round
+BATCH_SIZE = 50  # of one webhook in one round
 ANSWER_LENGTH = 300  # characters kept
 KEPT = timedelta(days=30)
-REMOVED_AT_ONCE = 500
+REMOVED_BATCH_SIZE = 500
 
 State = WebhookDelivery.State
 
@@ -58,7 +58,7 @@ def due(webhook_id: UUID, now: datetime) -> QuerySet[WebhookDelivery]:
 
 def send_due(webhook_id: UUID) -> int:
     """Send what is due, until the receiver fails. Returns how many deliveries were tried."""
-    for tried in range(AT_ONCE):
+    for tried in range(BATCH_SIZE):
         webhook = active_webhooks().select_related("owner").filter(pk=webhook_id).first()
         delivery = webhook and _claim_next(webhook.pk, timezone.now())
         if not webhook or not delivery:
@@ -67,11 +67,11 @@ def send_due(webhook_id: UUID) -> int:
         _note(delivery, answer, timezone.now())
         if not answer["good"]:
             return tried + 1
-    return AT_ONCE
+    return BATCH_SIZE
 
 
 def _claim_next(webhook_id: UUID, now: datetime) -> WebhookDelivery | None:
-    for delivery in due(webhook_id, now)[:AT_ONCE]:
+    for delivery in due(webhook_id, now)[:BATCH_SIZE]:
         mine = WebhookDelivery.objects.filter(pk=delivery.pk, state=State.WAITING, due_at=delivery.due_at)
         delivery.due_at = now + CLAIMED
         if mine.update(due_at=delivery.due_at):
@@ -133,6 +133,6 @@ def _note(delivery: WebhookDelivery, answer: dict[str, Any], now: datetime) -> N
 def remove_old_deliveries(now: datetime) -> bool:
     """Remove some deliveries older than `KEPT`. Returns whether there may be more."""
     old = WebhookDelivery.objects.filter(made_at__lt=now - KEPT).values_list("pk", flat=True)
-    some = list(old[:REMOVED_AT_ONCE])
+    some = list(old[:REMOVED_BATCH_SIZE])
     WebhookDelivery.objects.filter(pk__in=some).delete()
-    return len(some) == REMOVED_AT_ONCE
+    return len(some) == REMOVED_BATCH_SIZE

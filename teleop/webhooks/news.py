@@ -16,7 +16,7 @@ from fleet.audit.services import wait_for_writers
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks.events import is_news
 
-AT_ONCE = 500  # records of one round
+BATCH_SIZE = 500  # records of one round
 NOTED_AFTER = 500  # records without news
 OLDEST = timedelta(days=7)  # news after a long pause
 
@@ -67,7 +67,7 @@ class NewsReader:
 def lines_after(start: int) -> list[Line]:
     """Return the next records, without a gap that a writer may still fill: numbers are given before the commit."""
     later = Record.objects.filter(pk__gt=start).order_by("pk")
-    lines = _lines(later[:AT_ONCE])
+    lines = _lines(later[:BATCH_SIZE])
     if lines and lines[-1].pk - start > len(lines):
         wait_for_writers()
         lines = _lines(later.filter(pk__lte=lines[-1].pk))

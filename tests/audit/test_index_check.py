@@ -32,7 +32,7 @@ def findings():
 
 
 def test_as_it_was_written_index_and_log_agree(monkeypatch):
-    monkeypatch.setattr(index_check, "AT_ONCE", 2)  # several batches
+    monkeypatch.setattr(index_check, "BATCH_SIZE", 2)  # several batches
     assert findings() == []
     Content.objects.filter(text="good evening").delete()  # as at its expiry
     assert list(index_check.disagreements()) == []

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from robots.simulator.faults import Faults
-from robots.simulator.navigation.navigator import NO_CONTROL, NO_PLAN, REACHED, Going, Navigator, Phase
+from robots.simulator.navigation.navigator import NO_CONTROL, NO_PLAN, REACHED, GoalDrive, Navigator, Phase
 from robots.simulator.navigation.planner import CostMap
 from robots.simulator.physics.base import Twist
 from robots.simulator.physics.mujoco_world import Pose
@@ -21,19 +21,19 @@ from tests.simulator.conftest import room
 HALL, OFFICE, MEETING = Pose(2.0, 1.8, 0.0), Pose(7.5, 5.0, 0.0), Pose(1.2, 5.5, math.pi / 2)
 
 
-def drive(robot: Robot, goal: Pose, seconds: float = 90.0, room_m: float = 0.0) -> Going:
+def drive(robot: Robot, goal: Pose, seconds: float = 90.0, room_m: float = 0.0) -> GoalDrive:
     """Drive until the goal ends; nothing may be nearer than `room_m` on the way."""
     navigator = Navigator(robot)
     now = 0.0
-    going = navigator.go(goal, now)
-    while going.phase is Phase.DRIVING and now < seconds:
+    driven = navigator.go(goal, now)
+    while driven.phase is Phase.DRIVING and now < seconds:
         if (twist := navigator.step(now)) is not None:
             robot.command(twist, now)
         robot.tick(now)
         now += TICK_S
         assert not robot.physics.contacts()
         assert not room_m or robot.physics.clearance_m(room_m) >= room_m
-    return going
+    return driven
 
 
 @pytest.fixture
@@ -43,8 +43,8 @@ def office() -> Robot:
 
 @pytest.mark.parametrize("goal", [OFFICE, MEETING])
 def test_it_drives_through_a_door_to_the_goal(office, goal):
-    going = drive(office, goal)
-    assert (going.phase, going.text) == (Phase.REACHED, REACHED)
+    driven = drive(office, goal)
+    assert (driven.phase, driven.text) == (Phase.REACHED, REACHED)
     truth = office.physics.pose
     assert math.dist(truth[:2], goal[:2]) < 0.2
     assert abs(math.remainder(truth.yaw - goal.yaw, math.tau)) < 0.2
@@ -62,16 +62,16 @@ def test_it_keeps_away_from_a_trunk_that_is_wider_than_the_legs(office, at):
 
 
 def test_a_goal_without_a_way_fails_at_once(office):
-    going = drive(office, Pose(20.0, 0.7, 0.0))
-    assert (going.phase, going.text) == (Phase.FAILED, NO_PLAN)
+    driven = drive(office, Pose(20.0, 0.7, 0.0))
+    assert (driven.phase, driven.text) == (Phase.FAILED, NO_PLAN)
 
 
 def test_it_gives_up_where_the_way_stays_barred(robot_in):
     world = load_world("office")
     robot = robot_in(world, HALL).robot
     robot.people["person"].x, robot.people["person"].y = 7.55, 3.5  # in the door
-    going = drive(robot, Pose(7.55, 4.4, math.pi / 2))
-    assert (going.phase, going.text) == (Phase.FAILED, NO_CONTROL)
+    driven = drive(robot, Pose(7.55, 4.4, math.pi / 2))
+    assert (driven.phase, driven.text) == (Phase.FAILED, NO_CONTROL)
 
 
 def test_it_plans_nothing_while_it_does_not_know_where_it_is(office):

@@ -9,7 +9,7 @@ import pytest
 
 from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import Parameters, Pose, Velocity
-from robots.bridge.navigation.going import LEAST_SPARE_M
+from robots.bridge.navigation.navigation_goals import LEAST_SPARE_M
 from tests.drives.test_near_side import RADIUS_M, NearSighted
 from tests.gate.conftest import LASER, Feeder, tiago_profile
 from tests.gate.depth_pictures import FLOOR, LOOK_AHEAD, TABLE, Looker, camera

@@ -21,10 +21,10 @@ from benchmarks.world.robot import tiago_profile
 from benchmarks.world.witness import Contact, first_contact
 from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import STILL, GateProfile, Pose, Velocity, Verdict
-from robots.bridge.navigation.going import LEAST_SPARE_M
+from robots.bridge.navigation.navigation_goals import LEAST_SPARE_M
 from robots.bridge.tasks.head import AHEAD_TAKES_S, Aim
 from robots.simulator.faults import Faults
-from robots.simulator.navigation.navigator import Going, Navigator, Phase
+from robots.simulator.navigation.navigator import GoalDrive, Navigator, Phase
 from robots.simulator.physics import mujoco_world
 from robots.simulator.worlds import load_world
 
@@ -109,8 +109,8 @@ class NavigationLoop(Loop):
 
     def judge(self, now_s: float) -> None:
         """Judge the measured velocity; take the base where it must brake."""
-        going = self._navigator.going
-        if going is None or going.phase is not Phase.DRIVING or now_s < self._held_until_s:
+        drive = self._navigator.drive
+        if drive is None or drive.phase is not Phase.DRIVING or now_s < self._held_until_s:
             return
         verdict = self._watch.judge(self._watched.gate, self._commanded, now_s)
         if verdict.code != "free":
@@ -142,10 +142,10 @@ class NavigationLoop(Loop):
             if self._held_until_s - now_s < 0.1:
                 self.closest_m = min(self.closest_m, self.robot.physics.clearance_m())
             return
-        going = self._navigator.going
-        if going is not None and going.phase is Phase.DRIVING and not self._is_enough(going, now_s):
+        drive = self._navigator.drive
+        if drive is not None and drive.phase is Phase.DRIVING and not self._is_enough(drive, now_s):
             return
-        self.arrived += going is not None and going.phase is Phase.REACHED
+        self.arrived += drive is not None and drive.phase is Phase.REACHED
         self._navigator.cancel()
         if now_s - STARTS_S < WARM_UP_S:
             return
@@ -178,10 +178,10 @@ class NavigationLoop(Loop):
     def _hear(self, commanded: Velocity | None) -> None:
         self._commanded = commanded
 
-    def _is_enough(self, going: Going, now_s: float) -> bool:
+    def _is_enough(self, drive: GoalDrive, now_s: float) -> bool:
         """Return whether the next goal is due: a blind planner never notices that it is there."""
         pose = self.robot.physics.pose
-        there = self.robot.faults.navigation_blind and math.dist(pose[:2], going.goal[:2]) < THERE_M
+        there = self.robot.faults.navigation_blind and math.dist(pose[:2], drive.goal[:2]) < THERE_M
         return there or now_s - self._goal_s > LONGEST_GOAL_S
 
     def _look(self, now_s: float) -> None:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from django.db import DatabaseError, connection, transaction
 from django.db.backends.utils import CursorWrapper
 
-AT_ONCE = 5_000  # texts that are indexed again
+BATCH_SIZE = 5_000  # texts that are indexed again
 
 # Index content of one group of characters in any order: number of places, and which texts and places.
 _PLACES = (
@@ -114,7 +114,7 @@ def _as_said(cursor: CursorWrapper) -> dict[str, tuple[int, int]]:
         cursor.execute(
             "SELECT max(record_id) FROM (SELECT record_id FROM audit_content"
             " WHERE text <> '' AND record_id > %s ORDER BY record_id LIMIT %s)",
-            [last, AT_ONCE],
+            [last, BATCH_SIZE],
         )
         (end,) = cursor.fetchone()
         if end is None:

@@ -23,7 +23,7 @@ from fleet.audit.integrity.canonical import NO_ROBOT, content_digest, first_dige
 from fleet.audit.models import Chain, Record
 from fleet.audit.retention import CLOCKS_DIFFER, RECORDS_KEPT_AT_LEAST
 
-AT_ONCE = 5000  # records in memory
+BATCH_SIZE = 5000  # records in memory
 NOT_AS_WRITTEN = "is not what was written: it was changed or put in."
 # Errors from cells with content that no console writes. SQLite keeps anything in any column.
 UNREADABLE = (ValueError, TypeError, AttributeError, OverflowError, OperationalError)
@@ -346,7 +346,7 @@ def _rows(records: QuerySet[Record]) -> Iterator[Any]:
     """The records with their contents, in this order. After an unreadable one, records are read singly."""
     read = 0
     try:
-        for row in records.values_list(*COLUMNS, named=True).iterator(AT_ONCE):
+        for row in records.values_list(*COLUMNS, named=True).iterator(BATCH_SIZE):
             read += 1
             yield row
     except UNREADABLE:

@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 AHEAD = timedelta(hours=1)  # of a reminder before its slot
 AGAIN = timedelta(minutes=5)
 GIVEN_UP = timedelta(days=1)
-AT_ONCE = 20  # letters of one round
+BATCH_SIZE = 20  # letters of one round
 SHOWN = timedelta(days=7)
 MOST_SHOWN = 3
 KEPT = timedelta(days=30)
@@ -99,7 +99,7 @@ def send_letters(now: datetime) -> int:
         Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN), sent_at=None, made_at__gt=now - GIVEN_UP
     )
     sent = 0
-    for letter in waiting.exclude(person__email="").select_related("person").order_by("made_at")[:AT_ONCE]:
+    for letter in waiting.exclude(person__email="").select_related("person").order_by("made_at")[:BATCH_SIZE]:
         mine = Letter.objects.filter(pk=letter.pk, claimed_at=letter.claimed_at, sent_at=None)
         if not mine.update(claimed_at=now):
             continue

@@ -135,7 +135,7 @@ class DrivesBy:
     # --- while it runs ------------------------------------------------------------------------------
 
     @property
-    def running(self) -> Requester | None:
+    def running_requester(self) -> Requester | None:
         """The requester of the request that drives the robot."""
         request = self._request
         return request.requester if request is not None and request.travelled is not None else None

@@ -380,7 +380,7 @@ class RosBase:
         if topics.speech:
             self._speech = SpeechTopics(topics.speech, self._mail, self._core.tasks.speech)
         if topics.navigation:
-            self._navigation = NavigationTopics(topics.navigation, self._mail, self._core.tasks.going)
+            self._navigation = NavigationTopics(topics.navigation, self._mail, self._core.tasks.navigation)
         for limb, source in topics.limbs.items():
             self._limbs[limb] = LimbTopics(source, self._mail, self._core.tasks.limbs.move(limb))
         if topics.joint_states:

@@ -24,7 +24,7 @@ from robots.bridge.gate.values import STILL, Pose, Velocity
 from robots.bridge.lease.lease_guard import LeaseGuard
 from robots.bridge.limbs.limb_move import LimbMover
 from robots.bridge.limbs.limbs import Limbs
-from robots.bridge.navigation.going import NO_NAVIGATION, Going, Navigator
+from robots.bridge.navigation.navigation_goals import NO_NAVIGATION, NavigationGoals, Navigator
 from robots.bridge.tasks import input_routing
 from robots.bridge.tasks.arm_clearance import ArmClearance, ArmModel
 from robots.bridge.tasks.capabilities import Capabilities
@@ -110,7 +110,7 @@ class Tasks:
         self.capabilities = Capabilities(config, self.routing, announce)
         self.publications = Publications(publisher, records)
         self.drives_by = DrivesBy(config.gate.limits, gate, records)
-        self.going = Going(config, performer, gate, records, left_goal)
+        self.navigation = NavigationGoals(config, performer, gate, records, left_goal)
         self.limbs = Limbs(config, performer, records)
         self._config = config
         self._publisher = publisher
@@ -184,7 +184,7 @@ class Tasks:
             case wire.DriveByCancel():
                 return self.drives_by.cancel("Its holder cancelled it.", now_s)
             case wire.GoCancel():
-                return self.going.withdraw(now_s)
+                return self.navigation.withdraw(now_s)
             case wire.LimbCancel(limb=limb):
                 return self.limbs.cancel(limb)
             case wire.PublishStop(topic=topic):
@@ -216,7 +216,7 @@ class Tasks:
         """Tasks in progress, in words. A text being spoken is not included: it ends by itself."""
         return (
             self.drives_by.under_way
-            + self.going.under_way
+            + self.navigation.under_way
             + self.motions.under_way
             + self.limbs.under_way
             + self.publications.under_way
@@ -237,7 +237,7 @@ class Tasks:
         self.publications.tick(self._rules.why_not_begin, now_s)
         if requester := self.drives_by.waiting:
             self.drives_by.start(self._why_no_drive(requester, now_s), now_s)
-        self._watch_going(now_s)
+        self._watch_navigation(now_s)
         self._watch_motion(now_s)
         self.limbs.tick(self._why_no_limb, now_s)
         self._gate.observe_lost_limb(self.limbs.lost)
@@ -254,7 +254,7 @@ class Tasks:
         """End tasks: stop was pressed."""
         self._deny_asked(now_s)
         self.drives_by.halt("stopped", HALTED, now_s)
-        self.going.end("stopped", f"The robot was stopped by {by}.", now_s)
+        self.navigation.end("stopped", f"The robot was stopped by {by}.", now_s)
         self.publications.halt("stopped", now_s)
         self.motions.cancel("stopped", f"The robot was stopped by {by}.")
         self.limbs.end(Refusal("stopped", f"The robot was stopped by {by}.", "stop"), now_s)
@@ -264,7 +264,7 @@ class Tasks:
         """End tasks: records cannot be written. A text being spoken is spoken to its end."""
         self._deny_asked(now_s, refusal)
         self.drives_by.halt(refusal.code, refusal, now_s)
-        self.going.end(refusal.code, refusal.text, now_s)
+        self.navigation.end(refusal.code, refusal.text, now_s)
         self.publications.halt(refusal.code, now_s, refusal)
         self.motions.halt(refusal, now_s)
         self.limbs.end(refusal, now_s)
@@ -275,7 +275,7 @@ class Tasks:
         """Drop tasks that have not begun: their page is gone. `tick` handles running tasks."""
         self._deny_asked(now_s, LEFT)
         self.drives_by.deny(LEFT.code, LEFT, now_s)
-        self.going.deny(LEFT, now_s)
+        self.navigation.deny(LEFT, now_s)
         self.publications.deny(LEFT.code, now_s, LEFT)
         self.motions.deny(LEFT, now_s)
         self.limbs.deny(LEFT, now_s)
@@ -286,7 +286,7 @@ class Tasks:
         """Cancel running tasks: their owner lost control. A text being spoken is spoken to its end."""
         self._deny_asked(now_s)
         self.drives_by.halt("control_lost", HALTED, now_s)
-        self.going.end("control_lost", reason, now_s)
+        self.navigation.end("control_lost", reason, now_s)
         self.publications.halt("control_ended", now_s)
         self.motions.cancel("control_ended", reason)
         self.limbs.end(Refusal("control_ended", reason, "lease"), now_s)
@@ -298,7 +298,7 @@ class Tasks:
         """End all tasks: the bridge ends."""
         self._deny_asked(now_s, ENDED)
         self.drives_by.halt(ENDED.code, ENDED, now_s)
-        self.going.close(ENDED, now_s)
+        self.navigation.close(ENDED, now_s)
         self.publications.halt(ENDED.code, now_s, ENDED)
         self.motions.close(ENDED, now_s)
         self.limbs.close(ENDED, now_s)
@@ -358,7 +358,7 @@ class Tasks:
         if self.motions.refuse(now_s):
             text = "The robot performs a motion, which may move its head."
             return Refusal("motion_running", text, "robot")
-        return self.going.busy()
+        return self.navigation.busy()
 
     def _turn_head(self, order: wire.TurnHead, requester: Requester, now_s: float) -> None:
         """Turn the head. A drag in the camera's picture is many turns: the first is recorded, and stands for all."""
@@ -397,7 +397,7 @@ class Tasks:
             aim = self._head.ahead(self._gate.look_to(now_s), now_s)
         elif self._granted("head.turn", now_s):
             aim = self._turned(now_s)
-        elif self.going.drives or self.going.due:
+        elif self.navigation.driving_requester or self.navigation.due:
             aim = self._head.forward(now_s)  # the gate's camera looks where it drives
         elif (onward := self._head.onward(now_s)) is not None:
             aim = onward if self._why_no_look(now_s) is None else None
@@ -482,12 +482,12 @@ class Tasks:
     # --- drives to a place ------------------------------------------------------------------------------
 
     def _go(self, order: wire.Go, requester: Requester, now_s: float) -> None:
-        self.going.controlled(order.fence, now_s)
-        refusal = self.going.busy() or self._why_not_go(order, requester, now_s)
-        if refusal is not None and not self.going.may_come(refusal, now_s):
+        self.navigation.controlled(order.fence, now_s)
+        refusal = self.navigation.busy() or self._why_not_go(order, requester, now_s)
+        if refusal is not None and not self.navigation.may_come(refusal, now_s):
             requester.answer(refusal)
             return
-        self.going.begin(order, requester, now_s)
+        self.navigation.begin(order, requester, now_s)
 
     def _why_not_go(self, order: wire.Go, requester: Requester, now_s: float) -> Refusal | None:
         """Return the first rule that forbids to begin a drive to a place, apart from another one."""
@@ -496,27 +496,29 @@ class Tasks:
             or self.why_stand(now_s)
             or self._rules.why_not_still(now_s)
             or (NO_WATCHDOG if self._rules.watchdog_missing else None)
-            or self.going.refuse_map(order.map)
-            or self.going.refuse(Pose(order.x, order.y, order.heading), self.routing.topic("drive"), now_s)
+            or self.navigation.refuse_map(order.map)
+            or self.navigation.refuse(
+                Pose(order.x, order.y, order.heading), self.routing.topic("drive"), now_s
+            )
         )
 
-    def _watch_going(self, now_s: float) -> None:
+    def _watch_navigation(self, now_s: float) -> None:
         """Send the goal that is due, if no rule forbids it; follow it."""
         grant = self._rules.lease.current
         still = self._gate.standstill(now_s)
-        self.going.tick(now_s, grant.fence if grant else None, still)
-        if self.going.unrecorded:
-            self.going.start(now_s)
-        if (order := self.going.due) is None or (requester := self.going.waiting) is None:
+        self.navigation.tick(now_s, grant.fence if grant else None, still)
+        if self.navigation.unrecorded:
+            self.navigation.start(now_s)
+        if (order := self.navigation.due) is None or (requester := self.navigation.waiting) is None:
             return
         refusal = self._why_not_go(order, requester, now_s)
-        if refusal is None or not self.going.may_come(refusal, now_s):
+        if refusal is None or not self.navigation.may_come(refusal, now_s):
             if refusal is not None:
-                self.going.deny(refusal, now_s)
-            self.going.start(now_s)
+                self.navigation.deny(refusal, now_s)
+            self.navigation.start(now_s)
 
     def _set_pose(self, order: wire.SetPose, requester: Requester, now_s: float) -> None:
-        if refusal := self.going.refuse_map(order.map) or self._why_not_set_pose(now_s):
+        if refusal := self.navigation.refuse_map(order.map) or self._why_not_set_pose(now_s):
             requester.answer(refusal)
             return
         place = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
@@ -529,7 +531,7 @@ class Tasks:
         navigation = self._config.topics.navigation
         if navigation is None or navigation.set_pose is None:
             return NO_NAVIGATION
-        return self.going.busy() or self._rules.why_not_still(now_s)
+        return self.navigation.busy() or self._rules.why_not_still(now_s)
 
     # --- motions --------------------------------------------------------------------------------------
 

@@ -40,8 +40,8 @@ class Phase(Enum):
 
 
 @dataclass
-class Going:
-    """A goal on its way. `path` is in the map frame; `text` says why it ended."""
+class GoalDrive:
+    """A drive to a goal. `path` is in the map frame; `text` says why it ended."""
 
     goal: Pose
     path: list[Point] = field(default_factory=list)
@@ -65,51 +65,51 @@ class Navigator:
         self._eyes = [Laser(mount, random) for mount in (robot.body.laser, chest)]
         self._seen = np.empty((0, 2))
         self._seen_s = -math.inf
-        self.going: Going | None = None
+        self.drive: GoalDrive | None = None
 
-    def go(self, goal: Pose, now: float) -> Going:
+    def go(self, goal: Pose, now: float) -> GoalDrive:
         """Begin a goal (map frame). It ends at once, if there is no way."""
-        self.going = Going(goal, moved_s=now)
+        self.drive = GoalDrive(goal, moved_s=now)
         self._costs.mark(())
-        self._plan(self.going, now)
-        return self.going
+        self._plan(self.drive, now)
+        return self.drive
 
     def cancel(self) -> None:
         """Forget the goal."""
-        self.going = None
+        self.drive = None
 
     def step(self, now: float) -> Twist | None:
         """Return the next twist of the base; None: nothing is under way."""
-        going = self.going
-        if going is None or going.phase is not Phase.DRIVING:
+        drive = self.drive
+        if drive is None or drive.phase is not Phase.DRIVING:
             return None
         pose = self._robot.believed()
         if pose is None:
-            going.phase, going.text = Phase.FAILED, NO_PLAN
+            drive.phase, drive.text = Phase.FAILED, NO_PLAN
             return STILL
         if self._robot.faults.navigation_blind:
-            return _straight_on(going.goal, pose, backs=self._robot.faults.navigation_backs)
+            return _straight_on(drive.goal, pose, backs=self._robot.faults.navigation_backs)
         if now - self._seen_s >= SCAN_S:
             self._look(now)
-        going.there = follower.is_there(going.path, pose, going.there)
+        drive.there = follower.is_there(drive.path, pose, drive.there)
         clear_m = self._costs.clear_m((pose.x, pose.y))
-        twist = follower.follow(going.path, going.goal.yaw, pose, clear_m, going.there)
+        twist = follower.follow(drive.path, drive.goal.yaw, pose, clear_m, drive.there)
         if twist is None:
-            going.phase, going.text = Phase.REACHED, REACHED
+            drive.phase, drive.text = Phase.REACHED, REACHED
             return STILL
         sent = follower.held_back(twist, self._seen, HULL_M)
-        self._judge(going, pose, sent, now)
-        return STILL if going.phase is not Phase.DRIVING else sent
+        self._judge(drive, pose, sent, now)
+        return STILL if drive.phase is not Phase.DRIVING else sent
 
-    def _judge(self, going: Going, pose: Pose, sent: Twist, now: float) -> None:
+    def _judge(self, drive: GoalDrive, pose: Pose, sent: Twist, now: float) -> None:
         """Plan again where the way is barred; give up after `GIVES_UP_S` without a step forward."""
-        if math.dist(pose[:2], going.moved_from) > MOVED_M:
-            going.moved_from, going.moved_s = (pose.x, pose.y), now
-        if now - going.planned_s >= REPLANS_S and (sent.vx == 0.0 or self._is_barred(going.path, pose)):
+        if math.dist(pose[:2], drive.moved_from) > MOVED_M:
+            drive.moved_from, drive.moved_s = (pose.x, pose.y), now
+        if now - drive.planned_s >= REPLANS_S and (sent.vx == 0.0 or self._is_barred(drive.path, pose)):
             self._costs.mark(in_world(pose, x, y) for x, y in self._seen)
-            self._plan(going, now, forgive=True)
-        if now - going.moved_s > GIVES_UP_S:
-            going.phase, going.text = Phase.FAILED, NO_CONTROL
+            self._plan(drive, now, forgive=True)
+        if now - drive.moved_s > GIVES_UP_S:
+            drive.phase, drive.text = Phase.FAILED, NO_CONTROL
 
     def _is_barred(self, path: list[Point], pose: Pose) -> bool:
         """Return whether something that is seen is nearer to the path ahead than plans allow."""
@@ -122,16 +122,16 @@ class Navigator:
         apart = np.linalg.norm(np.array(ahead)[:, None] - seen[None], axis=2)
         return bool((apart < PLANNED_M).any())
 
-    def _plan(self, going: Going, now: float, *, forgive: bool = False) -> None:
+    def _plan(self, drive: GoalDrive, now: float, *, forgive: bool = False) -> None:
         pose = self._robot.believed()
         path: list[Point] = []
         if pose is not None and not self._robot.faults.navigation_fails:
-            path = self._costs.plan((pose.x, pose.y), going.goal[:2])
-        going.planned_s = now
+            path = self._costs.plan((pose.x, pose.y), drive.goal[:2])
+        drive.planned_s = now
         if path:
-            going.path = path
+            drive.path = path
         elif not forgive:  # what bars the way now may go: until it gives up, it waits
-            going.phase, going.text = Phase.FAILED, NO_PLAN
+            drive.phase, drive.text = Phase.FAILED, NO_PLAN
 
     def _look(self, now: float) -> None:
         """Take the points that are seen at the heights of the laser and of a chest, in the base frame."""

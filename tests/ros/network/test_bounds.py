@@ -24,7 +24,7 @@ import robots.bridge.ros.bounds.servers as doors
 from robots.bridge.ros.bounds import texts
 from robots.bridge.ros.bounds.board import MOST_SHOWN, SHOWN_S, Board
 from robots.bridge.ros.bounds.listening import Reading
-from robots.bridge.ros.bounds.logs import AT_ONCE, LogLimiter
+from robots.bridge.ros.bounds.logs import BURST, LogLimiter
 from robots.bridge.ros.bounds.mailboxes import LOOP_SHARE, Mailboxes
 from robots.bridge.ros.bounds.sizes import Kind, kind_of
 from robots.bridge.ros.network.master import Master, MasterError
@@ -370,13 +370,13 @@ def test_silent_callers_lock_no_other_out():
 
 def test_an_address_that_calls_without_pause_is_not_served():
     callers = doors.CallerLimits(4)
-    assert sum(callers.may("10.0.0.1", 0.0) for _ in range(1000)) == doors.AT_ONCE
+    assert sum(callers.may("10.0.0.1", 0.0) for _ in range(1000)) == doors.BURST
     assert callers.may("10.0.0.2", 0.0)
 
 
 def test_a_call_refused_for_its_rate_makes_the_bridge_ask_master(monkeypatch):
     monkeypatch.setattr(doors, "UNHEARD", threading.Event())
-    monkeypatch.setattr(doors, "AT_ONCE", 2.0)  # one connection and one call
+    monkeypatch.setattr(doors, "BURST", 2.0)  # one connection and one call
     with (
         call_server() as server,
         xmlrpc.client.ServerProxy("http://{}:{}/".format(*server.server_address)) as proxy,
@@ -443,7 +443,7 @@ def test_strangers_fill_no_log():
     sparing = LogLimiter()
     record = logging.LogRecord("rospy.internal", logging.WARNING, "", 0, LONG, (), None)
     passed = [sparing.filter(record) for _ in range(1000)]
-    assert AT_ONCE <= sum(passed) < 2 * AT_ONCE
+    assert BURST <= sum(passed) < 2 * BURST
     assert len(record.msg) < 5000
     own = logging.LogRecord("robots.bridge", logging.WARNING, "", 0, "ours", (), None)
     assert sparing.filter(own)

@@ -353,7 +353,7 @@ def test_old_deliveries_are_removed(make, robot, monkeypatch):
     WebhookDelivery.objects.filter(pk=old.pk).update(made_at=timezone.now() - dt.timedelta(days=31))
     assert remove_old_deliveries(timezone.now()) is False
     assert webhook.deliveries.count() == 1
-    monkeypatch.setattr(delivery, "REMOVED_AT_ONCE", 1)
+    monkeypatch.setattr(delivery, "REMOVED_BATCH_SIZE", 1)
     assert remove_old_deliveries(timezone.now() + dt.timedelta(days=31)) is True
 
 

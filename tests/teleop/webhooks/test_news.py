@@ -158,7 +158,7 @@ def test_without_news_the_number_is_stored_seldom(make, robot, operator, monkeyp
 
 
 def test_at_most_so_many_records_in_a_round(make, robot, operator, monkeypatch):
-    monkeypatch.setattr(news, "AT_ONCE", 4)
+    monkeypatch.setattr(news, "BATCH_SIZE", 4)
     webhook, reader = make(ADDRESS), NewsReader()
     for _ in range(5):
         spoken(robot, operator)

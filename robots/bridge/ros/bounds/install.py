@@ -14,13 +14,13 @@ from rospy.impl import masterslave, tcpros_base, tcpros_pubsub
 from robots.bridge.ros.bounds import listening, servers
 from robots.bridge.ros.bounds.logs import spare_the_log
 
-PATIENCE_S = 60.0  # time limit of rospy's own calls to the master
+MASTER_TIMEOUT_S = 60.0  # time limit of rospy's own calls to the master
 
 
 def install(exhausted: Callable[[], None]) -> None:
     """Limit what rospy reads and from which nodes. rospy's threads call `exhausted` when memory ends."""
     spare_the_log()
-    socket.setdefaulttimeout(PATIENCE_S)  # rospy sets the same limit with its first subscription
+    socket.setdefaulttimeout(MASTER_TIMEOUT_S)  # rospy sets the same limit with its first subscription
     listening.Transport.exhausted = staticmethod(exhausted)
     tcpros_pubsub.TCPROSSub = listening.Listening
     tcpros_pubsub.TCPROSTransport = listening.Transport

@@ -9,7 +9,7 @@ from robots.bridge.ros.bounds.texts import cut
 from robots.bridge.server.flood_limits import TokenBucket
 
 TALKATIVE = ("rospy", "rosout", "xmlrpc", "rosgraph", "genpy")
-PER_S, AT_ONCE = 2.0, 50.0
+PER_S, BURST = 2.0, 50.0
 LONGEST = 4000  # characters
 
 
@@ -18,7 +18,7 @@ class LogLimiter(logging.Filter):
 
     def __init__(self) -> None:
         super().__init__()
-        self._budget = TokenBucket(PER_S, AT_ONCE)
+        self._budget = TokenBucket(PER_S, BURST)
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return whether the record is written."""

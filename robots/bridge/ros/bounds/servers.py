@@ -33,7 +33,7 @@ IDLE_S = 30.0  # a silent caller is disconnected then and may reconnect
 MOST_CALLERS = 32  # connections to the XML-RPC server
 MOST_HANDSHAKES = 32  # connections whose header is being read
 MOST_LISTENERS = 32  # of one topic
-PER_S, AT_ONCE = 100.0, 300.0  # connections, and calls, of one address
+PER_S, BURST = 100.0, 300.0  # connections, and calls, of one address
 MOST_ADDRESSES = 256
 
 
@@ -53,7 +53,7 @@ class CallerLimits:
     def may(self, address: str, now_s: float) -> bool:
         """Return whether this address may make one more call or connection."""
         with self._lock:
-            budget = self._budgets.setdefault(address, TokenBucket(PER_S, AT_ONCE))
+            budget = self._budgets.setdefault(address, TokenBucket(PER_S, BURST))
             self._budgets.move_to_end(address)
             while len(self._budgets) > MOST_ADDRESSES:
                 self._budgets.popitem(last=False)

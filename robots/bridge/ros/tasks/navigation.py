@@ -13,8 +13,8 @@ import rospy
 
 from robots.bridge.config import NavigationSource, Topic
 from robots.bridge.gate.values import Pose, Velocity
-from robots.bridge.navigation.going import Going
 from robots.bridge.navigation.localisation import Spread
+from robots.bridge.navigation.navigation_goals import NavigationGoals
 from robots.bridge.ros.bounds.mailboxes import Mailboxes
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.ros.tasks.actions import EVENTS_WAIT, ActionTopics
@@ -27,16 +27,16 @@ PLANS_S = 1.0  # of paths that come sooner after another one, the last is taken 
 
 
 class NavigationTopics:
-    """The topics of one robot's navigation. Their messages go to `going` through `mail`, on the event loop."""
+    """The topics of one robot's navigation. Their messages go to `goals` through `mail`, on the event loop."""
 
-    def __init__(self, source: NavigationSource, mail: Mailboxes, going: Going) -> None:
+    def __init__(self, source: NavigationSource, mail: Mailboxes, goals: NavigationGoals) -> None:
         self._frame = source.frame
         self._mail = mail
-        self._going = going
+        self._goals = goals
         self._planned_s = -math.inf
         self._skipped: Any = None  # the last path that came too soon; a timer runs for it
         self._plans = threading.Lock()
-        self._goals = 0  # sent: a path that was read before the last one is of another goal
+        self._sent = 0  # goals: a path that was read before the last one is of another goal
         self._action = ActionTopics(Topic(source.action, source.type), self)
         posed = message_class("geometry_msgs/PoseWithCovarianceStamped")
         self._set_pose = Sender(source.set_pose, posed) if source.set_pose else None
@@ -55,7 +55,7 @@ class NavigationTopics:
         """Send a goal. A path that waits to be taken is of an earlier one."""
         with self._plans:
             self._planned_s, self._skipped = -math.inf, None
-            self._goals += 1
+            self._sent += 1
         message = self._action.goal_class()
         message.goal_id.id = goal_id
         message.header.stamp = message.goal_id.stamp = rospy.Time.from_sec(time.time())
@@ -94,24 +94,24 @@ class NavigationTopics:
 
     def running(self, action: str, goals: dict[str, int]) -> None:
         """Report the running goals of all senders."""
-        self._mail.post("goals", lambda: self._going.running(action, goals.keys(), time.monotonic()))
+        self._mail.post("goals", lambda: self._goals.running(action, goals.keys(), time.monotonic()))
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
         """Report that navigation works on this goal."""
         self._mail.post(
-            "goal feedback", lambda: self._going.answered(goal_id, time.monotonic()), can_wait=True
+            "goal feedback", lambda: self._goals.answered(goal_id, time.monotonic()), can_wait=True
         )
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """Report the end of a goal, with navigation's text."""
         self._mail.post(
-            "goals ended", lambda: self._going.ended(goal_id, outcome, text, time.monotonic()), EVENTS_WAIT
+            "goals ended", lambda: self._goals.ended(goal_id, outcome, text, time.monotonic()), EVENTS_WAIT
         )
 
     def _on_velocity(self, message: Any) -> None:
         velocity = Velocity(message.linear.x, message.linear.y, message.angular.z)
         self._mail.post(
-            "navigation", lambda: self._going.drove(velocity, time.monotonic()), EVENTS_WAIT, can_wait=True
+            "navigation", lambda: self._goals.drove(velocity, time.monotonic()), EVENTS_WAIT, can_wait=True
         )
 
     def _on_pose(self, message: Any) -> None:
@@ -119,7 +119,7 @@ class NavigationTopics:
         if message.header.frame_id.lstrip("/") != self._frame:
             return
         spread = Spread(covariance[0], covariance[1], covariance[7], covariance[35])
-        self._mail.post("pose", lambda: self._going.posed(pose, spread, time.monotonic()), can_wait=True)
+        self._mail.post("pose", lambda: self._goals.posed(pose, spread, time.monotonic()), can_wait=True)
 
     def _on_plan(self, message: Any) -> None:
         if message.header.frame_id.lstrip("/") != self._frame:
@@ -145,11 +145,11 @@ class NavigationTopics:
         every = max(1, len(message.poses) // MOST_POINTS)
         poses = [*message.poses[::every], *message.poses[-1:]]
         points = np.array([(pose.pose.position.x, pose.pose.position.y) for pose in poses]).reshape(-1, 2)
-        goals = self._goals
+        goals = self._sent
 
         def take() -> None:
-            if goals == self._goals:
-                self._going.planned(points)
+            if goals == self._sent:
+                self._goals.planned(points)
 
         self._mail.post("plan", take, can_wait=True)
 

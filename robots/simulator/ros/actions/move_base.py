@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped, Twist
 from move_base_msgs.msg import MoveBaseActionGoal, MoveBaseActionResult, MoveBaseFeedback, MoveBaseResult
 from nav_msgs.msg import Path
 
-from robots.simulator.navigation.navigator import REACHED, Going, Navigator, Phase
+from robots.simulator.navigation.navigator import REACHED, GoalDrive, Navigator, Phase
 from robots.simulator.physics.base import Twist as BaseTwist
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.robot import Robot
@@ -31,7 +31,7 @@ class MoveBaseServer:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._navigator = Navigator(robot)
-        self._going: tuple[Any, Going] | None = None  # handle and goal
+        self._running: tuple[Any, GoalDrive] | None = None  # with its handle
         self._plan_sent: list[tuple[float, float]] = []
         self._feedback_s = 0.0
         self._had_goal_s = -math.inf
@@ -49,21 +49,21 @@ class MoveBaseServer:
         for is_goal, handle in self._goals.arrived():
             if is_goal:
                 self._begin(handle, now)
-            elif self._going is not None and handle == self._going[0]:
+            elif self._running is not None and handle == self._running[0]:
                 self._cancel(handle, "")
             elif not self._robot.faults.navigation_silent:  # a goal of which nothing is left but its status
                 handle.set_canceled(MoveBaseResult(), "")
-        if self._going is None and self._navigator.going and not self._goes_on:
+        if self._running is None and self._navigator.drive and not self._goes_on:
             self._navigator.cancel()  # the fault is over: a robot without a goal stands
             self._drive(BaseTwist())
-        if self._going is not None:
+        if self._running is not None:
             self._had_goal_s = now
         rests = self._robot.faults.navigation_pauses and 0.0 < now - self._had_goal_s < PAUSES_S
         twist = None if rests else self._navigator.step(now)
         if twist is not None:
             self._drive(twist)
-        if self._going is not None:
-            self._report(*self._going, now)
+        if self._running is not None:
+            self._report(*self._running, now)
 
     @property
     def _goes_on(self) -> bool:
@@ -72,8 +72,8 @@ class MoveBaseServer:
     def _begin(self, handle: Any, now: float) -> None:
         if self._robot.faults.navigation_silent:
             return
-        if self._going is not None:
-            self._cancel(self._going[0], REPLACED)
+        if self._running is not None:
+            self._cancel(self._running[0], REPLACED)
         handle.set_accepted()
         target = handle.get_goal().target_pose
         goal = pose_of(target.pose)
@@ -81,40 +81,40 @@ class MoveBaseServer:
             text = INVALID if goal is None else ELSEWHERE
             handle.set_aborted(MoveBaseResult(), text)
             return
-        self._going = handle, self._navigator.go(goal, now)
+        self._running = handle, self._navigator.go(goal, now)
 
     def _cancel(self, handle: Any, text: str) -> None:
         """End the running goal. With some faults the robot drives on all the same."""
-        self._going = None
+        self._running = None
         handle.set_canceled(MoveBaseResult(), text)
         if not self._goes_on:
             self._navigator.cancel()
             self._drive(BaseTwist())
 
-    def _report(self, handle: Any, going: Going, now: float) -> None:
-        if going.path != self._plan_sent:
-            self._plan_sent = list(going.path)
-            self._plan.publish(_path(going.path))
-        if going.phase is Phase.DRIVING:
+    def _report(self, handle: Any, drive: GoalDrive, now: float) -> None:
+        if drive.path != self._plan_sent:
+            self._plan_sent = list(drive.path)
+            self._plan.publish(_path(drive.path))
+        if drive.phase is Phase.DRIVING:
             if now - self._feedback_s >= FEEDBACK_S:
                 self._feedback_s = now
                 handle.publish_feedback(MoveBaseFeedback(base_position=self._base_position()))
             return
-        self._going = None
+        self._running = None
         self._navigator.cancel()
         if self._robot.faults.navigation_answers_another:
-            self._answer_another(handle, going)
-        elif going.phase is Phase.REACHED:
+            self._answer_another(handle, drive)
+        elif drive.phase is Phase.REACHED:
             handle.set_succeeded(MoveBaseResult(), REACHED)
         else:
-            handle.set_aborted(MoveBaseResult(), going.text)
+            handle.set_aborted(MoveBaseResult(), drive.text)
 
-    def _answer_another(self, handle: Any, going: Going) -> None:
+    def _answer_another(self, handle: Any, drive: GoalDrive) -> None:
         """Publish a result that names a goal which nobody sent."""
         result = MoveBaseActionResult()
         result.status.goal_id.id = handle.get_goal_id().id + "-another"
-        result.status.status = 3 if going.phase is Phase.REACHED else 4
-        result.status.text = going.text
+        result.status.status = 3 if drive.phase is Phase.REACHED else 4
+        result.status.text = drive.text
         self._stray.publish(result)
 
     def _base_position(self) -> PoseStamped:

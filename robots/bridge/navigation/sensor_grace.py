@@ -11,7 +11,7 @@ WELL_S = 2.0
 SETTLES_S = 0.1  # late messages come in a burst: the first of them are old
 
 
-class Patience:
+class SensorGrace:
     """Hold on through one fault, or through several that follow each other closely."""
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class Patience:
         self._held_s = 0.0
         self._fault_s = -math.inf  # when a fault was last noted
 
-    def lasts(self, now_s: float) -> bool:
+    def note_fault(self, now_s: float) -> bool:
         """Note a fault and hold the base; return False when it has been held for too long."""
         if self.holds:
             self._held_s += now_s - self._fault_s

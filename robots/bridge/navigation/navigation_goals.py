@@ -23,7 +23,7 @@ from robots.bridge.navigation.goal_map import NO_MAP, GoalMap
 from robots.bridge.navigation.hold import Hold
 from robots.bridge.navigation.localisation import Localisation, Spread
 from robots.bridge.navigation.path import PlannedPath
-from robots.bridge.navigation.patience import MAY_PASS, Patience
+from robots.bridge.navigation.sensor_grace import MAY_PASS, SensorGrace
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
 from robots.wire import Go, Refusal
 
@@ -35,7 +35,7 @@ REPORTS_S = 2.0  # a report of running goals is true for so long
 OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
 STANDS_S = 2.0  # from the end of a drive until the robot stands
 LOOKS_S = 4.0  # from the request until the depth camera looks ahead: the head turns, then a picture comes
-PATIENCE_S = 5.0  # from the begin of control: map and localisation may still come
+BEGIN_TIMEOUT_S = 5.0  # from the begin of control: map and localisation may still come
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # Refusals whose cause may end by itself in the first seconds of control.
 _MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old", "depth_stale"})
@@ -92,7 +92,7 @@ class Target:
     because: str | None = None  # code of the verdict, refusal or halt
     heard_s: float = math.inf  # when navigation last said something about it, or the robot moved
     ending_s: float = math.inf  # when it was cancelled
-    patience: Patience = field(default_factory=Patience)
+    sensor_grace: SensorGrace = field(default_factory=SensorGrace)
     watch: navigation_watch.Watch = field(default_factory=navigation_watch.Watch)
     digest: str = ""  # of the map on which it was checked
     left_m: float | None = None
@@ -102,8 +102,8 @@ class Target:
         return Pose(self.order.x, self.order.y, self.order.heading)
 
 
-class Going(Goals[Target]):
-    """The drive to a place in progress, if any."""
+class NavigationGoals(Goals[Target]):
+    """Goals of the robot's own navigation, one at a time: the drive to a place in progress, if any."""
 
     def __init__(
         self, config: BridgeConfig, navigator: Navigator, gate: Gate, records: Records, left: str = ""
@@ -187,7 +187,7 @@ class Going(Goals[Target]):
             return now_s - self._ended_s < STANDS_S
         if refusal is HEAD_AWAY:  # `due` turns it
             return self._current is None or now_s - self._current.since_s < LOOKS_S
-        return refusal.code in _MAY_COME and now_s - self._fence_s < PATIENCE_S
+        return refusal.code in _MAY_COME and now_s - self._fence_s < BEGIN_TIMEOUT_S
 
     # --- a goal ---------------------------------------------------------------------------------------
 
@@ -227,7 +227,7 @@ class Going(Goals[Target]):
         self._navigator.go(goal.sent(now_s), goal.what.pose)
 
     @property
-    def drives(self) -> Requester | None:
+    def driving_requester(self) -> Requester | None:
         """The requester of the goal to which navigation drives the robot now; None: the bridge has the base."""
         goal = self._current
         sent = goal is not None and goal.id is not None and goal.cancelled is None
@@ -268,7 +268,7 @@ class Going(Goals[Target]):
 
         A stop ends it a moment later, by the name of who pressed it.
         """
-        if self.drives and code != "stopped":
+        if self.driving_requester and code != "stopped":
             self.end(_OUTCOMES.get(code, code), _sentence(reason), now_s, code)
 
     def judge(self, now_s: float) -> Verdict:
@@ -280,7 +280,7 @@ class Going(Goals[Target]):
     def waits(self) -> bool:
         """Return whether the bridge holds the base for a sensor that is silent; navigation keeps its goal."""
         goal = self._current
-        return goal is not None and self.drives is not None and goal.what.patience.holds
+        return goal is not None and self.driving_requester is not None and goal.what.sensor_grace.holds
 
     def waits_for(self, verdict: Verdict, now_s: float) -> bool:
         """Return whether the base is held for the cause of this verdict, which may pass, instead of ending the goal.
@@ -289,12 +289,12 @@ class Going(Goals[Target]):
         """
         goal = self._current
         late = verdict.code in MAY_PASS or (self.waits and verdict.sensor != "odometry")
-        return goal is not None and late and goal.what.patience.lasts(now_s)
+        return goal is not None and late and goal.what.sensor_grace.note_fault(now_s)
 
     def settles(self, now_s: float) -> None:
         """Note that no sensor is silent: navigation drives on soon, when the zeros have worn off."""
         if self._current is not None:
-            self._current.what.patience.settle(now_s)
+            self._current.what.sensor_grace.settle(now_s)
 
     def held_back(self, verdict: Verdict, now_s: float) -> None:
         """End the goal: the gate has taken over."""
@@ -326,19 +326,19 @@ class Going(Goals[Target]):
             return
         self.controlled(fence, now_s)
         located = self._navigator.located()
-        if located is not None and self.localisation.transformed(*located, now_s) and self.drives:
+        if located is not None and self.localisation.transformed(*located, now_s) and self.driving_requester:
             text = f"The robot’s place on its map jumped by {self.localisation.jumped_m:.1f} m."
             self.end("location_jumped", text, now_s)
-        if self.drives and (refusal := self.localisation.refuse(now_s)):
+        if self.driving_requester and (refusal := self.localisation.refuse(now_s)):
             self.end("location_lost", refusal.text, now_s, refusal.code)
         goal = self._current
-        if goal is not None and self.drives and now_s - goal.what.heard_s > ANSWERS_S:
+        if goal is not None and self.driving_requester and now_s - goal.what.heard_s > ANSWERS_S:
             text = f"Navigation said nothing for {ANSWERS_S:.0f} s, and the robot stood."
             self.end("unheard", text, now_s)
         super().tick(now_s)
         if goal is not None and goal.cancel_sent_s is not None and now_s - goal.what.ending_s > OBEYS_S:
             self._end("cancelled", "", now_s)  # the hold goes on
-        if self.drives and not self.waits and self._has_arm and now_s - self._at_home_s > KNOWN_S:
+        if self.driving_requester and not self.waits and self._has_arm and now_s - self._at_home_s > KNOWN_S:
             self.end("arm_away", "The position of the robot’s arm is unknown now.", now_s)
         runs_on = self.hold.goal_id in self._strays and now_s - self._reported_s < REPORTS_S
         self.hold.tick(still, bool(self._busy(now_s)) and fence is None, runs_on or self._ending, now_s)
@@ -371,14 +371,14 @@ class Going(Goals[Target]):
         """Take whether the arm is at home."""
         if at_home:
             self._at_home_s = now_s
-        elif self.drives:
+        elif self.driving_requester:
             self.end("arm_away", "The robot’s arm left its home.", now_s)
 
     def mapped(self, goal_map: GoalMap, now_s: float) -> None:
         """Take the robot's map."""
         self._map = goal_map
         goal = self._current
-        if goal is not None and self.drives and goal.what.digest != goal_map.digest:
+        if goal is not None and self.driving_requester and goal.what.digest != goal_map.digest:
             self.end("map_changed", "The robot’s map changed.", now_s)
 
     def unmapped(self, why: str, now_s: float) -> None:
@@ -397,7 +397,7 @@ class Going(Goals[Target]):
         self._first_drove_s = min(self._first_drove_s, now_s)
         # A bridge that begins does not know yet whether others drive. Then their goal is reported soon.
         is_known = self._reported_s > -math.inf or now_s - self._first_drove_s > REPORTS_S
-        has_goal = self.drives is not None or bool(self._busy(now_s)) or not is_known
+        has_goal = self.driving_requester is not None or bool(self._busy(now_s)) or not is_known
         self.hold.drove(any(abs(part) > 1e-3 for part in velocity), has_goal, now_s)
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
@@ -427,13 +427,13 @@ class Going(Goals[Target]):
                 self._end(_RESULTS.get(outcome, outcome), _result(outcome, text), now_s)
             else:  # it keeps the reason of the cancel
                 self._end("arrived" if outcome == "succeeded" else "cancelled", "", now_s)
-        elif self.drives and goal_id != self._ended and not self._busy(now_s):
+        elif self.driving_requester and goal_id != self._ended and not self._busy(now_s):
             self.end("answered_another", "Navigation answered for a goal that nobody sent.", now_s)
 
     @property
     def shown_path(self) -> wire.GoPath:
         """The path of the goal in progress, for pages."""
-        return wire.GoPath(self.path.centimetres if self.drives else [])
+        return wire.GoPath(self.path.centimetres if self.driving_requester else [])
 
     # --- for pages and records --------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from robots.bridge.core import RosStatus
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.values import STILL, LaserScan, Pose, Velocity
 from robots.bridge.navigation.localisation import Spread
-from robots.bridge.navigation.patience import SETTLES_S, WAITS_S, WELL_S, Patience
+from robots.bridge.navigation.sensor_grace import SETTLES_S, WAITS_S, WELL_S, SensorGrace
 from tests.bridge.support import CONFIG, Bench
 
 TOPICS = msgspec.structs.replace(
@@ -41,18 +41,18 @@ class SelfDriver(Bench):
         super().__init__(config=config, gate=Gate(PROFILE))
         self.wall_m = wall_m
         self.kept: list[tuple[float, float]] = []  # odometry that has not arrived: stamp and x
-        self.going = self.core.tasks.going
+        self.navigation = self.core.tasks.navigation
         self.core.ros_status(RosStatus("connecting", ""), self.now_s)
         self.odometry(STILL)
         self.core.mapped(FreeMap(), self.now_s)
-        self.going.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), self.now_s)
+        self.navigation.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), self.now_s)
         self.steps(0.5)
         self.ask(wire.Go(1, 3.0, 1.0, 0.5, seq=7))
         self.recorded()
         self.steps(0.2)
         self.speed = SPEED
         self.steps(1.0)
-        assert self.going.drives and not self.going.waits
+        assert self.navigation.driving_requester and not self.navigation.waits
 
     def steps(self, seconds, odometry=True, scans=True):
         """Let time pass. Odometry that does not arrive is kept."""
@@ -69,9 +69,9 @@ class SelfDriver(Bench):
             self.core.grant(wire.Grant(1, 60.0, "session-1", "Ann", "ann-id", 1.0), 1, self.now_s)
             if self.base.goals:
                 goal_id = self.base.goals[-1][0]
-                self.going.running("/move_base", [goal_id], self.now_s)
-                self.going.answered(goal_id, self.now_s)
-                self.going.drove(self.speed, self.now_s)
+                self.navigation.running("/move_base", [goal_id], self.now_s)
+                self.navigation.answered(goal_id, self.now_s)
+                self.navigation.drove(self.speed, self.now_s)
             self.core.tick(self.now_s)
             self.recorded()
 
@@ -109,8 +109,8 @@ class SelfDriver(Bench):
     @property
     def end(self):
         """Why the drive was given up; None: it goes on."""
-        current = self.going._current
-        return self.going.last.because if current is None else current.what.because
+        current = self.navigation._current
+        return self.navigation.last.because if current is None else current.what.because
 
 
 @pytest.fixture
@@ -129,9 +129,9 @@ def test_lost_odometry_holds_the_base_and_the_drive_goes_on(driver, lost_s):
     driver.steps(lost_s, odometry=False)
     driver.kept.clear()
     driver.steps(SETTLES_S)
-    assert driver.going.waits and driver.last == STILL
+    assert driver.navigation.waits and driver.last == STILL
     driver.steps(0.3)
-    assert driver.going.drives and not driver.going.waits
+    assert driver.navigation.driving_requester and not driver.navigation.waits
     assert driver.zeros(lambda: driver.steps(1.5)) == 0
     assert [kind for kind in driver.sink.kinds if kind.startswith("gate")] == ["gate.begin", "gate.end"]
 
@@ -143,7 +143,7 @@ def test_odometry_that_comes_late_in_a_burst_does_not_end_a_drive(driver, late_s
     driver.scan()
     assert driver.zeros(lambda: driver.steps(0.06)) == 3  # until the late messages have settled
     driver.steps(0.2)
-    assert driver.going.drives
+    assert driver.navigation.driving_requester
     assert driver.zeros(lambda: driver.steps(0.5)) == 0
 
 
@@ -157,7 +157,7 @@ def test_a_late_process_beside_a_wall_does_not_end_a_drive():
         driver.kept.append((driver.stamp_s, driver.x))
     driver.speed = SPEED
     driver.arrive()  # old messages say that it drives
-    assert driver.going.waits and driver.end is None and driver.last == STILL
+    assert driver.navigation.waits and driver.end is None and driver.last == STILL
     driver.close()
 
 
@@ -166,7 +166,7 @@ def test_a_silent_laser_holds_the_base_with_zeros_without_a_gap(driver):
     assert driver.zeros(lambda: driver.steps(0.5, scans=False)) >= 25
     state = driver.core.state(driver.now_s, [])
     assert (state.verdict.code, state.verdict.sensor) == ("scan_stale", "scan")
-    assert driver.going.drives
+    assert driver.navigation.driving_requester
     driver.steps(0.4, scans=False)
     assert driver.end == "scan_stale" and driver.last == STILL
 
@@ -176,16 +176,16 @@ def test_a_drive_ended_by_an_overloaded_computer_names_it(driver):
     driver.steps(1.5, scans=False)
     said = "Stopped: laser is 1.3 s old; this computer is overloaded: the bridge was 0.8 s late."
     assert driver.end == "scan_stale"
-    driver.going.ended(driver.base.goals[-1][0], "cancelled", "", driver.now_s)
-    assert driver.going.last.text == said
+    driver.navigation.ended(driver.base.goals[-1][0], "cancelled", "", driver.now_s)
+    assert driver.navigation.last.text == said
 
 
 def test_a_scan_that_comes_before_its_odometry_does_not_end_a_drive(driver):
     driver.scan(ahead_s=0.3)
     driver.steps(0.04, scans=False)
-    assert driver.going.waits and driver.last == STILL
+    assert driver.navigation.waits and driver.last == STILL
     driver.steps(0.6)
-    assert driver.going.drives and not driver.going.waits
+    assert driver.navigation.driving_requester and not driver.navigation.waits
 
 
 def test_the_wait_for_several_sensors_is_one(driver):
@@ -223,34 +223,34 @@ DURING = {
     "stop": lambda driver: driver.core.stop("Bob", "", driver.now_s),
     "page gone": lambda driver: driver.core.pause(1, "the page left", 1, driver.now_s),
     "control taken": lambda driver: driver.core.revoke(1, "control was taken", driver.now_s),
-    "failed": lambda driver: driver.going.ended(driver.base.goals[-1][0], "failed", "", driver.now_s),
+    "failed": lambda driver: driver.navigation.ended(driver.base.goals[-1][0], "failed", "", driver.now_s),
 }
 
 
 @pytest.mark.parametrize("cause", DURING)
 def test_all_that_ends_a_drive_ends_it_during_a_wait(driver, cause):
     driver.steps(0.7, scans=False)
-    assert driver.going.waits
+    assert driver.navigation.waits
     DURING[cause](driver)
-    assert driver.going.drives is None
+    assert driver.navigation.driving_requester is None
     driver.scan()
     assert driver.zeros(lambda: driver.core.tick(driver.now_s)) >= 1  # the base stays the bridge’s
 
 
-def test_short_faults_that_recur_use_up_the_patience():
-    patience, at_s, held = Patience(), 10.0, 0
-    while patience.lasts(at_s):
-        patience.settle(at_s + SETTLES_S + 0.01)
+def test_short_faults_that_recur_use_up_the_grace():
+    grace, at_s, held = SensorGrace(), 10.0, 0
+    while grace.note_fault(at_s):
+        grace.settle(at_s + SETTLES_S + 0.01)
         at_s, held = at_s + 0.15, held + 1
         assert held < 20
     assert held == 7
 
 
-def test_patience_returns_after_a_time_without_a_fault():
-    patience = Patience()
-    assert patience.lasts(10.0) and patience.lasts(10.5)
-    patience.settle(10.51 + SETTLES_S)
-    assert not patience.holds
-    assert patience.lasts(11.0) and not patience.lasts(11.2)  # too soon: what was left counts
-    patience.settle(12.0)
-    assert patience.lasts(11.2 + WELL_S + 0.1) and patience.lasts(11.2 + WELL_S + WAITS_S)
+def test_grace_returns_after_a_time_without_a_fault():
+    grace = SensorGrace()
+    assert grace.note_fault(10.0) and grace.note_fault(10.5)
+    grace.settle(10.51 + SETTLES_S)
+    assert not grace.holds
+    assert grace.note_fault(11.0) and not grace.note_fault(11.2)  # too soon: what was left counts
+    grace.settle(12.0)
+    assert grace.note_fault(11.2 + WELL_S + 0.1) and grace.note_fault(11.2 + WELL_S + WAITS_S)

@@ -11,9 +11,9 @@ from robots import wire
 from robots.bridge.config import HeadSource, NavigationSource, Topic
 from robots.bridge.gate import navigation_watch
 from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity, Verdict
-from robots.bridge.navigation.going import LOOKS_S
 from robots.bridge.navigation.hold import UNENDED, UNHEARD, WATCHED_S
 from robots.bridge.navigation.localisation import Localisation, Spread
+from robots.bridge.navigation.navigation_goals import LOOKS_S
 from robots.bridge.navigation.path import PlannedPath
 from robots.wire import Go, GoCancel, LookAhead
 from tests.bridge.support import CONFIG, Bench
@@ -45,8 +45,8 @@ def bench(monkeypatch):
     bench.lost = None
     monkeypatch.setattr(navigation_watch, "depth_lost", lambda gate, now_s: bench.lost)
     bench.core.mapped(FreeMap(), bench.now_s)
-    bench.going = bench.core.tasks.going
-    bench.going.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)
+    bench.navigation = bench.core.tasks.navigation
+    bench.navigation.posed(Pose(0.0, 0.0, 0.0), Spread(0.01, 0.0, 0.01, 0.01), bench.now_s)
     localised(bench)
     passed(bench, 0.5)
     yield bench
@@ -63,8 +63,8 @@ def passed(bench, seconds):
         localised(bench)
         bench.core.grant(wire.Grant(1, 60.0, "session-1", "Ann", "ann-id", 1.0), 1, bench.now_s)
         if bench.base.goals:
-            bench.going.running("/move_base", [bench.base.goals[-1][0]], bench.now_s)
-            bench.going.answered(bench.base.goals[-1][0], bench.now_s)
+            bench.navigation.running("/move_base", [bench.base.goals[-1][0]], bench.now_s)
+            bench.navigation.answered(bench.base.goals[-1][0], bench.now_s)
         bench.pass_time(0.05)
 
 
@@ -125,7 +125,7 @@ def test_the_bridge_is_silent_in_a_drive_and_sends_zeros_after_it(bench):
     before = len(bench.base.sent)
     passed(bench, 1.0)
     assert len(bench.base.sent) == before
-    bench.going.ended(goal_id, "succeeded", "Goal reached.", bench.now_s)
+    bench.navigation.ended(goal_id, "succeeded", "Goal reached.", bench.now_s)
     bench.pass_time(0.1)
     assert bench.last == STILL and len(bench.base.sent) > before
     assert ended(bench).outcome == "arrived"
@@ -139,7 +139,7 @@ def test_the_gate_takes_over(bench):
     bench.odometry(Velocity(0.5, 0.0, 0.0))
     assert len(bench.base.sent) > before and bench.last == STILL  # with that message, before any tick
     assert bench.base.cancelled_goals == [goal_id]
-    bench.going.ended(goal_id, "cancelled", "", bench.now_s)
+    bench.navigation.ended(goal_id, "cancelled", "", bench.now_s)
     end = ended(bench)
     assert (end.outcome, end.because, end.text) == ("held_back", "obstacle", "Stopped: laser, 0.3 m ahead.")
     bench.recorded()
@@ -162,17 +162,17 @@ def test_the_base_is_held_while_navigation_reports_the_ended_goal(bench):
     gone(bench)
     assert bench.order(GoCancel(1)) is None
     passed(bench, 6.0)  # `passed` reports it
-    assert bench.going.hold.holds
-    bench.going.running("/move_base", [], bench.now_s)
+    assert bench.navigation.hold.holds
+    bench.navigation.running("/move_base", [], bench.now_s)
     bench.pass_time(1.5)
-    assert not bench.going.hold.holds
+    assert not bench.navigation.hold.holds
 
 
 def test_the_hold_goes_on_as_long_as_the_ended_goal_is_reported(bench):
     gone(bench)
     assert bench.order(GoCancel(1)) is None
     passed(bench, 29.0)
-    assert bench.going.hold.holds and not bench.going.hold.why
+    assert bench.navigation.hold.holds and not bench.navigation.hold.why
     passed(bench, 4.0)
     assert bench.core.state(bench.now_s, []).navigation_held == UNENDED
     bench.recorded()
@@ -183,8 +183,8 @@ def ended_and_quiet(bench):
     """Let a drive end and navigation be quiet; return the goal's id."""
     goal_id = gone(bench)
     assert bench.order(GoCancel(1)) is None
-    bench.going.ended(goal_id, "cancelled", "", bench.now_s)
-    bench.going.running("/move_base", [], bench.now_s)
+    bench.navigation.ended(goal_id, "cancelled", "", bench.now_s)
+    bench.navigation.running("/move_base", [], bench.now_s)
     bench.base.goals.clear()
     quiet(bench)
     bench.base.cancelled_goals.clear()
@@ -193,15 +193,15 @@ def ended_and_quiet(bench):
 
 def quiet(bench):
     bench.pass_time(1.5)
-    assert not bench.going.hold.holds
+    assert not bench.navigation.hold.holds
 
 
 def drives_on(bench, seconds, others=()):
     """Navigation sends velocities without a goal of ours."""
-    going = bench.core.tasks.going
+    navigation = bench.core.tasks.navigation
     for _ in range(round(seconds / 0.1)):
-        going.running("/move_base", others, bench.now_s)
-        going.drove(Velocity(0.3, 0.0, 0.0), bench.now_s)
+        navigation.running("/move_base", others, bench.now_s)
+        navigation.drove(Velocity(0.3, 0.0, 0.0), bench.now_s)
         bench.pass_time(0.1)
 
 
@@ -209,7 +209,7 @@ def test_navigation_that_pauses_and_then_drives_on_is_held_again(bench):
     goal_id = ended_and_quiet(bench)
     passed(bench, 20.0)
     drives_on(bench, 0.1)
-    assert bench.going.hold.holds and not bench.going.hold.why
+    assert bench.navigation.hold.holds and not bench.navigation.hold.why
     drives_on(bench, 2.5)
     assert bench.core.state(bench.now_s, []).navigation_held == UNHEARD
     assert set(bench.base.cancelled_goals) == {goal_id}
@@ -221,14 +221,14 @@ def test_navigation_that_pauses_and_then_drives_on_is_held_again(bench):
 def test_what_drives_long_after_the_goal_or_for_others_is_not_held(bench):
     ended_and_quiet(bench)
     drives_on(bench, 3.0, others=["theirs"])
-    assert not bench.going.hold.holds
-    bench.going.running("/move_base", [], bench.now_s)
+    assert not bench.navigation.hold.holds
+    bench.navigation.running("/move_base", [], bench.now_s)
     quiet(bench)
     bench.now_s += WATCHED_S
     bench.odometry()
     bench.pass_time(0.5)
     drives_on(bench, 3.0)
-    assert not bench.going.hold.holds
+    assert not bench.navigation.hold.holds
     assert bench.core.saved_state().goal == ""
 
 
@@ -236,26 +236,26 @@ def test_being_held_again_does_not_prolong_the_watch(bench):
     ended_and_quiet(bench)
     passed(bench, WATCHED_S - 10.0)
     drives_on(bench, 1.0)
-    assert bench.going.hold.holds
+    assert bench.navigation.hold.holds
     quiet(bench)
     passed(bench, 20.0)
     drives_on(bench, 1.0)
-    assert not bench.going.hold.holds
+    assert not bench.navigation.hold.holds
 
 
 def test_what_drives_on_without_a_pause_is_held_for_five_minutes(bench):
     ended_and_quiet(bench)
     drives_on(bench, WATCHED_S - 5.0)
-    assert bench.going.hold.holds
+    assert bench.navigation.hold.holds
     drives_on(bench, 10.0)
-    assert not bench.going.hold.holds
+    assert not bench.navigation.hold.holds
 
 
 def test_a_goal_that_is_reported_for_ever_may_be_replaced(bench):
     gone(bench)
     assert bench.order(GoCancel(1)) is None
     passed(bench, 35.0)
-    assert bench.going.hold.why == UNENDED
+    assert bench.navigation.hold.why == UNENDED
     gone(bench)
 
 
@@ -263,11 +263,11 @@ def test_a_bridge_that_begins_again_brakes_no_drive_of_others(bench):
     ended_and_quiet(bench)
     config = msgspec.structs.replace(CONFIG, topics=TOPICS)
     again = Bench(left=bench.core.saved_state(), config=config).online()
-    going = again.core.tasks.going
-    going.drove(Velocity(0.3, 0.0, 0.0), again.now_s)  # before the first report
-    assert not going.hold.holds
+    navigation = again.core.tasks.navigation
+    navigation.drove(Velocity(0.3, 0.0, 0.0), again.now_s)  # before the first report
+    assert not navigation.hold.holds
     drives_on(again, 1.0, others=["theirs"])
-    assert not going.hold.holds
+    assert not navigation.hold.holds
     again.close()
 
 
@@ -276,9 +276,9 @@ def test_a_bridge_that_hears_no_report_of_goals_holds_what_drives(bench):
     config = msgspec.structs.replace(CONFIG, topics=TOPICS)
     again = Bench(left=bench.core.saved_state(), config=config).online()
     for _ in range(25):
-        again.core.tasks.going.drove(Velocity(0.3, 0.0, 0.0), again.now_s)
+        again.core.tasks.navigation.drove(Velocity(0.3, 0.0, 0.0), again.now_s)
         again.pass_time(0.1)
-    assert again.core.tasks.going.hold.holds
+    assert again.core.tasks.navigation.hold.holds
     again.close()
 
 
@@ -385,8 +385,8 @@ def test_a_goal_of_an_earlier_bridge_is_cancelled_and_held(bench):
     bench.core.revoke(1, "over", bench.now_s)
     bench.pass_time(2.0)
     sent = len(bench.base.sent)
-    bench.going.running("/move_base", ["fleet_bridge-1-left"], bench.now_s)
-    bench.going.drove(Velocity(0.3, 0.0, 0.0), bench.now_s)
+    bench.navigation.running("/move_base", ["fleet_bridge-1-left"], bench.now_s)
+    bench.navigation.drove(Velocity(0.3, 0.0, 0.0), bench.now_s)
     bench.pass_time(0.5)
     assert bench.base.cancelled_goals == ["fleet_bridge-1-left"]
     assert len(bench.base.sent) > sent and bench.last == STILL
@@ -408,7 +408,7 @@ def test_a_lost_link_drops_a_goal_that_waits_for_its_record(bench):
 
 @pytest.mark.parametrize("other", ["/nav_vel"])
 def test_no_drive_topic_that_navigation_uses_itself(bench, other):
-    refusal = bench.going.refuse(Pose(1.0, 1.0, 0.0), other, bench.now_s)
+    refusal = bench.navigation.refuse(Pose(1.0, 1.0, 0.0), other, bench.now_s)
     assert refusal.code == "no_navigation"
 
 
