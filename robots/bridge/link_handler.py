@@ -14,7 +14,7 @@ from uuid import UUID
 from robots import wire
 from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.core import Core
-from robots.bridge.lease.fence_store import FenceStore
+from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.server.flood_limits import TokenBucket
 from robots.bridge.server.link_server import Link
 from robots.bridge.topics.inspector_client import InspectorClient
@@ -43,11 +43,11 @@ class LinkHandler:
     """Handles the messages of one bridge's links."""
 
     def __init__(
-        self, core: Core, fences: FenceStore, inspector: InspectorClient, cameras: CameraClient
+        self, core: Core, lease_orders: LeaseOrders, inspector: InspectorClient, cameras: CameraClient
     ) -> None:
         self._core = core
         self._robot = UUID(core.config.robot_id)
-        self._fences = fences
+        self._lease_orders = lease_orders
         self._inspector = inspector
         self._cameras = cameras
         self._drives: dict[Link, TokenBucket] = {}
@@ -63,7 +63,7 @@ class LinkHandler:
     def closed(self, link: Link) -> None:
         """Handle a closed link: driving through it stops."""
         self._core.link_lost(link.number, time.monotonic())
-        self._fences.forget(link)
+        self._lease_orders.forget(link)
         self._inspector.forget(link)
         self._cameras.forget(link)
         del self._drives[link], self._refused[link]
@@ -90,7 +90,7 @@ class LinkHandler:
             case wire.Drive():
                 return self._drive(link, message, now_s)
             case wire.Grant() | wire.Revoke() | wire.Pause():
-                self._fences.handle(link, message)
+                self._lease_orders.handle(link, message)
             case wire.LinkStop():
                 self._stop(link, message, now_s)
             case wire.LinkClear():
@@ -174,7 +174,7 @@ class LinkHandler:
         self._latch_changed(link, stop.seq, stop.press)
 
     def _latch_changed(self, link: Link, seq: int, press: UUID | None = None) -> None:
-        self._fences.save_latch()
+        self._lease_orders.save_latch()
         link.report(wire.Stopped(self._core.stop_state, seq, press))
 
     def _greet(self, link: Link, hello: wire.LinkHello, now_s: float) -> None:

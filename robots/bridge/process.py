@@ -26,7 +26,7 @@ from robots.bridge.config import BridgeConfig
 from robots.bridge.core import Core
 from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
-from robots.bridge.lease.fence_store import FenceStore
+from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import AlreadyRunning, SavedState, StateStore
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.maps.map_fetch import MapFetcher
@@ -85,8 +85,8 @@ class Bridge:
         self._maps = MapFetcher(
             config, self._keep_map, gone=lambda why: self._core.unmapped(why, time.monotonic())
         )
-        self._fences = FenceStore(self._core, store, saved.fence, lambda: self._beat(time.monotonic()))
-        handler = LinkHandler(self._core, self._fences, self._inspector, self._cameras)
+        self._lease_orders = LeaseOrders(self._core, store, saved.fence, lambda: self._beat(time.monotonic()))
+        handler = LinkHandler(self._core, self._lease_orders, self._inspector, self._cameras)
         self._links = LinkServer(
             config.link, handler.opened, handler.received, handler.closed, handler.handle
         )
@@ -127,7 +127,7 @@ class Bridge:
                 asyncio.to_thread(self._records.close),  # afterwards no record calls the loop
             )
             await self._links.close()
-            self._fences.close()
+            self._lease_orders.close()
         return self._exit_code
 
     # --- one piece of work at a time --------------------------------------------------------------
@@ -188,7 +188,7 @@ class Bridge:
         self._core.tick(now_s, late_s)
         if (goal := self._core.tasks.navigation.may_drive_to) != self._goal:
             self._goal = goal
-            self._fences.save_latch()
+            self._lease_orders.save_latch()
         grant = self._core.lease.current
         self._base.use_on_demand_topics(grant is not None)
         self._maps.tick(
@@ -220,7 +220,7 @@ class Bridge:
             with contextlib.suppress(RuntimeError):  # the bridge has ended
                 loop.call_soon_threadsafe(self._watchdog.heard, press.number)
 
-        self._fences.save_latch().add_done_callback(written)
+        self._lease_orders.save_latch().add_done_callback(written)
 
     def _recorded(self) -> None:
         if not self._ended:

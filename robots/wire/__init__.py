@@ -1,9 +1,9 @@
 """Every message between browser, web process and bridge, split by who speaks.
 
 Units are SI unless a name says otherwise; angles are radians; base frame: x forward, y left (REP 103). Joystick axes
-run from -1 to 1. The modules: `page`, `tasks`, `limbs`, `navigation`, `state`, `topics`, `camera`, `link`; `base` has
-the shared parts; `codec` and `doors` decode and validate. A message that does not fit raises `WireError` with the
-`Refusal` to answer.
+run from -1 to 1. The modules: `page`, `tasks`, `limbs`, `navigation`, `state`, `health`, `topics`, `camera`, `link`;
+`base` has the shared parts; `codec` and `decoders` decode and validate. A message that does not fit raises `WireError`
+with the `Refusal` to answer.
 
 A view (`View`) is encoded once by the bridge and passes the web process without being decoded: on the link it is the
 only binary frame.
@@ -67,29 +67,29 @@ from robots.wire.camera import Variant as Variant
 from robots.wire.camera import packed as packed
 from robots.wire.camera import unpacked as unpacked
 from robots.wire.codec import LARGEST_REPORT_BYTES as LARGEST_REPORT_BYTES
-from robots.wire.codec import Door as Door
+from robots.wire.codec import MessageDecoder as MessageDecoder
 from robots.wire.codec import encode as encode
 from robots.wire.codec import encode_report as encode_report
 from robots.wire.codec import heading as heading
 from robots.wire.codec import kind_of as kind_of
-from robots.wire.doors import BookingsReport as BookingsReport
-from robots.wire.doors import BrowserMessage as BrowserMessage
-from robots.wire.doors import BrowserReport as BrowserReport
-from robots.wire.doors import CameraReport as CameraReport
-from robots.wire.doors import FleetMessage as FleetMessage
-from robots.wire.doors import FleetReport as FleetReport
-from robots.wire.doors import LinkReport as LinkReport
-from robots.wire.doors import TopicsReport as TopicsReport
-from robots.wire.doors import browser_message as browser_message
-from robots.wire.doors import browser_report as browser_report
-from robots.wire.doors import camera_message as camera_message
-from robots.wire.doors import camera_report as camera_report
-from robots.wire.doors import camera_request as camera_request
-from robots.wire.doors import fleet_message as fleet_message
-from robots.wire.doors import link_report as link_report
-from robots.wire.doors import link_request as link_request
-from robots.wire.doors import topics_message as topics_message
-from robots.wire.doors import topics_report as topics_report
+from robots.wire.decoders import BookingsReport as BookingsReport
+from robots.wire.decoders import BrowserMessage as BrowserMessage
+from robots.wire.decoders import BrowserReport as BrowserReport
+from robots.wire.decoders import CameraReport as CameraReport
+from robots.wire.decoders import FleetMessage as FleetMessage
+from robots.wire.decoders import FleetReport as FleetReport
+from robots.wire.decoders import LinkReport as LinkReport
+from robots.wire.decoders import TopicsReport as TopicsReport
+from robots.wire.decoders import browser_message as browser_message
+from robots.wire.decoders import browser_report as browser_report
+from robots.wire.decoders import camera_message as camera_message
+from robots.wire.decoders import camera_report as camera_report
+from robots.wire.decoders import camera_request as camera_request
+from robots.wire.decoders import fleet_message as fleet_message
+from robots.wire.decoders import link_report as link_report
+from robots.wire.decoders import link_request as link_request
+from robots.wire.decoders import topics_message as topics_message
+from robots.wire.decoders import topics_report as topics_report
 from robots.wire.health import Health as Health
 from robots.wire.health import HealthLevel as HealthLevel
 from robots.wire.health import HealthPart as HealthPart

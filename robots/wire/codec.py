@@ -14,7 +14,7 @@ T = TypeVar("T")
 _encoder = msgspec.json.Encoder()
 
 
-class Door(Generic[T]):
+class MessageDecoder(Generic[T]):
     """Decodes and validates a message in one step; raises `WireError`. `messages` is the union of allowed types."""
 
     def __init__(self, messages: Any) -> None:

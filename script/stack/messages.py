@@ -36,7 +36,7 @@ Units are SI unless the name says otherwise. Messages between the console's own 
 
 """
 COMMON = 5  # messages with the same field: it is described once, at the top
-DOORS: Mapping[str, Any] = {
+DIRECTIONS: Mapping[str, Any] = {
     "From a robot's page to the console": wire.BrowserMessage,
     "From the console to a robot's page": wire.BrowserReport,
     "From readers of topics to the console": wire.TopicsMessage,
@@ -74,7 +74,7 @@ def page() -> str:
     common = _common()
     fields = "\n".join(f"* {line}" for line in common.values())
     sections = [f"{HEAD}Fields that several messages have in common:\n\n{fields}\n"]
-    for door, union in DOORS.items():
+    for door, union in DIRECTIONS.items():
         kinds = _kinds(union)
         before = [kind for kind in kinds if kind in described_at]
         sections.append(f"## {door}\n")

@@ -1,1 +1,1 @@
-"""The REST API: robots, their state, speech and emergency stop."""
+"""The REST API: `v1` has its operations; beside it are the addresses and the metrics for Prometheus."""

@@ -1,4 +1,4 @@
-"""The person of a session, and permissions in the admin."""
+"""The authentication backend of everybody: passwords (by Django), the person of a session, permissions in the admin."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from fleet.accounts.models import User
 
 
 class StaffBackend(ModelBackend):
-    """Staff may administer everything that the admin offers; Django's permissions by model are not used."""
+    """Authenticates all people. Staff may do everything that the admin offers; permissions by model are not used.
+
+    Sessions in the database name this class: another name would sign everybody out.
+    """
 
     def get_user(self, user_id: UUID) -> User | None:
         """Return the account, if it may sign in. By a hand-written query: each page asks for its person."""

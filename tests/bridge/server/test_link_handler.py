@@ -13,12 +13,12 @@ import pytest
 from robots import wire
 from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.gate.values import STILL
-from robots.bridge.lease.fence_store import FenceStore
+from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import StateStore
 from robots.bridge.link_handler import DRIVES_BURST, OTHER_ROBOT, REFUSAL_GAP_S, LinkHandler
 from robots.bridge.tasks.holder_tasks import Tasks
 from robots.bridge.topics.inspector_client import InspectorClient
-from tests.bridge.lease.test_fence_store import GRANT
+from tests.bridge.lease.test_lease_orders import GRANT
 from tests.bridge.support import Bench, Wire
 
 FLOOD = 2000
@@ -31,11 +31,11 @@ def bench():
 
 @pytest.fixture
 def door(bench, tmp_path):
-    fences = FenceStore(bench.core, StateStore(tmp_path, "robot"), 0)
+    orders = LeaseOrders(bench.core, StateStore(tmp_path, "robot"), 0)
     yield LinkHandler(
-        bench.core, fences, InspectorClient(bench.core.config, lambda: None), CameraClient(bench.core.config)
+        bench.core, orders, InspectorClient(bench.core.config, lambda: None), CameraClient(bench.core.config)
     )
-    fences.close()
+    orders.close()
 
 
 def drive(seq: int, fence: int = GRANT.fence, x: float = 0.0) -> bytes:

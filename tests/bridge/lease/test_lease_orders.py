@@ -11,7 +11,7 @@ import pytest
 from robots import wire
 from robots.bridge.camera.camera_client import CameraClient
 from robots.bridge.config import LinkAddress
-from robots.bridge.lease.fence_store import FenceStore
+from robots.bridge.lease.lease_orders import LeaseOrders
 from robots.bridge.lease.state_store import SavedState
 from robots.bridge.link_handler import LinkHandler
 from robots.bridge.server.link_server import LinkServer
@@ -53,11 +53,11 @@ def core():
 
 
 @pytest.fixture
-def fences(core, disk):
-    fences = FenceStore(core, disk, 0)
-    yield fences
+def orders(core, disk):
+    orders = LeaseOrders(core, disk, 0)
+    yield orders
     disk.free.set()
-    fences.close()
+    orders.close()
 
 
 def asks_to_move(core, fence: int) -> wire.Refusal | None:
@@ -65,9 +65,9 @@ def asks_to_move(core, fence: int) -> wire.Refusal | None:
     return core.drive(drive, 1, 100.0)
 
 
-async def test_a_fence_counts_only_when_it_is_on_disk(fences, core, disk):
+async def test_a_fence_counts_only_when_it_is_on_disk(orders, core, disk):
     link = Wire(1)
-    fences.handle(link, GRANT)
+    orders.handle(link, GRANT)
     assert asks_to_move(core, 5).code == "no_lease"
     assert not link.reports
     disk.free.set()
@@ -76,65 +76,65 @@ async def test_a_fence_counts_only_when_it_is_on_disk(fences, core, disk):
     assert asks_to_move(core, 5) is None
 
 
-async def test_a_number_on_disk_is_renewed_without_the_disk(fences, core, disk):
+async def test_a_number_on_disk_is_renewed_without_the_disk(orders, core, disk):
     link = Wire(1)
     disk.free.set()
-    fences.handle(link, GRANT)
+    orders.handle(link, GRANT)
     await link.hears(wire.Granted(5))
-    fences.handle(link, GRANT)
+    orders.handle(link, GRANT)
     assert link.reports == [wire.Granted(5), wire.Granted(5)]
     assert len(disk.saved) == 1
 
 
-async def test_a_revoke_behind_its_own_grant_wins(fences, core, disk):
+async def test_a_revoke_behind_its_own_grant_wins(orders, core, disk):
     link = Wire(1)
-    fences.handle(link, GRANT)
-    fences.handle(link, wire.Revoke(5, "taken over"))
+    orders.handle(link, GRANT)
+    orders.handle(link, wire.Revoke(5, "taken over"))
     disk.free.set()
     await link.hears(wire.Granted(5))
     assert core.lease.current is None
     assert asks_to_move(core, 5).code == "no_lease"
 
 
-async def test_page_lost_during_the_grants_write_restarts_numbering(fences, core, disk):
+async def test_page_lost_during_the_grants_write_restarts_numbering(orders, core, disk):
     link = Wire(1)
-    fences.handle(link, GRANT)
-    fences.handle(link, wire.Pause(5, "The page is gone."))
+    orders.handle(link, GRANT)
+    orders.handle(link, wire.Pause(5, "The page is gone."))
     disk.free.set()
     await link.hears(wire.Granted(5))
     assert asks_to_move(core, 5) is None
-    fences.handle(link, GRANT)
+    orders.handle(link, GRANT)
     assert asks_to_move(core, 5) is None, "the page came back and begins with number 1 again"
 
 
-async def test_page_is_paused_only_by_the_link_of_its_grant(fences, core, disk):
+async def test_page_is_paused_only_by_the_link_of_its_grant(orders, core, disk):
     left, back = Wire(1), Wire(2)
     disk.free.set()
-    fences.handle(left, GRANT)
+    orders.handle(left, GRANT)
     await left.hears(wire.Granted(5))
-    fences.handle(back, GRANT)
+    orders.handle(back, GRANT)
     assert core.drive(wire.Drive(fence=5, seq=9, sent_ms=0.0, x=0.0, w=0.0), 2, 100.0) is None
-    fences.handle(left, wire.Pause(5, "The page is gone."))
+    orders.handle(left, wire.Pause(5, "The page is gone."))
     assert core.state(100.0, []).seq == 9, "it counts on"
-    fences.handle(back, wire.Pause(5, "The page is gone."))
+    orders.handle(back, wire.Pause(5, "The page is gone."))
     assert core.state(100.0, []).seq is None
 
 
-async def test_older_holder_is_revoked_during_the_next_fences_write(fences, core, disk):
+async def test_older_holder_is_revoked_during_the_next_fences_write(orders, core, disk):
     link = Wire(1)
     disk.free.set()
-    fences.handle(link, GRANT)
+    orders.handle(link, GRANT)
     await link.hears(wire.Granted(5))
     disk.free.clear()
-    fences.handle(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
-    fences.handle(link, wire.Revoke(5, "taken over"))
+    orders.handle(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
+    orders.handle(link, wire.Revoke(5, "taken over"))
     assert core.lease.current is None
 
 
-async def test_higher_of_two_fences_being_written_gets_control(fences, core, disk):
+async def test_higher_of_two_fences_being_written_gets_control(orders, core, disk):
     link = Wire(1)
-    fences.handle(link, GRANT)
-    fences.handle(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
+    orders.handle(link, GRANT)
+    orders.handle(link, wire.Grant(6, 60.0, "session-6", "Bob", "bob-id", 1.0))
     disk.free.set()
     await link.hears(wire.Granted(6))
     assert [type(report) for report in link.reports] == [wire.Refused, wire.Granted]
@@ -142,32 +142,32 @@ async def test_higher_of_two_fences_being_written_gets_control(fences, core, dis
     assert [state.fence for state in disk.saved] == [5, 6]
 
 
-async def test_a_link_that_is_gone_gets_nothing(fences, core, disk):
+async def test_a_link_that_is_gone_gets_nothing(orders, core, disk):
     gone, there = Wire(1), Wire(2)
-    fences.handle(gone, GRANT)
-    fences.forget(gone)
-    fences.handle(there, GRANT)
+    orders.handle(gone, GRANT)
+    orders.forget(gone)
+    orders.handle(there, GRANT)
     disk.free.set()
     await there.hears(wire.Granted(5))
     assert (core.lease.link, gone.reports) == (2, [])
 
 
-async def test_a_number_that_cannot_be_written_is_not_given(fences, core, disk):
+async def test_a_number_that_cannot_be_written_is_not_given(orders, core, disk):
     link = Wire(1)
     disk.fails = True
     disk.free.set()
-    fences.handle(link, GRANT)
+    orders.handle(link, GRANT)
     await asyncio.wait_for(link.news.wait(), 10)
     (refused,) = link.reports
     assert refused.refusal.code == "state_not_saved"
     assert "No space left on device" in refused.refusal.text
     disk.fails = False
-    fences.handle(link, GRANT)
+    orders.handle(link, GRANT)
     await link.hears(wire.Granted(5))
 
 
-async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(fences, core, disk, tmp_path):
-    door = LinkHandler(core, fences, InspectorClient(core.config, lambda: None), CameraClient(core.config))
+async def test_a_stop_over_the_same_link_does_not_wait_for_the_disk(orders, core, disk, tmp_path):
+    door = LinkHandler(core, orders, InspectorClient(core.config, lambda: None), CameraClient(core.config))
     address = LinkAddress(unix_path=str(tmp_path / "b.sock"))
     server = LinkServer(address, door.opened, door.received, door.closed)
     await server.start()

@@ -14,7 +14,7 @@ from robots.wire.camera import (
     Cameras,
     CameraState,
 )
-from robots.wire.codec import Door
+from robots.wire.codec import MessageDecoder
 from robots.wire.limbs import LimbCancel, MoveLimb
 from robots.wire.link import (
     BridgeHello,
@@ -125,13 +125,13 @@ LinkReport = (
     | LinkSample
     | CameraAt
 )
-browser_message = Door[BrowserMessage](BrowserMessage)
-topics_message = Door[TopicsMessage](TopicsMessage)
-camera_message = Door[CameraMessage](CameraMessage)
-camera_request = Door[CameraRequest](CameraRequest)
-fleet_message = Door[FleetMessage](FleetMessage)
-link_request = Door[LinkRequest](LinkRequest)
-# Reports through the same doors: of any size; a misfit raises `msgspec.DecodeError`.
+browser_message = MessageDecoder[BrowserMessage](BrowserMessage)
+topics_message = MessageDecoder[TopicsMessage](TopicsMessage)
+camera_message = MessageDecoder[CameraMessage](CameraMessage)
+camera_request = MessageDecoder[CameraRequest](CameraRequest)
+fleet_message = MessageDecoder[FleetMessage](FleetMessage)
+link_request = MessageDecoder[LinkRequest](LinkRequest)
+# Reports are of any size; a misfit raises `msgspec.DecodeError`.
 browser_report: Callable[[str | bytes], BrowserReport] = msgspec.json.Decoder(BrowserReport).decode
 topics_report: Callable[[str | bytes], TopicsReport] = msgspec.json.Decoder(TopicsReport).decode
 camera_report: Callable[[str | bytes], CameraReport] = msgspec.json.Decoder(CameraReport).decode

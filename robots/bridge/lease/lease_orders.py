@@ -34,8 +34,8 @@ class StateWriter(Protocol):
         """Write durably. Raises OSError."""
 
 
-class FenceStore:
-    """Apply the messages about control of one robot. Runs on the event loop; one thread writes the state file.
+class LeaseOrders:
+    """Apply grants, revokes and pauses of one robot in order. Runs on the event loop; one thread writes the state file.
 
     `on_latch` is called when stop is pressed or cleared, before anybody is notified.
     """
