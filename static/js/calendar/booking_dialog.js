@@ -1,7 +1,7 @@
 /** Asks before a dragged slot is booked, with the fields of the form; shows every refusal and what is free instead. */
 
 import { closable } from "../lib/dialog.js";
-import { make, makeButton, say, show } from "../lib/dom.js";
+import { make, makeButton, setText, show } from "../lib/dom.js";
 import { send } from "./bookings_api.js";
 
 export class BookingDialog {
@@ -53,8 +53,8 @@ export class BookingDialog {
   #open(title, words) {
     const { dialog, "dialog-title": heading, "dialog-words": slot } = this.#part;
     this.#part["dialog-form"].reset();
-    say(heading, title);
-    say(slot, words);
+    setText(heading, title);
+    setText(slot, words);
     this.#list([], []);
     this.#offer({ book: this.#wish !== null, wait: false });
     if (!dialog.open) dialog.show();
@@ -80,7 +80,7 @@ export class BookingDialog {
 
   #bookThat({ robot, start, end, words }) {
     this.#wish = slotOf(robot, start, end);
-    say(this.#part["dialog-words"], words);
+    setText(this.#part["dialog-words"], words);
     this.#book();
   }
 
@@ -95,7 +95,7 @@ export class BookingDialog {
       this.#done();
       return;
     }
-    say(this.#part["dialog-title"], gettext("Not booked"));
+    setText(this.#part["dialog-title"], gettext("Not booked"));
     // Another course, person or reason may be allowed.
     this.#offer({ book: true, wait: answer.codes.join() === "taken" });
     this.#list(answer.texts, answer.alternatives);
@@ -106,8 +106,8 @@ export class BookingDialog {
     this.#offer({ book: !answer.ok, wait: false });
     this.#list(answer.texts, answer.alternatives);
     if (!answer.ok) return;
-    say(this.#part["dialog-title"], gettext("You wait for this slot"));
-    say(this.#part["dialog-words"], gettext("You get an offer when it becomes free."));
+    setText(this.#part["dialog-title"], gettext("You wait for this slot"));
+    setText(this.#part["dialog-words"], gettext("You get an offer when it becomes free."));
   }
 }
 

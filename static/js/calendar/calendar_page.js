@@ -2,7 +2,7 @@
 
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
-import { make, mark, parts, say, show } from "../lib/dom.js";
+import { make, mark, parts, setText, show } from "../lib/dom.js";
 import { pageLanguage } from "../lib/languages.js";
 import { correctRoles } from "./accessible.js";
 import { BookingDialog } from "./booking_dialog.js";
@@ -73,7 +73,7 @@ export function startCalendar(main, library) {
     // Until the robots are read, the library shows one column without a robot.
     select: ({ startStr, endStr, resource }) =>
       dialog.ask(startStr, endStr, names.has(resource?.id) ? resource : null),
-    datesSet: ({ view }) => say(part.title, view.title),
+    datesSet: ({ view }) => setText(part.title, view.title),
     eventDragStart: () => {
       dragged = true;
     },
@@ -88,10 +88,10 @@ export function startCalendar(main, library) {
   async function read(start, end) {
     try {
       const answer = await readFeed(feed, start, end, robot);
-      say(part.hint, hint);
+      setText(part.hint, hint);
       return answer;
     } catch (error) {
-      say(part.hint, error.message);
+      setText(part.hint, error.message);
       throw error;
     }
   }
@@ -157,7 +157,7 @@ export function startCalendar(main, library) {
   show(part.hint, true);
   correctRoles(part.calendar);
   turnTo(phone ? "listWeek" : "resourceTimeGridDay");
-  say(part.title, calendar.getView().title);
+  setText(part.title, calendar.getView().title);
   return () => {
     clearInterval(timer);
     document.removeEventListener("visibilitychange", poll);

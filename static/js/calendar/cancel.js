@@ -1,6 +1,6 @@
 /** Lists of bookings ask before one is given up. */
 
-import { parts, say } from "../lib/dom.js";
+import { parts, setText } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 
 /**
@@ -16,9 +16,9 @@ export function askFirst(root) {
     if (!form) return;
     event.preventDefault();
     asking = form;
-    say(part["cancel-title"], form.dataset.asks);
-    say(part["cancel-words"], form.dataset.words);
-    say(part["cancel-yes"], form.dataset.yes);
+    setText(part["cancel-title"], form.dataset.asks);
+    setText(part["cancel-words"], form.dataset.words);
+    setText(part["cancel-yes"], form.dataset.yes);
     ask();
   });
 }

@@ -1,6 +1,6 @@
 /** One camera on the page: its picture, how old that is, and why there is none. */
 
-import { make, mark, sayOrHide } from "../lib/dom.js";
+import { make, mark, setTextOrHide } from "../lib/dom.js";
 import { CameraPicture } from "./camera_picture.js";
 
 const SAID_MS = 300; // the age of a newer picture is nobody's concern
@@ -94,8 +94,8 @@ export class CameraView extends EventTarget {
     const ageMs = this.ageMs;
     const isOld = ageMs !== null && ageMs > OLD_MS;
     mark(this.#element, "old", isOld);
-    sayOrHide(this.#age, ageMs === null ? "" : ageText(ageMs));
-    sayOrHide(this.#words, this.#text(ageMs));
+    setTextOrHide(this.#age, ageMs === null ? "" : ageText(ageMs));
+    setTextOrHide(this.#words, this.#text(ageMs));
   }
 
   /** Save the picture to a file, which is named by the time at which it was taken. @param {string} robot its slug */

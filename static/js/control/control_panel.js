@@ -1,6 +1,6 @@
 /** The control panel: holder, buttons, requests of others, dialogs. Reports choices by "choose" events. */
 
-import { make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
+import { make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 import { controlWords, isSlotFar, slotWarning, slotWords } from "./control_words.js";
 import { clockText, isLastCall, remaining } from "./lease.js";
@@ -58,17 +58,17 @@ export class ControlPanel extends EventTarget {
     const { headline, reason, actions } = controlWords(this.#control, resumable, offered);
     const yours = this.#control.state === "yours";
     const { who, why, lease } = this.#parts;
-    say(who, headline);
-    sayOrHide(why, reason);
+    setText(who, headline);
+    setTextOrHide(why, reason);
     show(lease, left !== null);
-    if (left !== null) say(lease, interpolate(gettext("%s left"), [clockText(left)]));
+    if (left !== null) setText(lease, interpolate(gettext("%s left"), [clockText(left)]));
     mark(lease, "last", yours && isLastCall(left));
     this.#showSlot((now - this.#heardMs) / 1000);
     this.#offer(actions);
   }
 
   #showSlot(sinceS) {
-    sayOrHide(this.#parts.slot, slotWords(this.#control, sinceS));
+    setTextOrHide(this.#parts.slot, slotWords(this.#control, sinceS));
     mark(this.#parts.slot, "far", isSlotFar(this.#control, sinceS));
     const warning = slotWarning(this.#control, sinceS);
     const { atS = Infinity, ending = "", text = "" } = warning ?? {};

@@ -3,7 +3,7 @@
  * shown once for each account.
  */
 
-import { mark, say, show } from "../lib/dom.js";
+import { mark, setText, show } from "../lib/dom.js";
 
 const STEPS = ["take", "stick", "stop"];
 
@@ -65,9 +65,9 @@ export class Hints {
       "hint-text": text,
       "hint-next": next,
     } = this.#parts;
-    say(count, interpolate(gettext("%s of %s"), [step + 1, STEPS.length]));
-    say(text, hintText(STEPS[step]));
-    say(next, step === STEPS.length - 1 ? gettext("Got it") : gettext("Next"));
+    setText(count, interpolate(gettext("%s of %s"), [step + 1, STEPS.length]));
+    setText(text, hintText(STEPS[step]));
+    setText(next, step === STEPS.length - 1 ? gettext("Got it") : gettext("Next"));
     show(card, true);
   }
 

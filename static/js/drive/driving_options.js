@@ -1,6 +1,6 @@
 /** A person's choices for driving: speed, meaning of sideways, a stick that stays, side of the stick. */
 
-import { make, makeButton, mark, say, show } from "../lib/dom.js";
+import { make, makeButton, mark, setText, show } from "../lib/dom.js";
 import { recall, remember } from "../lib/prefs.js";
 
 /** A speed as people walk; up to so many m/s. */
@@ -91,8 +91,8 @@ export class DrivingOptions extends EventTarget {
       pressed(button, Number(button.dataset.share) === this.#share);
     }
     const speed = this.#share * this.#limits.forward_mps;
-    say(this.#parts.speed, `${speed.toFixed(2)} m/s`);
-    say(this.#parts.pace, paceText(speed));
+    setText(this.#parts.speed, `${speed.toFixed(2)} m/s`);
+    setText(this.#parts.pace, paceText(speed));
     this.#tell("share", this.#share);
   }
 

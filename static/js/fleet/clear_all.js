@@ -2,7 +2,7 @@
 
 import { standstillText } from "../control/status/status_text.js";
 import { closable } from "../lib/dialog.js";
-import { make, makeButton, say, show } from "../lib/dom.js";
+import { make, makeButton, setText, show } from "../lib/dom.js";
 
 /** The stopped robots that may be cleared. Pure. @param {object} robots by slug, from the console */
 export function stoppedOf(robots) {
@@ -50,7 +50,7 @@ export class ClearAll {
     const words = mine
       ? interpolate(gettext("Clear all (%s)…"), [mine])
       : interpolate(gettext("Stopped (%s)…"), [stopped.length]);
-    say(this.#parts["clear-all"], words);
+    setText(this.#parts["clear-all"], words);
     show(this.#parts["clear-all"], stopped.length > 0);
     for (const [slug, row] of this.#rows) this.#follow(slug, row);
   }
@@ -60,7 +60,7 @@ export class ClearAll {
     const row = this.#rows.get(figures?.slug);
     if (!row) return;
     row.asked = false;
-    say(row.words, text);
+    setText(row.words, text);
     show(row.button, row.mayClear);
   }
 
@@ -90,7 +90,7 @@ export class ClearAll {
     this.#rows.set(slug, row);
     show(button, mayClear);
     if (!mayClear)
-      say(
+      setText(
         words,
         gettext("Only the person in control, a supervisor of this robot, or staff may clear it."),
       );
@@ -112,7 +112,7 @@ export class ClearAll {
     row.asked = true;
     show(row.button, false);
     const sent = this.#send({ t: "clear", slug, number: row.number });
-    say(row.words, sent ? gettext("Being cleared…") : gettext("Not sent: no connection."));
+    setText(row.words, sent ? gettext("Being cleared…") : gettext("Not sent: no connection."));
     if (!sent) row.asked = false;
   }
 
@@ -121,12 +121,12 @@ export class ClearAll {
     if (!stop || row.over) return;
     if (stop.state === "clear") {
       row.over = true;
-      say(row.words, gettext("Cleared."));
+      setText(row.words, gettext("Cleared."));
       show(row.button, false);
     } else if (stop.number !== row.number) {
       row.over = true;
       const again = gettext("%s stopped it again: close this and look again.");
-      say(row.words, interpolate(again, [stop.by ?? gettext("somebody")]));
+      setText(row.words, interpolate(again, [stop.by ?? gettext("somebody")]));
       show(row.button, false);
     }
   }

@@ -5,7 +5,7 @@ import { LiveSocket, socketUrl } from "../connection/socket.js";
 import { connectionFact } from "../control/status/status_text.js";
 import { StopButton } from "../control/stop/stop_button.js";
 import { StopWords } from "../control/stop/stop_words.js";
-import { mark, parts, say, show } from "../lib/dom.js";
+import { mark, parts, setText, show } from "../lib/dom.js";
 import { matches, searches } from "../lib/list.js";
 import { recallInTab, rememberInTab } from "../lib/prefs.js";
 import { showRobot, showStop } from "./card.js";
@@ -120,7 +120,7 @@ export class FleetPage {
 
   /** Show the progress of a card's stop, until the robot itself reports it. */
   #stopSays(own, text) {
-    say(own["stop-state"], text);
+    setText(own["stop-state"], text);
     mark(own["stop-state"], "fresh", true);
     show(own["stop-why"], false);
   }
@@ -200,7 +200,7 @@ export class FleetPage {
       stale: !live,
     });
     mark(this.#connection, "level", level);
-    say(this.#connection, text);
+    setText(this.#connection, text);
     for (const { card } of this.#cards.values()) mark(card, "stale", !live);
   }
 }

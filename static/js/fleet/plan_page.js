@@ -3,7 +3,7 @@
 import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
 import { connectionFact } from "../control/status/status_text.js";
-import { make, makeButton, mark, parts, say, sayOrHide, show } from "../lib/dom.js";
+import { make, makeButton, mark, parts, setText, setTextOrHide, show } from "../lib/dom.js";
 import { MapView } from "../navigation/map_view.js";
 import { readMaps, readPicture } from "../navigation/places_api.js";
 import { cardOf } from "./card_words.js";
@@ -62,7 +62,7 @@ class PlanMap {
   /** @param {object} map as the API describes it; its content never changes, but its name and places do */
   async take(map) {
     this.#map = map;
-    say(this.#title, map.name || gettext("Map without a name"));
+    setText(this.#title, map.name || gettext("Map without a name"));
     this.#view.places = map.places;
     if (this.#drawn) return;
     this.#view.show(map, await readPicture(map));
@@ -78,7 +78,7 @@ class PlanMap {
   #pick(robot) {
     show(this.#picked, robot !== null);
     if (!robot) return;
-    say(this.#picked, interpolate(gettext("Open %s"), [robot.name]));
+    setText(this.#picked, interpolate(gettext("Open %s"), [robot.name]));
     this.#picked.href = robot.address;
   }
 
@@ -140,9 +140,9 @@ export class PlanPage {
       }
       const taken = present.map((one) => this.#maps.get(one.map).take(one));
       const failed = (await Promise.allSettled(taken)).find(({ status }) => status === "rejected");
-      sayOrHide(this.#parts["maps-failed"], failed?.reason.message ?? "");
+      setTextOrHide(this.#parts["maps-failed"], failed?.reason.message ?? "");
     } catch (error) {
-      sayOrHide(this.#parts["maps-failed"], error.message);
+      setTextOrHide(this.#parts["maps-failed"], error.message);
     }
     this.#show();
   }
@@ -181,11 +181,11 @@ export class PlanPage {
     const why = whyNowhere(map, robot);
     mark(row, "level", shown.level);
     mark(own.status, "level", shown.level);
-    say(own.status, shown.status);
-    say(own.doing, shown.doing);
-    say(own.where, why || whereText(robot.state.location, map.places));
-    say(own.driver, shown.driver);
-    say(own.battery, shown.battery);
+    setText(own.status, shown.status);
+    setText(own.doing, shown.doing);
+    setText(own.where, why || whereText(robot.state.location, map.places));
+    setText(own.driver, shown.driver);
+    setText(own.battery, shown.battery);
     const list = why ? this.#parts["rest-list"] : map.list;
     if (row.parentElement !== list) list.append(row);
     if (!why) drawn.get(map).push({ name, address, ...robot.state });
@@ -199,7 +199,7 @@ export class PlanPage {
       stale: !live,
     });
     mark(this.#parts.connection, "level", level);
-    say(this.#parts.connection, text);
+    setText(this.#parts.connection, text);
     for (const { row } of this.#rows.values()) mark(row, "stale", !live);
     mark(this.#parts.maps, "stale", !live);
   }

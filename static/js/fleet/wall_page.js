@@ -4,7 +4,7 @@ import { Heartbeat } from "../connection/heartbeat.js";
 import { LiveSocket, socketUrl } from "../connection/socket.js";
 import { connectionFact } from "../control/status/status_text.js";
 import { screenLock } from "../drive/wake_lock.js";
-import { mark, parts, say } from "../lib/dom.js";
+import { mark, parts, setText } from "../lib/dom.js";
 import { timeText } from "../lib/times.js";
 import { showRobot, showStop } from "./card.js";
 import { cardOf } from "./card_words.js";
@@ -81,8 +81,8 @@ export class WallPage {
       stale: !live,
     });
     mark(this.#parts.connection, "level", level);
-    say(this.#parts.connection, text);
-    say(this.#parts.clock, timeText(new Date()));
+    setText(this.#parts.connection, text);
+    setText(this.#parts.clock, timeText(new Date()));
     for (const { card } of this.#cards.values()) mark(card, "stale", !live);
     if (live && "stays" in this.#root.dataset && now - this.#openedMs > FRESH_MS) location.reload();
   }

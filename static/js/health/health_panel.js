@@ -1,7 +1,7 @@
 /** The robot's health on the control page: in the header when something is wrong, in Details always, told when it gets worse. */
 
 import { fill } from "../control/status/details.js";
-import { mark, say, sayOrHide, show } from "../lib/dom.js";
+import { mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import {
   BADNESS,
   batteryText,
@@ -44,8 +44,8 @@ export class HealthPanel {
   #showBattery(state) {
     const { battery_percent: percent } = state;
     const { battery, "battery-percent": short } = this.#parts;
-    say(battery, batteryText(state));
-    say(short, batteryText({ battery_percent: percent }));
+    setText(battery, batteryText(state));
+    setText(short, batteryText({ battery_percent: percent }));
     for (const part of [battery, short])
       mark(part, "low", percent !== null && percent < LOW_BATTERY_PERCENT);
   }
@@ -65,16 +65,16 @@ export class HealthPanel {
       "health-more": more,
     } = this.#parts;
     const ill = health?.parts ?? [];
-    sayOrHide(line, health === null ? gettext("No node of the robot reports.") : "");
-    if (health && !ill.length) sayOrHide(line, healthText(health));
+    setTextOrHide(line, health === null ? gettext("No node of the robot reports.") : "");
+    if (health && !ill.length) setTextOrHide(line, healthText(health));
     fill(
       list,
       ill.map((part) => `${partText(part)} (${sinceText(part, nowMs)})`),
     );
     for (const [i, part] of ill.entries()) mark(list.children[i], "level", MARKS[part.level]);
     const hot = temperaturesText(health?.temperatures ?? []);
-    sayOrHide(temperatures, hot && interpolate(gettext("Temperatures: %s"), [hot]));
-    sayOrHide(more, health ? leftOutText(health) : "");
+    setTextOrHide(temperatures, hot && interpolate(gettext("Temperatures: %s"), [hot]));
+    setTextOrHide(more, health ? leftOutText(health) : "");
   }
 
   #tellOfParts(parts, more, nowMs) {

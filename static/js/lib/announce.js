@@ -14,7 +14,7 @@ export class Announcer {
   }
 
   /** @param {string} text @param {string} key what it is about: figures may change without a word */
-  say(text, key = text) {
+  announce(text, key = text) {
     if (key === this.#said) return;
     this.#said = key;
     this.#waiting = text;

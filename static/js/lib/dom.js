@@ -1,7 +1,7 @@
 /** Short functions for elements of a page. Text is only set by textContent. */
 
 /** Sets text if it differs, so that nothing is announced or laid out twice. */
-export function say(element, text) {
+export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
@@ -9,9 +9,9 @@ export function show(element, shown) {
   if (element.hidden === shown) element.hidden = !shown;
 }
 
-/** Says a text; where there is none, nothing is there. */
-export function sayOrHide(element, text) {
-  say(element, text);
+/** Sets text; without text the element is hidden. */
+export function setTextOrHide(element, text) {
+  setText(element, text);
   show(element, text !== "");
 }
 

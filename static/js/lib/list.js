@@ -3,7 +3,7 @@
  * In its field Esc clears, Enter acts on the only hit, Tab moves on to the hits.
  */
 
-import { dim, make, makeButton, say, show } from "./dom.js";
+import { dim, make, makeButton, setText, show } from "./dom.js";
 
 /** Text as it is compared: without accents, in small letters, the same in every browser's language. */
 function folded(text) {
@@ -130,7 +130,7 @@ export class SearchList {
 
   /** @param {string} text shown while there are no items at all */
   set empty(text) {
-    say(this.#empty, text);
+    setText(this.#empty, text);
     show(this.#empty, text !== "" && this.#items.length === 0);
   }
 

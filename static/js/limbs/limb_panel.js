@@ -4,7 +4,7 @@
  */
 
 import { takeControlFirst } from "../control/lease.js";
-import { dim, say, show } from "../lib/dom.js";
+import { dim, setText, show } from "../lib/dom.js";
 import { centimetres, endNotice } from "./words.js";
 
 const HOME = "home"; // the motion that brings the arm home
@@ -105,7 +105,7 @@ export class LimbPanel {
 
   #label(limb, metres) {
     const text = metres === null ? gettext("unknown") : centimetres(metres);
-    say(this.#parts[`${limb}-at`], text);
+    setText(this.#parts[`${limb}-at`], text);
     this.#parts[`${limb}-to`].setAttribute("aria-valuetext", text);
   }
 

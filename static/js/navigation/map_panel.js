@@ -2,7 +2,7 @@
 
 import { takeControlFirst } from "../control/lease.js";
 import { isSeen } from "../control/status/status_text.js";
-import { dim, make, mark, say, sayOrHide, show } from "../lib/dom.js";
+import { dim, make, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { MapView } from "./map_view.js";
 import { readMaps, readPicture } from "./places_api.js";
 import { PlacesPanel } from "./places_panel.js";
@@ -157,7 +157,7 @@ export class MapPanel {
       const map = maps.find(({ robots }) => robots.length > 0) ?? null;
       const earlier = maps.filter((one) => one !== map && one.places.length > 0);
       if (this.#listening.signal.aborted) return;
-      sayOrHide(this.#parts["map-none"], map ? "" : unknownText());
+      setTextOrHide(this.#parts["map-none"], map ? "" : unknownText());
       this.#places.show(map, earlier);
       if (map && map.map !== this.#loaded) {
         this.#view.show(map, await readPicture(map));
@@ -166,7 +166,7 @@ export class MapPanel {
       this.#view.places = map?.places ?? [];
       this.#pick(map?.places.find(({ number }) => number === this.#picked?.number) ?? null);
     } catch (error) {
-      sayOrHide(this.#parts["map-none"], error.message);
+      setTextOrHide(this.#parts["map-none"], error.message);
     }
   }
 
@@ -195,7 +195,8 @@ export class MapPanel {
     this.#picked = place;
     show(this.#parts["map-picked"], place !== null);
     if (place) this.#places.open(false);
-    if (place) say(this.#parts["map-picked-go"], interpolate(gettext("Go to “%s”"), [place.name]));
+    if (place)
+      setText(this.#parts["map-picked-go"], interpolate(gettext("Go to “%s”"), [place.name]));
   }
 
   #mayOrder() {
@@ -245,7 +246,7 @@ export class MapPanel {
     const words =
       this.#wanted ||
       (modes[this.#mode] ?? (held || location?.problem || (isLost ? lostText() : "")));
-    say(this.#parts["map-words"], words);
+    setText(this.#parts["map-words"], words);
     show(this.#parts["map-words"], words !== "");
   }
 

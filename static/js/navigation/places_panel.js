@@ -2,7 +2,7 @@
 
 import { takeControlFirst } from "../control/lease.js";
 import { closable } from "../lib/dialog.js";
-import { dim, make, makeButton, say, sayOrHide, show } from "../lib/dom.js";
+import { dim, make, makeButton, setText, setTextOrHide, show } from "../lib/dom.js";
 import { question } from "../lib/question.js";
 import {
   addPlace,
@@ -73,8 +73,8 @@ export class PlacesPanel {
     this.#map = map;
     this.#earlier = earlier;
     const places = map?.places ?? [];
-    say(this.#parts["places-title"], titleOf(map));
-    sayOrHide(this.#parts["places-none"], places.length > 0 ? "" : noneText(map, earlier));
+    setText(this.#parts["places-title"], titleOf(map));
+    setTextOrHide(this.#parts["places-none"], places.length > 0 ? "" : noneText(map, earlier));
     this.#list(places);
     this.#parts["places-earlier"].replaceChildren(
       ...(places.length > 0 ? [] : earlier.map((one) => make("li", { children: [fileLink(one)] }))),
@@ -162,7 +162,10 @@ export class PlacesPanel {
     const { name, remove } = this.#asked;
     this.#remove = remove;
     this.#parts["place-dialog"].close();
-    say(this.#parts["place-delete-title"], interpolate(gettext("Delete the place “%s”?"), [name]));
+    setText(
+      this.#parts["place-delete-title"],
+      interpolate(gettext("Delete the place “%s”?"), [name]),
+    );
     this.#deletes.ask();
   }
 
@@ -179,8 +182,8 @@ export class PlacesPanel {
 
   #ask(asked) {
     this.#asked = asked;
-    say(this.#parts["place-dialog-title"], asked.title);
-    sayOrHide(this.#parts["place-refused"], "");
+    setText(this.#parts["place-dialog-title"], asked.title);
+    setTextOrHide(this.#parts["place-refused"], "");
     show(this.#parts["place-delete"], "remove" in asked);
     this.#parts["place-name"].value = asked.name;
     this.#parts["place-dialog"].show();
@@ -201,7 +204,7 @@ export class PlacesPanel {
       this.#tell("success", await act(asked));
       if (this.#asked === asked) this.#parts["place-dialog"].close();
     } catch (error) {
-      sayOrHide(this.#parts["place-refused"], error.message);
+      setTextOrHide(this.#parts["place-refused"], error.message);
     }
     this.#page.changed();
   }

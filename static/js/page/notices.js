@@ -1,7 +1,7 @@
 /** Results of a person's input: shown once at the edge of the screen, and kept in a log. */
 
 import { closable } from "../lib/dialog.js";
-import { make, makeButton, mark, say } from "../lib/dom.js";
+import { make, makeButton, mark, setText } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
 import { timeText } from "../lib/times.js";
 
@@ -83,8 +83,8 @@ class Shown {
   }
 
   update({ short, times }) {
-    say(this.#text, short); // the log has all of it
-    say(this.#times, timesText(times));
+    setText(this.#text, short); // the log has all of it
+    setText(this.#times, timesText(times));
     this.#leftMs = SHOWN_MS;
     this.#bar.remove();
     this.element.append(this.#bar); // a new element restarts the animation

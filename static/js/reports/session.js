@@ -1,6 +1,6 @@
 /** The page of a control session: one chooses a moment, and picture and timeline show it. Without this, both are there. */
 
-import { parts, say, show } from "../lib/dom.js";
+import { parts, setText, show } from "../lib/dom.js";
 import { clockText } from "../lib/times.js";
 import { lastAt, placeAt } from "./replay.js";
 
@@ -30,8 +30,8 @@ function showMoment(atS) {
   }
   const entry = entries[lastAt(timesS, atS)] ?? null;
   const moving = place?.moving ? gettext("driving") : gettext("standing");
-  say(page["moment-words"], `${clock(atS)} · ${moving}`);
-  say(page.says, entry ? words(entry) : "");
+  setText(page["moment-words"], `${clock(atS)} · ${moving}`);
+  setText(page.says, entry ? words(entry) : "");
   page.moment.setAttribute(
     "aria-valuetext",
     [clock(atS), moving, page.says.textContent].join(", "),

@@ -1,6 +1,6 @@
 /** The 3D view in the picture area: loads its module when it is first opened, and says in words where it cannot draw. */
 
-import { make, mark, sayOrHide, show } from "../lib/dom.js";
+import { make, mark, setTextOrHide, show } from "../lib/dom.js";
 
 const MAP_EVERY = 5; // looks: the map may be another one
 const DESCRIPTION_EVERY = 15; // looks: the robot may have been started anew
@@ -195,7 +195,7 @@ export class ScenePanel {
   }
 
   #say(words) {
-    sayOrHide(this.#parts["scene-words"], words);
+    setTextOrHide(this.#parts["scene-words"], words);
   }
 
   /** @param {string[]} notes what is not drawn as it is, in words */

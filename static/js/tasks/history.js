@@ -2,7 +2,7 @@
 
 import { readJson } from "../connection/read.js";
 import { takeControlFirst } from "../control/lease.js";
-import { make, makeButton, mark, sayOrHide, show } from "../lib/dom.js";
+import { make, makeButton, mark, setTextOrHide, show } from "../lib/dom.js";
 import { inLanguage, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
 import { whenText } from "../lib/times.js";
@@ -172,6 +172,6 @@ export class History {
   }
 
   #say(text) {
-    sayOrHide(this.#parts["history-none"], text);
+    setTextOrHide(this.#parts["history-none"], text);
   }
 }

@@ -1,7 +1,7 @@
 /** The robot's recorded motions, searchable: press one and it plays; press it again and it is cancelled. */
 
 import { takeControlFirst } from "../control/lease.js";
-import { dim, make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
+import { dim, make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
 import { levelOf } from "./task_ends.js";
 
@@ -82,7 +82,7 @@ export class Motions {
     this.#buttons.clear();
     this.#list.items = motions;
     const why = text || gettext("This robot offers no motions.");
-    say(this.#parts["motions-none"], why);
+    setText(this.#parts["motions-none"], why);
     show(this.#parts["motions-none"], motions.length === 0);
     this.#show();
   }
@@ -161,12 +161,12 @@ export class Motions {
   #show() {
     const [play, cancel] = [gettext("Play"), gettext("Cancel")];
     const takeControl = this.#mayAct === false ? gettext("Take control to play one.") : "";
-    sayOrHide(this.#parts["motions-hint"], this.#idle || takeControl);
+    setTextOrHide(this.#parts["motions-hint"], this.#idle || takeControl);
     for (const [name, { button, act }] of this.#buttons) {
       const runs = name === this.#running;
       mark(button, "runs", runs);
       const [now, later] = runs ? [cancel, play] : [play, cancel];
-      say(act, now);
+      setText(act, now);
       act.dataset.later = later; // it takes the room of the wider one, so that nothing moves
       const mayNot = runs ? !this.#mayCancel : !this.#mayAct || this.#idle !== "";
       dim(button, mayNot, (!runs && this.#idle) || takeControlFirst());

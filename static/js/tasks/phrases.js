@@ -2,7 +2,7 @@
 
 import { readJson } from "../connection/read.js";
 import { takeControlFirst } from "../control/lease.js";
-import { make, makeButton, mark, sayOrHide } from "../lib/dom.js";
+import { make, makeButton, mark, setTextOrHide } from "../lib/dom.js";
 import { inLanguage, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
 
@@ -75,7 +75,7 @@ export class Phrases {
   #tell() {
     this.#list.dim(!this.#mayAct || this.#mute !== "", this.#mute || takeControlFirst());
     const { "phrases-none": words } = this.#parts;
-    sayOrHide(words, this.#none || this.#mute);
+    setTextOrHide(words, this.#none || this.#mute);
     mark(words, "mute", this.#none === ""); // where one can write a text, that form says so
   }
 }

@@ -1,6 +1,6 @@
 /** Current drive by a program, motion and speech, on every tab, each with Cancel; and inputs of the tab that go to another topic. */
 
-import { make, makeButton, say, show } from "../lib/dom.js";
+import { make, makeButton, setText, show } from "../lib/dom.js";
 import { inLanguage } from "../lib/languages.js";
 import { movingText } from "../limbs/words.js";
 import { goingText } from "../navigation/words.js";
@@ -83,21 +83,21 @@ export class Running {
     this.#chosen = chosen;
     this.#showElsewhere();
     if (drive) {
-      say(this.#parts["drive-words"], driveText(drive));
-      say(this.#parts["drive-who"], interpolate(gettext("for %s"), [drive.who]));
+      setText(this.#parts["drive-words"], driveText(drive));
+      setText(this.#parts["drive-who"], interpolate(gettext("for %s"), [drive.who]));
     }
     if (going) {
-      say(this.#parts["go-words"], goingText(going));
-      say(this.#parts["go-who"], interpolate(gettext("for %s"), [going.who]));
+      setText(this.#parts["go-words"], goingText(going));
+      setText(this.#parts["go-who"], interpolate(gettext("for %s"), [going.who]));
     }
     if (moves) {
       const { who } = Object.values(limbs).find(({ to_m: to = null }) => to !== null);
-      say(this.#parts["limb-words"], moves);
-      say(this.#parts["limb-who"], interpolate(gettext("for %s"), [who]));
+      setText(this.#parts["limb-words"], moves);
+      setText(this.#parts["limb-who"], interpolate(gettext("for %s"), [who]));
     }
     if (motion) {
-      say(this.#parts["motion-name"], this.#titleOf(motion.name));
-      say(this.#parts["motion-who"], interpolate(gettext("for %s"), [motion.who]));
+      setText(this.#parts["motion-name"], this.#titleOf(motion.name));
+      setText(this.#parts["motion-who"], interpolate(gettext("for %s"), [motion.who]));
     }
     if (speech) this.#showSpeech(speech);
   }
@@ -163,13 +163,13 @@ export class Running {
 
   #showSpeech({ text, language, status, word, who }) {
     const line = this.#parts["speech-text"];
-    say(this.#parts["speech-status"], statusText(status));
-    say(this.#parts["speech-who"], interpolate(gettext("for %s"), [who]));
+    setText(this.#parts["speech-status"], statusText(status));
+    setText(this.#parts["speech-who"], interpolate(gettext("for %s"), [who]));
     const [before, spoken, after] = aroundWord(text, word);
     inLanguage(line, language);
-    say(this.#parts["speech-before"], before);
-    say(this.#parts["speech-word"], spoken);
-    say(this.#parts["speech-after"], after);
+    setText(this.#parts["speech-before"], before);
+    setText(this.#parts["speech-word"], spoken);
+    setText(this.#parts["speech-after"], after);
     const { offsetLeft, offsetWidth, offsetTop, offsetHeight } = this.#parts["speech-word"];
     line.scrollLeft = spoken ? offsetLeft + offsetWidth / 2 - line.clientWidth / 2 : 0;
     line.scrollTop = spoken ? offsetTop + offsetHeight / 2 - line.clientHeight / 2 : 0;

@@ -1,7 +1,7 @@
 /** Speech: a free text in a chosen language. */
 
 import { takeControlFirst } from "../control/lease.js";
-import { dim, mark, say, sayOrHide, show } from "../lib/dom.js";
+import { dim, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { inLanguage, isolated, languageChoices, languageName } from "../lib/languages.js";
 import { SearchList } from "../lib/list.js";
 import { recall, remember } from "../lib/prefs.js";
@@ -134,7 +134,7 @@ export class Say {
   }
 
   #showLanguage() {
-    say(this.#parts["language-name"], languageName(this.language));
+    setText(this.#parts["language-name"], languageName(this.language));
     inLanguage(this.#parts["say-text"], this.language);
   }
 
@@ -143,7 +143,7 @@ export class Say {
   /** The reason why the robot cannot speak any text. */
   #hint() {
     const takeControl = this.#mayAct === false ? takeControlFirst() : "";
-    sayOrHide(this.#parts["say-hint"], this.#mute || takeControl);
+    setTextOrHide(this.#parts["say-hint"], this.#mute || takeControl);
     this.#count();
   }
 
@@ -155,7 +155,7 @@ export class Say {
   #count() {
     const length = lengthOf(this.#parts["say-text"].value.trim());
     const { "say-count": count, "say-send": send } = this.#parts;
-    say(count, `${length} / ${LONGEST}`);
+    setText(count, `${length} / ${LONGEST}`);
     mark(count, "over", length > LONGEST);
     const mayNot = !this.#mayAct || this.#mute !== "";
     dim(send, mayNot || length > LONGEST, mayNot ? this.#mute || takeControlFirst() : "");
@@ -212,7 +212,7 @@ export class Say {
   }
 
   #say(text) {
-    sayOrHide(this.#parts["say-fault"], text);
+    setTextOrHide(this.#parts["say-fault"], text);
     this.#parts["say-text"].setAttribute("aria-invalid", String(text !== ""));
   }
 }

@@ -1,6 +1,6 @@
 /** A form for a message, made from its definition: nested fields, lists of messages, constants as choices, time. */
 
-import { make, makeButton, say, sayOrHide } from "../lib/dom.js";
+import { make, makeButton, setText, setTextOrHide } from "../lib/dom.js";
 import { blankText, parsed, parsedArray } from "./value_parsing.js";
 
 const MOST_MADE = 20; // messages of a list that has a fixed number: more are written as JSON
@@ -111,7 +111,7 @@ class List {
   }
 
   fault(text) {
-    sayOrHide(this.#note, text);
+    setTextOrHide(this.#note, text);
   }
 
   #adding() {
@@ -146,7 +146,7 @@ class List {
   #number() {
     for (const [number, { element, remove }] of this.#items.entries()) {
       const name = `${this.#field.name}[${number}]`;
-      say(element.querySelector("legend > span"), name);
+      setText(element.querySelector("legend > span"), name);
       remove?.setAttribute("aria-label", interpolate(gettext("Remove %s"), [name]));
     }
   }
@@ -191,7 +191,7 @@ class Value {
   }
 
   fault(text) {
-    sayOrHide(this.#note, text);
+    setTextOrHide(this.#note, text);
     if (text) this.#input.setAttribute("aria-invalid", "true");
     else this.#input.removeAttribute("aria-invalid");
     if (text) this.#input.focus();

@@ -2,7 +2,7 @@
 
 import { takeControlFirst } from "../control/lease.js";
 import { whyNot } from "../control/roles.js";
-import { dim, make, makeButton, say, sayOrHide, show } from "../lib/dom.js";
+import { dim, make, makeButton, setText, setTextOrHide, show } from "../lib/dom.js";
 import { USES, useLabel } from "../tasks/uses.js";
 
 /**
@@ -87,11 +87,11 @@ export class InputChoice extends EventTarget {
   #show() {
     for (const [use, { item, topic, note, why, back, change }] of this.#rows) {
       const chosen = this.#chosen[use];
-      say(topic, chosen ?? this.#offers[use].topic);
-      say(note, chosen ? gettext("chosen") : gettext("default"));
+      setText(topic, chosen ?? this.#offers[use].topic);
+      setText(note, chosen ? gettext("chosen") : gettext("default"));
       item.dataset.chosen = Boolean(chosen);
       show(back, Boolean(chosen));
-      sayOrHide(why, this.#offers[use].refusal?.text ?? "");
+      setTextOrHide(why, this.#offers[use].refusal?.text ?? "");
       for (const button of [back, change]) dim(button, !this.#mayAct, takeControlFirst());
     }
   }

@@ -1,7 +1,7 @@
 /** Publishing what the allow-list admits: a form from the definition, or a dictionary with dotted keys. */
 
 import { takeControlFirst } from "../control/lease.js";
-import { dim, make, makeButton, sayOrHide, show } from "../lib/dom.js";
+import { dim, make, makeButton, setTextOrHide, show } from "../lib/dom.js";
 import { MessageForm } from "./form.js";
 import { parsedJson } from "./value_parsing.js";
 
@@ -166,7 +166,7 @@ export class PublishPanel extends EventTarget {
   }
 
   #say(text) {
-    sayOrHide(this.#parts["publish-fault"], text);
+    setTextOrHide(this.#parts["publish-fault"], text);
   }
 
   #tell(type, detail) {

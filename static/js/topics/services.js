@@ -1,6 +1,6 @@
 /** The robot's services and parameters: everybody may read, staff may call and set what the allow-list admits. */
 
-import { make, mark, say, sayOrHide, show } from "../lib/dom.js";
+import { make, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { MessageForm } from "./form.js";
 
 /** A service's answer; long arrays are marked as shortened. */
@@ -74,7 +74,7 @@ export class ServiceCall {
 
   #tell(text, isFault = false) {
     mark(this.#answer, "fault", isFault);
-    say(this.#answer, text);
+    setText(this.#answer, text);
     show(this.#answer, true);
   }
 }
@@ -139,6 +139,6 @@ export class ParameterView {
 
   #say(text, isFault = false) {
     mark(this.#outcome, "fault", isFault);
-    sayOrHide(this.#outcome, text);
+    setTextOrHide(this.#outcome, text);
   }
 }

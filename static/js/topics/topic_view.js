@@ -1,6 +1,6 @@
 /** View of a topic: its figures, its newest message field by field, numbers over time. */
 
-import { make, makeButton, mark, say, sayOrHide, show } from "../lib/dom.js";
+import { make, makeButton, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import { figuresText, PATHS_AT_MOST, rows, typeText, valueText } from "./fields.js";
 import { FieldPlot } from "./plot.js";
 
@@ -49,9 +49,9 @@ export class TopicView extends EventTarget {
     clearTimeout(this.#silence);
     this.#silence = setTimeout(() => this.#lost(), SILENCE_MS);
     mark(this.element, "stale", false);
-    if (message.type !== "*") say(this.#type, message.type);
-    say(this.#figures, figuresText(message));
-    sayOrHide(this.#problem, message.refusal?.text ?? "");
+    if (message.type !== "*") setText(this.#type, message.type);
+    setText(this.#figures, figuresText(message));
+    setTextOrHide(this.#problem, message.refusal?.text ?? "");
     const isNew = message.number !== this.#number;
     this.#number = message.number;
     this.#fields = message.fields;
@@ -69,7 +69,7 @@ export class TopicView extends EventTarget {
   /** The connection, the bridge or its inspector is gone: the message's age is no longer known. */
   #lost() {
     mark(this.element, "stale", true);
-    say(this.#figures, gettext("No news of it: this is what came last."));
+    setText(this.#figures, gettext("No news of it: this is what came last."));
   }
 
   /** Keep unchanged elements, so that focus, scroll position and a press are not lost. */
@@ -89,7 +89,7 @@ export class TopicView extends EventTarget {
       if (element === next) next = next.nextElementSibling;
       else this.#table.insertBefore(element, next);
       const length = this.#lengths.get(field.path) ?? null;
-      say(value, field.isOpen ? "" : valueText(field.value, length));
+      setText(value, field.isOpen ? "" : valueText(field.value, length));
     }
     show(this.#cut, found.length >= PATHS_AT_MOST);
   }

@@ -2,7 +2,7 @@
 
 import { isAtLeast, whyNot } from "../control/roles.js";
 import { closable } from "../lib/dialog.js";
-import { sayOrHide, show } from "../lib/dom.js";
+import { setTextOrHide, show } from "../lib/dom.js";
 import { SearchList } from "../lib/list.js";
 import { publishedNoMore } from "../tasks/tasks.js";
 import { useLabel } from "../tasks/uses.js";
@@ -330,6 +330,6 @@ export class TopicsTab {
   }
 
   #say(text) {
-    sayOrHide(this.#parts["topics-fault"], text);
+    setTextOrHide(this.#parts["topics-fault"], text);
   }
 }

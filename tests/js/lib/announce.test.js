@@ -8,11 +8,11 @@ describe("announcements", () => {
   it("come at once, then only the newest every few seconds", () => {
     const region = document.createElement("p");
     const announcer = new Announcer(region);
-    announcer.say("slowed to 0.3 m/s", "slowed ahead");
+    announcer.announce("slowed to 0.3 m/s", "slowed ahead");
     expect(region.textContent).toBe("slowed to 0.3 m/s");
-    announcer.say("slowed to 0.2 m/s", "slowed ahead"); // only a number changed
-    announcer.say("held: laser, ahead left", "held left");
-    announcer.say("held: laser, ahead", "held ahead");
+    announcer.announce("slowed to 0.2 m/s", "slowed ahead"); // only a number changed
+    announcer.announce("held: laser, ahead left", "held left");
+    announcer.announce("held: laser, ahead", "held ahead");
     expect(region.textContent).toBe("slowed to 0.3 m/s");
     vi.advanceTimersByTime(4000);
     expect(region.textContent).toBe("held: laser, ahead");
@@ -22,18 +22,18 @@ describe("announcements", () => {
   it("come again once they ended, never after their end", () => {
     const region = document.createElement("p");
     const announcer = new Announcer(region);
-    announcer.say("No connection. Connecting again.", "No connection");
-    announcer.say("Slowed.", "slowed");
+    announcer.announce("No connection. Connecting again.", "No connection");
+    announcer.announce("Slowed.", "slowed");
     announcer.forget("No connection"); // another text was announced since
     announcer.forget("slowed");
     vi.advanceTimersByTime(4000);
     expect(region.textContent).toBe("No connection. Connecting again.");
 
     region.textContent = "";
-    announcer.say("No connection. Connecting again.", "No connection");
+    announcer.announce("No connection. Connecting again.", "No connection");
     announcer.forget("No connection");
     vi.advanceTimersByTime(4000);
-    announcer.say("No connection. Connecting again.", "No connection");
+    announcer.announce("No connection. Connecting again.", "No connection");
     expect(region.textContent).toBe("No connection. Connecting again.");
     announcer.close();
   });

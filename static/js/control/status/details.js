@@ -1,6 +1,6 @@
 /** The side panel: sensors, speed limits, who watches, what the robot refused. */
 
-import { make, say, sayOrHide, show } from "../../lib/dom.js";
+import { make, setText, setTextOrHide, show } from "../../lib/dom.js";
 import { pageLanguage } from "../../lib/languages.js";
 import { timeText } from "../../lib/times.js";
 import { namesOf, plain, sensorName, stickWords } from "./plain_words.js";
@@ -66,10 +66,10 @@ export class Details {
 
   set facts({ sonars, stick, drive_topic: topic, profile }) {
     this.#names = namesOf(sonars);
-    say(this.#parts["drive-topic"], topic);
-    say(this.#parts.profile, profile);
-    say(this.#parts["stick-words"], stickWords(stick));
-    say(this.#parts["stick-steps"], stick);
+    setText(this.#parts["drive-topic"], topic);
+    setText(this.#parts.profile, profile);
+    setText(this.#parts["stick-words"], stickWords(stick));
+    setText(this.#parts["stick-steps"], stick);
   }
 
   /** @param {{text: string, limit: number, at: Date}[]} reasons the last ones, newest first */
@@ -88,14 +88,14 @@ export class Details {
     const { limits: speedLimits = [] } = state.verdict;
     const texts = speedLimits.map(({ text }) => plain(text, this.#names));
     fill(limits, texts.length ? texts : [gettext("None")]);
-    say(latency, latencyText(state));
-    say(watchers, watchersText(state));
+    setText(latency, latencyText(state));
+    setText(watchers, watchersText(state));
     this.#showSensors(sensors, state.sensors);
-    sayOrHide(clock, skewText(state));
-    sayOrHide(overload, overloadText(state));
-    sayOrHide(watchdog, watchdogText(state));
+    setTextOrHide(clock, skewText(state));
+    setTextOrHide(overload, overloadText(state));
+    setTextOrHide(watchdog, watchdogText(state));
     show(foreign, state.foreign.length > 0);
-    say(
+    setText(
       foreign,
       interpolate(gettext("Also publishing to the drive topic: %s"), [state.foreign.join(", ")]),
     );
@@ -109,9 +109,9 @@ export class Details {
     sensors.forEach((sensor, i) => {
       const row = list.children[i] ?? list.appendChild(sensorRow());
       const [name, technical] = row.children[0].children;
-      say(name, sensorName(sensor, this.#names));
-      say(technical, sensor.name);
-      say(row.children[1], plain(sensorText(sensor), this.#names));
+      setText(name, sensorName(sensor, this.#names));
+      setText(technical, sensor.name);
+      setText(row.children[1], plain(sensorText(sensor), this.#names));
       row.dataset.level = sensor.ok ? "ok" : "fail";
     });
     while (list.children.length > sensors.length) list.lastElementChild.remove();

@@ -2,7 +2,7 @@
 
 import { HealthPanel } from "../../health/health_panel.js";
 import { Announcer } from "../../lib/announce.js";
-import { mark, say, show } from "../../lib/dom.js";
+import { mark, setText, show } from "../../lib/dom.js";
 import { SAID_MS } from "../stop/stop_button.js";
 import { banner } from "./banner.js";
 import { Details, fill } from "./details.js";
@@ -51,11 +51,11 @@ export class StatusBar {
   /** Show the progress of a pressed stop, until the robot itself reports it. */
   stopSays(text) {
     this.#stopSaid = { text, untilMs: performance.now() + SAID_MS };
-    say(this.#parts["stop-state"], text);
+    setText(this.#parts["stop-state"], text);
   }
 
   hint(text) {
-    say(this.#parts.hint, text);
+    setText(this.#parts.hint, text);
   }
 
   close() {
@@ -69,10 +69,10 @@ export class StatusBar {
     this.#bannerTitle = shown?.title ?? "";
     if (!shown) return;
     mark(box, "level", shown.level);
-    say(title, shown.title);
-    say(text, shown.text);
+    setText(title, shown.title);
+    setText(text, shown.text);
     show(clear, Boolean(shown.clear && mayClear));
-    this.#announcer.say(`${shown.title}. ${shown.text}`, shown.title);
+    this.#announcer.announce(`${shown.title}. ${shown.text}`, shown.title);
   }
 
   #showConnection(now) {
@@ -83,16 +83,16 @@ export class StatusBar {
       stale: isStale(now.sinceViewMs),
     });
     mark(connection, "level", level);
-    say(connection, text);
-    say(delay, milliseconds(now.connected ? now.delayMs : null));
-    say(echo, milliseconds(now.echoMs));
+    setText(connection, text);
+    setText(delay, milliseconds(now.connected ? now.delayMs : null));
+    setText(echo, milliseconds(now.echoMs));
   }
 
   #showRobot(state, cut) {
     mark(this.#root, "stop", state.stop.state);
     if (state.stop.state !== "clear" && !cut) this.#stopSaid.untilMs = 0; // the robot's own report replaces it
     const said = performance.now() < this.#stopSaid.untilMs ? this.#stopSaid.text : "";
-    say(this.#parts["stop-state"], said || (cut ? "" : stopText(state)));
+    setText(this.#parts["stop-state"], said || (cut ? "" : stopText(state)));
     this.#health.show(state, cut);
     this.#showGate(state.verdict, cut);
     this.#details.state = state;
@@ -109,10 +109,10 @@ export class StatusBar {
     this.#reasons.add(verdict, text, now);
     const shown = brief(text || (cut ? "" : this.#reasons.recent(now)));
     const once = speedLimits.some(({ holds }) => holds) || texts.includes(shown);
-    say(words, once ? "" : shown); // the limits above it say it already
+    setText(words, once ? "" : shown); // the limits above it say it already
     mark(words, "past", !text);
     this.#details.reasons = this.#reasons.list;
-    if (text) this.#announcer.say(brief(text), `${verdict.code} ${verdict.side}`);
+    if (text) this.#announcer.announce(brief(text), `${verdict.code} ${verdict.side}`);
   }
 }
 

@@ -1,6 +1,6 @@
 /** The words next to "Stop all": news disappears after some seconds, a failure stays until the same stop is pressed again. */
 
-import { say } from "../../lib/dom.js";
+import { setText } from "../../lib/dom.js";
 import { SAID_MS } from "./stop_button.js";
 
 export class StopWords {
@@ -71,6 +71,6 @@ export class StopWords {
   #show(text, role = "status") {
     clearTimeout(this.#timer);
     this.#element.setAttribute("role", role);
-    say(this.#element, text);
+    setText(this.#element, text);
   }
 }
