@@ -93,13 +93,13 @@ class Lease(models.Model):
 
 
 class Webhook(models.Model):
-    """An address to which housekeeping sends news from the audit log (`teleop.webhooks`)."""
+    """An address to which housekeeping sends events from the audit log (`teleop.webhooks`)."""
 
     id = models.UUIDField(primary_key=True, default=uuid4, editable=False)
     name = models.CharField(_("name"), max_length=80, unique=True)
     address = models.CharField(_("address"), max_length=500)
     secret = models.TextField()  # encrypted; the receiver checks signatures with it
-    kinds = models.JSONField(default=list)  # names of `teleop.webhooks.events.NEWS`
+    kinds = models.JSONField(default=list)  # names of `teleop.webhooks.events.EVENT_CATEGORIES`
     robots = models.ManyToManyField(Robot, blank=True, related_name="+")  # none: all
     texts = models.BooleanField(default=False)  # with spoken sentences and reasons
     owner = models.ForeignKey(

@@ -1,4 +1,5 @@
-"""Webhooks: signed news from the audit log, sent by the housekeeping process to programs elsewhere (docs/webhooks.md).
+"""Webhooks: signed events from the audit log; housekeeping sends them to programs elsewhere (docs/webhooks.md).
 
-`news` turns records into deliveries, `delivery` sends them, `worker` runs both in threads; `views` are the pages.
+`event_reader` turns records into deliveries, `delivery` sends them, `worker` runs both in threads; `views` are the
+pages.
 """

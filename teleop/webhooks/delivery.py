@@ -45,7 +45,7 @@ State = WebhookDelivery.State
 
 
 def active_webhooks() -> QuerySet[Webhook]:
-    """Return the webhooks for which news are read and sent."""
+    """Return the webhooks for which events are read and sent."""
     return Webhook.objects.filter(paused_at=None, owner__is_active=True, owner__is_staff=True)
 
 

@@ -1,4 +1,4 @@
-"""Records of the audit log as events: which records are news, and the text that is sent."""
+"""Records of the audit log as events: which records are events, and the text that is sent."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ _REQUESTS_ONLY = {"stop.press"}  # `stop.latch` is what came of it
 _OUTCOMES_ONLY = {"stop.clear", "drive.by"}
 
 
-class News(Struct, frozen=True):
+class EventCategory(Struct, frozen=True):
     """Kinds of records that a webhook chooses together."""
 
     label: str | Promise
     kinds: frozenset[str]
 
 
-NEWS = {
-    "bookings": News(
+EVENT_CATEGORIES = {
+    "bookings": EventCategory(
         _("bookings"), frozenset(kind for kind in KINDS if kind.startswith("booking.")) - _PRIVATE
     ),
-    "control": News(
+    "control": EventCategory(
         _("control"),
         frozenset({"control.take", "control.take_over", "control.hand_over", "control.end"}),
     ),
-    "stops": News(_("stops"), frozenset({"stop.press", "stop.latch", "stop.clear"})),
-    "motions": News(_("ends of motions"), frozenset({"motion.end", "drive.by", "go.end"})),
-    "speech": News(_("ends of speech"), frozenset({"speech.end"})),
+    "stops": EventCategory(_("stops"), frozenset({"stop.press", "stop.latch", "stop.clear"})),
+    "motions": EventCategory(_("ends of motions"), frozenset({"motion.end", "drive.by", "go.end"})),
+    "speech": EventCategory(_("ends of speech"), frozenset({"speech.end"})),
 }
 
 
-def is_news(kind: str, of: int | None, chosen: list[str]) -> bool:
-    """Return whether a record is news for a webhook. `of`: the request whose outcome it is."""
+def is_event(kind: str, of: int | None, chosen: list[str]) -> bool:
+    """Return whether a record is an event for a webhook. `of`: the request whose outcome it is."""
     if (kind in _REQUESTS_ONLY and of is not None) or (kind in _OUTCOMES_ONLY and of is None):
         return False
-    return any(kind in NEWS[name].kinds for name in chosen if name in NEWS)
+    return any(kind in EVENT_CATEGORIES[name].kinds for name in chosen if name in EVENT_CATEGORIES)
 
 
 def event_id(delivery: WebhookDelivery) -> str:

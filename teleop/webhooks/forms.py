@@ -12,11 +12,11 @@ from robots.registry.models import Robot
 from robots.wire import NotDone
 from teleop.models import Webhook
 from teleop.webhooks.addresses import LONGEST, target_of
-from teleop.webhooks.events import NEWS
+from teleop.webhooks.events import EVENT_CATEGORIES
 
 
 class WebhookForm(forms.Form):
-    """Name, address, kinds of news and robots."""
+    """Name, address, categories of events, and robots."""
 
     name = forms.CharField(label=_("Name"), max_length=80)
     address = forms.CharField(
@@ -25,8 +25,8 @@ class WebhookForm(forms.Form):
         widget=forms.TextInput(attrs={"inputmode": "url", "spellcheck": "false", "autocomplete": "off"}),
     )
     kinds = forms.MultipleChoiceField(
-        label=_("News"),
-        choices=[(name, news.label) for name, news in NEWS.items()],
+        label=_("Events"),
+        choices=[(name, category.label) for name, category in EVENT_CATEGORIES.items()],
         widget=forms.CheckboxSelectMultiple,
     )
     robots = forms.ModelMultipleChoiceField(

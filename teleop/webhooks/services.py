@@ -17,8 +17,8 @@ from robots.registry.models import Robot
 from robots.wire import NotDone, Refusal
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks.addresses import target_of
-from teleop.webhooks.events import NEWS, TEST
-from teleop.webhooks.news import newest_record
+from teleop.webhooks.event_reader import newest_record
+from teleop.webhooks.events import EVENT_CATEGORIES, TEST
 from teleop.webhooks.signature import new_secret
 
 MOST = 20  # each has a thread in every housekeeping process
@@ -40,14 +40,14 @@ def webhook_make(
     texts: bool = False,
     actor: User,
 ) -> tuple[Webhook, str]:
-    """Make a webhook for news from now on; no robots: all. Returns it with its secret, which nothing shows again.
+    """Make a webhook for events from now on; no robots: all. Returns it with its secret, which nothing shows again.
 
     Raises `AddressRefused` or `WebhookRefused`.
     """
     _require_staff(actor)
     target_of(address)
-    if not kinds or not set(kinds) <= NEWS.keys():
-        raise WebhookRefused("no_kinds", _("Choose at least one kind of news."))
+    if not kinds or not set(kinds) <= EVENT_CATEGORIES.keys():
+        raise WebhookRefused("no_kinds", _("Choose at least one category of events."))
     if Webhook.objects.count() >= MOST:
         raise WebhookRefused("too_many", _("There are %d webhooks. Delete one first.") % MOST)
     secret = new_secret()

@@ -23,7 +23,7 @@ from fleet.zones import viewers
 from robots.wire import NotDone
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks import services
-from teleop.webhooks.events import NEWS, TEST
+from teleop.webhooks.events import EVENT_CATEGORIES, TEST
 from teleop.webhooks.forms import WebhookForm
 
 SHOWN = 100  # deliveries
@@ -75,7 +75,7 @@ def webhook(request: HttpRequest, webhook_id: UUID) -> HttpResponse:
     deliveries = found.deliveries.order_by("-pk")[:SHOWN]
     context = {
         "webhook": found,
-        "kinds": [NEWS[name].label for name in found.kinds if name in NEWS],
+        "kinds": [EVENT_CATEGORIES[name].label for name in found.kinds if name in EVENT_CATEGORIES],
         "robots": found.robots.all(),
         "deliveries": [_line(one) for one in deliveries],
         "given_up": found.deliveries.filter(state=State.GIVEN_UP).count(),

@@ -17,18 +17,18 @@ from django.utils import timezone
 from fleet.audit.errors import AuditUnavailable
 from teleop.models import Webhook
 from teleop.webhooks.delivery import active_webhooks, due, send_due
-from teleop.webhooks.news import NewsReader
+from teleop.webhooks.event_reader import EventReader
 from teleop.webhooks.services import MOST
 
 log = logging.getLogger(__name__)
 
 
 class WebhookWorker:
-    """Reads news and sends them. Its process calls `step` every second."""
+    """Reads events and sends them. Its process calls `step` every second."""
 
     def __init__(self) -> None:
-        self._reader = NewsReader()
-        self._reading = ThreadPoolExecutor(max_workers=1, thread_name_prefix="webhook-news")
+        self._reader = EventReader()
+        self._reading = ThreadPoolExecutor(max_workers=1, thread_name_prefix="webhook-events")
         self._round: Future[None] | None = None
         self._sending = ThreadPoolExecutor(max_workers=MOST, thread_name_prefix="webhook")
         self._busy: dict[UUID, Future[None]] = {}

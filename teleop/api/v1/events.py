@@ -1,4 +1,4 @@
-"""News of robots as server-sent events, from the audit log: a client that comes back misses nothing."""
+"""Events of robots as server-sent events, from the audit log: a client that comes back misses nothing."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from robots.wire import Refusal
 from teleop.api.v1.framework.operation import ApiView, operation
 from teleop.api.v1.framework.problems import Problem
 from teleop.background.database import in_database
-from teleop.webhooks.events import NEWS, data_of, is_news, rfc3339
-from teleop.webhooks.news import lines_after, newest_record
+from teleop.webhooks.event_reader import lines_after, newest_record
+from teleop.webhooks.events import EVENT_CATEGORIES, data_of, is_event, rfc3339
 
 CHECK_S = 0.7  # a stream ends within a second of its token
 REST_S = 0.1  # between two parts of a long way to the newest record
@@ -72,7 +72,7 @@ class EventsView(ApiView):
 
     @operation(
         "events",
-        "Follow the news of robots",
+        "Follow the events of robots",
         scope=Scope.READ,
         refuses=(404,),
         content_type="text/event-stream",
@@ -151,7 +151,11 @@ def _robots_of(reader: Reader) -> set[UUID] | None:
 def _events(robots: Collection[UUID], start: int) -> tuple[int, list[bytes]]:
     """Return the number of the last record that was read, and the events among them."""
     lines = lines_after(start)
-    chosen = [line.pk for line in lines if line.robot in robots and is_news(line.kind, line.of, list(NEWS))]
+    chosen = [
+        line.pk
+        for line in lines
+        if line.robot in robots and is_event(line.kind, line.of, list(EVENT_CATEGORIES))
+    ]
     records = Record.objects.select_related("actor", "real_actor", "content", "of__content").in_bulk(chosen)
     events = [_event(records[number]) for number in chosen if number in records]
     return lines[-1].pk if lines else start, events

@@ -16,7 +16,7 @@ from robots.wire import Refusal, fleet_message
 from teleop.background.database import in_database
 from teleop.background.jobs import run_in_background
 from teleop.live.consumers.message_socket import MessageSocket
-from teleop.webhooks.news import lines_after, newest_record
+from teleop.webhooks.event_reader import lines_after, newest_record
 
 log = logging.getLogger(__name__)
 

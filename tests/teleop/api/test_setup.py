@@ -17,7 +17,7 @@ from fleet.bookings.models import Booking
 from robots.access.models import Course, Qualification, RobotGroup
 from robots.access.selectors import lab_date, role_on
 from robots.registry.models import Robot, RobotProfile, Role
-from teleop.webhooks.events import NEWS
+from teleop.webhooks.events import EVENT_CATEGORIES
 from tests.teleop.api.conftest import Caller
 
 Program = Callable[..., Any]
@@ -288,7 +288,7 @@ def test_staff_make_pause_and_delete_a_webhook(
     asked = {
         "name": "ci",
         "address": "https://hooks.example.org/lab",
-        "kinds": list(NEWS),
+        "kinds": list(EVENT_CATEGORIES),
         "robots": [robot.slug],
     }
     assert program(supervisor)("POST", "/webhooks", asked).status_code == 403
@@ -400,7 +400,7 @@ def test_a_webhook_brings_a_token_no_news_that_it_may_not_read(
     asked = {
         "name": "ci",
         "address": "https://hooks.example.org/lab",
-        "kinds": list(NEWS),
+        "kinds": list(EVENT_CATEGORIES),
         "robots": [robot.slug],
     }
     refused = program(staff, "manage")("POST", "/webhooks", asked)

@@ -13,7 +13,7 @@ import pytest
 from fleet.environment import WebhookAllow
 from teleop.models import Webhook
 from teleop.webhooks import services
-from teleop.webhooks.events import NEWS
+from teleop.webhooks.events import EVENT_CATEGORIES
 from tests.processes import serving
 
 Heard = tuple[str, dict[str, str], bytes]  # path, headers, body
@@ -69,7 +69,11 @@ def make(staff: Any, allowed: None) -> Callable[..., Webhook]:
 
     def made(address: str, name: str = "ci", **options: Any) -> Webhook:
         webhook, made.secret = services.webhook_make(
-            name=name, address=address, kinds=options.pop("kinds", list(NEWS)), actor=staff, **options
+            name=name,
+            address=address,
+            kinds=options.pop("kinds", list(EVENT_CATEGORIES)),
+            actor=staff,
+            **options,
         )
         return webhook
 

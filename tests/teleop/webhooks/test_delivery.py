@@ -27,7 +27,7 @@ from fleet.environment import WebhookAllow
 from teleop.models import Webhook, WebhookDelivery
 from teleop.webhooks import delivery, post, services
 from teleop.webhooks.delivery import PAUSES, remove_old_deliveries, send_due
-from teleop.webhooks.news import NewsReader
+from teleop.webhooks.event_reader import EventReader
 from teleop.webhooks.signature import signature
 from teleop.webhooks.worker import WebhookWorker
 from tests.processes import REPOSITORY, outside, until
@@ -40,7 +40,7 @@ State = WebhookDelivery.State
 def news(webhook, robot, number=1):
     for _ in range(number):
         record("control.take", robot_id=robot.id, robot_name=robot.name)
-    NewsReader().read(Webhook.objects.get(pk=webhook.pk))
+    EventReader().read(Webhook.objects.get(pk=webhook.pk))
     return list(webhook.deliveries.order_by("pk"))[-number:]
 
 

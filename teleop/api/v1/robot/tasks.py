@@ -33,7 +33,7 @@ from teleop.api.v1.programs.connection import ProgramConnection
 from teleop.api.v1.programs.outcomes import outcomes
 from teleop.api.v1.programs.registry import programs
 from teleop.api.v1.robot.control import ProgramView
-from teleop.webhooks.news import newest_record
+from teleop.webhooks.event_reader import newest_record
 
 LONGEST_WAIT_S = 30
 CHECK_S = 0.2

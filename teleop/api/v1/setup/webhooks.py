@@ -24,7 +24,9 @@ from teleop.webhooks.addresses import LONGEST
 
 State = WebhookDelivery.State
 SHOWN = 100  # deliveries
-NewsKind = Literal["bookings", "control", "stops", "motions", "speech"]  # the names of `NEWS`
+EventCategoryName = Literal[
+    "bookings", "control", "stops", "motions", "speech"
+]  # the names of `EVENT_CATEGORIES`
 
 
 class WebhookEntry(Struct, frozen=True):
@@ -57,11 +59,11 @@ class WebhookMade(WebhookEntry, frozen=True, kw_only=True):
 
 
 class WebhookRequest(Struct, frozen=True, forbid_unknown_fields=True):
-    """A new webhook, for news from now on."""
+    """A new webhook, for events from now on."""
 
     name: Annotated[str, Meta(min_length=1, max_length=80)]
     address: Annotated[str, Meta(min_length=1, max_length=LONGEST)]
-    kinds: Annotated[list[NewsKind], Meta(min_length=1)]
+    kinds: Annotated[list[EventCategoryName], Meta(min_length=1)]
     robots: Annotated[list[str], Meta(max_length=1000)] = []  # slugs; empty: all
     texts: bool = False
 
@@ -190,7 +192,7 @@ class WebhookView(WebhooksBase):
         tag="webhooks",
     )
     def patch(self, _request: Request, webhook_id: UUID, body: WebhookChange) -> WebhookEntry:
-        """For staff. A paused webhook goes on with the news since then, of at most 7 days."""
+        """For staff. A paused webhook goes on with the events since then, of at most 7 days."""
         step = services.webhook_pause if body.paused else services.webhook_resume
         step(webhook=self.one(webhook_id), actor=self.staff())
         return WebhookEntry(**_entry(self.one(webhook_id)))

@@ -14,15 +14,15 @@ from fleet import rows
 from fleet.audit.models import Record
 from fleet.audit.services import wait_for_writers
 from teleop.models import Webhook, WebhookDelivery
-from teleop.webhooks.events import is_news
+from teleop.webhooks.events import is_event
 
 BATCH_SIZE = 500  # records of one round
-NOTED_AFTER = 500  # records without news
-OLDEST = timedelta(days=7)  # news after a long pause
+NOTED_AFTER = 500  # records without an event
+OLDEST = timedelta(days=7)  # events after a long pause
 
 
 class Line(NamedTuple):
-    """The columns of a record that decide whether it is news."""
+    """The columns of a record that decide whether it is an event."""
 
     pk: int
     kind: str
@@ -35,10 +35,10 @@ def newest_record() -> int:
     return rows.read("SELECT MAX(id) FROM audit_record", [])[0][0] or 0
 
 
-class NewsReader:
+class EventReader:
     """Reads the log for all webhooks of one process.
 
-    News and the number of the last record that was read are stored in one transaction. Without news the number is
+    Events and the number of the last record that was read are stored in one transaction. Without events the number is
     stored seldom: the audit log of the robots is in the same database, and a write here would delay theirs.
     """
 
@@ -53,12 +53,12 @@ class NewsReader:
             return 0
         end = lines[-1].pk
         robots = set(webhook.robots.values_list("pk", flat=True))
-        news = [
+        events = [
             line
             for line in lines
-            if is_news(line.kind, line.of, webhook.kinds) and (not robots or line.robot in robots)
+            if is_event(line.kind, line.of, webhook.kinds) and (not robots or line.robot in robots)
         ]
-        if (news or end - webhook.read_to >= NOTED_AFTER) and not _store(webhook, news, end):
+        if (events or end - webhook.read_to >= NOTED_AFTER) and not _store(webhook, events, end):
             return 0
         self._read_to[webhook.pk] = end
         return len(lines)
@@ -78,11 +78,11 @@ def _lines(records: QuerySet[Record]) -> list[Line]:
     return [Line(*row) for row in records.values_list("pk", "kind", "of_id", "robot_id")]
 
 
-def _store(webhook: Webhook, news: list[Line], end: int) -> bool:
+def _store(webhook: Webhook, events: list[Line], end: int) -> bool:
     """Store deliveries and the number; False if the webhook was paused or deleted meanwhile."""
     now = timezone.now()
     young = set(
-        Record.objects.filter(pk__in=[line.pk for line in news], at__gt=now - OLDEST).values_list(
+        Record.objects.filter(pk__in=[line.pk for line in events], at__gt=now - OLDEST).values_list(
             "pk", flat=True
         )
     )
@@ -91,7 +91,7 @@ def _store(webhook: Webhook, news: list[Line], end: int) -> bool:
             return False
         deliveries = [
             WebhookDelivery(webhook=webhook, record=line.pk, kind=line.kind, made_at=now, due_at=now)
-            for line in news
+            for line in events
             if line.pk in young
         ]
         # Another process may have read the same records.

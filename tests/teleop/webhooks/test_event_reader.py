@@ -13,9 +13,9 @@ from fleet.audit.services import record
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_make
 from teleop.models import Webhook, WebhookDelivery
-from teleop.webhooks import news, services
+from teleop.webhooks import event_reader, services
+from teleop.webhooks.event_reader import EventReader
 from teleop.webhooks.events import body_of
-from teleop.webhooks.news import NewsReader
 from teleop.webhooks.services import WebhookRefused
 
 pytestmark = pytest.mark.django_db
@@ -38,9 +38,9 @@ def event(webhook, texts=False):
 
 def test_news_begin_with_the_webhook_and_come_once(make, robot, operator):
     spoken(robot, operator)
-    webhook, reader = make(ADDRESS), NewsReader()
+    webhook, reader = make(ADDRESS), EventReader()
     end = spoken(robot, operator)
-    for one in (reader, reader, NewsReader()):
+    for one in (reader, reader, EventReader()):
         one.read(webhook)
         webhook.refresh_from_db()
     assert [(one.kind, one.record) for one in webhook.deliveries.all()] == [("speech.end", end.pk)]
@@ -50,7 +50,7 @@ def test_two_processes_store_news_of_the_same_records_once(make, robot, operator
     webhook = make(ADDRESS)
     spoken(robot, operator)
     for _ in range(2):
-        NewsReader().read(webhook)  # each has the number of the last record as it was before
+        EventReader().read(webhook)  # each has the number of the last record as it was before
     assert webhook.deliveries.count() == 1
 
 
@@ -70,7 +70,7 @@ def test_kinds_and_robots_are_chosen(make, robot, other_robot, operator):
         drive = record("drive.by", **facts)
         record("drive.by", of=drive, outcome="done", actor=operator)
     for webhook in (both, speech):
-        NewsReader().read(webhook)
+        EventReader().read(webhook)
     assert kinds(both) == ["speech.end", "control.take", "stop.press", "stop.latch", "stop.clear", "drive.by"]
     assert kinds(speech) == ["speech.end"] * 2
 
@@ -78,7 +78,7 @@ def test_kinds_and_robots_are_chosen(make, robot, other_robot, operator):
 def test_an_event_names_people_and_quotes_nobody(make, robot, operator, staff):
     webhook = make(ADDRESS)
     end = spoken(robot, operator)
-    NewsReader().read(webhook)
+    EventReader().read(webhook)
     assert event(webhook) == {
         "id": f"rec_{end.pk}",
         "type": "speech.end",
@@ -104,20 +104,20 @@ def test_identifiers_of_people_are_names(make, robot, operator, second_operator)
         slot=Slot(begins, begins + timedelta(hours=1)),
         now=begins - timedelta(hours=3),
     )
-    NewsReader().read(webhook)
+    EventReader().read(webhook)
     figures = event(webhook)["data"]["figures"]
     assert (figures["person"], figures["booking"]) == ("Olga Operator", str(booking.pk))
     assert datetime.fromisoformat(figures["from"]) == booking.starts_at
     before = {"person": str(operator.pk)}
     record("booking.hand", actor=second_operator, parameters={"before": before, "others": [str(operator.pk)]})
-    NewsReader().read(Webhook.objects.get())
+    EventReader().read(Webhook.objects.get())
     data = event(webhook)["data"]
     assert (data["robot"], data["person"]) == (None, "Olaf Operator")
     assert data["figures"] == {"before": {"person": "Olga Operator"}, "others": ["Olga Operator"]}
 
 
 def test_news_names_the_console_and_who_acted_for_whom(make, robot, operator, staff):
-    webhook, reader = make(ADDRESS), NewsReader()
+    webhook, reader = make(ADDRESS), EventReader()
     record("control.end", robot_id=robot.id, outcome="term")
     reader.read(webhook)
     assert event(webhook)["data"]["person"] is None
@@ -128,7 +128,7 @@ def test_news_names_the_console_and_who_acted_for_whom(make, robot, operator, st
 
 
 def test_a_pause_holds_news_back_and_loses_none(make, robot, operator, staff):
-    webhook, reader = make(ADDRESS), NewsReader()
+    webhook, reader = make(ADDRESS), EventReader()
     services.webhook_pause(webhook=webhook, actor=staff)
     spoken(robot, operator)
     assert reader.read(webhook) == 0  # the process read the webhook a moment before the pause
@@ -140,14 +140,14 @@ def test_a_pause_holds_news_back_and_loses_none(make, robot, operator, staff):
 def test_news_of_a_long_pause_are_left_out(make, robot, operator, monkeypatch):
     webhook = make(ADDRESS)
     spoken(robot, operator)
-    monkeypatch.setattr(news, "OLDEST", timedelta(0))
-    NewsReader().read(webhook)
+    monkeypatch.setattr(event_reader, "OLDEST", timedelta(0))
+    EventReader().read(webhook)
     assert kinds(webhook) == []
 
 
 def test_without_news_the_number_is_stored_seldom(make, robot, operator, monkeypatch):
-    monkeypatch.setattr(news, "NOTED_AFTER", 4)
-    webhook, reader = make(ADDRESS), NewsReader()
+    monkeypatch.setattr(event_reader, "NOTED_AFTER", 4)
+    webhook, reader = make(ADDRESS), EventReader()
     first = webhook.read_to
     assert reader.read(webhook) == 1  # the record of the webhook itself
     for number in range(2, 6):
@@ -158,8 +158,8 @@ def test_without_news_the_number_is_stored_seldom(make, robot, operator, monkeyp
 
 
 def test_at_most_so_many_records_in_a_round(make, robot, operator, monkeypatch):
-    monkeypatch.setattr(news, "BATCH_SIZE", 4)
-    webhook, reader = make(ADDRESS), NewsReader()
+    monkeypatch.setattr(event_reader, "BATCH_SIZE", 4)
+    webhook, reader = make(ADDRESS), EventReader()
     for _ in range(5):
         spoken(robot, operator)
     read = [reader.read(webhook) for _ in range(5)]
@@ -184,7 +184,7 @@ def test_a_record_that_is_committed_late_is_not_lost(make, robot, other_robot, o
         connection.close()
 
     def read():
-        NewsReader().read(webhook)
+        EventReader().read(webhook)
         connection.close()
 
     writer, reader = threading.Thread(target=slowly), threading.Thread(target=read)
