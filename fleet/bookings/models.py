@@ -273,9 +273,9 @@ class FeedAddress(models.Model):
 
 
 class Letter(models.Model):
-    """News for a person: a notice on the pages until they have seen it, and an e-mail.
+    """A notification of a person: a notice on the pages until they have seen it, and an e-mail.
 
-    It is stored with the change that it tells; housekeeping sends the e-mail.
+    It is stored with the change that it tells; housekeeping sends the e-mail. The table has the name of the class.
     """
 
     person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="letters")

@@ -22,7 +22,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.audit.services import record
 from fleet.bookings import overlaps
-from fleet.bookings.messages.letters import changed_by_another
+from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, State
 from fleet.bookings.permissions import knows, may_book_for, may_manage_booking
 from fleet.bookings.rules import LONGEST, Slot, Wish, check_cancel, refusals

@@ -10,7 +10,7 @@ from django.utils import timezone
 
 from fleet.accounts.models import User
 from fleet.bookings.changes.waiting_list import keep_waiting_lists, offer_accept, waiting_join
-from fleet.bookings.messages.letters import write_reminders
+from fleet.bookings.messages.notifications import write_reminders
 from fleet.bookings.models import Booking, Policy, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.selectors import Stage, grace_of, policy_of, stage_of

@@ -9,7 +9,7 @@ from django.test.utils import CaptureQueriesContext
 from django.urls import reverse
 
 from fleet.bookings.changes.policy_changes import POLICY_FIELDS, policy_set
-from fleet.bookings.messages import letters
+from fleet.bookings.messages import notifications
 from fleet.bookings.models import Booking, Policy
 from fleet.bookings.pages import views
 from fleet.bookings.rules import Slot
@@ -106,8 +106,8 @@ def test_housekeeping_processes_at_once_send_one_reminder(robot, operator, mailo
     operator.email = "olga@example.org"
     operator.save()
     booking_make(robot=robot, person=operator, slot=SLOT, now=SLOT.starts_at - timedelta(hours=3))
-    assert all_at_once([lambda: letters.write_reminders(NOW)] * 4) == []
-    assert all_at_once([lambda: letters.send_letters(NOW)] * 4) == []
+    assert all_at_once([lambda: notifications.write_reminders(NOW)] * 4) == []
+    assert all_at_once([lambda: notifications.send_notifications(NOW)] * 4) == []
     assert [mail.subject for mail in mailoutbox] == ["TIAGo 1 is yours soon"]
 
 

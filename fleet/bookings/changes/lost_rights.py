@@ -19,7 +19,7 @@ from msgspec import structs
 from fleet.accounts.models import User
 from fleet.accounts.services import erased
 from fleet.audit.errors import AuditUnavailable
-from fleet.bookings.messages.letters import changed_by_another
+from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, State
 from fleet.bookings.rules import Slot, Wish, lost_right, qualified
 from fleet.bookings.selectors import wish_of

@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from fleet.accounts.models import User
 from fleet.audit.integrity.canonical import NO_ROBOT
 from fleet.audit.services import lock_chain, record
-from fleet.bookings.messages.letters import changed_by_another
+from fleet.bookings.messages.notifications import changed_by_another
 from fleet.bookings.models import Booking, OutOfService, Policy
 from fleet.bookings.rules import FAR
 from fleet.bookings.selectors import SWITCHED_OFF, held_between

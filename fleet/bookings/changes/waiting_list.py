@@ -15,7 +15,7 @@ from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
 from fleet.audit.services import record
-from fleet.bookings.messages.letters import in_words, letter_write
+from fleet.bookings.messages.notifications import in_words, notification_write
 from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import LONGEST, Slot, refusals
 from fleet.bookings.selectors import wish_of
@@ -160,7 +160,7 @@ def _offer(waiting: Waiting, now: datetime) -> None:
                 "time": f"{deadline:%a %d %b, %H:%M} ({zone.key})",
             }
             subject = _("%(robot)s: your turn") % {"robot": robot.name}
-            letter_write(to=waiting.person, subject=subject, text=text, now=now)
+            notification_write(to=waiting.person, subject=subject, text=text, now=now)
     except BookingRefused:
         return  # something changed in this moment: the person goes on waiting
 

@@ -1,1 +1,1 @@
-"""News of bookings for other programs of a person: letters by e-mail, calendar feeds."""
+"""Notifications of bookings, on pages and by e-mail, and calendar feeds for other programs of a person."""

@@ -12,19 +12,19 @@ from django.utils.http import url_has_allowed_host_and_scheme
 from django.views.decorators.http import require_POST
 
 from fleet.accounts.requests import person_of
-from fleet.bookings.messages.letters import letters_seen, letters_unseen
+from fleet.bookings.messages.notifications import notifications_seen, notifications_unseen
 
 
 def news(request: HttpRequest) -> dict[str, Any]:
-    """Give templates the person's unseen letters. They are read only where a template shows them."""
-    return {"news": SimpleLazyObject(lambda: list(letters_unseen(person_of(request), timezone.now())))}
+    """Give templates the person's unseen notifications. They are read only where a template shows them."""
+    return {"news": SimpleLazyObject(lambda: list(notifications_unseen(person_of(request), timezone.now())))}
 
 
 @require_POST
 def seen(request: HttpRequest) -> HttpResponse:
-    """Note that the person has seen their letters, and lead back to the page."""
+    """Note that the person has seen their notifications, and lead back to the page."""
     newest = request.POST.get("newest", "")
     if newest.isascii() and newest.isdigit() and len(newest) < 19:
-        letters_seen(person_of(request), int(newest), timezone.now())
+        notifications_seen(person_of(request), int(newest), timezone.now())
     back = request.POST.get("next", "")
     return redirect(back if url_has_allowed_host_and_scheme(back, None) else "fleet")

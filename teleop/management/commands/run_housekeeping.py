@@ -24,7 +24,7 @@ from fleet.audit import retention
 from fleet.audit.errors import AuditUnavailable
 from fleet.bookings.changes import lost_rights
 from fleet.bookings.changes import waiting_list as waiting
-from fleet.bookings.messages import letters
+from fleet.bookings.messages import notifications
 from fleet.bookings.services import store_no_shows
 from robots.processes.shutdown import end_event
 from robots.recording.faults import RobotWatch
@@ -84,20 +84,20 @@ class Command(BaseCommand):
                     looked_s = time.monotonic()
                 robots.step(time.monotonic())
                 daily.work_a_little()
-                letters.write_reminders(timezone.now())
+                notifications.write_reminders(timezone.now())
                 waiting.keep_waiting_lists(timezone.now())
                 if posted is None or posted.done():
-                    posted = post.submit(_send_letters)
+                    posted = post.submit(_send_notifications)
                 webhooks.step()
             except (DatabaseError, AuditUnavailable) as error:
                 log.error("Housekeeping failed and is tried again: %s", error)
             close_old_connections()
 
 
-def _send_letters() -> int:
+def _send_notifications() -> int:
     """Send e-mails in a separate thread."""
     try:
-        return letters.send_letters(timezone.now())
+        return notifications.send_notifications(timezone.now())
     except DatabaseError as error:
         log.error("E-mails are not sent now: %s", error)
         return 0
@@ -139,7 +139,7 @@ def daily_steps() -> Iterator[None]:
     yield
     now = timezone.now()
     yield from camera_audit.close_abandoned(now)
-    letters.remove_old_letters(now)
+    notifications.remove_old_notifications(now)
     while remove_old_deliveries(now):
         yield
     remove_old_answers(now)

@@ -14,7 +14,7 @@ from fleet.bookings.changes.waiting_list import (
     waiting_join,
     waiting_leave,
 )
-from fleet.bookings.messages import letters
+from fleet.bookings.messages import notifications
 from fleet.bookings.models import Booking, State, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.schedule import schedule_of
@@ -80,7 +80,7 @@ def test_the_first_who_waits_gets_the_offer_and_accepts(robot, queue, operator, 
         keep_waiting_lists(at(1))
     offer = offered()
     assert (offer.person, offer.offer_until) == (second_operator, at(2.5))
-    letters.send_letters(at(1.1))
+    notifications.send_notifications(at(1.1))
     assert "your turn" in mailoutbox[0].subject
     with pytest.raises(BookingRefused):  # the offer holds the slot
         booking_make(robot=robot, person=operator, slot=SLOT, now=at(1))

@@ -1,1 +1,1 @@
-"""Letters and calendar feeds."""
+"""Notifications and calendar feeds."""

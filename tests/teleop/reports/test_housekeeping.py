@@ -16,7 +16,7 @@ from django.db import connection
 from django.utils import timezone
 
 from fleet.audit.models import Record
-from fleet.bookings.messages import letters
+from fleet.bookings.messages import notifications
 from fleet.bookings.models import Letter, Waiting
 from teleop.control import lease_checks, line, services
 from teleop.control.lease_checks import Tab
@@ -125,5 +125,6 @@ def test_a_hanging_mail_server_delays_no_end_and_loses_no_letter(robot, held, se
                 process.kill()
     letter.refresh_from_db()
     assert (letter.sent_at, letter.claimed_at is None) == (None, False)
-    assert letters.send_letters(letter.claimed_at + letters.AGAIN + timedelta(seconds=1)) == 1
+    later = letter.claimed_at + notifications.AGAIN + timedelta(seconds=1)
+    assert notifications.send_notifications(later) == 1
     assert mail.outbox[0].subject == "Slot"

@@ -12,7 +12,7 @@ from icalendar import Calendar
 from fleet.accounts.services import account_erase
 from fleet.audit.command_line import here
 from fleet.bookings.changes.policy_changes import out_of_service_add
-from fleet.bookings.messages import letters
+from fleet.bookings.messages import notifications
 from fleet.bookings.models import Booking, FeedAddress, Letter, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_cancel, booking_make
@@ -41,11 +41,11 @@ def olga(operator):
 
 def test_a_reminder_comes_once_within_the_last_hour(robot, olga, mailoutbox):
     book(robot, olga)
-    letters.write_reminders(at(1.9))
+    notifications.write_reminders(at(1.9))
     assert Letter.objects.count() == 0
     for _ in range(2):
-        letters.write_reminders(at(2.1))
-        letters.send_letters(at(2.1))
+        notifications.write_reminders(at(2.1))
+        notifications.send_notifications(at(2.1))
     [mail] = mailoutbox
     assert (mail.to, mail.subject) == (["olga@example.org"], "TIAGo 1 is yours soon")
     assert "Mon 02 Mar 2026, 12:00" in mail.body
@@ -54,15 +54,15 @@ def test_a_reminder_comes_once_within_the_last_hour(robot, olga, mailoutbox):
 def test_a_reminder_that_could_not_be_written_comes_later(robot, olga, monkeypatch):
     book(robot, olga)
     with monkeypatch.context() as patch, pytest.raises(OSError, match="disk"):
-        patch.setattr(letters, "letter_write", Mock(side_effect=OSError("disk full")))
-        letters.write_reminders(at(2.1))
-    letters.write_reminders(at(2.2))
+        patch.setattr(notifications, "notification_write", Mock(side_effect=OSError("disk full")))
+        notifications.write_reminders(at(2.1))
+    notifications.write_reminders(at(2.2))
     assert Letter.objects.count() == 1
 
 
 def test_a_slot_booked_a_moment_before_needs_no_reminder(robot, olga):
     book(robot, olga, 0.5)
-    letters.write_reminders(at(0.1))
+    notifications.write_reminders(at(0.1))
     assert Letter.objects.count() == 0
 
 
@@ -72,7 +72,7 @@ def test_a_letter_says_why_others_changed_a_booking(robot, olga, supervisor, mai
     book(robot, olga, now=at(-24))
     period = {"starts_at": at(-48), "ends_at": None, "why": "repair", "note": "wheel"}
     out_of_service_add(robot=robot, **period, actor=supervisor, now=NOW)
-    letters.send_letters(NOW + timedelta(seconds=1))
+    notifications.send_notifications(NOW + timedelta(seconds=1))
     [mail] = mailoutbox  # the repair affects neither the cancelled booking nor one that is over
     assert "cancelled" in mail.subject
     assert "Sue Pervisor" in mail.body and "demo day" in mail.body
@@ -87,13 +87,13 @@ def test_news_stand_on_the_pages_until_they_are_seen(robot, operator, supervisor
     assert "Your booking of TIAGo 1: cancelled" in shown.content.decode()
     assert "Your booking of TIAGo 1" not in signed_in(supervisor).get("/").content.decode()
     assert "Your booking of TIAGo 1" not in page.get(f"/robots/{robot.slug}/").content.decode()
-    letters.send_letters(now)
+    notifications.send_notifications(now)
     assert not mailoutbox  # no address
     later = Letter.objects.create(person=operator, subject="Meanwhile", text="", made_at=now)
     seen = {"newest": shown.context["news"][0].pk, "next": "/bookings/"}
     assert page.post("/bookings/news/seen/", seen).url == "/bookings/"
-    assert list(letters.letters_unseen(operator, now)) == [later]
-    letters.remove_old_letters(now + timedelta(days=31))
+    assert list(notifications.notifications_unseen(operator, now)) == [later]
+    notifications.remove_old_notifications(now + timedelta(days=31))
     assert not Letter.objects.exists()
 
 
@@ -114,16 +114,17 @@ def test_ones_own_cancel_sends_nothing(robot, olga):
 
 def test_a_dead_mail_server_delays_a_letter_and_loses_none(robot, olga, mailoutbox, monkeypatch):
     book(robot, olga)
-    letters.write_reminders(at(2.1))
+    notifications.write_reminders(at(2.1))
 
     def away(*_args):
         raise TimeoutError("timed out")
 
     with monkeypatch.context() as patch:
-        patch.setattr(letters, "send_mail", away)
-        assert letters.send_letters(at(2.1)) == 0
-    assert letters.send_letters(at(2.1) + timedelta(minutes=1)) == 0  # another process may still send it
-    assert letters.send_letters(at(2.1) + timedelta(minutes=6)) == 1
+        patch.setattr(notifications, "send_mail", away)
+        assert notifications.send_notifications(at(2.1)) == 0
+    sent = notifications.send_notifications(at(2.1) + timedelta(minutes=1))
+    assert sent == 0, "another process may still send it"
+    assert notifications.send_notifications(at(2.1) + timedelta(minutes=6)) == 1
     assert len(mailoutbox) == 1
 
 
@@ -159,16 +160,16 @@ def test_one_address_that_is_refused_keeps_no_other_letter_back(
     second_operator.email = "olaf@example.org"
     second_operator.save()
     for person in (olga, second_operator):
-        letters.letter_write(to=person, subject="A slot", text="yours", now=NOW)
-    send = letters.send_mail
+        notifications.notification_write(to=person, subject="A slot", text="yours", now=NOW)
+    send = notifications.send_mail
 
     def refuse_olga(subject, text, sender, to):
         if to == ["olga@example.org"]:
             raise SMTPRecipientsRefused({to[0]: (550, b"no such mailbox")})
         return send(subject, text, sender, to)
 
-    monkeypatch.setattr(letters, "send_mail", refuse_olga)
-    assert letters.send_letters(NOW) == 1
+    monkeypatch.setattr(notifications, "send_mail", refuse_olga)
+    assert notifications.send_notifications(NOW) == 1
     assert [one.to for one in mailoutbox] == [["olaf@example.org"]]
 
 

@@ -1,7 +1,7 @@
-"""News about bookings: written with the change that they tell, shown on the pages, sent by e-mail by housekeeping.
+"""Notifications of bookings: written with the change that they tell, shown on the pages, sent by e-mail.
 
-Several housekeeping processes may run: one claims a letter before it sends it. If a process dies in between, or the
-mail server does not answer, the letter is tried again after `AGAIN`, and given up after `GIVEN_UP`.
+Several housekeeping processes may run: one claims a notification before it sends it. If a process dies in between, or
+the mail server does not answer, the notification is tried again after `AGAIN`, and given up after `GIVEN_UP`.
 """
 
 from __future__ import annotations
@@ -29,30 +29,30 @@ log = logging.getLogger(__name__)
 AHEAD = timedelta(hours=1)  # of a reminder before its slot
 AGAIN = timedelta(minutes=5)
 GIVEN_UP = timedelta(days=1)
-BATCH_SIZE = 20  # letters of one round
+BATCH_SIZE = 20  # notifications of one round
 SHOWN = timedelta(days=7)
 MOST_SHOWN = 3
 KEPT = timedelta(days=30)
 
 
-def letter_write(*, to: User, subject: str, text: str, now: datetime) -> None:
-    """Store a letter, in the caller's transaction. People without an e-mail address see it on the pages only."""
+def notification_write(*, to: User, subject: str, text: str, now: datetime) -> None:
+    """Store a notification, in the caller's transaction. People without an e-mail address see it on the pages only."""
     Letter.objects.create(person=to, subject=subject[:200], text=text, made_at=now)
 
 
-def letters_unseen(person: User, now: datetime) -> QuerySet[Letter]:
-    """Return a person's newest letters that they have not seen, without old ones."""
+def notifications_unseen(person: User, now: datetime) -> QuerySet[Letter]:
+    """Return a person's newest notifications that they have not seen, without old ones."""
     unseen = Letter.objects.filter(person=person, seen_at=None, made_at__gt=now - SHOWN)
     return unseen.order_by("-made_at", "-pk")[:MOST_SHOWN]
 
 
-def letters_seen(person: User, newest: int, now: datetime) -> None:
-    """Note that a person has seen their letters up to this one."""
+def notifications_seen(person: User, newest: int, now: datetime) -> None:
+    """Note that a person has seen their notifications up to this one."""
     Letter.objects.filter(person=person, seen_at=None, pk__lte=newest).update(seen_at=now)
 
 
-def remove_old_letters(now: datetime) -> None:
-    """Remove letters after `KEPT`."""
+def remove_old_notifications(now: datetime) -> None:
+    """Remove notifications after `KEPT`."""
     Letter.objects.filter(made_at__lt=now - KEPT).delete()
 
 
@@ -71,7 +71,7 @@ def changed_by_another(booking: Booking, actor: User | None, what: str, reason: 
     by = actor.display_name if actor else _("the console")
     subject = _("Your booking of %(robot)s: %(what)s") % {"robot": booking.robot.name, "what": what}
     lines = [in_words(booking, zone_of(booking.person.time_zone)), _("Changed by %(name)s.") % {"name": by}]
-    letter_write(to=booking.person, subject=subject, text="\n".join([*lines, reason]).strip(), now=now)
+    notification_write(to=booking.person, subject=subject, text="\n".join([*lines, reason]).strip(), now=now)
 
 
 def in_words(booking: Booking, zone: ZoneInfo) -> str:
@@ -90,33 +90,37 @@ def write_reminders(now: datetime) -> None:
             if Booking.objects.filter(pk=booking.pk, reminded_at=None).update(reminded_at=now):
                 subject = _("%(robot)s is yours soon") % {"robot": booking.robot.name}
                 words = in_words(booking, zone_of(booking.person.time_zone))
-                letter_write(to=booking.person, subject=subject, text=words, now=now)
+                notification_write(to=booking.person, subject=subject, text=words, now=now)
 
 
-def send_letters(now: datetime) -> int:
-    """Send the letters that wait. Returns how many were sent."""
+def send_notifications(now: datetime) -> int:
+    """Send the notifications that wait. Returns how many were sent."""
     waiting = Letter.objects.filter(
         Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN), sent_at=None, made_at__gt=now - GIVEN_UP
     )
     sent = 0
-    for letter in waiting.exclude(person__email="").select_related("person").order_by("made_at")[:BATCH_SIZE]:
-        mine = Letter.objects.filter(pk=letter.pk, claimed_at=letter.claimed_at, sent_at=None)
+    for notification in (
+        waiting.exclude(person__email="").select_related("person").order_by("made_at")[:BATCH_SIZE]
+    ):
+        mine = Letter.objects.filter(pk=notification.pk, claimed_at=notification.claimed_at, sent_at=None)
         if not mine.update(claimed_at=now):
             continue
         try:
-            send_mail(letter.subject, letter.text, None, [letter.person.email])
+            send_mail(notification.subject, notification.text, None, [notification.person.email])
         except (
             SMTPRecipientsRefused,
             SMTPDataError,
             ValueError,
         ) as error:  # the others must not wait for this one
             log.warning(
-                "An e-mail to %s was refused and is tried again in 5 minutes: %s", letter.person_id, error
+                "An e-mail to %s was refused and is tried again in 5 minutes: %s",
+                notification.person_id,
+                error,
             )
             continue
         except (OSError, SMTPException) as error:
             log.warning("An e-mail was not sent and is tried again in 5 minutes: %s", error)
             break
-        Letter.objects.filter(pk=letter.pk).update(sent_at=now)
+        Letter.objects.filter(pk=notification.pk).update(sent_at=now)
         sent += 1
     return sent
