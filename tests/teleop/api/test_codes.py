@@ -200,9 +200,9 @@ async def served(ask: Asker, *steps: Case) -> str:
     async with unix_serve(ask.serve, str(ask.path)):
         for step in steps:
             code = await step(ask)
-        for place in registry.programs._places.values():
-            if place.connection:
-                await place.connection.close()
+        for entry in registry.programs._entries.values():
+            if entry.connection:
+                await entry.connection.close()
     return code
 
 

@@ -160,4 +160,4 @@ async def test_requests_at_once_share_one_connection(tmp_path: Path, monkeypatch
         await found[0].close()
         assert await programs.connection("a", mine) is not found[0]
         monkeypatch.setattr(registry, "UNUSED_S", 0.0)
-        await eventually(lambda: not programs._places)
+        await eventually(lambda: not programs._entries)

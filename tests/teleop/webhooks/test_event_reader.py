@@ -205,7 +205,7 @@ def test_only_staff_make_webhooks_and_not_too_many(make, operator, staff, monkey
     with pytest.raises(WebhookRefused, match="for staff"):
         services.webhook_make(**wanted, actor=operator)
     for wrong in ([], ["stops", "gossip"]):
-        with pytest.raises(WebhookRefused, match="at least one kind"):
+        with pytest.raises(WebhookRefused, match="at least one category"):
             services.webhook_make(**{**wanted, "kinds": wrong}, actor=staff)
     monkeypatch.setattr(services, "MOST", 1)
     services.webhook_make(**wanted, actor=staff)
