@@ -3,7 +3,7 @@
 import asyncio
 import threading
 import time
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from datetime import timedelta
 from functools import partial
 
@@ -761,30 +761,36 @@ async def test_stored_change_is_accepted_even_if_not_yet_shown(open_page, monkey
 
 
 async def test_hub_closed_while_its_robot_is_edited_follows_no_link(open_page, bridge, monkeypatch):
-    asked, informed = threading.Event(), asyncio.Event()
-    read, close = robot_hub.robot_entry, LeaseEvents.close
+    leaving, asked, closing, informed = (threading.Event() for _ in range(4))
+    read, close, remove = robot_hub.robot_entry, LeaseEvents.close, robot_hub.RobotHub.remove
 
     def edited(robot_id):
+        if not leaving.is_set():
+            return read(robot_id)
         asked.set()
-        assert closing.wait(10)
+        closing.wait(0.5)
         entry = read(robot_id)
         return entry and structs.replace(entry, link=structs.replace(entry.link, unix_path="/nowhere"))
 
+    async def removed_while_it_reads(hub, member):
+        leaving.set()
+        assert await asyncio.to_thread(asked.wait, 10)
+        await remove(hub, member)
+
     async def closes(events):
         closing.set()
-        with suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(informed.wait(), 0.5)
+        await asyncio.to_thread(informed.wait, 0.5)
         await close(events)
 
-    closing = threading.Event()
     monkeypatch.setattr(robot_hub, "STATUS_S", 0.02)
     page = await open_page("observer")
     [hub] = robot_hub._hubs.values()
     monkeypatch.setattr(hub, "viewers_changed", informed.set)
     monkeypatch.setattr(robot_hub, "robot_entry", edited)
+    monkeypatch.setattr(robot_hub.RobotHub, "remove", removed_while_it_reads)
     monkeypatch.setattr(LeaseEvents, "close", closes)
-    assert await asyncio.to_thread(asked.wait, 10)
     await page.close()
+    assert closing.is_set()
     assert hub not in hub.link._listeners
 
 
