@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 from benchmarks.parts.process_stats import children
@@ -91,6 +92,7 @@ def manage(stack: Stack, *words: str) -> str:
     return done.stdout.strip()
 
 
+@cache
 def token(stack: Stack, role: str, *scopes: str, name: str = "night-tests") -> str:
-    """Make a token of one of the stack's people."""
+    """Return a token of one of the stack's people, the same for the same words: the command takes a second."""
     return manage(stack, "make_token", stack.accounts[role].username, name, *scopes)

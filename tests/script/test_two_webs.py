@@ -44,15 +44,14 @@ class House:
         return any(words in (self.stack.logs / f"{name}.log").read_text() for name in ("web", "web-2"))
 
 
-@pytest.fixture
-def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[House]:
-    monkeypatch.delenv("DJANGO_SETTINGS_MODULE", raising=False)
-    port = ReservedPort()
+@pytest.fixture(scope="module")
+def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+    port, directory = ReservedPort(), tmp_path_factory.mktemp("console")
     with postgresql() as database, tempfile.TemporaryDirectory(prefix="fleet-redis-") as short:
         redis = Redis(Path(short))
         settings = {"FLEET_DATABASE_URL": database, "FLEET_REDIS_URL": redis.url}
         try:
-            with Stack(tmp_path / "var", robots=PRACTICE_ROBOTS[:1], settings=settings) as stack:
+            with Stack(directory / "var", robots=PRACTICE_ROBOTS[:1], settings=settings) as stack:
                 where = ["--bind", port.host, "--port", str(port.number)]
                 second = stack.start_child("web-2", [*daphne(), *where], stack.environment)
                 until(lambda: listens(port.number), "the second web process listens", READY_S)
@@ -60,10 +59,6 @@ def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[House]:
         finally:
             redis.kill()
             port.close()
-
-
-def test_control_and_stop_are_the_same_through_either(house: House) -> None:
-    asyncio.run(meet(house))
 
 
 def test_a_program_at_another_web_process_learns_the_remedy(house: House) -> None:
@@ -95,6 +90,11 @@ def test_a_program_at_another_web_process_learns_the_remedy(house: House) -> Non
     until(lambda: ask("POST", "/renew", first)[1].get("code") == "other_process", "the first knows", NEWS_S)
     assert ask("DELETE", "", second)[0] == 204
     assert ask("POST", "/renew", first)[1]["code"] == "no_lease"
+
+
+def test_control_and_stop_are_the_same_through_either(house: House) -> None:
+    """The last test: Redis and the second web process die."""
+    asyncio.run(meet(house))
 
 
 async def meet(house: House) -> None:
