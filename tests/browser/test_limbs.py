@@ -7,7 +7,7 @@ from collections.abc import Callable
 from playwright.sync_api import expect
 
 from tests.browser.people import Person
-from tests.browser.test_pages import axe_accepts
+from tests.browser.test_pages import axe_accepts_everywhere
 
 Arrive = Callable[..., Person]
 
@@ -22,7 +22,7 @@ def test_the_torso_rises(person: Arrive) -> None:
     operator = person("operator")
     operator.take("tiago-2")
     operator.part("robot-open").click()
-    axe_accepts(operator, "drawer Robot")
+    axe_accepts_everywhere(operator, "drawer Robot")
     slider = operator.part("torso-to")
     before = at(operator, "torso")
     box = slider.bounding_box()
@@ -41,7 +41,7 @@ def test_the_head_turns_while_its_stick_is_held(person: Arrive) -> None:
     operator = person("operator")
     operator.take("tiago-2")
     operator.part("head-open").click()
-    axe_accepts(operator, "stick of the head")
+    axe_accepts_everywhere(operator, "stick of the head")
     box = operator.part("head-pad").bounding_box()
     assert box is not None
     operator.page.mouse.move(box["x"] + 4.0, box["y"] + box["height"] / 2)
