@@ -367,7 +367,7 @@ class Core:
         self.tasks.drives_by.moved(pose)
         self.tasks.navigation.moved(pose, velocity, arrival_s)
         if self.tasks.navigation.driving_requester:
-            self._watch(arrival_s)
+            self._judge_navigation(arrival_s)
         self._report_changes()
 
     def laser(self, scan: LaserScan) -> None:
@@ -560,7 +560,7 @@ class Core:
         elif grant and (requester := drives_by.running_requester):
             refusal, asked = self._drive_by(grant, requester, awaited, now_s)
         elif grant and (requester := self.tasks.navigation.driving_requester):
-            self._go_on(grant, requester, now_s)
+            self._end_forbidden_navigation(grant, requester, now_s)
         self._passed = asked if refusal is None else STILL
         verdict = self._gate.decide(self._passed, self._sent, now_s)
         if self._passed != STILL:
@@ -604,7 +604,7 @@ class Core:
             drives_by.awaits(awaited, now_s)
         return refusal, drives_by.velocity(grant, self.lease.confirmed_s, self._sent, now_s)
 
-    def _go_on(self, grant: Grant, requester: Requester, now_s: float) -> None:
+    def _end_forbidden_navigation(self, grant: Grant, requester: Requester, now_s: float) -> None:
         """End the drive to a place if a rule forbids it. Brake if a sensor is silent.
 
         Otherwise continue, and record the path.
@@ -618,7 +618,7 @@ class Core:
         if not self._miss_sensors(now_s):
             navigation.settles(now_s)
         if navigation.driving_requester:
-            navigation.confirm(self.lease.confirmed_s, now_s)
+            navigation.end_if_unconfirmed(self.lease.confirmed_s, now_s)
             self._drives.may_move(holder_of(grant), now_s)
 
     def _miss_sensors(self, now_s: float) -> bool:
@@ -631,7 +631,7 @@ class Core:
             self._brake_navigation(Verdict(STILL, self._gate.velocity, fault.code, text, fault.sensor), now_s)
         return fault is not None
 
-    def _watch(self, now_s: float) -> None:
+    def _judge_navigation(self, now_s: float) -> None:
         """Judge the velocity at which the robot drives itself; take over where the gate's promise would be broken."""
         verdict = self.tasks.navigation.judge(now_s)
         if verdict.code != "free":
@@ -641,7 +641,7 @@ class Core:
         """Brake a robot that drives itself. Its drive ends, unless the cause may pass in a moment."""
         self._verdict = verdict
         if not self.tasks.navigation.waits_for(verdict, now_s):
-            self.tasks.navigation.held_back(verdict, now_s)
+            self.tasks.navigation.end_by_gate(verdict, now_s)
             verdict = verdict._replace(neutral=True)  # on record by itself
         self._send(STILL, now_s)
         self._drives.decided(verdict, now_s)

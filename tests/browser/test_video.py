@@ -14,7 +14,7 @@ import PIL.Image
 import pytest
 from playwright.sync_api import Browser, Page
 
-from robots.bridge.camera.h264 import Video
+from robots.bridge.camera.h264 import H264Encoder
 from tests.processes import REPOSITORY
 
 WIDTH, HEIGHT = 320, 240
@@ -27,7 +27,7 @@ _PLAY = """
 async (pictures) => {
   const { CameraPicture } = await import("/js/camera/camera_picture.js");
   const { decodesVideo } = await import("/js/camera/video.js");
-  if (!(await decodesVideo())) return null;
+  if (!(await decodesH264Encoder())) return null;
   const canvas = document.createElement("canvas");
   const shown = new CameraPicture(canvas);
   const done = [];
@@ -73,7 +73,7 @@ def page(browser: Browser) -> Iterator[Page]:
 
 def pictures() -> list[dict[str, Any]]:
     """A square that moves over blue, as the camera process encodes it."""
-    video, made = Video(), []
+    video, made = H264Encoder(), []
     for number in range(PICTURES):
         pixels = np.full((HEIGHT, WIDTH, 3), (20, 40, 200), np.uint8)
         pixels[20:60, 20 * number : 20 * number + 40] = (220, 200, 30)

@@ -1,4 +1,8 @@
-"""Encodes pictures as H.264 for slow connections. The camera process imports it when somebody needs it."""
+"""Encodes pictures as H.264 for slow connections. The camera process imports it when somebody needs it.
+
+Used by `ros/camera/producer.py`. The names of formats are in `robots/wire/camera.py`, the decoder is in
+`static/js/camera/video.js`.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,7 @@ from robots.bridge.camera.jpeg import narrowed
 from robots.bridge.camera.sizes import VIDEO_BITS_PER_S, VIDEO_HZ, VIDEO_KEY_EVERY, VIDEO_WIDTH
 
 
-class Video:
+class H264Encoder:
     """H.264 of one camera (Annex B, baseline, one access unit for each picture). A new size begins a new stream."""
 
     def __init__(self) -> None:

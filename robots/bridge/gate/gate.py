@@ -227,7 +227,7 @@ class Gate:
             self.arm_discs, self._arm_ends = discs, ends
             self.footprint = self._with_base(discs)
             if self._depth:
-                self._depth.body = self._with_base((*discs, *ends))
+                self._depth.own_outline = self._with_base((*discs, *ends))
 
     def _with_base(self, discs: tuple[arm_discs.Disc, ...]) -> Footprint:
         return Discs(((0.0, 0.0, self._base.reach(0.0)), *discs)) if discs else self._base

@@ -296,11 +296,11 @@ class NavigationGoals(Goals[Target]):
         if self._current is not None:
             self._current.what.sensor_grace.settle(now_s)
 
-    def held_back(self, verdict: Verdict, now_s: float) -> None:
+    def end_by_gate(self, verdict: Verdict, now_s: float) -> None:
         """End the goal: the gate has taken over."""
         self.end("held_back", _sentence(verdict.text), now_s, verdict.code)
 
-    def confirm(self, confirmed_s: float, now_s: float) -> None:
+    def end_if_unconfirmed(self, confirmed_s: float, now_s: float) -> None:
         """End the goal if its holder's client has been silent."""
         if now_s - confirmed_s > CONFIRMED_S:
             text = f"Nothing was heard of its holder for {CONFIRMED_S:.0f} s."

@@ -2,6 +2,9 @@
 
 Names are judged word by word (/power/is_emergency: power, is, emergency), so that a namespace or a number does not hide
 the purpose of a topic. Types are judged as well, because a robot may use any topic name. In doubt, deny.
+
+The registry refuses a denied entry. `admissible` leaves such entries out when the registry, `holder_tasks.py` or the
+inspector takes a configuration. `ros/inspector/requests.py` judges each message, call and parameter.
 """
 
 from __future__ import annotations

@@ -43,12 +43,12 @@ class Goal(RecordedTask, Generic[What]):
 class Goals(ABC, Generic[What]):
     """The goal in progress: this console's, or another node's, of which only ids are known.
 
-    `withdraw(topic, id)` cancels a goal on the robot.
+    `send_cancel(goal_id, topic)` cancels a goal on the robot.
     """
 
-    def __init__(self, records: Records, withdraw: Callable[[str, str], None]) -> None:
+    def __init__(self, records: Records, send_cancel: Callable[[str, str], None]) -> None:
         self._records = records
-        self._withdraw = withdraw
+        self._send_cancel = send_cancel
         self._current: Goal[What] | None = None
         self._ended: str | None = None  # the last goal; late reports about it may still arrive
         self._others: dict[str, float] = {}  # topics with goals of other nodes: last report
@@ -66,7 +66,7 @@ class Goals(ABC, Generic[What]):
         if goal.cancelled is None:
             goal.cancelled = Refusal(outcome, why, "robot")
             if goal.id is not None:
-                self._withdraw(goal.id, goal.topic)
+                self._send_cancel(goal.id, goal.topic)
         return True
 
     @property
@@ -112,7 +112,7 @@ class Goals(ABC, Generic[What]):
                 goal.cancel_sent_s = now_s
             elif now_s - goal.cancel_sent_s >= CANCEL_AGAIN_S:
                 goal.cancel_sent_s = now_s
-                self._withdraw(goal.id, goal.topic)
+                self._send_cancel(goal.id, goal.topic)
 
     def _busy(self, now_s: float) -> set[str]:
         """Return topics on which the robot performs goals of other nodes."""

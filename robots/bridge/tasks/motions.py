@@ -280,7 +280,7 @@ class Motions(Goals[MotionGoal]):
         elif now_s - self._unwatched_actions.get(action, -math.inf) >= CANCEL_AGAIN_S:
             self._unwatched_actions[action] = now_s
             for goal_id in strays:
-                self._withdraw(goal_id, action)
+                self._send_cancel(goal_id, action)
 
     def _record_unwatched_end(self, goal_id: str, outcome: str, now_s: float) -> None:
         """Record the result of this cancel."""

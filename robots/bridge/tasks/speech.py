@@ -1,7 +1,7 @@
 """Speak one text at a time: which texts can be spoken, and the progress of the text being spoken.
 
 A text is recorded before it is sent. It is spoken to its end even when its holder loses control; only a cancel and the
-emergency stop end it, by its goal's id.
+emergency stop end it, by its goal's id. `cancel` is in `goals.py`; a page's press arrives at `holder_tasks.py`.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from robots.bridge.camera.h264 import Video
+from robots.bridge.camera.h264 import H264Encoder
 from robots.bridge.camera.image_header import Damaged, read_header
 from robots.bridge.camera.jpeg import decoded, jpeg, raw_image, small
 from robots.bridge.camera.sizes import VIDEO_BITS_PER_S, VIDEO_HZ
@@ -90,7 +90,7 @@ def test_small_pictures_are_small():
 
 
 def test_video_decodes_from_each_key_picture():
-    video = Video()
+    video = H264Encoder()
     units = []
     for number, picture in enumerate(moving(2.0)):
         if number == 10:
@@ -106,6 +106,6 @@ def test_video_decodes_from_each_key_picture():
 
 
 def test_video_keeps_to_its_share_of_a_slow_connection():
-    video = Video()
+    video = H264Encoder()
     units = [len(video.encode(picture)[0]) for picture in moving(6.0)]
     assert sum(units[VIDEO_HZ:]) * 8 / 5.0 < 1.3 * VIDEO_BITS_PER_S

@@ -25,7 +25,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 from robots import wire
 from robots.bridge.config import Allowed
 from robots.bridge.ros.inspector import graph
-from robots.bridge.ros.inspector.answers import MOST_QUESTIONS, Inspector
+from robots.bridge.ros.inspector.requests import MOST_QUESTIONS, Inspector
 from robots.bridge.ros.inspector.subscriptions import rate_hz
 from robots.bridge.ros.message_types.classes import message_class
 from robots.bridge.topics.inspector_client import COMMAND

@@ -17,7 +17,7 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from robots import wire
-from robots.bridge.ros.inspector import answers
+from robots.bridge.ros.inspector import requests
 from robots.bridge.ros.inspector.declined import Declined
 from robots.bridge.ros.inspector.definitions import Definitions
 from robots.bridge.ros.inspector.publishing import Publishers, PublishPermit
@@ -143,8 +143,8 @@ def test_requests_without_a_waiting_asker_are_dropped(inspector):
 
 def test_a_call_that_became_too_late_is_not_sent(rosmaster, ros, tmp_path, monkeypatch):
     said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    inspector = answers.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), said.put)
-    find, calls = answers.services.find, []
+    inspector = requests.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), said.put)
+    find, calls = requests.services.find, []
 
     def find_late(master, name):
         service = find(master, name)
@@ -152,7 +152,7 @@ def test_a_call_that_became_too_late_is_not_sent(rosmaster, ros, tmp_path, monke
         return service
 
     late = threading.Event()
-    monkeypatch.setattr(answers.services, "find", find_late)
+    monkeypatch.setattr(requests.services, "find", find_late)
     monkeypatch.setattr(InspectorQuery, "require_time", lambda _: late.is_set() and _too_late())
     with serving("/lamp", SetBool, lambda request: calls.append(request) or SetBoolResponse()):
         inspector.handle_line(wire.encode(InspectorQuery(1, wire.CallService("/lamp", {"data": True}), 0.0)))
@@ -161,13 +161,13 @@ def test_a_call_that_became_too_late_is_not_sent(rosmaster, ros, tmp_path, monke
 
 
 def _too_late() -> None:
-    raise answers.TooLate
+    raise requests.TooLate
 
 
 def test_an_answer_with_a_too_long_line_is_refused(rosmaster, tmp_path, monkeypatch):
     said: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    inspector = answers.Inspector(tiago_config(rosmaster, tmp_path), said.put)
-    monkeypatch.setattr(answers, "LARGEST_ANSWER", 100)
+    inspector = requests.Inspector(tiago_config(rosmaster, tmp_path), said.put)
+    monkeypatch.setattr(requests, "LARGEST_ANSWER", 100)
     inspector.handle_line(wire.encode(InspectorQuery(1, wire.Describe("std_msgs/String"))))
     assert b"too_large" in said.get(timeout=PATIENCE_S)
 
@@ -220,7 +220,7 @@ def test_with_a_thread_that_publishes_the_process_ends(rosmaster, ros, tmp_path,
 
 def test_a_message_checked_by_another_process_is_checked_again(rosmaster, ros, tmp_path):
     """An inspector started after the check publishes only by the allow-list."""
-    inspector = answers.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
+    inspector = requests.Inspector(tiago_config(rosmaster, tmp_path, allowed=ALLOWED), lambda _: None)
     with pytest.raises(Declined):
         inspector._publish(wire.Publish(1, "/diary", "std_msgs/String"), PublishPermit())
     assert inspector._node is None

@@ -3,6 +3,8 @@
 A point stays in memory until a later picture sees through its place: the edge of a table leaves the picture by its
 lower border long before the robot is there. Memory fades with the odometry's errors, so only while the robot moves: a
 robot that stands at a table for minutes still knows it.
+
+Leaves out what is the robot itself: its body and arm.
 """
 
 from __future__ import annotations
@@ -103,7 +105,7 @@ class DepthCamera:
 
     def __init__(self, view: DepthView, footprint: Footprint) -> None:
         self.footprint = footprint
-        self.body = footprint  # with the parts of the arm outside the base: the camera sees them
+        self.own_outline = footprint  # with the parts of the arm outside the base: the camera sees them
         self.arm_reach: Disc | None = None  # points in here may be the arm and are not remembered
         self.freshness = Freshness()
         self.remembered = DepthMemory(self)
@@ -179,7 +181,7 @@ class DepthCamera:
         columns = self._spans.columns(remembered, from_base)
         self._memory.pass_through(seen_through(frame.picture, frame.to_base, columns))
         self._hidden = self._near_side.hidden(
-            kept, frame.to_base, base, self._memory.points(moved_s), self.body, moved_s
+            kept, frame.to_base, base, self._memory.points(moved_s), self.own_outline, moved_s
         )
 
     def _came(self, shown: Columns, new: Flags, base: Pose) -> Flags:
@@ -229,9 +231,10 @@ class DepthCamera:
         """Leave out columns within the robot's body and a small margin: they are the robot."""
         if not len(columns.points):
             return columns
-        return columns.only(self.body.gaps(columns.points) >= self._view.own_m)
+        return columns.only(self.own_outline.gaps(columns.points) >= self._view.own_m)
 
     def _cannot_be_arm(self, points: Points) -> NDArray[np.bool_]:
+        """Return which points are too far from a moving or unknown arm to be it; only these are remembered."""
         if self.arm_reach is None:
             return np.ones(len(points), dtype=np.bool_)
         x, y, reach_m = self.arm_reach
@@ -279,7 +282,7 @@ class DepthCamera:
         """
         if self._frame is None or not len(places):
             return None
-        gaps = self.body.gaps(places)
+        gaps = self.own_outline.gaps(places)
         near = np.flatnonzero((gaps < NEAR_HULL_M) & (places[:, 0] > 0.0))
         if not len(near):
             return None

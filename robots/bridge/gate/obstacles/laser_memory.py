@@ -1,4 +1,7 @@
-"""Laser memory as a separate source: points that the current scan cannot judge."""
+"""Laser memory as a separate source: points that the current scan cannot judge.
+
+`point_memory.py` stores the points and knows how long each one lives.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,9 @@ from robots.bridge.gate.values import Kind, SensorHealth
 
 
 class LaserMemory:
-    """The memory of one laser, kept up by each of its scans. Between scans it stands: without them nothing moves.
+    """The memory of one laser.
 
+    It changes only with a new scan; when scans stop coming, the gate stops the robot anyway.
     It gives only points of which the newest scan cannot tell whether they are still there.
     """
 

@@ -2,8 +2,8 @@
 
 A picture is thinned out before anything else: one measurement for each square of pixels, in a view of the message's
 own bytes. Clouds become pictures, so that all that follows is the same for both. A camera's frame is the optical one:
-x right, y down, z ahead. Floor and ceiling are taken away by the camera's pose alone, the robot's own body by its
-footprint.
+x right, y down, z ahead. Floor and ceiling are removed here, by the camera's pose alone. The robot's own body and arm
+are removed later, in `obstacles/depth_camera.py`.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from robots.bridge.ros.sensors.tf import TfTopics
 from robots.wire import CameraState, PictureFormat, TakenPicture, Variant
 
 if TYPE_CHECKING:
-    from robots.bridge.camera.h264 import Video
+    from robots.bridge.camera.h264 import H264Encoder
 
 STATE_S = 0.5  # between two looks at cameras that are silent
 THUMBNAIL_HZ = 1.0  # below this rate, the camera is unsubscribed between two pictures
@@ -39,7 +39,7 @@ class _Watched:
 
     def __init__(self, topics: CameraTopics) -> None:
         self.topics = topics
-        self.video: Video | None = None  # while somebody needs it
+        self.video: H264Encoder | None = None  # while somebody needs it
         self.taken: Arrival | None = None  # the last message that was looked at
         self.made_s: dict[Variant, float] = {}
         self.numbers: dict[Variant, int] = {}
@@ -177,9 +177,9 @@ class Producer:
             image = decoded(picture.encoded, VIDEO_WIDTH)
             if "video" in due:
                 if watched.video is None:
-                    from robots.bridge.camera.h264 import Video
+                    from robots.bridge.camera.h264 import H264Encoder
 
-                    watched.video = Video()
+                    watched.video = H264Encoder()
                 unit, is_key = watched.video.encode(image)
                 self._send(name, watched, picture, "video", "h264", unit, now_s, is_key=is_key)
         except Damaged as error:

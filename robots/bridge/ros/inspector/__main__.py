@@ -17,7 +17,7 @@ import msgspec
 from robots import wire
 from robots.bridge.config import BridgeConfig
 from robots.bridge.ros.bounds.memory import limit_memory
-from robots.bridge.ros.inspector.answers import Inspector
+from robots.bridge.ros.inspector.requests import Inspector
 from robots.bridge.ros.vital import start_vital
 from robots.bridge.topics.inspector_messages import Ready
 from robots.processes.shutdown import exit_within

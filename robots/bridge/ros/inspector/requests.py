@@ -1,4 +1,7 @@
-"""Handle each line of the bridge: a query, a subscription, a message to the robot, or a halt."""
+"""Handles each request of the bridge: a query, a subscription, a message to the robot, or a halt.
+
+It refuses publications, calls and parameters that the denylist (`robots/bridge/tasks/denylist.py`) forbids.
+"""
 
 from __future__ import annotations
 
