@@ -119,14 +119,14 @@ def refusal_log(
     Without `transactional_db` never: the writing thread would wait for the test's open transaction until it fails.
     """
     own = RepeatSuppressor(refusals.write_record if _commits(request) else lambda _event, _times: None)
-    yield from _while_test_lasts(own, refusals, monkeypatch)
+    yield from _while_test_lasts(own, refusals, "refusal_records", monkeypatch)
 
 
 @pytest.fixture(autouse=True)
 def press_log(monkeypatch: pytest.MonkeyPatch) -> Iterator[RepeatSuppressor[emergency_stop.Press]]:
     """Stop presses of this test. They are written before it ends or never: a late write would delay the next test."""
     own = RepeatSuppressor(emergency_stop.write_record, most=None)
-    yield from _while_test_lasts(own, emergency_stop, monkeypatch)
+    yield from _while_test_lasts(own, emergency_stop, "press_records", monkeypatch)
     in_database_background(lambda: None).result(10)  # their results must not be written during the next test
 
 
@@ -137,9 +137,9 @@ def _commits(request: pytest.FixtureRequest) -> bool:
 
 
 def _while_test_lasts(
-    own: RepeatSuppressor[E], module: ModuleType, patch: pytest.MonkeyPatch
+    own: RepeatSuppressor[E], module: ModuleType, name: str, patch: pytest.MonkeyPatch
 ) -> Iterator[RepeatSuppressor[E]]:
-    patch.setattr(module, "log", own)
+    patch.setattr(module, name, own)
     yield own
     patch.setattr(own, "_write", lambda _event, _times: None)
     own.flush()

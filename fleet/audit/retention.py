@@ -37,7 +37,7 @@ WAL_TRIES = 50
 log = logging.getLogger(__name__)
 
 
-def keep_house(now: datetime) -> Iterator[None]:
+def remove_expired(now: datetime) -> Iterator[None]:
     """Remove expired data, unless the clock is doubted: removed data cannot come back.
 
     A second call removes nothing.
@@ -47,8 +47,8 @@ def keep_house(now: datetime) -> Iterator[None]:
     if clock_is_doubted(today):
         _record_clock_doubt(today)
         return
-    yield from expire(today)
-    yield from remove(today)
+    yield from expire_contents(today)
+    yield from remove_old_records(today)
     yield from empty_wal()
 
 
@@ -105,7 +105,7 @@ def _record_clock_set_back(today: date) -> None:
 # --- contents -----------------------------------------------------------------------------------
 
 
-def expire(today: date) -> Iterator[None]:
+def expire_contents(today: date) -> Iterator[None]:
     """Take out contents whose time is over; the record that says so comes first."""
     due = _misdated(today)
     beside = {"misdated": list(due)} if due else {}
@@ -218,7 +218,7 @@ class _Old(NamedTuple):
         return day < self.since or (day >= self.to_come and number < self.through)
 
 
-def remove(today: date) -> Iterator[None]:
+def remove_old_records(today: date) -> Iterator[None]:
     """Remove records that are older than records are kept. Each step leaves a checkpoint in the chain."""
     since = today - max(timedelta(days=settings.FLEET_AUDIT_KEEP_RECORDS_DAYS), RECORDS_KEPT_AT_LEAST)
     old = _Old(since, _last_before(since), today + CLOCKS_DIFFER + timedelta(days=1))

@@ -192,7 +192,7 @@ def by_a_course(wish: Wish) -> Refusal | None:
 
 
 def ends_some_day(wish: Wish) -> Refusal | None:
-    """No slot lasts longer than `LONGEST`, for no reason."""
+    """No slot lasts longer than `LONGEST`, whatever the reason: staff cannot override it."""
     if wish.slot.ends_at - wish.slot.starts_at <= LONGEST:
         return None
     return _no(

@@ -24,7 +24,7 @@ GRANTED, LEFT, GONE, LAPSED, NOT_ALLOWED = "granted", "cancelled", "gone", "laps
 
 
 def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
-    """Wait for control. People who wait already keep their place, in this tab. Returns the number of the place."""
+    """Wait for control. People who wait already stay where they are in line, in this tab. Returns the waiter's id."""
     with recorded_change():
         robot, user = robot_locked(robot_id), User.objects.get(pk=user_id)
         held = lease_of(robot_id)
@@ -39,9 +39,13 @@ def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
             refusal = lease_checks.check_other_holds(held, user=user_id, now=now)
         if refusal is not None:
             raise ControlRefused(refusal)
-        seat = {"tab": tab.token, "sign_in": tab.sign_in, "connection": tab.connection, "seen_at": now}
-        waiting, _ = Waiting.objects.update_or_create(
-            robot=robot, person=user, starts_at=None, defaults=seat, create_defaults={**seat, "since": now}
+        fields = {"tab": tab.token, "sign_in": tab.sign_in, "connection": tab.connection, "seen_at": now}
+        waiter, _ = Waiting.objects.update_or_create(
+            robot=robot,
+            person=user,
+            starts_at=None,
+            defaults=fields,
+            create_defaults={**fields, "since": now},
         )
         audit.record(
             "control.ask",
@@ -50,24 +54,24 @@ def line_join(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> int:
             robot_name=robot.name,
             session_id=held.session if held else None,
             fence=held.fence if held else None,
-            parameters={"request": waiting.pk},
+            parameters={"request": waiter.pk},
         )
-    return int(waiting.pk)
+    return int(waiter.pk)
 
 
 def line_leave(*, robot_id: UUID, connection: str) -> None:
-    """Give up this connection's place, if it has one."""
+    """Remove this connection's waiter, if it has one."""
     with recorded_change():
-        places_close(LEFT, robot_id=robot_id, connection=connection)
+        waiters_remove(LEFT, robot_id=robot_id, connection=connection)
 
 
 def line_away(*, robot_id: UUID, connection: str) -> None:
-    """Note that the page of this place is gone. It is kept for `lease_checks.WAITS_S`: a reload loses no place."""
+    """Note that this waiter's page is gone. The waiter stays for `lease_checks.WAITS_S`: a reload removes nobody."""
     Waiting.objects.filter(robot_id=robot_id, starts_at=None, connection=connection).update(connection="")
 
 
 def line_resume(*, robot_id: UUID, user_id: UUID, tab: Tab, now: datetime) -> bool:
-    """Move a place to the new connection of its tab. False: the tab has none."""
+    """Give a waiter the new connection of their tab. False: nobody waits in this tab."""
     mine = Waiting.objects.filter(
         robot_id=robot_id, person=user_id, starts_at=None, tab=tab.token, sign_in=tab.sign_in
     )
@@ -80,13 +84,13 @@ def line_keep(*, robot_id: UUID, connections: list[str], now: datetime) -> None:
 
 
 def line_tidy(*, now: datetime, robot_id: UUID | None = None) -> None:
-    """Close the places of pages that are gone, and of offers that nobody took."""
+    """Remove waiters whose pages are gone, and those who did not take their offer."""
     which: dict[str, Any] = {"robot_id": robot_id} if robot_id else {}
     with recorded_change():
-        places_close(GONE, seen_at__lte=now - timedelta(seconds=lease_checks.WAITS_S), **which)
-        places_close(LAPSED, offer_until__lte=now, **which)
+        waiters_remove(GONE, seen_at__lte=now - timedelta(seconds=lease_checks.WAITS_S), **which)
+        waiters_remove(LAPSED, offer_until__lte=now, **which)
         set_back = now + timedelta(seconds=lease_checks.OFFER_S)  # the clock was, since the offer was made
-        places_close(LAPSED, offer_until__gt=set_back, **which)
+        waiters_remove(LAPSED, offer_until__gt=set_back, **which)
 
 
 def offer_next(*, robot_id: UUID, now: datetime) -> bool:
@@ -98,39 +102,43 @@ def offer_next(*, robot_id: UUID, now: datetime) -> bool:
         if not lease_checks.is_free(lease_of(robot_id), now) or lease_checks.offered(line, now) is not None:
             return False
         people = User.objects.in_bulk([one.user for one in line])
-        for place in line:
-            if not place.tab.connection:  # the page may come back, and keeps its place
+        for waiter in line:
+            if not waiter.tab.connection:  # the page may come back: its waiter stays in line
                 continue
-            subject = subject_of(people[place.user], robot, now)
+            subject = subject_of(people[waiter.user], robot, now)
             if may_wait(subject) is not None:  # a right that ended meanwhile
-                places_close(NOT_ALLOWED, pk=place.id)
+                waiters_remove(NOT_ALLOWED, pk=waiter.id)
                 continue
             answer = permit_for(subject)
             if isinstance(answer, Permit) and answer.over is None:
-                Waiting.objects.filter(pk=place.id).update(
+                Waiting.objects.filter(pk=waiter.id).update(
                     offer_until=now + timedelta(seconds=lease_checks.OFFER_S)
                 )
                 audit.record(
                     "control.offer",
                     robot_id=robot.id,
                     robot_name=robot.name,
-                    parameters={"to": str(place.user), "request": place.id, "seconds": lease_checks.OFFER_S},
-                    private={"to_name": place.name},
+                    parameters={
+                        "to": str(waiter.user),
+                        "request": waiter.id,
+                        "seconds": lease_checks.OFFER_S,
+                    },
+                    private={"to_name": waiter.name},
                 )
                 return True
     return False
 
 
-def places_close(outcome: str, **which: Any) -> None:
-    """Close and record the places in line that match these filters."""
-    for place in Waiting.objects.filter(starts_at=None, **which).select_related("robot"):
-        if Waiting.objects.filter(pk=place.pk).delete()[0]:
-            asks = Record.objects.filter(robot_id=place.robot.pk, kind="control.ask", of=None)
-            asked = asks.filter(parameters__request=place.pk).order_by("id").last()
+def waiters_remove(outcome: str, **which: Any) -> None:
+    """Remove the waiters in line that match these filters, and record the outcome."""
+    for waiter in Waiting.objects.filter(starts_at=None, **which).select_related("robot"):
+        if Waiting.objects.filter(pk=waiter.pk).delete()[0]:
+            asks = Record.objects.filter(robot_id=waiter.robot.pk, kind="control.ask", of=None)
+            asked = asks.filter(parameters__request=waiter.pk).order_by("id").last()
             audit.record(
                 "control.ask",
-                robot_id=place.robot.id,
-                robot_name=place.robot.name,
+                robot_id=waiter.robot.id,
+                robot_name=waiter.robot.name,
                 of=asked,
                 outcome=outcome,
             )

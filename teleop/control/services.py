@@ -29,7 +29,7 @@ from robots.wire import Refusal
 from teleop.control import lease_checks
 from teleop.control.changes import ControlRefused, recorded_change, robot_locked
 from teleop.control.lease_checks import LeaseState, Tab, Waiter
-from teleop.control.line import GRANTED, places_close
+from teleop.control.line import GRANTED, waiters_remove
 from teleop.control.rules import Permit, permit_for
 from teleop.control.selectors import lease_of, line_of, subject_of
 from teleop.models import ControlSession, EndReason, Lease, named
@@ -165,13 +165,13 @@ def lease_fit_slot(*, robot_id: UUID, before: LeaseState, until: datetime, now: 
         booking_used(robot_id=robot_id, person_id=before.user, now=now)
 
 
-def lease_keep(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> None:
+def lease_store_seen(*, robot_id: UUID, session: UUID, connection: str, seen_at: datetime) -> None:
     """Store the holder's last sign of life, if this connection still holds the lease."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
     mine.update(seen_at=seen_at)
 
 
-def lease_lost(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> None:
+def lease_page_gone(*, robot_id: UUID, session: UUID, connection: str, now: datetime) -> None:
     """Store that the holder's page is gone. It may come back within `lease_checks.GRACE_S`."""
     mine = Lease.objects.filter(robot_id=robot_id, session_id=session, connection=connection)
     mine.update(connection="", seen_at=now)
@@ -356,7 +356,7 @@ def _assign(
         started_at=now,
     )
     booking_used(robot_id=robot.id, person_id=user.id, now=now)
-    places_close(GRANTED, robot=robot, person=user)
+    waiters_remove(GRANTED, robot=robot, person=user)
     return given
 
 

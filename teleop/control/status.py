@@ -91,15 +91,15 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
     booked, next_booked = booked_slots(schedule_for(user, status.schedule, lease, now), user, now)
     coming = None if rights.supervises else status.schedule.out_next
     out_s = round((coming.slot.starts_at - now).total_seconds(), 1) if coming else None
-    place = next((n for n, one in enumerate(status.line) if one.tab.connection == tab.connection), None)
-    asking = None if place is None else status.line[place].id
+    ahead = next((n for n, one in enumerate(status.line) if one.tab.connection == tab.connection), None)
+    asking = None if ahead is None else status.line[ahead].id
     names = [wire.Request(one.id, one.name) for one in status.line if one.tab.connection]
     if lease is None or free:
         return wire.Control(
             "free",
             requests=names if rights.supervises else [],
             asking=asking,
-            ahead=place,
+            ahead=ahead,
             offer_s=_offer_s(status, user),
             may_take_over=_take_over_only(rights) is not None,
             may_clear=rights.supervises,
@@ -117,7 +117,7 @@ def control_message(status: ControlStatus, *, user: UUID, tab: Tab, rights: Righ
         resumable_s=round(lease_checks.resumable_s(lease, now), 1) if phase is Phase.AWAY else None,
         requests=names if mine or rights.supervises else [],
         asking=asking,
-        ahead=place,
+        ahead=ahead,
         may_take_over=lease_checks.check_take_over(lease, user=user, supervises=rights.supervises, now=now)
         is None
         and _refusal(rights) is None,

@@ -27,7 +27,7 @@ from teleop.control.lease_checks import offered as offered_now
 from teleop.control.rules import ROLE_LOWERED, Permit
 from teleop.control.status import ControlStatus, Rights, SessionEnd, change_key, control_message
 from teleop.live import notices
-from teleop.live.lease_renewal import LeaseRenewer
+from teleop.live.grant_renewal import GrantRenewer
 from teleop.live.robot_hub import RobotHub
 from teleop.models import EndReason
 
@@ -69,7 +69,7 @@ class ControlHolder:
         self._delay_s = delay_s
         self._camera_s = camera_s
         self._silent_s = silent_s
-        self._renewer: LeaseRenewer | None = None
+        self._renewer: GrantRenewer | None = None
         self._status: ControlStatus | None = None
         self._rights: Rights | None = None
         self._left = False  # a status that arrives after `leave` must not start a renewal
@@ -77,7 +77,7 @@ class ControlHolder:
         self._store_end: Callable[[], None] | None = None  # stores the end of the session that was given up
         self._storing = asyncio.Lock()
         self._reported_key: tuple[object, ...] | None = None
-        self._line: set[int] = set()  # places of other people who wait for this control
+        self._line: set[int] = set()  # ids of the waiters for this control
         self.waits = False  # this connection waits in line
         self._offered = False  # control is offered to it
         self._withdrew = False  # it left the line itself, even if an older status still lists it
@@ -126,8 +126,8 @@ class ControlHolder:
     async def resume(self) -> None:
         """Go on with the lease or the place in line of the same tab, after a reload or a network failure."""
         status = self._status
-        places = status.line if status else []
-        waited = any(one.user == self._user_id and one.tab.is_same_tab(self.tab) for one in places)
+        waiters = status.line if status else []
+        waited = any(one.user == self._user_id and one.tab.is_same_tab(self.tab) for one in waiters)
         if waited and await in_database(line.line_resume, **self._me(), now=timezone.now()):
             await self._hub.lease_changed()
         lease = status.lease if status else None
@@ -192,7 +192,8 @@ class ControlHolder:
         """Follow the lease: start renewing a lease of this connection, stop renewing one that it lost, and report."""
         self._status, self._rights = status, rights
         await self._follow_lease(status, rights)
-        await self._follow_permit(rights)
+        await self._end_if_right_ended(rights)
+        self._follow_speed_limit(rights)
         await self._report_control()
         await self._report_line(status)
 
@@ -227,7 +228,7 @@ class ControlHolder:
             self._renewer.follow(mine)
         if mine and self._renewer is None and not self._left and isinstance(rights.permit, Permit):
             self.waits = self._offered = False  # control answers its request
-            self._renewer = LeaseRenewer(
+            self._renewer = GrantRenewer(
                 self._hub,
                 mine,
                 permit=rights.permit,
@@ -248,7 +249,7 @@ class ControlHolder:
             and phase(lease, status.read_at) is not Phase.LAPSED
         )
 
-    async def _lost(self, renewer: LeaseRenewer, status: ControlStatus) -> None:
+    async def _lost(self, renewer: GrantRenewer, status: ControlStatus) -> None:
         """Stop renewing: another connection has the lease now, or it ended elsewhere."""
         self._renewer = None
         session, lease = renewer.lease.session, status.lease
@@ -262,8 +263,8 @@ class ControlHolder:
         renewer.revoke(ending.note or str(EndReason(ending.reason).label))
         await self._report(notices.control_ended(ending))
 
-    async def _follow_permit(self, rights: Rights) -> None:
-        """End control when the right to it ended; follow a changed speed limit.
+    async def _end_if_right_ended(self, rights: Rights) -> None:
+        """End control when the right to it ended.
 
         Control also ends when the person's role is now lower than at the take: its tasks were started with that role.
         """
@@ -274,7 +275,11 @@ class ControlHolder:
             await self._end(EndReason.RIGHT, permit)
         elif rights.role is not None and rights.role < renewer.lease.role:
             await self._end(EndReason.RIGHT, ROLE_LOWERED)
-        elif permit.max_share != renewer.permit.max_share:
+
+    def _follow_speed_limit(self, rights: Rights) -> None:
+        """Send a changed speed limit with the next grant, at once."""
+        renewer, permit = self._renewer, rights.permit
+        if renewer and isinstance(permit, Permit) and permit.max_share != renewer.permit.max_share:
             renewer.permit = permit
             renewer.renew_soon()
 
@@ -355,7 +360,7 @@ def _leave(robot_id: UUID, connection: str, session: UUID | None) -> None:
     """Store that a connection is gone: its lease, or its place in line, may be resumed for a while."""
     now = timezone.now()
     if session is not None:
-        services.lease_lost(robot_id=robot_id, session=session, connection=connection, now=now)
+        services.lease_page_gone(robot_id=robot_id, session=session, connection=connection, now=now)
     line.line_away(robot_id=robot_id, connection=connection)
 
 

@@ -2,7 +2,7 @@
 
 The hub reads the database for all of them together: every 0.5 s for the holder of control and for connections that
 ask for it (`checked_often`), every 2 s for all. Control is renewed at the bridge only while these reads confirm it,
-so a stale read never prolongs control.
+so a stale read never prolongs control. A read also settles: it stores ends of leases and offers that are due.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from teleop.control.changes import ControlRefused
 from teleop.control.lease_checks import Phase
 from teleop.control.lease_events import LeaseEvents
 from teleop.control.selectors import SignIn, control_status, robot_entry, who_sees
-from teleop.control.services import lease_expire, lease_fit_slot, lease_keep
+from teleop.control.services import lease_expire, lease_fit_slot, lease_store_seen
 from teleop.control.status import ControlStatus, RobotEntry
 from teleop.live.topic_feed import TopicFeed
 from teleop.live.view_feed import ViewFeed
@@ -202,10 +202,13 @@ class RobotHub:
         self, people: Collection[SignIn], registry: bool
     ) -> tuple[RobotEntry | None, tuple[ControlStatus, float]]:
         """Read with one connection: to open one takes most of the time."""
-        return robot_entry(self.robot_id) if registry else None, self._read(people)
+        return robot_entry(self.robot_id) if registry else None, self._read_and_settle(people)
 
-    def _read(self, people: Collection[SignIn]) -> tuple[ControlStatus, float]:
-        """Return the status of control, and the monotonic time before the read: the answer may take long."""
+    def _read_and_settle(self, people: Collection[SignIn]) -> tuple[ControlStatus, float]:
+        """Read the status; store ends of leases and offers that are due.
+
+        Return the status and the monotonic time before the read: the answer may take long.
+        """
         confirmed_s = time.monotonic()
         sessions = [member.held_session for member in list(self.members.values()) if member.held_session]
         status = control_status(self.robot_id, people=people, sessions=sessions, now=timezone.now())
@@ -248,7 +251,7 @@ class RobotHub:
         for member in list(self.members.values()):
             if session := member.held_session:
                 silent = timedelta(seconds=time.monotonic() - member.heard_s)
-                lease_keep(
+                lease_store_seen(
                     robot_id=self.robot_id,
                     session=session,
                     connection=member.id,

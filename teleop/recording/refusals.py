@@ -92,10 +92,10 @@ def write_record(refused: RefusedRequest, times: int) -> None:
         close_old_connections()
 
 
-log = RepeatSuppressor(write_record)
-atexit.register(log.flush)
+refusal_records = RepeatSuppressor(write_record)
+atexit.register(refusal_records.flush)
 
 
 def record_soon(refused: RefusedRequest) -> None:
     """Record a refusal soon, in another thread."""
-    log.add(refused)
+    refusal_records.add(refused)

@@ -42,13 +42,13 @@ class Press(NamedTuple):
     person: User
     through: str  # interface: robot page, fleet page, page, rest
     robot_id: UUID
-    of: UUID | None  # the press that stopped the robot: this one, or the one that this one repeats
+    first_press: UUID | None  # the press that stopped the robot: this one, or the one that this one repeats
     answer: Future[Result]
 
     @property
     def key(self) -> Key:
         """Presses with the same key are repeats."""
-        return self.person.pk, self.robot_id, self.through, self.of
+        return self.person.pk, self.robot_id, self.through, self.first_press
 
     @property
     def gap_s(self) -> float:
@@ -58,7 +58,7 @@ class Press(NamedTuple):
     @property
     def deferrable(self) -> bool:
         """A press that stopped a robot is written at once. Any other press may be a repeat."""
-        return self.of is None
+        return self.first_press is None
 
 
 class StopButton:
@@ -72,7 +72,7 @@ class StopButton:
         self._answer: Future[Result] | None = None  # of the press that has no answer yet
         self._again = False
         self._number = 0  # of the newest stop that the bridge confirmed
-        self._of: UUID | None = None  # the newest press that was no repeat
+        self._first_press: UUID | None = None  # the newest press that was no repeat
         self._user = user
         self._through = through
         self._failed = failed
@@ -80,13 +80,13 @@ class StopButton:
     def press(self, link: BridgeLink, *, flood: bool = False) -> None:
         """Stop the robot behind `link`."""
         if self._is_cleared(link):
-            self._of = uuid4()
+            self._first_press = uuid4()
         if self._answer is None:
             self._answer = self._begin(link)
         elif flood or not link.send(stop_message(link.robot_id, self._user.display_name, press=uuid4())):
             self._again = True  # no link: other ways are being tried now; press once more after that
-        pressed = Press(self._user, self._through, link.robot_id, self._of, self._answer)
-        asyncio.get_running_loop().call_soon(log.add, pressed)  # only after the press is sent
+        pressed = Press(self._user, self._through, link.robot_id, self._first_press, self._answer)
+        asyncio.get_running_loop().call_soon(press_records.add, pressed)  # only after the press is sent
 
     def _is_cleared(self, link: BridgeLink) -> bool:
         """Return whether a press now is no repeat. The stop's number shows a state older than the last press."""
@@ -163,10 +163,10 @@ def _record(last: Press, times: int) -> None:
         last.answer.add_done_callback(on_answer)
 
 
-log = RepeatSuppressor(
+press_records = RepeatSuppressor(
     write_record, most=None
 )  # no limit: people cannot choose these keys (person, robot, interface)
-atexit.register(log.flush)
+atexit.register(press_records.flush)
 
 
 async def clear(link: BridgeLink, number: int, *, user: User, tab: Tab | None) -> None:
@@ -194,7 +194,7 @@ def press_once(robots: Sequence[Robot], *, user: User, through: str) -> Outcomes
     for robot, result in zip(robots, results, strict=True):
         answer: Future[Result] = Future()
         answer.set_result(result)
-        log.add(Press(user, through, robot.id, None, answer))
+        press_records.add(Press(user, through, robot.id, None, answer))
     return dict(zip(robots, results, strict=True))
 
 

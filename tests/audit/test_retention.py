@@ -17,7 +17,7 @@ from fleet.audit import retention
 from fleet.audit.integrity.verify import compare, verify_all
 from fleet.audit.kinds import KINDS
 from fleet.audit.models import Content, Record
-from fleet.audit.retention import expire, remove
+from fleet.audit.retention import expire_contents, remove_old_records
 from fleet.audit.services import record
 
 pytestmark = pytest.mark.django_db
@@ -62,7 +62,7 @@ def test_contents_go_when_the_days_of_their_class_are_over(kind, days, ago):
         old = record(kind, robot_id=ROBOT, text="old", private={"figure": 1}, parameters={"stays": True})
     with ago(days):
         young = record(kind, robot_id=ROBOT, text="young")
-    exhaust(expire(TODAY))
+    exhaust(expire_contents(TODAY))
     assert Record.objects.get(pk=old.pk).details == {"stays": True}
     assert Record.objects.get(pk=young.pk).details == {"text": "young"}
     assert verify_all().findings == []
@@ -72,7 +72,7 @@ def test_expiry_is_recorded_by_kind_day_and_number(ago):
     with ago(100):
         for text in "one", "two":
             record("speech.start", text=text)
-    exhaust(expire(TODAY))
+    exhaust(expire_contents(TODAY))
     expiry = Record.objects.get(kind="audit.expire")
     assert expiry.parameters["kinds"]["speech.start"] == {"before": "2033-03-03", "removed": 2}
 
@@ -80,12 +80,12 @@ def test_expiry_is_recorded_by_kind_day_and_number(ago):
 def test_a_second_expiry_has_nothing_to_do(ago):
     with ago(100):
         record("speech.start", text="old")
-    exhaust(expire(TODAY))
-    exhaust(expire(TODAY))
+    exhaust(expire_contents(TODAY))
+    exhaust(expire_contents(TODAY))
     assert Record.objects.filter(kind="audit.expire").count() == 1
 
 
-@pytest.mark.parametrize("go", [expire, remove])
+@pytest.mark.parametrize("go", [expire_contents, remove_old_records])
 def test_expired_texts_cannot_be_found(go, ago, five_years):
     with ago(2000):
         record("speech.start", text="Geheimnis")
@@ -104,7 +104,7 @@ def test_contents_go_in_small_steps(ago, monkeypatch):
     with ago(100):
         for number in range(5):
             record("speech.start", text=f"Sentence {number}.")
-    assert exhaust(expire(TODAY)) >= len(KINDS) + 3
+    assert exhaust(expire_contents(TODAY)) >= len(KINDS) + 3
     assert not Content.objects.filter(record__kind="speech.start").exists()
 
 
@@ -136,7 +136,7 @@ def test_records_go_up_to_a_checkpoint_of_their_chain(ago, five_years):
             record("speech.start", robot_id=ROBOT, robot_name="TIAGo 1", text=f"{days} days ago")
     third = Record.objects.get(robot_id=ROBOT, seq=3)
     with ago(0):
-        exhaust(remove(TODAY))
+        exhaust(remove_old_records(TODAY))
     left = list(Record.objects.filter(robot_id=ROBOT).order_by("seq"))
     assert [(entry.seq, entry.kind) for entry in left] == [
         (4, "speech.start"),
@@ -155,7 +155,7 @@ def test_many_go_in_several_steps_each_with_its_checkpoint(ago, five_years, monk
         for _ in range(5):
             record("stop.press", robot_id=ROBOT)
     with ago(0):
-        exhaust(remove(TODAY))
+        exhaust(remove_old_records(TODAY))
         assert verify_all().findings == []
         record("stop.press", robot_id=ROBOT)
     assert verify_all().findings == []
@@ -167,7 +167,7 @@ def test_a_clock_that_stands_wrong_removes_no_end_of_checkpoints(ago, five_years
     with ago(1900):
         record("stop.press", robot_id=ROBOT)
     with ago(1890):
-        exhaust(remove(TODAY))
+        exhaust(remove_old_records(TODAY))
     assert [entry.kind for entry in Record.objects.filter(robot_id=ROBOT)] == ["audit.checkpoint"]
 
 
@@ -177,7 +177,7 @@ def test_an_outcome_outlives_its_request(ago, five_years):
     with ago(10):
         record("motion.end", robot_id=ROBOT, of=asked)
     with ago(0):
-        exhaust(remove(TODAY))
+        exhaust(remove_old_records(TODAY))
     connection.check_constraints()
     assert Record.objects.get(kind="motion.end").of_id == asked.pk
 
@@ -188,7 +188,7 @@ def test_nothing_beyond_the_checkpoint_can_be_removed(ago, five_years):
     with ago(10):
         young = record("stop.press", robot_id=ROBOT)
     with ago(0):
-        exhaust(remove(TODAY))
+        exhaust(remove_old_records(TODAY))
     with pytest.raises(DatabaseError, match="append-only"), transaction.atomic():
         Record.objects.filter(pk=young.pk)._raw_delete("default")
 
@@ -210,7 +210,7 @@ def test_future_records_expire_with_their_successors(ago, five_years, monkeypatc
     for before in days:
         with ago(before):
             record("speech.start", robot_id=ROBOT, robot_name="TIAGo 1", text="Hello.")
-    exhaust(remove(TODAY))
+    exhaust(remove_old_records(TODAY))
     left = Record.objects.filter(robot_id=ROBOT).order_by("seq").values_list("seq", flat=True)
     assert list(left) == [6, 7, 8, 9, 10]  # and three checkpoints
     assert verify_all().findings == []
@@ -223,8 +223,8 @@ def test_records_are_removed_without_later_ones_of_their_robot(ago, five_years):
     with ago(1900):
         record("stop.press")
     with ago(1850):
-        exhaust(expire(TODAY))
-    exhaust(remove(TODAY))
+        exhaust(expire_contents(TODAY))
+    exhaust(remove_old_records(TODAY))
     assert [entry.kind for entry in Record.objects.filter(robot_id=ROBOT)] == ["audit.checkpoint"]
     assert not Record.objects.filter(kind="audit.expire").exists()
     assert verify_all().findings == []
@@ -237,13 +237,13 @@ def test_so_do_their_contents(ago):
         record("stop.press")
     with ago(-20000):
         second = record("speech.start", text="by a clock that was ahead again")
-    exhaust(expire(TODAY))
+    exhaust(expire_contents(TODAY))
     assert Record.objects.get(kind="audit.expire").parameters["misdated"] == [first.pk]
     assert list(Content.objects.filter(record__kind="speech.start").values_list("pk", flat=True)) == [
         second.pk
     ]
     assert verify_all().findings == []
-    exhaust(expire(TODAY))
+    exhaust(expire_contents(TODAY))
     assert Record.objects.filter(kind="audit.expire").count() == 1
 
 
@@ -264,7 +264,7 @@ def test_removed_future_records_fit_heads_of_their_time(ago, five_years):
     heads = verify_all().heads
     with ago(1850):
         record("stop.press", robot_id=ROBOT)
-    exhaust(remove(TODAY))
+    exhaust(remove_old_records(TODAY))
     assert list(compare(heads)) == []
 
 
@@ -287,15 +287,15 @@ def kept() -> list[str]:
     return list(Content.objects.exclude(text="").order_by("pk").values_list("text", flat=True))
 
 
-def keep_house(at=TODAY) -> None:
-    exhaust(retention.keep_house(datetime(at.year, at.month, at.day, 12, tzinfo=timezone.utc)))
+def housekeeping(at=TODAY) -> None:
+    exhaust(retention.remove_expired(datetime(at.year, at.month, at.day, 12, tzinfo=timezone.utc)))
 
 
 def test_by_a_clock_that_is_years_ahead_nothing_goes(spoken, ago, caplog):
     """Neither before nor after a person caused a record with the wrong date."""
     spoken(4000, 3999)
     for _ in range(2):
-        keep_house()
+        housekeeping()
         assert kept()[:2] == ["4000 days ago", "3999 days ago"]
         spoken(0)
     assert "manage.py confirm_clock" in caplog.text
@@ -310,7 +310,7 @@ def test_expiry_continues_when_a_person_confirms_the_clock(spoken):
     assert "it is 2033-06-01 12:00" in words.getvalue()
     reset = Record.objects.get(kind="audit.clock")
     assert (reset.outcome, reset.actor_id[:7]) == ("confirmed", "system:")
-    keep_house()
+    housekeeping()
     assert kept() == ["0 days ago"]
 
 
@@ -319,22 +319,22 @@ def test_expiry_continues_after_days_without_use(spoken, ago):
     spoken(150)
     for before in range(retention.SILENCE.days, 0, -1):
         with ago(before):
-            keep_house(TODAY - timedelta(days=before))
+            housekeeping(TODAY - timedelta(days=before))
     assert kept() == ["150 days ago"]
-    keep_house()
+    housekeeping()
     assert kept() == []
 
 
 @pytest.mark.parametrize("days", [(100, 60, 20), (100, 61, 41, 1), (91, 80, 40)])
 def test_no_silence_no_doubt(spoken, days):
     spoken(*days)
-    keep_house()
+    housekeeping()
     assert f"{days[0]} days ago" not in kept()
 
 
 def test_a_future_record_does_not_confirm_the_clock(spoken):
     spoken(150, -20000)
-    keep_house()
+    housekeeping()
     assert "150 days ago" in kept()
 
 
@@ -350,7 +350,7 @@ def test_a_clock_that_is_ahead_again_and_again_is_believed_never(spoken, ago, us
                 if used or before < ahead / 2:
                     record("fault", outcome="away", text=f"{before} days ago")
                 assert retention.clock_is_doubted(today) == (before < ahead / 2)
-                keep_house(today)
+                housekeeping(today)
     assert f"{ahead + 35} days ago" in kept()
     assert verify_all().findings == []
 
@@ -367,17 +367,17 @@ def test_a_confirmed_clock_counts_for_its_time_only(spoken, ago):
 def test_after_a_clock_that_was_years_behind_it_is_doubted_too(spoken):
     """Only a person can decide which of two clocks is right."""
     spoken(100, 60, 20, 4000, 0)
-    keep_house()
+    housekeeping()
     assert "100 days ago" in kept()
     call_command("confirm_clock", stdout=io.StringIO())
-    keep_house()
+    housekeeping()
     assert kept() == ["60 days ago", "20 days ago", "0 days ago"]
 
 
 def test_a_clock_set_back_is_recorded_once(spoken):
     spoken(60, 30, -20000)
     for _ in range(2):
-        keep_house()
+        housekeeping()
     assert list(Record.objects.filter(kind="audit.clock").values_list("outcome", "day")) == [
         ("set_back", TODAY)
     ]

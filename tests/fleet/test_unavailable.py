@@ -81,7 +81,7 @@ def test_a_script_gets_json(lock, operator, signed_in):
 
 
 def test_a_stop_without_scripts_is_answered_while_it_is_locked(lock, robot, operator, signed_in, monkeypatch):
-    monkeypatch.setattr(emergency_stop.log, "add", lambda _press: None)
+    monkeypatch.setattr(emergency_stop.press_records, "add", lambda _press: None)
     monkeypatch.setattr(emergency_stop, "press_all", lambda _robots, _by: [Stopped(StopState("stopped"))])
     desk = signed_in(operator)
     lock()

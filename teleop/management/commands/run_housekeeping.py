@@ -143,7 +143,7 @@ def daily_steps() -> Iterator[None]:
     while remove_old_deliveries(now):
         yield
     remove_old_answers(now)
-    yield from retention.keep_house(now)
+    yield from retention.remove_expired(now)
     if not retention.clock_is_doubted(now.date()):
         waiting.forget_past(now)
         remove_expired_tokens(now)

@@ -501,7 +501,7 @@ async def test_control_ends_with_its_term_even_if_not_recorded(open_page, bridge
     page = await open_page("operator")
     fence = (await page.take())["fence"]
     monkeypatch.setattr(audit, "record", unavailable)
-    monkeypatch.setattr(robot_hub, "lease_keep", away)
+    monkeypatch.setattr(robot_hub, "lease_store_seen", away)
     await moves_on(term_ends_at=timezone.now())
     assert (await bridge.hears(wire.Revoke)).fence == fence
     await page.hears("notice", code="term")

@@ -192,7 +192,9 @@ def test_renewal_is_refused_while_another_person_asks(robot, operator, second_op
 
 def test_returning_page_keeps_its_fence(robot, operator):
     held = take(robot, operator)
-    services.lease_lost(robot_id=robot.id, session=held.session, connection="operator-connection", now=NOW)
+    services.lease_page_gone(
+        robot_id=robot.id, session=held.session, connection="operator-connection", now=NOW
+    )
     back = Tab("operator-tab", "operator-sign-in", "new-connection")
     services.lease_resume(robot_id=robot.id, user_id=operator.id, tab=back, now=NOW + timedelta(seconds=9))
     again = lease_of(robot.id)
@@ -201,7 +203,9 @@ def test_returning_page_keeps_its_fence(robot, operator):
 
 def test_resume_is_refused_after_the_grace(robot, operator):
     held = take(robot, operator)
-    services.lease_lost(robot_id=robot.id, session=held.session, connection="operator-connection", now=NOW)
+    services.lease_page_gone(
+        robot_id=robot.id, session=held.session, connection="operator-connection", now=NOW
+    )
     refusal = refused(
         services.lease_resume,
         robot_id=robot.id,
@@ -384,8 +388,8 @@ def test_only_the_holding_connection_counts_as_seen(robot, operator):
     held = take(robot, operator)
     later = NOW + timedelta(seconds=5)
     seen = {"robot_id": robot.id, "seen_at": later}
-    services.lease_keep(session=held.session, connection="another", **seen)
-    services.lease_keep(session=uuid4(), connection="operator-connection", **seen)
+    services.lease_store_seen(session=held.session, connection="another", **seen)
+    services.lease_store_seen(session=uuid4(), connection="operator-connection", **seen)
     assert lease_of(robot.id).seen_at == NOW
-    services.lease_keep(session=held.session, connection="operator-connection", **seen)
+    services.lease_store_seen(session=held.session, connection="operator-connection", **seen)
     assert lease_of(robot.id).seen_at == later

@@ -13,7 +13,7 @@ from robots import wire
 from robots.access.models import Course, Enrolment, Qualification, QualificationGrant, RobotGroup
 from robots.registry.models import Robot, RobotRole
 from teleop.background.database import in_database
-from teleop.live import lease_renewal, robot_hub
+from teleop.live import grant_renewal, robot_hub
 from teleop.live.consumers.message_socket import CloseCode
 from teleop.live.robot_hub import STATUS_S
 from teleop.models import ControlSession, EndReason
@@ -221,24 +221,24 @@ def away(*_args, **_kwargs):
 
 async def is_not_renewed(bridge):
     """Check that grants stop soon."""
-    await asyncio.sleep(STATUS_S + lease_renewal.CONFIRMED_S)  # the last confirmation is valid that long
+    await asyncio.sleep(STATUS_S + grant_renewal.CONFIRMED_S)  # the last confirmation is valid that long
     granted = len(bridge.all(wire.Grant))
     with pytest.raises(asyncio.TimeoutError):
-        await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5 * lease_renewal.RENEW_S)
+        await asyncio.wait_for(bridge.hears(wire.Grant, count=granted + 1), 1.5 * grant_renewal.RENEW_S)
 
 
 async def test_unconfirmed_control_is_not_renewed(holder, bridge, monkeypatch):
     """The database fails: the bridge's own clock ends control three seconds later."""
-    monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
+    monkeypatch.setattr(grant_renewal, "CONFIRMED_S", 0.6)
     monkeypatch.setattr(robot_hub, "control_status", away)
     monkeypatch.setattr(robot_hub, "robot_entry", away)
     await is_not_renewed(bridge)
 
 
 async def test_lasting_fault_of_renewal_is_logged_once(holder, bridge, monkeypatch, caplog):
-    monkeypatch.setattr(lease_renewal, "RENEW_S", 0.02)
+    monkeypatch.setattr(grant_renewal, "RENEW_S", 0.02)
     tries = asyncio.Semaphore(0)
-    grant = lease_renewal.LeaseRenewer._grant
+    grant = grant_renewal.GrantRenewer._grant
 
     async def fails(_grip):
         tries.release()
@@ -249,16 +249,16 @@ async def test_lasting_fault_of_renewal_is_logged_once(holder, bridge, monkeypat
             await asyncio.wait_for(tries.acquire(), 5.0)
 
     for logged in (1, 2):
-        monkeypatch.setattr(lease_renewal.LeaseRenewer, "_grant", fails)
+        monkeypatch.setattr(grant_renewal.GrantRenewer, "_grant", fails)
         await tried(4)
         assert caplog.text.count("was not renewed") == logged
-        monkeypatch.setattr(lease_renewal.LeaseRenewer, "_grant", grant)
+        monkeypatch.setattr(grant_renewal.GrantRenewer, "_grant", grant)
         await bridge.hears(wire.Grant, count=len(bridge.all(wire.Grant)) + 1)
 
 
 async def test_read_of_others_rights_confirms_no_control(holder, open_page, bridge, monkeypatch):
     """The hub reads each newcomer's rights; that does not confirm the holder's."""
-    monkeypatch.setattr(lease_renewal, "CONFIRMED_S", 0.6)
+    monkeypatch.setattr(grant_renewal, "CONFIRMED_S", 0.6)
     [hub] = robot_hub._hubs.values()
     holder = next(iter(hub.members.values()))
     read = robot_hub.control_status

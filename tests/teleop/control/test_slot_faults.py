@@ -12,7 +12,7 @@ from robots import wire
 from robots.access.models import Course, Enrolment, RobotGroup
 from robots.access.selectors import lab_date
 from teleop.background.database import in_database
-from teleop.live.lease_renewal import GRANT_S
+from teleop.live.grant_renewal import GRANT_S
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)

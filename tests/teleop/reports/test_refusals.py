@@ -102,7 +102,7 @@ def test_waiting_refusals_do_not_take_the_places_of_others():
 def test_press_that_stopped_a_robot_is_written_at_once():
     written_events = []
     log = repeat_suppression.RepeatSuppressor(
-        lambda press, times: written_events.append((press.of, times)), most=None
+        lambda press, times: written_events.append((press.first_press, times)), most=None
     )
     person = User(username="p")
     fresh = uuid4()

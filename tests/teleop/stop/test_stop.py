@@ -148,11 +148,11 @@ async def test_stop_after_a_clear_is_no_repeat(open_page, bridge, robot, monkeyp
             control = await holder.take()
     first, second = [record for record in await records("stop.press") if not record.of_id]
     assert (first.session_id, str(second.session_id)) == (None, control["session"])
-    await asyncio.to_thread(emergency_stop.log.flush)
+    await asyncio.to_thread(emergency_stop.press_records.flush)
     assert [times for times, _ in await recorded_presses(4)] == [1, 1, 1, 1]
 
 
-async def test_presses_by_form_share_found_pressestoo(browsers, bridge, monkeypatch):
+async def test_presses_by_form_share_records_too(browsers, bridge, monkeypatch):
     monkeypatch.setattr(emergency_stop, "GAP_S", 1.0)
     for _ in range(10):
         assert (await post(browsers["observer"], "/api/v1/stop/")).status_code == 200
@@ -168,7 +168,7 @@ async def test_press_after_a_pause_has_its_own_record(open_page, bridge, monkeyp
     for count in (1, 2):
         await page.say("stop")
         assert await recorded_presses(count) == [(1, "stopping")] * count
-        await eventually(lambda: not emergency_stop.log._waiting)
+        await eventually(lambda: not emergency_stop.press_records._waiting)
 
 
 async def test_stops_are_never_refused_for_their_number(open_page, bridge):

@@ -23,8 +23,8 @@ RENEW_S = 1.0
 CONFIRMED_S = 2.0  # without confirmation by the database for so long, control is not renewed
 
 
-class LeaseRenewer:
-    """Renews one lease of one connection from its start until `revoke`, `leave` or `pass_on`.
+class GrantRenewer:
+    """Renews the grant of one connection's lease from its start until `revoke`, `leave` or `pass_on`.
 
     `answered` is called after the first grant, `refused` when the bridge refuses this control for good. `delay_s`
     returns the round trip time to the page (None: not known yet); the bridge adds it to its latency. `silent_s`

@@ -7,8 +7,8 @@ from uuid import uuid4
 
 from django.utils import timezone
 
-from teleop.live import lease_renewal
-from teleop.live.lease_renewal import LeaseRenewer
+from teleop.live import grant_renewal
+from teleop.live.grant_renewal import GrantRenewer
 from tests.teleop.support import TIMEOUT_S
 
 
@@ -28,13 +28,13 @@ class Link:
 
 
 async def test_a_change_during_a_renewal_is_sent_right_after_it(monkeypatch):
-    monkeypatch.setattr(lease_renewal, "RENEW_S", 60.0)
+    monkeypatch.setattr(grant_renewal, "RENEW_S", 60.0)
     link, camera_s = Link(), [0.1]
 
     async def nothing(*_):
         """Hear an answer."""
 
-    renewer = LeaseRenewer(
+    renewer = GrantRenewer(
         SimpleNamespace(link=link, confirmed_s=float("inf"), robot_id=uuid4()),
         SimpleNamespace(
             fence=1,
