@@ -1,7 +1,6 @@
 /** The robot's health on the control page: in the header when something is wrong, in Details always, told when it gets worse. */
 
-import { fill } from "../control/status/details.js";
-import { mark, setText, setTextOrHide, show } from "../lib/dom.js";
+import { fill, mark, setText, setTextOrHide, show } from "../lib/dom.js";
 import {
   BADNESS,
   batteryText,

@@ -52,6 +52,18 @@ export function makeButton(settings, press) {
   return button;
 }
 
+function sameTexts(list, texts) {
+  return (
+    list.children.length === texts.length &&
+    texts.every((text, i) => list.children[i].textContent === text)
+  );
+}
+
+/** Fills a list with one item for each text, if it has other items now. */
+export function fill(list, texts) {
+  if (!sameTexts(list, texts)) list.replaceChildren(...texts.map((text) => make("li", { text })));
+}
+
 /** Every element with `data-part` below a root, by that name. */
 export function parts(root) {
   const found = {};

@@ -1,6 +1,6 @@
 /** The side panel: sensors, speed limits, who watches, what the robot refused. */
 
-import { make, setText, setTextOrHide, show } from "../../lib/dom.js";
+import { fill, make, setText, setTextOrHide, show } from "../../lib/dom.js";
 import { pageLanguage } from "../../lib/languages.js";
 import { timeText } from "../../lib/times.js";
 import { namesOf, plain, sensorName, stickWords } from "./plain_words.js";
@@ -43,17 +43,6 @@ function roughly(count) {
 function sensorRow() {
   const name = make("span", { className: "first-upper", children: [make("span"), make("code")] });
   return make("li", { children: [name, make("span")] });
-}
-
-function sameTexts(list, texts) {
-  return (
-    list.children.length === texts.length &&
-    texts.every((text, i) => list.children[i].textContent === text)
-  );
-}
-
-function fill(list, texts) {
-  if (!sameTexts(list, texts)) list.replaceChildren(...texts.map((text) => make("li", { text })));
 }
 
 export class Details {
@@ -117,5 +106,3 @@ export class Details {
     while (list.children.length > sensors.length) list.lastElementChild.remove();
   }
 }
-
-export { fill };

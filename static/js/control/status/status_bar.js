@@ -2,10 +2,10 @@
 
 import { HealthPanel } from "../../health/health_panel.js";
 import { Announcer } from "../../lib/announce.js";
-import { mark, setText, show } from "../../lib/dom.js";
+import { fill, mark, setText, show } from "../../lib/dom.js";
 import { SAID_MS } from "../stop/stop_button.js";
 import { banner } from "./banner.js";
-import { Details, fill } from "./details.js";
+import { Details } from "./details.js";
 import { brief, namesOf, plain } from "./plain_words.js";
 import { Reasons } from "./reasons.js";
 import { connectionFact, isStale, limitsOf, stopText, verdictText } from "./status_text.js";
