@@ -1,0 +1,1 @@
+"""Commands of development, such as `script/demo` and `script/test`, and `stack/`: the console's processes together."""

@@ -1,1 +1,5 @@
-"""The REST API: `v1` has its operations; beside it are the addresses and the metrics for Prometheus."""
+"""The REST API: `v1` has its operations.
+
+Beside it: the addresses (`urls.py`), the metrics for Prometheus (`metrics.py`), and those of the other web and pages
+processes (`web_processes.py`).
+"""

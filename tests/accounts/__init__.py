@@ -1,0 +1,1 @@
+"""Accounts of people and programs: changes, sessions, tokens, e-mails, and erasing a person."""

@@ -1,0 +1,1 @@
+"""The audit log: kinds, chain, triggers, search, lists, exports, verification, retention."""

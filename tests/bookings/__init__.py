@@ -1,0 +1,1 @@
+"""Slots: rules, services, pages, courses, policies, series, races."""

@@ -1,0 +1,1 @@
+"""The bridge without ROS: its core and its parts."""

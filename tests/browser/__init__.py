@@ -1,0 +1,1 @@
+"""The running console in a real browser."""

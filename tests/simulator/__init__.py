@@ -1,0 +1,1 @@
+"""The simulated robot without ROS: faults, speech, worlds, and its parts."""

@@ -1,0 +1,1 @@
+"""Parts of the camera process without rospy: headers, lenses, encoding, age of pictures."""

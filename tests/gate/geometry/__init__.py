@@ -1,0 +1,1 @@
+"""Geometry of the gate: arcs, footprints, swept areas."""

@@ -1,0 +1,1 @@
+"""Motion in the gate: braking, rollouts, certificates, safe twists."""

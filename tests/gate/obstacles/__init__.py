@@ -1,0 +1,1 @@
+"""Obstacles: memory, movers, headings, and what is computed again."""

@@ -1,0 +1,1 @@
+"""From messages to points: depth pictures and laser scans."""

@@ -1,0 +1,1 @@
+"""Time in the gate: latency, acknowledgements, stale data, restarts."""

@@ -1,0 +1,1 @@
+"""Diagnostics of a robot on ROS."""

@@ -1,0 +1,1 @@
+"""Drives to a place on ROS, and the watch over them."""

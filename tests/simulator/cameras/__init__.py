@@ -1,0 +1,1 @@
+"""Pictures of the simulated cameras, and the time that is drawn into them."""

@@ -1,0 +1,1 @@
+"""Joints of the simulated robot: arm, head, motions, trajectories."""

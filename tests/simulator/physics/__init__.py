@@ -1,0 +1,1 @@
+"""Physics of the simulated base, and its mux."""

@@ -1,0 +1,1 @@
+"""Simulated odometry and distance sensors."""

@@ -1,0 +1,1 @@
+"""The REST API: operations, schema, error codes, control by programs."""

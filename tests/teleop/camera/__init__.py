@@ -1,0 +1,1 @@
+"""Camera pictures to pages: sockets, quality, viewers."""
