@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 RETRY_S = (0.3, 2.0)  # first and longest pause between attempts
 CLOSE_S = 0.2
 
-STARTING = Refusal("camera_starts", "The console starts its camera process: wait a moment.", "robot")
+STARTING = Refusal("camera_starts", "The camera starts: wait a moment.", "robot")
 
 _state = msgspec.json.Decoder(CameraState)
 

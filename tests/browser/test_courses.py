@@ -44,7 +44,7 @@ def test_a_course_from_csv_to_the_wheel(person: Arrive, induction: str) -> None:
     expect(page.get_by_text("2 people were granted")).to_be_visible()
     operator.take(ROBOT)
     page.get_by_label("Everybody in the course").check()
-    page.get_by_role("button", name="Revoke").click()
+    page.get_by_role("button", name="Revoke the qualification").click()
     operator.until(lambda: operator.control["state"] != "yours", "control to end")
     expect(operator.part("why")).to_contain_text(induction)
     page.get_by_role("button", name="Archive").click()

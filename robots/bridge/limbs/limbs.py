@@ -52,10 +52,7 @@ class Limbs:
     def _arm_away(self, now_s: float) -> Refusal | None:
         if not self._has_arm or now_s - self._at_home_s <= KNOWN_S:
             return None
-        text = (
-            "The torso carries the arm, and no sensor checks the space above and below the arm: "
-            "bring the arm home first."
-        )
+        text = "Bring the arm home first: the torso carries it, and no sensor checks the space above and below it."
         return Refusal("arm_away", text, "robot")
 
     def arm(self, at_home: bool, now_s: float) -> None:

@@ -26,7 +26,7 @@ JUMP_M, JUMP_RAD = 0.5, 0.5  # from one transform to the next, against the odome
 
 MISSING = Refusal(
     "localisation_missing",
-    "The robot does not know where it is on its map: tell it first (“Robot is here”).",
+    "Tell the robot first where it is (“Robot is here”): it does not know its place on its map.",
     "robot",
 )
 

@@ -271,7 +271,7 @@ function rounded(pose) {
 
 function lostText() {
   return gettext(
-    "The robot does not know where it is. Press “Robot is here”, then press its place on the map.",
+    "The robot does not know where it is: press “Robot is here”, then its place.",
   );
 }
 

@@ -101,7 +101,7 @@ export function phaseTitle(phase) {
   const titles = {
     waiting: gettext("Waiting for the robot"),
     connecting: gettext("The robot is not ready"),
-    refused: gettext("Another bridge may have this robot"),
+    refused: gettext("The robot is not joined"),
     online: gettext("Online"),
   };
   return titles[phase] ?? phase;
