@@ -142,7 +142,7 @@ class InspectorProcess:
     def stop(self) -> int:
         assert self.process.stdin is not None and self.process.stdout is not None
         self._ended.set()
-        with self._writing:
+        with self._writing, suppress(BrokenPipeError):  # it may have ended before it read the last message
             self.process.stdin.close()
         try:
             return self.process.wait(PATIENCE_S)
