@@ -258,7 +258,7 @@ class LimbMove(Goals[Target]):
     def _left(self, goal_id: str, now_s: float) -> bool:
         """Return whether an earlier bridge's goal is kept: the controller was not told to cancel it, the fingers stand.
 
-        They may hold something, and a bridge that begins anew must not let it fall.
+        They may hold something, and a bridge that restarts must not let it fall.
         """
         at_m = self.at_m
         if at_m is None:

@@ -26,7 +26,7 @@ from robots.bridge.ros.vital import start_vital
 
 log = logging.getLogger(__name__)
 
-LARGEST_SHOWN = 16 * 1024  # bytes of a `Shown`
+LARGEST_SHOWN = 16 * 1024  # bytes of a `Sample`
 LEVELS = (Detail(32, 16, 500), Detail(8, 4, 100), Detail(2, 1, 40))  # of detail; the first that fits is shown
 # a report without a new message: for its figures, and for late viewers
 AGAIN_S = 1.0
@@ -72,7 +72,7 @@ class Subscription:
         return self.shown_s + (self.gap_s if fresh else max(self.gap_s, AGAIN_S))
 
     def show(self, definitions: Definitions, now_s: float) -> bytes:
-        """Return the present `Shown`."""
+        """Return the present `Sample`."""
         with self._awake:
             message, number = self._newest, self._number
         self.shown_s, self._shown_number = now_s, number
@@ -168,7 +168,7 @@ def _silence(topic: str, number: int, publishers: int) -> wire.Refusal | None:
 
 
 class Subscriptions:
-    """All subscriptions. `send` passes on a topic and its `Shown`; while it blocks, no message is decoded."""
+    """All subscriptions. `send` passes on a topic and its `Sample`; while it blocks, no message is decoded."""
 
     def __init__(self, definitions: Definitions, send: Callable[[str, bytes], None]) -> None:
         self._definitions = definitions
