@@ -341,12 +341,6 @@ def set_faults(stack: Stack, names: str, robot: str = ROBOT) -> None:
 
 def make_a_course(page: Page, url: str) -> None:
     """Take the pictures for teachers: the list before it is done, and the course's page."""
-    page.goto(f"{url}/qualifications/")
-    new = page.get_by_role("region", name="New qualification")
-    new.get_by_label("Name").fill("Safety induction")
-    new.get_by_label("Description").fill("Every Monday at 9, room 12.")
-    new.get_by_role("checkbox").first.check()
-    new.get_by_role("button", name="Save").click()
     page.goto(f"{url}/courses/new/")
     page.get_by_label("Name", exact=True).fill("Human-robot interaction")
     page.get_by_label("Last day").fill(f"{datetime.now(timezone.utc) + timedelta(days=120):%Y-%m-%d}")

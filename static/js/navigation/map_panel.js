@@ -270,9 +270,7 @@ function rounded(pose) {
 }
 
 function lostText() {
-  return gettext(
-    "The robot does not know where it is: press “Robot is here”, then its place.",
-  );
+  return gettext("The robot does not know where it is: press “Robot is here”, then its place.");
 }
 
 function unknownText() {
