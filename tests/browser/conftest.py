@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import cache
+from pathlib import Path
 from typing import Any, NoReturn
 from uuid import uuid4
 
@@ -37,8 +38,16 @@ ROBOTS = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run the usability tasks first: they start separate robots, and these need not run next to all others."""
-    items.sort(key=lambda item: item.path.name != "test_usability.py")
+    """Run the usability tasks first: they start separate robots, and these need not run next to all others.
+
+    Then by file name, in any folder: robots stand where the previous file left them.
+    """
+    folder = Path(__file__).parent
+
+    def place(item: pytest.Item) -> tuple[bool, str]:
+        return item.path.name != "test_usability.py", item.path.name if folder in item.path.parents else ""
+
+    items.sort(key=place)
 
 
 @pytest.fixture(scope="package")

@@ -13,8 +13,8 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from script.stack.stack import Stack
+from tests.browser.control.test_console import go_to, notice
 from tests.browser.people import Person
-from tests.browser.test_console import go_to, notice
 from tests.browser.test_pages import A_LONG_NAME, SIZES, found_by_axe
 
 Arrive = Callable[..., Person]

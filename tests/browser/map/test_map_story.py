@@ -12,10 +12,10 @@ from playwright.sync_api import Browser, expect
 
 from script.stack.stack import PracticeRobot
 from tests.browser.conftest import ARGUMENTS, CHROMIUM
+from tests.browser.control.test_limbs import at
+from tests.browser.control.test_scene import figures, opened
+from tests.browser.map.test_map import PIXEL, open_map
 from tests.browser.people import Fingers, Person, running_stack
-from tests.browser.test_limbs import at
-from tests.browser.test_map import PIXEL, open_map
-from tests.browser.test_scene import figures, opened
 
 ANSWERS_S, DRIVES_S = 6.0, 120.0
 START, KITCHEN, DOCK = (7.6, 2.0), (1.3, 1.0), (9.2, 2.6)

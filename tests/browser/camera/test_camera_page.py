@@ -13,9 +13,9 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from script.stack.stack import Stack
+from tests.browser.camera.test_camera import shows_a_picture
 from tests.browser.conftest import ROBOTS
 from tests.browser.people import Person, faults_of, running_stack
-from tests.browser.test_camera import shows_a_picture
 from tests.browser.test_pages import SIZES, axe_accepts, box_of, overlap, too_small
 
 Arrive = Callable[..., Person]

@@ -1,0 +1,1 @@
+"""Pictures of the cameras on the control page."""

@@ -1,0 +1,1 @@
+"""The control page: driving, tabs, limbs, health, topics, 3D view."""

@@ -1,0 +1,1 @@
+"""The map of a robot, drives to a place, and the fleet map."""
