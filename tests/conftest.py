@@ -44,7 +44,7 @@ hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "steady"))
 PASSWORD = "a long walk on the beach"
 LONG_FILES = (
     "fleet/test_no_faults.py",
-    "api/test_schema.py",
+    "api/framework/test_schema.py",
     "control/test_control.py",
     "teleop/test_access_matrix.py",
     "reports/test_housekeeping.py",

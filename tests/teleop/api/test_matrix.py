@@ -133,7 +133,7 @@ class Row:
 
 READ, DRIVE, SPEAK, MOTIONS, TOPICS, BOOK, MANAGE = ((scope,) for scope in Scope)
 # Control and what needs it are decided by the web process, which is away here: the door lets through whoever
-# sees the robot. `tests/script/test_programs.py` has the rest.
+# sees the robot. `tests/script/programs/test_programs.py` has the rest.
 NO_LEASE, NO_PROGRAMS = seen("no_lease"), seen("no_programs")
 DAY = {"starts_at": words(hour(24)), "ends_at": words(hour(25))}
 SLOT = {"starts_at": words(hour(48)), "ends_at": words(hour(49))}

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from script.stack.stack import PRACTICE_ROBOTS, Stack
-from tests.script.database_away import stands_while
+from tests.script.audit.database_away import stands_while
 from tests.script.servers import Postgresql, running_postgresql
 
 

@@ -125,7 +125,7 @@ def test_truncate_is_refused(table):
 @pytest.mark.skipif(connection.vendor != "postgresql", reason="SQLite has no roles")
 def test_the_documented_database_rights_are_enough(operator):
     """Runs the statements of docs/deployment.md."""
-    notes = (Path(__file__).parents[2] / "docs/deployment.md").read_text()
+    notes = (Path(__file__).parents[3] / "docs/deployment.md").read_text()
     grants = re.findall(r"^    ((?:REVOKE|GRANT) .* audit_.*;)$", notes, re.MULTILINE)
     assert len(grants) >= 5
     with connection.cursor() as cursor:

@@ -15,7 +15,7 @@ import pytest
 from benchmarks.soak.killed import Embedded, Person, Rounds, Witness
 from script.stack.client import sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
-from tests.script.database_away import stands_while
+from tests.script.audit.database_away import stands_while
 
 ROUNDS = [("web",), ("bridge",), ("database",), ("web", "bridge"), ("database",)]
 KINDS = {"drive.start", "speech.start", "motion.start", "publish.start"}

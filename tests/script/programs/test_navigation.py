@@ -11,8 +11,8 @@ import pytest
 from robots import wire
 from script.stack.client import Driver, sign_in
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from tests.script.programs.test_programs import ROBOT, Api
 from tests.script.support import token
-from tests.script.test_programs import ROBOT, Api
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 from tests.processes import outside
 from tests.script.servers import postgresql
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TESTS = [
     "tests/accounts/test_erase_person.py",
     "tests/fleet/test_migration.py",
@@ -20,19 +20,13 @@ TESTS = [
     "tests/teleop/control/test_lease.py",
     "tests/teleop/reports/test_reports.py",
     *(
-        f"tests/audit/test_{name}.py"
-        for name in (
-            *(
-                "append_only",
-                "chain",
-                "exports",
-                "index_check",
-                "lists",
-                "invented_lab",
-                "record",
-            ),
-            *("retention", "search", "triggers", "verify"),
+        f"tests/audit/{folder}test_{name}.py"
+        for folder, names in (
+            ("", ("invented_lab", "record", "retention")),
+            ("integrity/", ("append_only", "chain", "index_check", "triggers", "verify")),
+            ("reading/", ("exports", "lists", "search")),
         )
+        for name in names
     ),
 ]
 

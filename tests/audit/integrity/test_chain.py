@@ -24,7 +24,7 @@ from fleet.audit.models import Chain, Record
 from fleet.audit.services import record
 
 ROBOT = uuid.UUID("7b0c1d9e-0000-4000-8000-000000000001")
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 WRITER = """
 import sys, uuid, django
 django.setup()

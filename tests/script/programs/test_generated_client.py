@@ -14,8 +14,8 @@ import pytest
 
 from script.stack.messages import OPENAPI
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
+from tests.script.programs.test_programs import ROBOT
 from tests.script.support import token
-from tests.script.test_programs import ROBOT
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from tests.processes import REPOSITORY
 
 
 def result_of(way):
-    command = [sys.executable, "-m", "tests.fleet.server.endless", way]
+    command = [sys.executable, "-m", "tests.fleet.server.pages.endless", way]
     printed = subprocess.run(command, cwd=REPOSITORY, stdout=subprocess.PIPE, check=True, timeout=120).stdout
     return json.loads(printed)
 

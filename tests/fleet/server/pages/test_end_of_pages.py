@@ -11,7 +11,7 @@ import pytest
 from script.stack.processes import Child, end_all
 from script.stack.stack import daphne
 from tests.fleet.server.conftest import Web
-from tests.fleet.server.test_pages import ask, pages_process
+from tests.fleet.server.pages.test_pages import ask, pages_process
 from tests.fleet.support import console_environment
 from tests.processes import until
 
@@ -21,7 +21,7 @@ def lasting(tmp_path_factory):
     """A web process with an application whose answers last."""
     directory = tmp_path_factory.mktemp("lasting")
     environ = console_environment(directory, "127.0.0.1")
-    command = [*daphne()[:-1], "tests.fleet.server.lasting:application"]
+    command = [*daphne()[:-1], "tests.fleet.server.pages.lasting:application"]
     with socket.create_server(("127.0.0.1", 0)) as free:
         fd = free.fileno()
         child = Child("web", [*command, "--fd", str(fd)], env=environ, log=directory / "web.log", fds=[fd])

@@ -1,0 +1,1 @@
+"""Protection of the audit log: triggers, chain, verification, index check."""

@@ -1,0 +1,1 @@
+"""The audit log for readers: lists, search, exports, wording."""

@@ -1,0 +1,1 @@
+"""Drives to a place."""

@@ -1,0 +1,1 @@
+"""The docs as pages of the console, and their links."""

@@ -1,0 +1,1 @@
+"""The configuration of profiles and robots: validation, safer values, stick, limbs, navigation."""

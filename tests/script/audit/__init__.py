@@ -1,0 +1,1 @@
+"""The audit log while processes or databases fail, and on PostgreSQL."""

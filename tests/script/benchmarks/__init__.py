@@ -1,0 +1,1 @@
+"""Figures and models of the benchmarks."""

@@ -1,0 +1,1 @@
+"""Programs with tokens at a whole console."""

@@ -1,0 +1,1 @@
+"""Parts of the API that all operations share: access, idempotency, schema."""

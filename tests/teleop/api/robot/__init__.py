@@ -1,0 +1,1 @@
+"""Robots at the API: state, stop, speech, description."""

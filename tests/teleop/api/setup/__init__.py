@@ -1,0 +1,1 @@
+"""Set-up at the API."""
