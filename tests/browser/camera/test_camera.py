@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, expect
 
-from script.stack.pictures import WAY_IS_DRAWN
+from script.generate.pictures import WAY_IS_DRAWN
 from script.stack.stack import Stack
 from tests.browser.conftest import ROBOTS
 from tests.browser.course import Follower, pushed

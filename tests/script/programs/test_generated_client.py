@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from script.stack.messages import OPENAPI
+from script.generate.messages import OPENAPI
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 from tests.script.programs.test_programs import ROBOT
 from tests.script.support import token

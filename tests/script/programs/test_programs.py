@@ -22,8 +22,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect as websocket
 
+from script.generate.messages import OPENAPI
 from script.stack.client import Driver, sign_in
-from script.stack.messages import OPENAPI
 from script.stack.places import REPOSITORY
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 from tests.script.support import manage, token

@@ -15,7 +15,7 @@ from django.urls import URLPattern, get_resolver
 
 from fleet.accounts.models import User
 from robots import wire
-from script.stack.messages import openapi
+from script.generate.messages import openapi
 
 DOCS = Path(__file__).parents[3] / "docs" / "api.md"
 ROBOT = "/robots/{slug}"

@@ -35,7 +35,7 @@ from robots.places.entries import PlaceEntry
 from robots.places.services import place_add
 from robots.registry.models import Robot, RobotProfile, Role
 from robots.wire import StopState
-from script.stack.messages import openapi
+from script.generate.messages import openapi
 from teleop.control.scopes import ACTING
 from teleop.models import ControlSession
 from teleop.recording import refusals

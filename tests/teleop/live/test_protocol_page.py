@@ -10,7 +10,7 @@ import pytest
 from websockets.asyncio.server import serve
 
 from robots import wire
-from script.stack import messages
+from script.generate import messages
 
 PAGE = (Path(__file__).parents[3] / "docs" / "protocol.md").read_text()
 

@@ -31,7 +31,7 @@ from fleet.accounts.models import User
 from fleet.accounts.tokens.models import Scope
 from fleet.accounts.tokens.services import token_make
 from robots.registry.models import RobotProfile
-from script.stack.messages import OPENAPI, openapi
+from script.generate.messages import OPENAPI, openapi
 from teleop.recording import refusals
 from teleop.stop import emergency_stop
 from tests.teleop.api.test_matrix import (

@@ -1,0 +1,1 @@
+"""Writers of files in the repository: screenshots, drawings, icons, docs of messages."""
