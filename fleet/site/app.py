@@ -11,10 +11,10 @@ from django.utils.translation import gettext
 from django.views.decorators.cache import cache_control
 from django.views.decorators.http import require_safe
 
-GROUND = "#f3f4f1"  # --bg of static/css/tokens.css, in light
+GROUND = "#f3f4f1"  # --bg of static/css/base/tokens.css, in light
 COLOUR = "#0d6b66"
 # All that the page for offline needs. Nothing else is ever kept.
-OFFLINE_FILES = ("css/site.css", "js/page/offline.js", "img/icon.svg")
+OFFLINE_FILES = ("css/base/site.css", "js/page/offline.js", "img/icon.svg")
 
 
 @login_not_required

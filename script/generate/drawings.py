@@ -18,7 +18,7 @@ from script.stack.places import REPOSITORY
 MERMAID = "mermaid@12.3.0"
 SHA512 = "4113TdXeLAsMruJ79OpFL5O8+LTFXhQqZ260rF3tgUmiNAtRm4Uume04I+65PRN6yZ69J4f8rVYWW8zRk65UYw=="
 
-# Colours of static/css/tokens.css. An image knows the page's scheme, but not its variables.
+# Colours of static/css/base/tokens.css. An image knows the page's scheme, but not its variables.
 STYLE = """
 svg { background: #ffffff; color: #17201c; font: 14px "DejaVu Sans", Verdana, sans-serif; }
 text { fill: currentColor; text-anchor: middle; }
