@@ -53,7 +53,7 @@ def courses(request: HttpRequest) -> HttpResponse:
         "past": [one for one in found if one.archived or one.ends_on < today],
         "today": today,
     }
-    return render(request, "access/courses.html", context)
+    return render(request, "access/courses/courses.html", context)
 
 
 @never_cache
@@ -206,7 +206,7 @@ def invitation(request: HttpRequest, slug: str, invitation_id: UUID) -> HttpResp
         "link": _join_link(request, found),
         "refusal": enrolment.check_invitation(found, timezone.now()),
     }
-    return render(request, "access/invitation.html", context)
+    return render(request, "access/joining/invitation.html", context)
 
 
 @never_cache
@@ -309,7 +309,7 @@ def _course_form(
         "plan": plan,
         "seen": digest(form_digest.people_list) if form_digest else "",
     }
-    return render(request, "access/course_form.html", context, status=status)
+    return render(request, "access/courses/course_form.html", context, status=status)
 
 
 def _enrol_page(
@@ -321,7 +321,7 @@ def _enrol_page(
     read: PeopleForm | None = None,
 ) -> HttpResponse:
     context = {"form": form, "course": found, "plan": plan, "seen": digest(read.people_list) if read else ""}
-    return render(request, "access/enrol.html", context, status=status)
+    return render(request, "access/courses/enrol.html", context, status=status)
 
 
 def _course_page(
@@ -344,7 +344,7 @@ def _course_page(
         "valid": not found.archived and found.starts_on <= lab_date() <= found.ends_on,
         "quotas": _quotas(found),
     }
-    return render(request, "access/course.html", context, status=status)
+    return render(request, "access/courses/course.html", context, status=status)
 
 
 def _quotas(found: Course) -> list[str]:

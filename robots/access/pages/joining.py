@@ -75,7 +75,7 @@ def _join_page(
     status: int = 200,
 ) -> HttpResponse:
     context = {"course": invitation and invitation.course, "form": form, "refusal": refusal}
-    return render(request, "access/join.html", context, status=status)
+    return render(request, "access/joining/join.html", context, status=status)
 
 
 @never_cache
@@ -85,7 +85,7 @@ def welcome(request: HttpRequest, token: str) -> HttpResponse:
     """Set the password of a new account, by the link in the e-mail."""
     person = links.person_of_token(token)
     if person is None:
-        return render(request, "access/welcome.html", status=410)
+        return render(request, "access/joining/welcome.html", status=410)
     form = SetPasswordForm(person, request.POST or None)
     for field in form.fields.values():
         field.label = _("Password")  # Django reports every fault at the second field
@@ -105,4 +105,4 @@ def welcome(request: HttpRequest, token: str) -> HttpResponse:
 
 def _welcome_page(request: HttpRequest, form: SetPasswordForm[User], status: int) -> HttpResponse:
     context = {"form": form, "person": form.user}
-    return render(request, "access/welcome.html", context, status=status)
+    return render(request, "access/joining/welcome.html", context, status=status)

@@ -67,7 +67,7 @@ def shown_tokens(owner: User) -> list[Shown]:
 def my_tokens(request: HttpRequest) -> HttpResponse:
     """List one's own tokens."""
     person = person_of(request)
-    return render(request, "access/tokens.html", {"tokens": shown_tokens(person), "person": person})
+    return render(request, "access/tokens/tokens.html", {"tokens": shown_tokens(person), "person": person})
 
 
 @never_cache
@@ -115,7 +115,7 @@ def service_accounts(request: HttpRequest) -> HttpResponse:
         return redirect("person", made.pk)
     found = User.objects.exclude(project="").annotate(count=Count("tokens"), used=Max("tokens__used_at"))
     context = {"accounts": found.order_by("project", "full_name"), "form": form}
-    return render(request, "access/service_accounts.html", context, status=400 if form.errors else 200)
+    return render(request, "access/tokens/service_accounts.html", context, status=400 if form.errors else 200)
 
 
 def _new(request: HttpRequest, owner: User) -> HttpResponse:
@@ -123,7 +123,7 @@ def _new(request: HttpRequest, owner: User) -> HttpResponse:
     form = TokenForm(posted, robots=robots_visible_to(owner), taken=tokens_of(owner))
     context = {"form": form, "person": owner, "own": owner == request.user}
     if not form.is_valid():
-        return render(request, "access/token_new.html", context, status=400 if form.errors else 200)
+        return render(request, "access/tokens/token_new.html", context, status=400 if form.errors else 200)
     values = form.cleaned_data
     try:
         made, text = token_make(
@@ -142,8 +142,8 @@ def _new(request: HttpRequest, owner: User) -> HttpResponse:
         return redirect("tokens") if owner == request.user else redirect("person", owner.pk)
     except TooManyTokens:
         form.add_error(None, _("There are %d tokens, and more are not allowed: end one first.") % MOST)
-        return render(request, "access/token_new.html", context, status=400)
-    return render(request, "access/token_made.html", {**context, "token": made, "text": text})
+        return render(request, "access/tokens/token_new.html", context, status=400)
+    return render(request, "access/tokens/token_made.html", {**context, "token": made, "text": text})
 
 
 def _staff(request: HttpRequest) -> User:
