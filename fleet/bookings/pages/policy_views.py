@@ -52,7 +52,7 @@ def policies(request: HttpRequest) -> HttpResponse:
         "form": _out_form(robots),
         "zone": viewers().key,
     }
-    return render(request, "bookings/policies.html", context)
+    return render(request, "bookings/policies/policies.html", context)
 
 
 @never_cache
@@ -98,7 +98,7 @@ def _policy_page(
         "own": stored is not None,
         "followed": followed,
     }
-    return render(request, "bookings/policy.html", context, status=400 if form.errors else 200)
+    return render(request, "bookings/policies/policy.html", context, status=400 if form.errors else 200)
 
 
 @require_POST
@@ -184,7 +184,7 @@ def _series_page(
         for week in weeks or ()
     ]
     context = {"form": form, "rows": rows, "zone": zone.key}
-    return render(request, "bookings/series.html", context, status=status)
+    return render(request, "bookings/policies/series.html", context, status=status)
 
 
 @never_cache
@@ -227,7 +227,7 @@ def booking_report(request: HttpRequest) -> HttpResponse:
         "last": last,
         "zone": zone.key,
     }
-    return render(request, "bookings/report.html", context)
+    return render(request, "bookings/policies/report.html", context)
 
 
 def _managed(request: HttpRequest) -> list[Robot]:
