@@ -28,15 +28,15 @@ def fleet(request: HttpRequest) -> HttpResponse:
     robots = robots_visible_to(person)
     if "wall" not in request.GET:
         context = {"robots": robots, "to_come": courses_to_come(person)}
-        return render(request, "teleop/fleet.html", context)
+        return render(request, "teleop/fleet/fleet.html", context)
     only_watches = set(roles_of(person, robots).values()) <= {Role.OBSERVER} and not person.is_staff
-    return render(request, "teleop/wall.html", {"robots": robots, "stays": only_watches})
+    return render(request, "teleop/fleet/wall.html", {"robots": robots, "stays": only_watches})
 
 
 @require_safe
 def plan(request: HttpRequest) -> HttpResponse:
     """Show the robots that this person may see on their maps; the page's script knows where they are."""
-    return render(request, "teleop/plan.html", {"robots": robots_visible_to(person_of(request))})
+    return render(request, "teleop/fleet/plan.html", {"robots": robots_visible_to(person_of(request))})
 
 
 @require_safe
@@ -51,4 +51,4 @@ def control(request: HttpRequest, slug: str) -> HttpResponse:
         "protocol": PROTOCOL,
         "choices": json.dumps(person.page_choices),
     }
-    return render(request, "teleop/control.html", context)
+    return render(request, "teleop/control/control.html", context)

@@ -80,7 +80,7 @@ def control_session(request: HttpRequest, session_id: UUID) -> HttpResponse:
             "drives": report.plot.replay if report.plot else [],
         },
     }
-    return render(request, "teleop/session.html", context)
+    return render(request, "teleop/reports/session.html", context)
 
 
 @cache_control(private=True, max_age=MAP_CACHED_S, immutable=True)
@@ -118,7 +118,7 @@ def robot(request: HttpRequest, slug: str) -> HttpResponse:
             "weekdays": [round(hours, 3) for hours in report.use.weekdays],
         },
     }
-    return render(request, "teleop/robot_report.html", context)
+    return render(request, "teleop/reports/robot_report.html", context)
 
 
 @never_cache
@@ -143,7 +143,7 @@ def today_page(request: HttpRequest) -> HttpResponse:
         "next": day + ONE_DAY,
         "awaiting": len(awaiting_approval(person_of(request), moment)),
     }
-    return render(request, "teleop/today.html", context)
+    return render(request, "teleop/reports/today.html", context)
 
 
 @never_cache
@@ -164,7 +164,7 @@ def your_data(request: HttpRequest) -> HttpResponse:
         "about": [_line_about(row, person) for row in about.shown],
         "oldest_about": about.shown[-1].number if about.older else None,
     }
-    return render(request, "teleop/your_data.html", context)
+    return render(request, "teleop/reports/your_data.html", context)
 
 
 @require_POST

@@ -163,7 +163,7 @@ def _by_page(request: HttpRequest, robots: Sequence[Robot]) -> HttpResponse:
     text = _text(outcomes)
     if wants_json(request):
         return JsonResponse({"text": text, "robots": by_slug}, status=status)
-    return render(request, "stopped.html", {"text": text, "robots": robots}, status=status)
+    return render(request, "teleop/stop/stopped.html", {"text": text, "robots": robots}, status=status)
 
 
 def _text(outcomes: emergency_stop.Outcomes) -> str:

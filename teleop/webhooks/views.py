@@ -41,7 +41,7 @@ def webhooks(request: HttpRequest) -> HttpResponse:
         given_up=Count("deliveries", filter=Q(deliveries__state=State.GIVEN_UP)),
         newest=Max("deliveries__made_at", filter=Q(deliveries__state=State.DELIVERED)),
     )
-    return render(request, "teleop/webhooks.html", {"webhooks": found, "zone": viewers().key})
+    return render(request, "teleop/webhooks/webhooks.html", {"webhooks": found, "zone": viewers().key})
 
 
 @never_cache
@@ -56,8 +56,12 @@ def webhook_new(request: HttpRequest) -> HttpResponse:
         except NotDone as refused:
             form.add_error(None, refused.refusal.text)
         else:
-            return render(request, "teleop/webhook_secret.html", {"webhook": webhook, "secret": secret})
-    return render(request, "teleop/webhook_new.html", {"form": form}, status=400 if form.errors else 200)
+            return render(
+                request, "teleop/webhooks/webhook_secret.html", {"webhook": webhook, "secret": secret}
+            )
+    return render(
+        request, "teleop/webhooks/webhook_new.html", {"form": form}, status=400 if form.errors else 200
+    )
 
 
 @never_cache
@@ -82,7 +86,7 @@ def webhook(request: HttpRequest, webhook_id: UUID) -> HttpResponse:
         "shown": SHOWN,
         "zone": viewers().key,
     }
-    return render(request, "teleop/webhook.html", context)
+    return render(request, "teleop/webhooks/webhook.html", context)
 
 
 def _done(action: str, webhook: Webhook, staff: User) -> str:

@@ -7,7 +7,7 @@ import { FakeSocket, made } from "../fake_socket.js";
 const TWIST = "geometry_msgs/Twist";
 const DIALOG = `<dialog data-part="choose-dialog"><h2 data-part="choose-title"></h2>
   <div data-part="choose-list"></div></dialog>`;
-const template = readFileSync("templates/teleop/tabs/topics.html", "utf8");
+const template = readFileSync("templates/teleop/control/tabs/topics.html", "utf8");
 
 describe("the Topics tab of a robot that is slow to answer", () => {
   let tab;
