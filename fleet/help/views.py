@@ -16,7 +16,7 @@ def show(request: HttpRequest, name: str = "") -> HttpResponse:
     found = next((one for one in (name, f"{name}/{pages.INDEX}".lstrip("/")) if one in pages.known()), None)
     if found is None:
         raise Http404
-    return render(request, "help.html", {"page": pages.page(found)})
+    return render(request, "site/help.html", {"page": pages.page(found)})
 
 
 @require_safe

@@ -56,14 +56,14 @@ def manifest(_request: HttpRequest) -> JsonResponse:
 def service_worker(request: HttpRequest) -> HttpResponse:
     """Send the worker. It stands at the root, since it looks after the folder that it comes from."""
     files = [reverse("offline"), *map(static, OFFLINE_FILES)]
-    return render(request, "service_worker.js", {"files": files}, content_type="text/javascript")
+    return render(request, "site/service_worker.js", {"files": files}, content_type="text/javascript")
 
 
 @login_not_required
 @require_safe
 def offline(request: HttpRequest) -> HttpResponse:
     """Show the page that the worker shows without a connection."""
-    return render(request, "offline.html")
+    return render(request, "site/offline.html")
 
 
 urlpatterns = [

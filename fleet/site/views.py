@@ -47,7 +47,7 @@ def cookies(request: HttpRequest) -> HttpResponse:
     """Show the cookies that the console sets, and why."""
     names = {"session": settings.SESSION_COOKIE_NAME, "csrf": settings.CSRF_COOKIE_NAME}
     hours = settings.SESSION_COOKIE_AGE // 3600
-    return render(request, "cookies.html", {"names": names, "session_hours": hours})
+    return render(request, "site/cookies.html", {"names": names, "session_hours": hours})
 
 
 @login_not_required
@@ -57,7 +57,7 @@ def privacy(request: HttpRequest) -> HttpResponse:
     records_days = settings.FLEET_AUDIT_KEEP_RECORDS_DAYS
     days = {kept: min(settings.FLEET_AUDIT_KEEP_DAYS[kept.value], records_days) for kept in Kept}
     classes = [{"what": kept.label, "why": WHY_KEPT[kept], "days": days[kept]} for kept in Kept]
-    return render(request, "privacy.html", {"classes": classes, "records_days": records_days})
+    return render(request, "site/privacy.html", {"classes": classes, "records_days": records_days})
 
 
 @login_not_required
