@@ -27,7 +27,7 @@ _PLAY = """
 async (pictures) => {
   const { CameraPicture } = await import("/js/camera/camera_picture.js");
   const { decodesVideo } = await import("/js/camera/video.js");
-  if (!(await decodesH264Encoder())) return null;
+  if (!(await decodesVideo())) return null;
   const canvas = document.createElement("canvas");
   const shown = new CameraPicture(canvas);
   const done = [];

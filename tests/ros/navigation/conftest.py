@@ -38,7 +38,7 @@ class Traveller:
     """The holder of a robot that navigates: a program without a stick, which renews control."""
 
     def __init__(self, process, hand) -> None:
-        self.process, self.hand, self.fence = process, hand, 1
+        self.process, self.hand, self.fence, self.goal = process, hand, 1, FAR
 
     def renew(self) -> None:
         self.hand.send(wire.Grant(self.fence, CONTROL_S, f"session-{self.fence}", "Ann", "ann", 1.0))
@@ -59,6 +59,13 @@ class Traveller:
                     return seq
                 assert refusal.code == "no_map" and time.monotonic() < until_s, refusal
                 time.sleep(RENEW_S)
+
+    def go_away(self) -> int:
+        """Ask for a drive to the farther of two places: the last drive may have ended anywhere between them."""
+        location = self.until(lambda state: state.location, "where the robot is").location
+        assert location is not None
+        self.goal = max(FAR, NEAR, key=lambda place: math.dist(place, (location.x, location.y)))
+        return self.go(*self.goal)
 
     def drives_until_ended(self) -> wire.GoEnd:
         """Drive to and fro until something else than an arrival ends a drive: on a slow computer a map comes late."""

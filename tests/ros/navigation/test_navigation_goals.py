@@ -64,7 +64,7 @@ def plan(count: int, y: float) -> Path:
 
 def test_a_long_path_is_shown(ros, traveller):
     with ros.speak(NAVIGATION.plan, Path) as plans, traveller.renewing():
-        traveller.go(*FAR)
+        traveller.go_away()
         traveller.drives()
         plans.publish(plan(5000, 7.0))
         shows(traveller, 7.0)
@@ -79,7 +79,7 @@ def shows(traveller, y: float) -> None:
 
 def test_the_last_of_paths_in_quick_succession_is_shown(ros, traveller):
     with ros.speak(NAVIGATION.plan, Path) as plans, traveller.renewing():
-        traveller.go(*FAR)
+        traveller.go_away()
         traveller.drives()
         for y in (1.0, 2.0, 3.0, 4.0):
             plans.publish(plan(10, y))
@@ -88,7 +88,7 @@ def test_the_last_of_paths_in_quick_succession_is_shown(ros, traveller):
 
 
 def test_a_cancel_makes_it_stand(traveller, twists):
-    seq = traveller.go(*FAR)
+    seq = traveller.go_away()
     traveller.drives()
     assert traveller.refused(*FAR).code == "going"
     assert traveller.hand.ask(wire.DriveBy(1, distance_m=1.0, seq=900)).code == "going"
@@ -101,7 +101,7 @@ def test_a_cancel_makes_it_stand(traveller, twists):
 
 
 def test_a_stop_makes_it_stand(traveller):
-    seq = traveller.go(*FAR)
+    seq = traveller.go_away()
     traveller.drives()
     traveller.hand.send(wire.LinkStop("Bob"))
     end = traveller.ended(seq)
@@ -113,7 +113,7 @@ def test_a_stop_makes_it_stand(traveller):
 
 
 def test_the_stick_takes_over_at_once(traveller, twists):
-    seq = traveller.go(*FAR)
+    seq = traveller.go_away()
     traveller.drives()
     traveller.hand.stick(-0.2)
     twists.until(lambda twist: twist.linear.x < 0.0)
@@ -124,7 +124,7 @@ def test_the_stick_takes_over_at_once(traveller, twists):
 
 
 def test_the_end_of_control_makes_it_stand(traveller, twists):
-    traveller.go(*FAR)
+    traveller.go_away()
     traveller.drives()
     traveller.hand.send(wire.Revoke(1, "The slot is over."))
     end = traveller.hand.state_until(lambda state: state.going_ended, "the end").going_ended
@@ -134,7 +134,7 @@ def test_the_end_of_control_makes_it_stand(traveller, twists):
 
 
 def test_a_silent_holder_makes_it_stand(traveller):
-    seq = traveller.go(*FAR)
+    seq = traveller.go_away()
     traveller.drives()
     end = traveller.hand.state_until(
         lambda state: state.going_ended and state.going_ended.seq == seq, "the end"
@@ -143,7 +143,7 @@ def test_a_silent_holder_makes_it_stand(traveller):
 
 
 def test_a_lost_link_makes_it_stand(traveller, truth):
-    traveller.go(*FAR)
+    traveller.go_away()
     traveller.drives()
     traveller.hand.close()
     until(lambda: "go.end control_lost" in traveller.process.recorded(), "the end on record")
@@ -171,7 +171,7 @@ def test_goals_that_make_no_sense_are_refused_in_words(traveller):
 
 def test_what_navigation_says_is_passed_on(traveller, fault):
     fault("navigation_fails")
-    end = traveller.ended(traveller.go(*FAR))
+    end = traveller.ended(traveller.go_away())
     assert end.outcome == "failed"
     assert end.text == (
         "Navigation said: Failed to find a valid plan. Even after executing recovery behaviors."
@@ -180,7 +180,7 @@ def test_what_navigation_says_is_passed_on(traveller, fault):
 
 def test_navigation_that_never_answers_is_given_up(traveller, fault):
     fault("navigation_silent")
-    assert traveller.ended(traveller.go(*FAR)).outcome == "unheard"
+    assert traveller.ended(traveller.go_away()).outcome == "unheard"
 
 
 def test_an_answer_for_another_goal_ends_it(traveller, truth, fault):
@@ -193,7 +193,7 @@ def test_an_answer_for_another_goal_ends_it(traveller, truth, fault):
 
 def test_navigation_that_goes_on_is_held(ros, traveller, truth, twists, fault):
     fault("navigation_goes_on")
-    seq = traveller.go(*FAR)
+    seq = traveller.go_away()
     traveller.drives()
     assert traveller.hand.ask(wire.GoCancel(1, seq=902)) is None
     assert traveller.ended(seq).outcome == "cancelled"
@@ -214,7 +214,7 @@ def test_navigation_that_goes_on_is_held(ros, traveller, truth, twists, fault):
 
 def test_navigation_that_pauses_and_drives_on_is_held_again(traveller, truth, fault):
     fault("navigation_pauses")
-    seq = traveller.go(*FAR)
+    seq = traveller.go_away()
     traveller.drives()
     assert traveller.hand.ask(wire.GoCancel(1, seq=902)) is None
     assert traveller.ended(seq).outcome == "cancelled"
@@ -229,7 +229,7 @@ def test_navigation_that_pauses_and_drives_on_is_held_again(traveller, truth, fa
 
 
 def test_localisation_that_dies_ends_it_and_refuses_the_next(traveller, fault):
-    seq = traveller.go(*FAR)
+    seq = traveller.go_away()
     traveller.drives()
     fault("localisation_dead")
     end = traveller.ended(seq)
@@ -239,7 +239,7 @@ def test_localisation_that_dies_ends_it_and_refuses_the_next(traveller, fault):
 
 
 def test_localisation_that_jumps_ends_it(traveller, fault):
-    seq = traveller.go(*FAR)
+    seq = traveller.go_away()
     traveller.drives()
     fault("localisation_jumps")
     end = traveller.ended(seq)
@@ -289,9 +289,9 @@ def test_others_goals_and_a_goal_of_others_meanwhile(ros, traveller):
         goal = MoveBaseActionGoal()
         goal.goal_id.id = "lab"
         goal.goal.target_pose.header.frame_id = "map"
-        goal.goal.target_pose.pose.position.x, goal.goal.target_pose.pose.position.y = FAR
         goal.goal.target_pose.pose.orientation.w = 1.0
-        seq = traveller.go(*FAR)
+        seq = traveller.go_away()
+        goal.goal.target_pose.pose.position.x, goal.goal.target_pose.pose.position.y = traveller.goal
         traveller.drives()
         goals.publish(goal)
         end = traveller.ended(seq)

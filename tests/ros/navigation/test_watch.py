@@ -36,7 +36,7 @@ def test_a_blind_planner_is_stopped_before_it_touches_anything(traveller, truth,
 
 
 def test_a_silent_laser_ends_a_drive(traveller, fault):
-    seq = traveller.go(*FAR)
+    seq = traveller.go_away()
     traveller.drives()
     fault("laser_dead")
     end = traveller.ended(seq)
@@ -53,7 +53,7 @@ def test_a_bridge_that_dies_leaves_no_robot_that_drives_itself(ros, rosmaster, t
             hand.take_control(1)
             hand.let_go()
             traveller = Traveller(process, hand)
-            traveller.go(*FAR)
+            traveller.go_away()
             traveller.drives()
             with ros.listen("/move_base/status", GoalStatusArray) as statuses:
                 process.kill()
