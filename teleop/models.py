@@ -46,7 +46,7 @@ class ControlSession(models.Model):
     )
     # The name of the token with which a program took control; null: a person did, in a browser.
     program = models.CharField(_("program"), max_length=40, null=True, blank=True)  # noqa: DJ001 - added later
-    fence = models.BigIntegerField(_("fencing number"))
+    fence = models.BigIntegerField(_("fence"))
     started_at = models.DateTimeField(_("began"))
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
     end_reason = models.CharField(_("ended how"), max_length=16, choices=EndReason, blank=True)

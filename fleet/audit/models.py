@@ -71,7 +71,7 @@ class Record(models.Model):
     robot_id = models.UUIDField("robot's id", null=True, blank=True)
     robot_name = models.CharField("robot", max_length=200, blank=True)
     session_id = models.UUIDField("control session", null=True, blank=True)
-    fence = models.BigIntegerField("fencing number", null=True, blank=True)
+    fence = models.BigIntegerField("fence", null=True, blank=True)
     request_id = models.UUIDField("request", default=uuid.uuid4)
     of = models.ForeignKey(
         "self",

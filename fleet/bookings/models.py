@@ -272,13 +272,15 @@ class FeedAddress(models.Model):
         return f"calendar of {self.robot or self.person}"
 
 
-class Letter(models.Model):
+class Notification(models.Model):
     """A notification of a person: a notice on the pages until they have seen it, and an e-mail.
 
-    It is stored with the change that it tells; housekeeping sends the e-mail. The table has the name of the class.
+    It is stored with the change that it tells; housekeeping sends the e-mail.
     """
 
-    person = models.ForeignKey(settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="letters")
+    person = models.ForeignKey(
+        settings.AUTH_USER_MODEL, on_delete=models.CASCADE, related_name="notifications"
+    )
     subject = models.CharField(max_length=200)
     text = models.TextField()
     made_at = models.DateTimeField()
@@ -287,6 +289,7 @@ class Letter(models.Model):
     seen_at = models.DateTimeField(null=True, blank=True)  # the person closed the notice
 
     class Meta:
+        db_table = "bookings_letter"  # the model's first name
         indexes = [
             models.Index(fields=["made_at"], condition=Q(sent_at=None), name="letters_to_send"),
             models.Index(fields=["person"], condition=Q(seen_at=None), name="letters_to_show"),

@@ -7,7 +7,7 @@ from django.urls import reverse
 from django.utils import timezone
 
 from fleet.audit.models import Record
-from fleet.bookings.models import Booking, Letter, OutOfService, Policy
+from fleet.bookings.models import Booking, Notification, OutOfService, Policy
 from fleet.bookings.pages.forms import PolicyForm
 from fleet.bookings.rules import Slot
 from fleet.bookings.schedule import schedules_of
@@ -94,7 +94,7 @@ def test_out_of_service_names_the_affected_and_ends(as_person, robot, supervisor
     assert "1 booking is affected: Olga Operator" in answer.content.decode()
     browser.post(reverse("out-of-service-end", args=[OutOfService.objects.get().pk]))
     assert not OutOfService.objects.filter(ends_at__gt=timezone.now()).exists()
-    subjects = Letter.objects.order_by("pk").values_list("subject", flat=True)
+    subjects = Notification.objects.order_by("pk").values_list("subject", flat=True)
     assert [one.partition(": ")[2] for one in subjects] == [
         "the robot is out of service",
         "the robot is back in service",

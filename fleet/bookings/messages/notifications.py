@@ -20,7 +20,7 @@ from django.utils.translation import gettext as _
 
 from fleet.accounts.models import User
 from fleet.accounts.services import erased
-from fleet.bookings.models import Booking, FeedAddress, Letter, State, Waiting
+from fleet.bookings.models import Booking, FeedAddress, Notification, State, Waiting
 from fleet.bookings.rules import shown
 from fleet.zones import zone_of
 
@@ -37,29 +37,29 @@ KEPT = timedelta(days=30)
 
 def notification_write(*, to: User, subject: str, text: str, now: datetime) -> None:
     """Store a notification, in the caller's transaction. People without an e-mail address see it on the pages only."""
-    Letter.objects.create(person=to, subject=subject[:200], text=text, made_at=now)
+    Notification.objects.create(person=to, subject=subject[:200], text=text, made_at=now)
 
 
-def notifications_unseen(person: User, now: datetime) -> QuerySet[Letter]:
+def notifications_unseen(person: User, now: datetime) -> QuerySet[Notification]:
     """Return a person's newest notifications that they have not seen, without old ones."""
-    unseen = Letter.objects.filter(person=person, seen_at=None, made_at__gt=now - SHOWN)
+    unseen = Notification.objects.filter(person=person, seen_at=None, made_at__gt=now - SHOWN)
     return unseen.order_by("-made_at", "-pk")[:MOST_SHOWN]
 
 
 def notifications_seen(person: User, newest: int, now: datetime) -> None:
     """Note that a person has seen their notifications up to this one."""
-    Letter.objects.filter(person=person, seen_at=None, pk__lte=newest).update(seen_at=now)
+    Notification.objects.filter(person=person, seen_at=None, pk__lte=newest).update(seen_at=now)
 
 
 def remove_old_notifications(now: datetime) -> None:
     """Remove notifications after `KEPT`."""
-    Letter.objects.filter(made_at__lt=now - KEPT).delete()
+    Notification.objects.filter(made_at__lt=now - KEPT).delete()
 
 
 @receiver(erased)
 def _forget(*, user: User, **_options: Any) -> None:
     """Remove what names an erased person or is only for them. Their bookings stay, without the purpose."""
-    for table in (Letter, Waiting, FeedAddress):
+    for table in (Notification, Waiting, FeedAddress):
         table.objects.filter(person=user).delete()
     Booking.objects.filter(person=user).update(purpose="")
 
@@ -95,14 +95,16 @@ def write_reminders(now: datetime) -> None:
 
 def send_notifications(now: datetime) -> int:
     """Send the notifications that wait. Returns how many were sent."""
-    waiting = Letter.objects.filter(
+    waiting = Notification.objects.filter(
         Q(claimed_at=None) | Q(claimed_at__lt=now - AGAIN), sent_at=None, made_at__gt=now - GIVEN_UP
     )
     sent = 0
     for notification in (
         waiting.exclude(person__email="").select_related("person").order_by("made_at")[:BATCH_SIZE]
     ):
-        mine = Letter.objects.filter(pk=notification.pk, claimed_at=notification.claimed_at, sent_at=None)
+        mine = Notification.objects.filter(
+            pk=notification.pk, claimed_at=notification.claimed_at, sent_at=None
+        )
         if not mine.update(claimed_at=now):
             continue
         try:
@@ -121,6 +123,6 @@ def send_notifications(now: datetime) -> int:
         except (OSError, SMTPException) as error:
             log.warning("An e-mail was not sent and is tried again in 5 minutes: %s", error)
             break
-        Letter.objects.filter(pk=notification.pk).update(sent_at=now)
+        Notification.objects.filter(pk=notification.pk).update(sent_at=now)
         sent += 1
     return sent

@@ -306,7 +306,7 @@ class Robot(models.Model):
         ),
     )
 
-    fence = models.BigIntegerField("highest fencing number", default=0, editable=False)
+    fence = models.BigIntegerField("highest fence", default=0, editable=False)
     updated_at = models.DateTimeField(_("last saved"), auto_now=True)
 
     class Meta:

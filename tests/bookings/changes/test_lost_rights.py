@@ -9,7 +9,7 @@ from django.utils import timezone
 from fleet.accounts.models import User
 from fleet.audit.models import Record
 from fleet.bookings.changes.lost_rights import bookings_free_lost
-from fleet.bookings.models import Letter, State
+from fleet.bookings.models import Notification, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import BookingRefused, booking_make, booking_move
 from robots.access import services as access
@@ -65,7 +65,7 @@ def test_a_lost_role_frees_bookings_to_come(robot, operator, staff, lose):
     assert (state_of(mine), state_of(other)) == (State.CANCELLED, State.BOOKED)
     ended = Record.objects.get(kind="booking.cancel")
     assert (ended.actor_id, ended.parameters["why"]) == (None, "role_too_low")
-    assert "cancelled" in Letter.objects.get().subject
+    assert "cancelled" in Notification.objects.get().subject
     book(robot, staff)  # the slot is free
 
 
@@ -138,7 +138,7 @@ def test_a_slot_ends_where_a_qualification_expires(robot, student, second_operat
     ends = booking.starts_at + timedelta(minutes=30)
     access.qualification_grant(**grant | {"people": [student]}, expires_at=ends)
     assert (state_of(booking), booking.held_until) == (State.BOOKED, ends)
-    assert "shortened" in Letter.objects.get().subject
+    assert "shortened" in Notification.objects.get().subject
     assert Record.objects.get(kind="booking.move").parameters["why"] == "unqualified"
     rest = Slot(ends, ends + timedelta(minutes=30))
     with pytest.raises(BookingRefused, match="A qualification that TIAGo 1 demands ends"):

@@ -13,7 +13,7 @@ from fleet.accounts.services import account_erase
 from fleet.audit.command_line import here
 from fleet.bookings.changes.policy_changes import out_of_service_add
 from fleet.bookings.messages import notifications
-from fleet.bookings.models import Booking, FeedAddress, Letter, State
+from fleet.bookings.models import Booking, FeedAddress, Notification, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.services import booking_cancel, booking_make
 from robots.access.services import role_set
@@ -42,7 +42,7 @@ def olga(operator):
 def test_a_reminder_comes_once_within_the_last_hour(robot, olga, mailoutbox):
     book(robot, olga)
     notifications.write_reminders(at(1.9))
-    assert Letter.objects.count() == 0
+    assert Notification.objects.count() == 0
     for _ in range(2):
         notifications.write_reminders(at(2.1))
         notifications.send_notifications(at(2.1))
@@ -57,16 +57,16 @@ def test_a_reminder_that_could_not_be_written_comes_later(robot, olga, monkeypat
         patch.setattr(notifications, "notification_write", Mock(side_effect=OSError("disk full")))
         notifications.write_reminders(at(2.1))
     notifications.write_reminders(at(2.2))
-    assert Letter.objects.count() == 1
+    assert Notification.objects.count() == 1
 
 
 def test_a_slot_booked_a_moment_before_needs_no_reminder(robot, olga):
     book(robot, olga, 0.5)
     notifications.write_reminders(at(0.1))
-    assert Letter.objects.count() == 0
+    assert Notification.objects.count() == 0
 
 
-def test_a_letter_says_why_others_changed_a_booking(robot, olga, supervisor, mailoutbox):
+def test_a_notification_says_why_others_changed_a_booking(robot, olga, supervisor, mailoutbox):
     booking = book(robot, olga)
     booking_cancel(booking_id=booking.pk, version=1, actor=supervisor, now=NOW, reason="demo day")
     book(robot, olga, now=at(-24))
@@ -89,30 +89,30 @@ def test_news_stand_on_the_pages_until_they_are_seen(robot, operator, supervisor
     assert "Your booking of TIAGo 1" not in page.get(f"/robots/{robot.slug}/").content.decode()
     notifications.send_notifications(now)
     assert not mailoutbox  # no address
-    later = Letter.objects.create(person=operator, subject="Meanwhile", text="", made_at=now)
+    later = Notification.objects.create(person=operator, subject="Meanwhile", text="", made_at=now)
     seen = {"newest": shown.context["news"][0].pk, "next": "/bookings/"}
     assert page.post("/bookings/news/seen/", seen).url == "/bookings/"
     assert list(notifications.notifications_unseen(operator, now)) == [later]
     notifications.remove_old_notifications(now + timedelta(days=31))
-    assert not Letter.objects.exists()
+    assert not Notification.objects.exists()
 
 
-def test_an_erased_persons_letters_and_purposes_are_gone(robot, operator, supervisor):
+def test_an_erased_persons_notifications_and_purposes_are_gone(robot, operator, supervisor):
     booking = book(robot, operator, now=django_timezone.now())
     Booking.objects.update(purpose="my thesis")
     booking_cancel(booking_id=booking.pk, version=1, actor=supervisor, now=NOW)
     account_erase(user=operator, actor=here())
-    assert not Letter.objects.exists()
+    assert not Notification.objects.exists()
     assert Booking.objects.get().purpose == ""
 
 
 def test_ones_own_cancel_sends_nothing(robot, olga):
     booking = book(robot, olga)
     booking_cancel(booking_id=booking.pk, version=1, actor=olga, now=NOW)
-    assert Letter.objects.count() == 0
+    assert Notification.objects.count() == 0
 
 
-def test_a_dead_mail_server_delays_a_letter_and_loses_none(robot, olga, mailoutbox, monkeypatch):
+def test_a_dead_mail_server_delays_a_notification_and_loses_none(robot, olga, mailoutbox, monkeypatch):
     book(robot, olga)
     notifications.write_reminders(at(2.1))
 
@@ -154,7 +154,7 @@ def test_a_robots_feed_ends_with_the_right_to_see_it(client, robot, operator, st
     assert client.get(address).status_code == 404
 
 
-def test_one_address_that_is_refused_keeps_no_other_letter_back(
+def test_one_address_that_is_refused_keeps_no_other_notification_back(
     robot, olga, second_operator, monkeypatch, mailoutbox
 ):
     second_operator.email = "olaf@example.org"

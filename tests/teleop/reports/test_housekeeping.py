@@ -17,7 +17,7 @@ from django.utils import timezone
 
 from fleet.audit.models import Record
 from fleet.bookings.messages import notifications
-from fleet.bookings.models import Letter, Waiting
+from fleet.bookings.models import Notification, Waiting
 from teleop.control import lease_checks, line, services
 from teleop.control.lease_checks import Tab
 from teleop.control.selectors import lease_of
@@ -100,10 +100,12 @@ def test_process_runs_until_signal_or_end_of_its_parent(how, robot, held):
 
 
 @pytest.mark.skipif(connection.vendor != "sqlite", reason="names the test database by its file")
-def test_a_hanging_mail_server_delays_no_end_and_loses_no_letter(robot, held, second_operator):
+def test_a_hanging_mail_server_delays_no_end_and_loses_nothing(robot, held, second_operator):
     second_operator.email = "second@lab.example"
     second_operator.save()
-    letter = Letter.objects.create(person=second_operator, subject="Slot", text="", made_at=timezone.now())
+    notification = Notification.objects.create(
+        person=second_operator, subject="Slot", text="", made_at=timezone.now()
+    )
     with socket.create_server(("127.0.0.1", 0)) as server:  # it accepts and says nothing
         environment = os.environ | {
             "DJANGO_SETTINGS_MODULE": "fleet.settings",
@@ -123,8 +125,8 @@ def test_a_hanging_mail_server_delays_no_end_and_loses_no_letter(robot, held, se
                     process.wait(10)
             finally:
                 process.kill()
-    letter.refresh_from_db()
-    assert (letter.sent_at, letter.claimed_at is None) == (None, False)
-    later = letter.claimed_at + notifications.AGAIN + timedelta(seconds=1)
+    notification.refresh_from_db()
+    assert (notification.sent_at, notification.claimed_at is None) == (None, False)
+    later = notification.claimed_at + notifications.AGAIN + timedelta(seconds=1)
     assert notifications.send_notifications(later) == 1
     assert mail.outbox[0].subject == "Slot"
