@@ -39,7 +39,7 @@ def _config() -> Effective:
     django.setup()
     from robots.registry.configuration import robot_config
     from robots.registry.models import Robot, RobotProfile
-    from robots.registry.shipped import fill, profile_files
+    from robots.registry.shipped_profiles import fill, profile_files
 
     profile = RobotProfile()
     fill(profile, next(file for file in profile_files() if file.slug == "tiago"))

@@ -23,8 +23,8 @@ from fleet.accounts.selectors import sign_ins_of
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import tokens_end
 from fleet.audit.command_line import SystemAccount
-from fleet.audit.erasure import erase, pseudonym
 from fleet.audit.models import Record
+from fleet.audit.person_erasure import erase, pseudonym
 from fleet.audit.services import record
 
 FROM_THE_LIST = "ended from the session list"

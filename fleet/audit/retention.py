@@ -1,7 +1,7 @@
-"""Retention: contents by class, whole records by checkpoints. Each step is recorded.
+"""Retention: deletes texts and records whose time is over. Texts go by their class, whole records by checkpoints.
 
-Each step is a small transaction, because bridges have records to write meanwhile. The functions are iterators that do
-one step at each `next`.
+Each step is recorded, and is a small transaction, because bridges have records to write meanwhile. The functions are
+iterators that do one step at each `next`.
 """
 
 from __future__ import annotations

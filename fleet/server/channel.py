@@ -11,7 +11,7 @@ from daphne import http_protocol
 from daphne.utils import parse_x_forwarded_for
 from twisted.web import http
 
-from fleet.server import limits, sessions, stops
+from fleet.server import limits, sessions, stop_addresses
 from fleet.server.limits import Refusal, Refused
 
 REFUSAL_READ_WITHIN_S = 1.0  # so long a refused client may take to read why
@@ -65,7 +65,7 @@ class Request(http_protocol.WebRequest):  # type: ignore[misc]  # Daphne has no 
         if self.path == b"/metrics" and self.server.is_ours(self.channel.transport):
             return self._own_metrics()
         key = self.received_cookies.get(self.server.session_cookie)
-        if key and self.server.forward is not None and stops.is_stop(self.method, self.path):
+        if key and self.server.forward is not None and stop_addresses.is_stop(self.method, self.path):
             return sessions.look_up(key.decode("latin-1")).add_done_callback(self._stop_of)
         return self._in_turn()
 
@@ -186,13 +186,13 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
 
     def _stops_all_the_same(self) -> bool:
         """Handle a stop although its head exceeds a limit, if the head already has everything that a stop needs."""
-        if not (self._head_open and stops.is_head_of_stop(self._command, self._path)):
+        if not (self._head_open and stop_addresses.is_head_of_stop(self._command, self._path)):
             return False
         self._damaged = True
         super().lineReceived(
             b"X-Cut: 1"
         )  # the header before is complete only now: it could have had a second line
-        if not stops.needs_no_body(self._command, self._path, self.requests[-1].requestHeaders):
+        if not stop_addresses.needs_no_body(self._command, self._path, self.requests[-1].requestHeaders):
             return False
         super().lineReceived(b"")
         return True
@@ -201,7 +201,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         """A line of the head."""
         first = not hasattr(self, "_command")
         if first and len(line) > limits.URL_BYTES:
-            line = stops.without_query(line)
+            line = stop_addresses.without_query(line)
             if len(line) > limits.URL_BYTES:
                 raise Refused(limits.url_too_long())
         if self._receivedHeaderSize + len(line) > limits.HEAD_BYTES:
@@ -221,7 +221,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         try:
             return bool(super().headerReceived(line))
         except Refused:
-            if not stops.is_head_of_stop(self._command, self._path):
+            if not stop_addresses.is_head_of_stop(self._command, self._path):
                 raise
             self._damaged = True
             return True
@@ -230,7 +230,7 @@ class Channel(http.HTTPChannel):  # type: ignore[misc]
         """Handle a complete head. The body of a stop is not awaited if the head is enough."""
         self._head_open = False
         request = self.requests[-1]
-        says_all = stops.needs_no_body(self._command, self._path, request.requestHeaders)
+        says_all = stop_addresses.needs_no_body(self._command, self._path, request.requestHeaders)
         if self._damaged or (self.length != 0 and says_all):
             request.requestHeaders.removeHeader(b"Expect")
             self.length = 0

@@ -16,7 +16,7 @@ from django.http import FileResponse
 from django.urls import set_script_prefix
 
 from fleet.accounts.sign_in.hashing import MOST_WAITING
-from fleet.server.stops import is_stop
+from fleet.server.stop_addresses import is_stop
 from robots.processes.scheduling import prefer_stop_thread
 from teleop.api.v1.framework.long_poll import LongPoll
 

@@ -23,7 +23,7 @@ from fleet.accounts.models import User
 from fleet.accounts.requests import person_of
 from fleet.audit.recorded_admin import RecordedAdmin
 from robots.access.services import role_set
-from robots.registry import services, shipped
+from robots.registry import services, shipped_profiles
 from robots.registry.admin_entries import AllowanceInline, SpokenFormSet, save_entries
 from robots.registry.models import BridgeStatus, Robot, RobotProfile, RobotRole, Role
 from robots.registry.selectors import last_editor, slug_for
@@ -302,10 +302,10 @@ class RobotProfileAdmin(RecordedAdmin):
     @admin.display(description=_("source"))
     def source(self, profile: RobotProfile) -> str:
         """Return whether the profile equals its data file."""
-        file = shipped.file_of(profile)
+        file = shipped_profiles.file_of(profile)
         if file is None:
             return gettext("made here")
-        if shipped.differs(profile, file):
+        if shipped_profiles.differs(profile, file):
             return gettext("edited here; the shipped one differs")
         return gettext("as shipped")
 
@@ -343,4 +343,4 @@ class RobotProfileAdmin(RecordedAdmin):
 
     def has_delete_permission(self, request: HttpRequest, obj: RobotProfile | None = None) -> bool:
         """Return whether the profile can be deleted: not if it is shipped (it would come back) or in use."""
-        return obj is not None and shipped.file_of(obj) is None and not obj.robots.exists()
+        return obj is not None and shipped_profiles.file_of(obj) is None and not obj.robots.exists()

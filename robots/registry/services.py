@@ -15,7 +15,7 @@ from msgspec import convert, to_builtins
 
 from fleet.audit.command_line import SystemAccount, here
 from fleet.audit.services import record
-from robots.registry import shipped
+from robots.registry import shipped_profiles
 from robots.registry.models import Allowance, BridgeStatus, Phrase, Robot, RobotProfile
 from robots.registry.phrases import Line, tags_text
 from robots.stop import courier
@@ -72,7 +72,7 @@ def profile_delete(*, profile: RobotProfile, actor: Actor) -> None:
 @transaction.atomic
 def profile_take_shipped(*, profile: RobotProfile, actor: Actor) -> bool:
     """Replace local edits by the shipped profile; False: none is shipped."""
-    file = shipped.file_of(profile)
+    file = shipped_profiles.file_of(profile)
     if file is None:
         return False
     _take(profile, file, actor)
@@ -81,15 +81,15 @@ def profile_take_shipped(*, profile: RobotProfile, actor: Actor) -> bool:
 
 
 @transaction.atomic
-def profiles_load_shipped(*, directory: Path = shipped.DIRECTORY) -> None:
+def profiles_load_shipped(*, directory: Path = shipped_profiles.DIRECTORY) -> None:
     """Update profiles from the shipped files, except edited ones."""
-    for file in shipped.profile_files(directory):
+    for file in shipped_profiles.profile_files(directory):
         profile = RobotProfile.objects.filter(slug=file.slug).first()
         if profile is None:
             profile = RobotProfile(slug=file.slug)
-            shipped.fill(profile, file)
+            shipped_profiles.fill(profile, file)
             profile_save(profile=profile, actor=None)
-        elif shipped.is_edited(profile) and shipped.differs(profile, file):
+        elif shipped_profiles.is_edited(profile) and shipped_profiles.differs(profile, file):
             log.warning("Profile %s was edited here; the shipped one differs and was not taken.", file.slug)
         elif profile.shipped != file.columns():
             _take(profile, file, actor=None)
@@ -114,9 +114,9 @@ def _take_phrases(profile: RobotProfile, lines: list[Line], actor: Actor) -> Non
     profile.save(update_fields=["shipped_phrases"])
 
 
-def _take(profile: RobotProfile, file: shipped.ProfileFile, actor: Actor) -> None:
+def _take(profile: RobotProfile, file: shipped_profiles.ProfileFile, actor: Actor) -> None:
     """Set a stored profile from `file`."""
-    shipped.fill(profile, file)
+    shipped_profiles.fill(profile, file)
     profile_save(profile=profile, actor=actor)
     profile.save(update_fields=["shipped"])
 

@@ -47,7 +47,7 @@ class ControlStatus(Struct, frozen=True):
     rights: dict[tuple[UUID, str], Rights]  # of the queried people, by (user, session key)
     schedule: Schedule = Schedule()  # the robot's bookings
 
-    def slot_end(self) -> datetime | None:
+    def moved_term_end(self) -> datetime | None:
         """Return when the term must end instead, because of a slot; None if it may stay as it is, or is not known.
 
         A slot counts as used once its holder has control. So the lease must also be stored again when the slot is not

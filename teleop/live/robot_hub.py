@@ -216,7 +216,7 @@ class RobotHub:
         if lease_checks.phase(lease, status.read_at) is not Phase.LAPSED:
             if lease is None:
                 return (self._read_again(people, sessions) if self._offer(status) else status), confirmed_s
-            until = status.slot_end()
+            until = status.moved_term_end()
             if until is None:
                 return status, confirmed_s
             with suppress(ControlRefused, DatabaseError):

@@ -82,9 +82,9 @@ def test_others_records_do_not_name_them_either(operator, staff, name):
 @pytest.mark.parametrize(
     "step",
     [
-        "fleet.audit.erasure._by_or_about",
-        "fleet.audit.erasure.take_out",
-        "fleet.audit.erasure.time.sleep",  # after the first content, which holds the account's names
+        "fleet.audit.person_erasure._by_or_about",
+        "fleet.audit.person_erasure.take_out",
+        "fleet.audit.person_erasure.time.sleep",  # after the first content, which holds the account's names
     ],
 )
 def test_a_repeated_erasure_completes_an_interrupted_one(operator, staff, step, monkeypatch):

@@ -32,7 +32,7 @@ INDIRECT = {
         "allowance.delete",
     },
     ("teleop/live/service_calls.py", "kind"): {"service.call", "parameter.set"},
-    ("teleop/live/tasks.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
+    ("teleop/live/task_sender.py", "f'{what}.cancel'"): {"speech.cancel", "motion.cancel"},
     ("robots/recording/bridge_records.py", "kind"): {end for end, _ in ENDS.values()},
     # These pass on a kind that their caller gives, or the kind of an existing record.
     ("fleet/accounts/changes.py", "kind"): set(),

@@ -16,7 +16,7 @@ from fleet.bookings import services
 from fleet.bookings.changes import waiting_list as waiting
 from fleet.bookings.changes.lost_rights import bookings_free_lost
 from fleet.bookings.changes.waiting_list import keep_waiting_lists, waiting_join
-from fleet.bookings.models import Booking, Letter, State, Waiting
+from fleet.bookings.models import Booking, Notification, State, Waiting
 from fleet.bookings.rules import Slot
 from fleet.bookings.schedule import schedule_of
 from fleet.bookings.services import booking_make
@@ -88,11 +88,11 @@ def edit(admin, robot, **changes):
 def test_a_robot_that_is_switched_off_tells_those_who_booked_it(signed_in, robot, olga, staff):
     booking, admin = book(robot, olga), signed_in(staff)
     edit(admin, robot, enabled=None)
-    letter = Letter.objects.get()
-    assert (letter.person, "out of service" in letter.subject) == (olga, True)
-    assert "switched it off" in letter.text
+    notification = Notification.objects.get()
+    assert (notification.person, "out of service" in notification.subject) == (olga, True)
+    assert "switched it off" in notification.text
     edit(admin, robot, name="Other")  # once is enough
-    assert Letter.objects.count() == 1
+    assert Notification.objects.count() == 1
     booking.refresh_from_db()
     assert booking.state == State.BOOKED  # the robot may come back
     page = signed_in(olga)
@@ -149,7 +149,7 @@ def test_a_robot_that_moves_to_another_group_frees_its_bookings(
     signed_in(staff).post("/robot-groups/", entry)
     booking.refresh_from_db()
     assert booking.state == State.CANCELLED
-    assert "may not drive" in Letter.objects.get().text
+    assert "may not drive" in Notification.objects.get().text
     book(robot, staff)  # the slot is free
 
 
@@ -173,7 +173,7 @@ def test_a_course_that_ends_mid_slot_frees_the_rest(signed_in, robot, stranger, 
     assert booking.state == State.FINISHED
     assert booking.held_until < booking.ends_at
     assert schedule_of(robot, timezone.now()).current is None
-    assert "ended" in Letter.objects.get().subject
+    assert "ended" in Notification.objects.get().subject
     assert Record.objects.get(kind="booking.cancel").parameters["why"] == "role_too_low"
 
 

@@ -10,7 +10,7 @@ from django.db import IntegrityError, connection, transaction
 from fleet.audit.integrity.verify import verify_all
 from fleet.audit.models import Record
 from fleet.bookings import overlaps
-from fleet.bookings.models import Booking, Letter, OutOfService, Policy, State
+from fleet.bookings.models import Booking, Notification, OutOfService, Policy, State
 from fleet.bookings.rules import Slot
 from fleet.bookings.schedule import Held, Schedule, schedule_of
 from fleet.bookings.selectors import free_slots
@@ -362,8 +362,8 @@ def test_a_booking_is_handed_to_a_colleague_who_may_drive(robot, operator, secon
         type(person).objects.filter(pk=person.pk).update(email=f"{person.username}@lab.example")
         person.refresh_from_db()
     booking_hand(**(to_observer | {"to": second_operator}))
-    [letter] = Letter.objects.all()  # the owner handed it, and knows
-    assert (letter.person, letter.subject) == (second_operator, "Your booking of TIAGo 1: handed to you")
+    [notification] = Notification.objects.all()  # the owner handed it, and knows
+    assert (notification.person, notification.subject) == (second_operator, "Your booking of TIAGo 1: handed to you")
     assert Booking.objects.get(pk=booking.pk).person == second_operator
 
 

@@ -29,7 +29,7 @@ from robots.bridge.drive.drive_log import DriveLog
 from robots.bridge.gate.gate import Gate
 from robots.bridge.gate.geometry.arm_discs import Disc
 from robots.bridge.gate.geometry.planar import NO_POINTS, Points
-from robots.bridge.gate.speed_limits import Fault
+from robots.bridge.gate.sensor_limits import Fault
 from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.values import (
     STILL,

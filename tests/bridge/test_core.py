@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from robots.bridge.core import ODOMETRY_ONLINE_S, RosStatus
-from robots.bridge.gate.speed_limits import Fault
+from robots.bridge.gate.sensor_limits import Fault
 from robots.bridge.gate.values import STILL, LaserScan, Pose, SpeedLimit, Velocity, Verdict
 from robots.bridge.lease.state_store import SavedState
 from robots.wire import Grant

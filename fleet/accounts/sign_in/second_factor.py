@@ -18,7 +18,7 @@ from fleet.accounts.requests import wants_json
 from fleet.accounts.sign_in import throttle
 from fleet.accounts.tokens.models import Token
 from fleet.accounts.tokens.services import TokenInvalid
-from fleet.server.stops import is_stop
+from fleet.server.stop_addresses import is_stop
 
 KINDS = (Authenticator.Type.TOTP, Authenticator.Type.WEBAUTHN)  # recovery codes alone are none
 # Pages for people who must have a second factor and have none yet, by the beginning of their address.

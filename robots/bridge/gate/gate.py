@@ -64,7 +64,7 @@ from robots.bridge.gate.obstacles.movers import MOVER, Movers
 from robots.bridge.gate.obstacles.obstacle_cache import ObstacleCache
 from robots.bridge.gate.obstacles.sonar_memory import SonarMemory
 from robots.bridge.gate.obstacles.sources import Laser, Sonar, Source
-from robots.bridge.gate.speed_limits import Fault, SpeedLimits
+from robots.bridge.gate.sensor_limits import Fault, SensorLimits
 from robots.bridge.gate.timing.freshness import LASER_STALE_S, ODOMETRY_STALE_S, Freshness
 from robots.bridge.gate.timing.latency import Latency
 from robots.bridge.gate.timing.trail import Trail
@@ -125,7 +125,7 @@ class Gate:
         self._movers = {name: Movers() for name in self._lasers}
         self._heading = Heading(next(iter(self._lasers.values()))) if self._lasers else None
         self._depth = DepthCamera(profile.depth, self.footprint) if profile.depth else None
-        self._limits = SpeedLimits(
+        self._limits = SensorLimits(
             profile, self._odometry, self._trail, self._lasers.values(), self._sonars.values(), self._depth
         )
         depth, depth_memory = ((self._depth,), (self._depth.remembered,)) if self._depth else ((), ())

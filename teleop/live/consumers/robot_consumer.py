@@ -35,7 +35,7 @@ from teleop.live.camera_view_age import CameraViewAge
 from teleop.live.consumers.message_socket import BUSY, CloseCode
 from teleop.live.consumers.robot_socket import RobotSocket
 from teleop.live.control_holder import ControlHolder
-from teleop.live.tasks import TaskSender
+from teleop.live.task_sender import TaskSender
 from teleop.live.view_feed import Viewer
 from teleop.stop import emergency_stop
 

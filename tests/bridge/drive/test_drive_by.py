@@ -9,7 +9,7 @@ import pytest
 from robots import wire
 from robots.bridge.core import RosStatus
 from robots.bridge.drive.drive_by import CONFIRMED_S, HELD_S
-from robots.bridge.gate.speed_limits import Fault
+from robots.bridge.gate.sensor_limits import Fault
 from robots.bridge.gate.values import STILL, Pose, Velocity, Verdict
 from robots.wire import DriveBy, DriveByCancel, Grant
 from tests.bridge.support import Bench, codes, settled

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robots.bridge.gate.gate import Gate
-from robots.bridge.gate.speed_limits import late_share
+from robots.bridge.gate.sensor_limits import late_share
 from robots.bridge.gate.values import STILL, Pose, SpeedLimit, Velocity
 from tests.gate.conftest import LASER, SONARS, Feeder, tiago_profile
 

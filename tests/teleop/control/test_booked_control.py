@@ -148,7 +148,7 @@ def read_as_the_hub_does(robot, person, now, role=Role.OPERATOR):
     schedule = schedule_for(person.id, schedule_of(robot, now), lease, now)
     rights = Rights(True, role, permit_for(Subject(person, robot, role, schedule, now)))
     status = ControlStatus(now, lease, [], {}, {(person.id, "key"): rights}, schedule_of(robot, now))
-    if (until := status.slot_end()) is not None:
+    if (until := status.moved_term_end()) is not None:
         services.lease_fit_slot(robot_id=robot.id, before=lease, until=until, now=now)
 
 

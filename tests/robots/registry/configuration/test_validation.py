@@ -16,7 +16,7 @@ from robots.bridge.config import Topics
 from robots.bridge.gate.values import Parameters
 from robots.registry.configuration import robot_config
 from robots.registry.models import Robot, RobotProfile
-from robots.registry.shipped import profile_files
+from robots.registry.shipped_profiles import profile_files
 
 pytestmark = pytest.mark.django_db
 

@@ -55,7 +55,7 @@ class LimitedTwist(NamedTuple):
     way: Way | None = None
 
 
-class SpeedLimits:
+class SensorLimits:
     """Speed limits from a robot's sensors, arm and latency."""
 
     def __init__(

@@ -10,8 +10,8 @@ from robots import wire
 from robots.bridge.config import Allowed
 from robots.registry.models import Allowance, RobotRole
 from teleop.background.database import in_database
-from teleop.live import tasks
-from teleop.live.tasks import MAX_PENDING
+from teleop.live import task_sender
+from teleop.live.task_sender import MAX_PENDING
 from tests.teleop.support import eventually
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -68,7 +68,7 @@ async def test_a_drive_cancelled_while_its_place_is_read_never_begins(holder, br
         may_end.wait(10.0)
         return request
 
-    monkeypatch.setattr(tasks, "_to_place", read)
+    monkeypatch.setattr(task_sender, "_to_place", read)
     await holder.say("go", fence=FENCE, seq=51, place="kitchen", **ORDERS["go"])
     await asyncio.to_thread(reading.wait, 10.0)
     await holder.say("go_cancel", fence=FENCE, seq=52)

@@ -13,7 +13,7 @@ from fleet.accounts.models import User
 from fleet.audit.models import Record
 from robots.registry.models import RobotProfile
 from robots.registry.services import profile_take_shipped, profiles_load_shipped
-from robots.registry.shipped import DIRECTORY, profile_files
+from robots.registry.shipped_profiles import DIRECTORY, profile_files
 
 pytestmark = pytest.mark.django_db
 
