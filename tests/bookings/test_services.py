@@ -363,7 +363,10 @@ def test_a_booking_is_handed_to_a_colleague_who_may_drive(robot, operator, secon
         person.refresh_from_db()
     booking_hand(**(to_observer | {"to": second_operator}))
     [notification] = Notification.objects.all()  # the owner handed it, and knows
-    assert (notification.person, notification.subject) == (second_operator, "Your booking of TIAGo 1: handed to you")
+    assert (notification.person, notification.subject) == (
+        second_operator,
+        "Your booking of TIAGo 1: handed to you",
+    )
     assert Booking.objects.get(pk=booking.pk).person == second_operator
 
 
