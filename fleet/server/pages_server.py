@@ -21,6 +21,7 @@ from robots.processes.shutdown import SIGNALS, exit_within
 
 NICENESS = 15
 END_S = 5.0
+LOADED_S = 60.0  # a busy computer may load the application for seconds; until then nothing needs an end in time
 REQUESTS_END_S = 1  # then those that still run are cut
 
 
@@ -33,7 +34,7 @@ class Server(uvicorn.Server):
 
     def end(self) -> None:
         """Take no more requests, answer those of the next second, and end."""
-        exit_within(END_S)
+        exit_within(END_S if self.started else LOADED_S)
         self.should_exit = True
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
