@@ -16,7 +16,7 @@ from robots.bridge.drive.input_filters import StickStep
 from robots.bridge.gate.values import GateProfile
 from robots.wire import Limb, ReverseSteering, Role, Use
 
-CLOCK_SKEW_S = 0.5  # above it, the robot's and the console's clocks disagree: this is only reported
+CLOCK_SKEW_S = 0.5  # a larger difference of the robot's and the console's clocks is reported, nothing more
 
 
 class Topic(Struct, frozen=True):
@@ -58,15 +58,15 @@ class DepthSource(Struct, frozen=True):
 
 
 class CameraSource(Struct, frozen=True):
-    """A camera that people watch. `name` stands in addresses and messages, `label` on pages (else the name)."""
+    """A camera for people. Addresses and messages contain `name`; pages show `label`, or else the name."""
 
     name: str
     topic: str
     type: str  # sensor_msgs/CompressedImage or sensor_msgs/Image
     info: str | None = None  # sensor_msgs/CameraInfo: without it no path is drawn into the picture
-    frame: str | None = None  # its optical frame; None: as its messages say
+    frame: str | None = None  # the camera's optical frame; None: use the frame of its messages
     label: str = ""
-    moves: bool = False  # it is mounted on the head
+    moves: bool = False  # the camera is mounted on the head
     base_frame: str = "base_footprint"  # on the floor
 
 
@@ -93,11 +93,11 @@ class ArmSource(Struct, frozen=True):
     """An arm that may reach out of the footprint. `Topics.joint_states` gives its position."""
 
     home: dict[str, float]  # joint positions with the arm inside the footprint: radians, or metres
-    links: list[str]  # in the robot's description, from shoulder to tip: the arm lies along their origins
+    links: list[str]  # in the description, from shoulder to tip: the lines between their origins are the arm
     tolerance: float = 0.15  # tolerance of `home`: radians, or metres
     radius_m: float = 0.07
-    reach_m: float = 0.9  # from the shoulder: space of a motion whose points are unknown
-    # by motion: its end posture, if there is no description
+    reach_m: float = 0.9  # from the shoulder: a motion whose points are unknown needs all this space
+    # end posture of each motion, used if there is no description
     postures: dict[str, list[tuple[float, float, float]]] = {}
 
 
@@ -105,7 +105,7 @@ TRAJECTORY, GRIPPER_COMMAND = "control_msgs/FollowJointTrajectoryAction", "contr
 
 
 class LimbSource(Struct, frozen=True):
-    """A limb that people move by one number: joints behind an action, moved alike.
+    """A limb that people move by one number: joints behind an action, all moved by the same amount.
 
     The number is the sum of the joints' positions: the distance of two fingers, or the height of a torso. It is also
     the position that a goal of `GRIPPER_COMMAND` names.
@@ -116,18 +116,19 @@ class LimbSource(Struct, frozen=True):
     range_m: tuple[float, float]  # of each joint
     speed_mps: float  # of each joint
     type: str = TRAJECTORY  # or, for a gripper, `GRIPPER_COMMAND`
-    effort_n: float | None = None  # of `GRIPPER_COMMAND`: at most; the controller decides what 0 means
+    effort_n: float | None = None  # most effort of `GRIPPER_COMMAND`; the controller defines the meaning of 0
 
 
 class NavigationSource(Struct, frozen=True):
-    """The robot's own navigation. It drives by a topic with a lower priority than `Topics.drive`.
+    """The robot's own navigation.
 
-    So the bridge can take over. `Topics.map` and a transform from `frame` to the odometry frame belong to it.
+    Its velocity topic has a lower priority than `Topics.drive`, so that the bridge can take over. It also
+    needs `Topics.map` and a transform from `frame` to the odometry frame.
     """
 
     action: str  # such as /move_base
-    velocity: str  # on which it drives the base, geometry_msgs/Twist
-    pose: str  # of localisation, geometry_msgs/PoseWithCovarianceStamped
+    velocity: str  # topic by which it drives the base, geometry_msgs/Twist
+    pose: str  # topic of localisation, geometry_msgs/PoseWithCovarianceStamped
     type: str = "move_base_msgs/MoveBaseAction"
     plan: str | None = None  # the path that it plans, nav_msgs/Path
     set_pose: str | None = None  # takes a pose from people, geometry_msgs/PoseWithCovarianceStamped
@@ -177,13 +178,16 @@ What = Literal["choose", "publish", "call", "set"]
 
 
 class Allowed(Struct, frozen=True):
-    """One entry of the allow-list. Without an entry nobody may; `robots.bridge.tasks.denylist` forbids some entries."""
+    """One entry of the allow-list. Anything without an entry is forbidden.
+
+    `robots.bridge.tasks.denylist` forbids some entries.
+    """
 
     what: What
     name: str  # of a topic, action, service or parameter
     type: str = ""
     use: Use | Literal[""] = ""  # for "choose": the use of the topic
-    role: Role = "operator"  # the lowest role that may; the web process checks it
+    role: Role = "operator"  # the lowest role that may do this; the web process checks it
 
 
 class LinkAddress(Struct, frozen=True):

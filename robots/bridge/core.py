@@ -1,7 +1,7 @@
 """Decide which twist one robot receives: joins lease, dead-man, stop, audit and gate.
 
-`Core` knows no socket, no ROS and no clock: time is an argument (monotonic seconds), and `Base` is the protocol to the
-robot. Everything runs on one thread.
+`Core` uses no socket, no ROS and no clock: time is an argument (monotonic seconds), and `Base` is the
+protocol to the robot. Everything runs on one thread.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ from robots.wire import Drive, Ended, Grant, Refusal, StopState
 
 log = logging.getLogger(__name__)
 
-# zeros are repeated for this time after control ended; then the topic is free for other nodes
+# zeros are repeated for this time after control has ended; then the topic is free for other nodes
 QUIET_AFTER_S = 1.0
 ODOMETRY_ONLINE_S = 1.0
-READ_WITHIN_S = 0.05  # a message that came is read within this time
+READ_WITHIN_S = 0.05  # a message is read within this time after its arrival
 REACHED_S = 1.0  # after joining the master: subscribers of cancel topics are connected by then
 
 _IDLE = Verdict(STILL, STILL, "idle", "")
@@ -70,7 +70,7 @@ class Base(TaskPerformer, Protocol):
         """Cancel every goal of every action in `Topics.cancelled`, from any sender."""
 
     def acknowledged_s(self, now_s: float) -> float | None:
-        """Return the seconds in which the robot's computer acknowledged a twist; None without a new measurement."""
+        """Return the time until the robot's computer acknowledged a twist (s); None: no new measurement."""
 
     @property
     def listeners(self) -> int:
@@ -78,7 +78,7 @@ class Base(TaskPerformer, Protocol):
 
 
 class RosStatus(Struct, frozen=True):
-    """State of the connection to the robot's ROS master, as the master monitor sees it."""
+    """State of the connection to the robot's ROS master, from the master monitor."""
 
     phase: Literal["waiting", "refused", "connecting"]
     text: str
@@ -98,8 +98,8 @@ class Reported(Struct):
 class Core:
     """The rules of one robot.
 
-    `announce` sends a report to every link. Stops are numbered from `stops_before` on. `on_scan` is called after each
-    scan, so that a view drawn then is fresh. `on_news` is called after each sensor message while somebody has
+    `announce` sends a report to every link. Stops are numbered from `stops_before` on. `on_scan` is called
+    after each scan, to send a fresh view. `on_news` is called after each sensor message while somebody has
     control: `prepare` then does the gate's work before the next command needs it.
     """
 
@@ -162,7 +162,7 @@ class Core:
     # --- control ---------------------------------------------------------------------------------
 
     def grant(self, grant: Grant, link: int, now_s: float) -> None:
-        """Put a checked grant in force. Neutral is needed first for a new holder and for a page that came back."""
+        """Put a checked grant in force. A new holder, or a page that came back, must send neutral first."""
         current = self.lease.current
         if current is None or grant.fence != current.fence:
             self._end_control("Control was given to somebody else.", now_s)
@@ -184,8 +184,8 @@ class Core:
     def pause(self, fence: int, reason: str, link: int, now_s: float, code: str = "page_gone") -> None:
         """Pause control because the holder's page is gone: zero now.
 
-        A page that comes back starts again with its numbering of commands and tasks. A pause from another link than the
-        grant's is late: the page has already come back through the other link.
+        A page that comes back starts a new numbering of commands and tasks. A pause from another link than
+        the grant's link is late and is ignored: the page has already come back through the other link.
         """
         if self.lease.current is None or (self.lease.current.fence, self.lease.link) != (fence, link):
             return
@@ -218,7 +218,8 @@ class Core:
     ) -> None:
         """Stop the robot (emergency stop): zero at once, latch, cancel all goals. Each press counts as one stop.
 
-        A press that arrives twice, by another way or late, is ignored: the stop may have been cleared meanwhile.
+        If a press arrives again (late or by another way), it is ignored: the stop may already have been
+        cleared.
         """
         if self._latch.was_handled(press):
             return
@@ -241,10 +242,11 @@ class Core:
     ) -> None:
         """Take a stop from the watchdog: a new press, or (`press` None) a stop that an earlier bridge had latched.
 
-        The watchdog heard it at `pressed_s`. This process may have been blocked since, or may have started later.
+        The watchdog received the press at `pressed_s`. Since then, this process was perhaps blocked or not
+        yet started.
         """
         if press is None and self._latch.is_stopped_by(by, reason):
-            return  # the state file already contained this stop
+            return  # this stop was already in the state file
         self.stop(by, reason, now_s, press)
         self._latch.correct_time(press, pressed_s, now_s)
 
@@ -253,9 +255,9 @@ class Core:
         self._latch.ignore(presses)
 
     def clear(self, number: int, now_s: float, presses: Sequence[UUID] = ()) -> Refusal | None:
-        """Clear stop `number`; this moves nothing. Return a refusal if somebody pressed stop again since.
+        """Clear stop `number`; this moves nothing. Return a refusal if somebody has pressed stop again.
 
-        `presses` are older than this clear and may still be on their way: ignore them.
+        `presses` are older than this clear. They may arrive later and are then ignored.
         """
         if refusal := self._latch.clear(number, presses):
             return refusal
@@ -290,7 +292,7 @@ class Core:
         self._health_log.tick(self._phase(now_s)[0] == "online", now_s)
 
     def console_was_late(self, late_s: float, now_s: float) -> None:
-        """Note that a web process's loop was late: do not blame the operator for silence in this time."""
+        """Note that a web process's loop was late: silence in this time is not the operator's fault."""
         self._console_late.observe(late_s, now_s)
         if self._silent and now_s - self._silent[1] < late_s:
             stick, noticed_s = self._silent
@@ -298,19 +300,22 @@ class Core:
             self._inputs.correct_reason(code, reason)
 
     def recorded(self, now_s: float) -> None:
-        """Begin work that waited for its record at once, instead of at the next tick."""
+        """Begin work whose record was just written, without waiting for the next tick."""
         self._expire(now_s)
         self._decide(now_s)
         self.tasks.tick(self._sent, self._page_gone_s, now_s)
 
     @property
     def drives_itself(self) -> bool:
-        """Return whether navigation drives the robot, or may still do so: without this process it must be stopped."""
+        """Return whether navigation drives the robot, or may still do so.
+
+        Then the watchdog must stop the robot if this process ends.
+        """
         return self.tasks.navigation.driving_requester is not None or self.tasks.navigation.hold.holds
 
     @property
     def skew_s(self) -> float | None:
-        """Return by how much the robot's clock is ahead of ours, by its odometry; None: none has come."""
+        """Return by how much the robot's clock is ahead of ours, by its odometry; None: no odometry yet."""
         return self._reported.skew_s
 
     @property
@@ -356,7 +361,7 @@ class Core:
             self._run = run
             self._gate.forget(restarted=True)
         if self.tasks.navigation.driving_requester:
-            # After a silence, messages come in a burst. The first are old: the robot only looks slow to answer.
+            # After a silence, messages arrive in a burst. The first are old: the robot only seems slow.
             self._miss_sensors(arrival_s)
         if not self._gate.observe_odometry(stamp_s, arrival_s, pose, velocity):
             return  # repeated or out of order: ignore it
@@ -406,7 +411,7 @@ class Core:
         self.tasks.navigation.unmapped(why, now_s)
 
     def described(self, taken: TakenDescription, failed: Callable[[], object]) -> None:
-        """Take the robot's description: the console keeps it for pages. `failed` is called if it could not."""
+        """Take the robot's description and store it for pages. `failed` is called if this is impossible."""
         self._records.keep_description(taken, failed)
 
     def battery(self, percent: float, now_s: float) -> None:
@@ -545,7 +550,7 @@ class Core:
     # --- inside -----------------------------------------------------------------------------------
 
     def _decide(self, now_s: float) -> Refusal | None:
-        """Publish the present twist. Return why an input that asks for motion is refused, if it is."""
+        """Publish the present twist. Return the refusal of an input that asks for motion, if any."""
         grant = self.lease.current
         if self._asking and self._asking.current(now_s) is None:
             self._silent = self._asking, now_s
@@ -576,7 +581,7 @@ class Core:
         if reason := refusal or self._unrecorded:
             verdict = verdict._replace(asked=asked, code=reason.code, text=reason.text)
         if self.tasks.navigation.waits:
-            verdict = self._verdict  # why the base is held
+            verdict = self._verdict  # it gives the reason why the base is held
         if not self._latch.latched:
             self._verdict = verdict
         if (
@@ -585,7 +590,7 @@ class Core:
             and not self.tasks.navigation.waits
         ):
             self._drives.decided(verdict, now_s)  # an intervention may end
-            self._sent = STILL  # silent: zeros on the drive topic would win over navigation
+            self._sent = STILL  # send nothing: zeros on the drive topic have priority over navigation
         else:
             self._send(verdict.velocity if self._passed != STILL else STILL, now_s)
         return None if refusal is WAITING or self._asking is None else refusal
@@ -632,17 +637,17 @@ class Core:
         return fault is not None
 
     def _judge_navigation(self, now_s: float) -> None:
-        """Judge the velocity at which the robot drives itself; take over where the gate's promise would be broken."""
+        """Check the velocity at which navigation drives the robot. Brake if it breaks a rule of the gate."""
         verdict = self.tasks.navigation.judge(now_s)
         if verdict.code != "free":
             self._brake_navigation(verdict, now_s)
 
     def _brake_navigation(self, verdict: Verdict, now_s: float) -> None:
-        """Brake a robot that drives itself. Its drive ends, unless the cause may pass in a moment."""
+        """Brake a robot that drives itself. Its drive ends, unless the cause may soon end by itself."""
         self._verdict = verdict
         if not self.tasks.navigation.waits_for(verdict, now_s):
             self.tasks.navigation.end_by_gate(verdict, now_s)
-            verdict = verdict._replace(neutral=True)  # on record by itself
+            verdict = verdict._replace(neutral=True)  # so that it gets its own record
         self._send(STILL, now_s)
         self._drives.decided(verdict, now_s)
 
@@ -652,7 +657,7 @@ class Core:
         This computer is named only if its lateness explains the gap.
         """
         for late, part in ((self._late, "the bridge"), (self._console_late, "the console")):
-            late_s = late.since(now_s - READ_WITHIN_S)  # messages that came earlier have been read
+            late_s = late.since(now_s - READ_WITHIN_S)  # earlier messages have been read
             if late_s and now_s - stick.taken_s - late_s < COMMAND_LIFE_S:
                 return "overloaded", f"this computer is overloaded: {part} was {late_s:.1f} s late"
         return "dead_man", f"no command came for {COMMAND_LIFE_S} s"
@@ -667,9 +672,10 @@ class Core:
             self.tasks.unrecorded(self._unrecorded, now_s)
 
     def _awaited(self, now_s: float) -> wire.NeutralNeeded | None:
-        """Return what is missing (robot or sensor). While it is missing no stick position counts, not even neutral.
+        """Return what is missing: the robot, or a sensor. Until it is back, neutral does not count.
 
-        Otherwise a stick that is pushed while a sensor is silent would drive off by itself when the sensor is back.
+        Otherwise, if the stick is pushed while a sensor is silent, the robot would move by itself when the
+        sensor is back.
         """
         if self._phase(now_s)[0] != "online":
             return wire.NeutralNeeded("robot_offline", "the robot was away")
@@ -685,7 +691,7 @@ class Core:
         return (stick and self._inputs.refuse(stick)) or self._drives.may_move(holder_of(grant), now_s)
 
     def _send(self, velocity: Velocity, now_s: float) -> None:
-        """Publish while there is a reason to; then leave the topic to other nodes."""
+        """Publish during control, a stop or a hold, and shortly after. Then other nodes may use the topic."""
         if self.lease.current or self._latch.latched or self.tasks.navigation.hold.holds:
             self._publish_until_s = now_s + QUIET_AFTER_S
         if now_s < self._publish_until_s:
@@ -698,7 +704,7 @@ class Core:
         self._inputs.require_neutral(code, reason)
 
     def _expire(self, now_s: float) -> None:
-        """End an expired grant. The tick calls this, and so does each event that lets waiting work begin."""
+        """End an expired grant. Call this at each tick, and before waiting work may begin."""
         if self.lease.expired(now_s):
             self._end_control("Control was not renewed in time.", now_s)
 
@@ -731,7 +737,7 @@ class Core:
             log.exception("cancelling all goals failed")
 
     def _phase(self, now_s: float) -> tuple[wire.Phase, str]:
-        """Return how far the robot is on the way to being drivable, and what is missing."""
+        """Return the robot's phase ("online": ready to drive) and what is missing."""
         topics = self.config.topics
         if self._ros.phase != "connecting":
             return self._ros.phase, self._ros.text

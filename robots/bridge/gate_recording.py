@@ -34,7 +34,7 @@ class BadRecording(ValueError):
 
 
 class Decision(NamedTuple):
-    """One decision: as recorded, and as the gate decides now."""
+    """One decision: the recorded verdict, and the verdict of the replay."""
 
     now_s: float
     asked: Velocity
@@ -48,7 +48,7 @@ class Decision(NamedTuple):
 
 
 class Recorder:
-    """Context manager: writes all calls of `recorded(gate)` to a file."""
+    """Context manager that writes all calls of a gate to a file (`recorded`)."""
 
     def __init__(self, path: Path, profile: GateProfile) -> None:
         self._file = gzip.open(path, "wb", compresslevel=3)  # noqa: SIM115 - closed on leaving the context

@@ -1,7 +1,8 @@
 """Decode, check and answer the messages of links.
 
-This module never blocks: a stop must not wait. A link may send 200 commands a second, far more than a stick does. Each
-further command is dropped in its own turn of the event loop, so that ticks, stops and sensors are not delayed.
+This module never blocks: a stop must not wait. A link may send 200 commands a second, far more than a stick
+sends. Each further command is dropped in its own turn of the event loop, so that ticks, stops and sensors are
+not delayed.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from robots.bridge.topics.inspector_client import InspectorClient
 
 log = logging.getLogger(__name__)
 
-DRIVES_PER_S = 200.0  # limit of a page; a stick sends 20 to 50
+DRIVES_PER_S = 200.0  # limit of a link; a stick sends 20 to 50
 DRIVES_BURST = 50.0
 REFUSAL_GAP_S = 0.25  # answer refused messages of one kind and code at most this often per link
 
@@ -80,7 +81,7 @@ class LinkHandler:
             message = wire.link_request(raw)
         except wire.WireError as error:
             kind, seq = wire.heading(raw)
-            if kind == _STOP:  # never refuse a stop for its form
+            if kind == _STOP:  # a damaged stop message stops the robot, too
                 self._stop(link, wire.LinkStop("somebody", "the message was damaged", seq or 0), now_s)
                 return True
             self._core.refused[error.refusal.code] += 1
@@ -190,7 +191,7 @@ class LinkHandler:
         link.report(self._core.tasks.navigation.shown_path)
 
     def _refuse(self, link: Link, refused: wire.Refused, now_s: float) -> None:
-        """Answer a refused message, but not thirty times a second."""
+        """Answer a refused message, at most every `REFUSAL_GAP_S` for each kind and code."""
         answered, key = self._refused[link], (refused.of, refused.refusal.code)
         if now_s - answered.get(key, float("-inf")) >= REFUSAL_GAP_S:
             answered[key] = now_s

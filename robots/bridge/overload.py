@@ -1,4 +1,4 @@
-"""Measure whether this computer keeps up: how late a process's loop wakes. Pure: time is an argument."""
+"""Measure whether this computer is overloaded: how late a process's loop wakes. Pure: time is an argument."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robots.wire import Overload, OverloadedPart
 log = logging.getLogger(__name__)
 
 LATE_S = 0.1  # s: a loop this late had no processor time, or too much work
-REPORTED_FROM_S = 0.2  # s: report only delays that may cost a command, which lives 0.3 s
+REPORTED_FROM_S = 0.2  # s: only longer delays are reported: a command, valid for 0.3 s, may expire in them
 KEPT_S = 5.0  # s: time for which a delay is reported
 
 
@@ -39,7 +39,7 @@ class LoopLateness:
             self._worst_s = 0.0
 
     def since(self, begin_s: float) -> float:
-        """Return the sum of lateness since then, in seconds."""
+        """Return the sum of lateness since `begin_s`, in seconds."""
         return sum(late_s for at_s, late_s in self._late if at_s >= begin_s)
 
     def report(self, now_s: float) -> Overload | None:

@@ -1,4 +1,4 @@
-"""Questions and answers of `robots.bridge.ros.network.probe` about a robot's ROS: facts only."""
+"""Questions and answers of `robots.bridge.ros.network.probe` about a robot's ROS: only facts."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class HostFound(Struct, frozen=True):
 
 
 class CallbackFound(Struct, frozen=True):
-    """Return whether the master could call us at our advertised address."""
+    """Result of the test whether the master can call us at our advertised address."""
 
     advertised: str
     called: bool
@@ -80,7 +80,7 @@ class DriveFound(Struct, frozen=True):
 
 
 class DescriptionFound(Struct, frozen=True):
-    """Parts of the arm that the robot's description lacks; `error`: there is no usable description."""
+    """Parts of the arm that are missing in the robot's description. `error`: why this is unknown."""
 
     links: list[str] = []
     joints: list[str] = []

@@ -91,7 +91,7 @@ class Bridge:
             config.link, handler.opened, handler.received, handler.closed, handler.handle
         )
         self._watchdog = WatchdogClient(lane_path(config), self._pressed)
-        self._goal = saved.goal  # of navigation, as it is on disk
+        self._goal = saved.goal  # navigation's goal in the state file
         self._ended = False
         self._rests = True
         self._wake = asyncio.Event()
@@ -106,7 +106,8 @@ class Bridge:
         self._watch_for_the_end()
         await self._links.start()
         loop = asyncio.get_running_loop()
-        self._beat(time.monotonic())  # latch stops that only the watchdog heard, before the robot is joined
+        # Latch stops that only the watchdog received, before the robot is joined.
+        self._beat(time.monotonic())
         self._records.open(lambda: loop.call_soon_threadsafe(self._recorded), time.monotonic())
         self._base.start(loop, self._core, self._after_commands, self._node_lost)
         self._garbage = Garbage()
@@ -124,7 +125,7 @@ class Bridge:
             await asyncio.gather(
                 self._inspector.close(),
                 self._cameras.close(),
-                asyncio.to_thread(self._records.close),  # afterwards no record calls the loop
+                asyncio.to_thread(self._records.close),  # then no record calls the loop any more
             )
             await self._links.close()
             self._lease_orders.close()
@@ -133,7 +134,7 @@ class Bridge:
     # --- one piece of work at a time --------------------------------------------------------------
 
     def _soon(self, piece: Callable[[], None]) -> None:
-        """Do this piece once, in its own turn of the loop."""
+        """Run this piece of work once, in its own turn of the loop."""
         if piece not in self._due:
             self._due.add(piece)
             asyncio.get_running_loop().call_soon(self._do_due, piece)
@@ -146,7 +147,7 @@ class Bridge:
         """Handle waiting commands first: they wait for one piece of work at most."""
         try:
             self._links.read_lanes()
-        finally:  # always run: a lost piece would silence its source for good
+        finally:  # run the piece in any case: without it, its source would never be read again
             piece()
 
     def _prepare(self) -> None:
@@ -163,13 +164,13 @@ class Bridge:
         while not self._ended:
             now_s = time.monotonic()
             if self._ticks(now_s, now_s - due_s):
-                # read sensors and commands first: after a stall, they arrived before the dead-man is checked
+                # read sensors and commands before the dead-man is checked: they wait after a stall
                 self._soon(self._base.take_waiting)
                 await asyncio.sleep(0.0)
                 now_s = time.monotonic()
                 self._tick(now_s, now_s - due_s)
             self._beat(now_s)
-            # after a stall, continue from here without catching up
+            # after a stall, do not repeat the missed ticks
             due_s = max(due_s, now_s - TICK_S) + TICK_S
             alarm = loop.call_at(due_s, self._wake.set)
             await self._wake.wait()
@@ -177,7 +178,7 @@ class Bridge:
             alarm.cancel()
 
     def _ticks(self, now_s: float, late_s: float) -> bool:
-        """Return whether to tick now. Every second time while nothing goes to the base; always if late."""
+        """Return whether to tick now: every second time while nothing is sent to the base; always if late."""
         core = self._core
         self._rests = not (
             self._rests or late_s >= TICK_S or core.needs_fresh_sensors or core.publishing(now_s)
@@ -212,7 +213,7 @@ class Bridge:
         self._core.watchdog_missing = self._watchdog.missing(now_s)
 
     def _pressed(self, press: StopPress) -> None:
-        """Latch a stop that the watchdog heard. The watchdog keeps it until it is on disk."""
+        """Latch a stop that the watchdog received. The watchdog keeps it until it is on disk."""
         self._core.stop_from_watchdog(press.by, press.reason, press.press, time.monotonic(), press.at_s)
         loop = asyncio.get_running_loop()
 
@@ -245,7 +246,7 @@ class Bridge:
             self._announce(wire.Status(self._core.state(now_s, watchers, more)))
 
     def _show_path(self, now_s: float) -> None:
-        """Send navigation's path to all links when it is another one."""
+        """Send navigation's path to all links when it has changed."""
         path = self._core.tasks.navigation.shown_path
         if path != self._path and now_s - self._path_s >= PATH_GAP_S:
             self._path, self._path_s = path, now_s
@@ -266,7 +267,7 @@ class Bridge:
             link.show(shown)
 
     def _watchers(self) -> tuple[list[str], int]:
-        """Return the names of watchers, and the number of further ones."""
+        """Return the names of watchers, and the number of further watchers."""
         links = self._links.links
         return sorted({name for link in links for name in link.watchers}), sum(
             link.watchers_more for link in links
@@ -280,7 +281,7 @@ class Bridge:
     # --- the end -----------------------------------------------------------------------------------
 
     def _watch_for_the_end(self) -> None:
-        """End on SIGTERM, on SIGINT, and when stdin closes, which the supervisor holds open."""
+        """End on SIGTERM, on SIGINT, and when stdin closes: the supervisor holds it open while it runs."""
         loop = asyncio.get_running_loop()
         loop.set_exception_handler(self._failed)
         for number in (signal.SIGTERM, signal.SIGINT):
@@ -330,9 +331,10 @@ def _pending_stops(config: BridgeConfig) -> list[WaitingStop]:
 
 
 def initial_state(pending: Sequence[WaitingStop], saved: SavedState) -> tuple[SavedState, list[UUID]]:
-    """Return the state to begin with, and pending presses: latched if a stop is pending, before anybody can drive.
+    """Return the initial state and the pending presses. If a stop is pending, the state is latched.
 
-    The files of pending stops stay until the stops are delivered and confirmed.
+    So the robot is stopped before anybody can drive. The files of pending stops stay until the stops are
+    delivered and confirmed.
     """
     if pending:
         saved = structs.replace(saved, latched=True, by=pending[-1].by, reason=pending[-1].reason)
@@ -348,7 +350,7 @@ def run(config: BridgeConfig, sink: RecordSink) -> int:
         log.error("%s", error)
         return EXIT_ALREADY_RUNNING
     limit_memory(MOST_BYTES)
-    sys.setswitchinterval(0.001)  # s: the control loop waits less for rospy's threads
+    sys.setswitchinterval(0.001)  # s: the control loop waits for rospy's threads for a shorter time
     try:
         return asyncio.run(Bridge(config, sink, store).run())
     finally:

@@ -1,4 +1,4 @@
-"""Build the reports about the robot: its state, and a view of its surroundings. Reads only."""
+"""Build the reports about the robot: its state, and a view of its surroundings. Change nothing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robots.bridge.tasks.holder_tasks import Tasks
 from robots.wire import Grant, StopState
 
 VIEW_RADIUS_M = 8.0
-DRAWN_GRAIN_CM = 6  # surfaces have many points; a view for fifty viewers must stay small
+DRAWN_GRAIN_CM = 6  # one point is drawn for each cell of this size: a view for fifty viewers must be small
 
 
 class StateInputs(NamedTuple):
@@ -39,7 +39,7 @@ class StateInputs(NamedTuple):
     health: wire.Health | None
     skew_s: float | None  # robot's clock minus ours
     overload: wire.Overload | None
-    watchdog_missing: bool  # the watchdog is missing
+    watchdog_missing: bool
 
 
 def state(
@@ -108,12 +108,12 @@ def scan(gate: Gate, sonars: Sequence[SonarSource], now_s: float, with_heights: 
 
 
 def _heights_cm(gate: Gate, depth_cm: list[int]) -> list[int]:
-    """Return low and high of each of these points, flat, centimetres; nothing if they are not known."""
+    """Return the lowest and highest height at each of these points (cm, flat); an empty list if unknown."""
     found = gate.depth_heights(np.array(depth_cm, dtype=np.float64).reshape(-1, 2) / 100.0)
     if found is None:
         return []
     heights = np.stack(found, axis=1)
-    heights = np.where(np.isfinite(heights), heights, 0.0)  # of a cell that was forgotten meanwhile
+    heights = np.where(np.isfinite(heights), heights, 0.0)  # the gate has forgotten these cells
     flat: list[int] = np.rint(heights * 100.0).astype(np.int32).ravel().tolist()
     return flat
 

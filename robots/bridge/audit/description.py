@@ -1,4 +1,4 @@
-"""The robot's description (URDF) as the bridge hands it to the console's database."""
+"""The robot's description (URDF) in the form in which the bridge passes it to the console's database."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from robots.bridge.tasks.urdf import LARGEST
 
 
 def taken_description(found: object) -> TakenDescription:
-    """Return what is kept of the parameter `robot_description`. A text that is too large is named, and not kept."""
+    """Return the parameter `robot_description` for storage; only a `problem` if it is not usable."""
     if not isinstance(found, str):
         return _problem("the parameter /robot_description of the robot is no text")
-    if len(found) >= LARGEST:  # a longer one was cut while it was read
+    if len(found) >= LARGEST:  # a longer text was cut when it was read
         return _problem(f"the robot’s description has {LARGEST // 1_000_000} million characters or more")
     text = found.encode(errors="replace")
     return TakenDescription(hashlib.sha256(text).hexdigest(), zlib.compress(text))

@@ -1,6 +1,7 @@
 """Figures and path of a drive from odometry.
 
-A path is a few samples that give the robot's position at every moment, within a stated tolerance.
+A path has only a few samples. Interpolation between them gives the robot's position at every moment, within a
+stated tolerance.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from robots.bridge.gate.values import Pose, Velocity
 
 SAMPLE_S = 0.5
 TOLERANCE_M = 0.05
-# m: the error counts at a point this far in front of the robot's middle, so that turns on the spot are kept
+# m: the error is measured this far in front of the robot's middle, so that turns on the spot are kept
 LEVER_M = 0.25
-MAX_SAMPLES = 600  # limit for a path of any length of drive
+MAX_SAMPLES = 600  # limit for a path, however long the drive is
 
 
 class Sample(NamedTuple):
@@ -31,12 +32,12 @@ class Sample(NamedTuple):
 
 
 def simplify(samples: Sequence[Sample], tolerance_m: float) -> list[Sample]:
-    """Return the fewest of these samples that Ramer-Douglas-Peucker keeps, with the first and the last.
+    """Return the samples that the Ramer-Douglas-Peucker algorithm keeps, among them the first and the last.
 
-    Linear motion between kept samples is, at the time of each dropped sample, within `tolerance_m` of it. Lines are
-    split at the largest error, after Ramer (1972) and Douglas and Peucker (1973). The error is measured at equal times,
-    so that speeds and pauses are kept, after Meratnia and de By, "Spatiotemporal Compression Techniques for Moving
-    Point Objects" (2004).
+    Linear motion between kept samples differs from each dropped sample by at most `tolerance_m` at its time.
+    Lines are split at the largest error, after Ramer (1972) and Douglas and Peucker (1973). The error is
+    measured at equal times, so that speeds and pauses are kept, after Meratnia and de By, "Spatiotemporal
+    Compression Techniques for Moving Point Objects" (2004).
     """
     if len(samples) <= 2:
         return list(samples)
@@ -71,7 +72,7 @@ class Path:
         settled, joint = self.samples[:-1], self.samples[-1:]
         self.samples = settled + simplify([*joint, *fresh], self.tolerance_m)
         while len(self.samples) > self._most:
-            # Simplifying again may add this error once more.
+            # Another simplification may add the present tolerance to the error again.
             self.samples = simplify(self.samples, self.tolerance_m)
             self.tolerance_m *= 2.0
 
@@ -101,7 +102,7 @@ class Track:
             self._sample(self._last)
 
     def taken(self, *, last: bool = False) -> list[Sample]:
-        """Take the fresh samples out; for the `last` time, with the robot's present position."""
+        """Return and remove the fresh samples. `last`: add the robot's present position."""
         if last and self._last is not None and self._last.t_s > self._sampled:
             self._sample(self._last)
         fresh, self.fresh = self.fresh, []

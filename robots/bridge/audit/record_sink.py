@@ -1,7 +1,7 @@
 """Interface of the audit log, so that the bridge does not depend on a database.
 
-One worker thread calls the methods, one at a time and in order. A method returns when its record is committed.
-`RecordError` means that it is not committed: then the recorded action must not happen.
+One worker thread calls the methods, one at a time and in order. A method returns when its record is
+committed. It raises `RecordError` if the record is not committed: then the action must not happen.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class GateSummary(Struct, frozen=True):
     """Summary of a gate intervention."""
 
     duration_s: float  # from its first to its last verdict
-    also: list[str]  # codes of other rules that limited the robot meanwhile
+    also: list[str]  # codes of other rules that limited the robot during it
     nearest: Verdict  # with the nearest obstacle
     pose: Pose | None  # at its end
 
@@ -89,7 +89,7 @@ class TakenMap(Struct, frozen=True, tag=True):
 
 
 class TakenDescription(Struct, frozen=True):
-    """The robot's description (URDF), compressed by zlib. `problem`: why there is no usable one."""
+    """The robot's description (URDF), compressed by zlib. `problem`: why it cannot be used."""
 
     digest: str  # of the text
     packed: bytes
@@ -97,16 +97,16 @@ class TakenDescription(Struct, frozen=True):
 
 
 class RecordSink(Protocol):
-    """The audit log, as the bridge uses it. Tokens are opaque to the bridge."""
+    """The audit log, as the bridge uses it. The returned numbers only identify records."""
 
     def settle(self) -> None:
-        """Commit missing ends of an earlier bridge of this robot. Called before everything else."""
+        """Commit ends that an earlier bridge of this robot did not record. Called before other methods."""
 
     def test_writable(self) -> None:
         """Test whether a record could be committed."""
 
     def begin_drive(self, holder: Holder, start: Position) -> int:
-        """Commit the start of a drive: before its first non-zero Twist."""
+        """Commit the start of a drive, before its first twist that is not zero."""
 
     def end_drive(self, drive: int, holder: Holder, summary: DriveSummary) -> None:
         """Commit the end of a drive."""
@@ -125,14 +125,14 @@ class RecordSink(Protocol):
     def stopped(self, holder: Holder | None, number: int, was_standing: bool) -> None:
         """Commit that stop `number` reached the robot. The web process records who pressed it.
 
-        `was_standing`: at the press the robot stood and nothing asked it to move.
+        `was_standing`: at the press, the robot stood and had no command to move.
         """
 
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
         """Commit the end of an intervention and its summary."""
 
     def ill_parts(self) -> dict[str, HealthLevel]:
-        """Return the parts of the robot that are not well by their last record, with their levels."""
+        """Return the parts of the robot whose last record reports a problem, with their levels."""
 
     def keep_map(self, taken: TakenMap) -> None:
         """Commit the robot's present map. The robot does not wait for it."""

@@ -1,9 +1,9 @@
 """Write records on one worker thread, in order, while the control loop continues.
 
-A request must be written before it is carried out: if writing fails, it is refused and dropped. An event must be
-written sooner or later: it is kept, and tried again before all later records. No request succeeds meanwhile, so the
-kept records are only the ends of work in progress; callers must limit events that the robot causes by itself. While the
-robot drives, a test every half second shows whether the database can be written.
+A request must be written before it is carried out: if writing fails, it is refused and dropped. An event must
+be written sooner or later: it is kept, and tried again before all later records. Until then no request
+succeeds, so only the ends of work in progress are kept. Callers must limit events that the robot causes by
+itself. While the robot drives, a test every half second shows whether the database can be written.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robots.bridge.audit.record_sink import BadRecord, RecordError
 log = logging.getLogger(__name__)
 
 PULSE_S = 0.5
-PATIENCE_S = 2.0  # s without a writable database until the robot must stand
+PATIENCE_S = 2.0  # after this time without a writable database, the robot must stand
 _T = TypeVar("_T")
 
 
@@ -41,14 +41,14 @@ class _Job:
 
 
 class RecordWriter:
-    """Passes calls of a sink to the worker thread. Its methods run on the control loop's thread and never wait."""
+    """Pass calls of a sink to the worker thread. The methods run on the loop's thread and never wait."""
 
     def __init__(self, test_writable: Callable[[], None]) -> None:
-        self.on_done: Callable[[], object] = lambda: None  # on the worker's thread, after each request
+        self.on_done: Callable[[], object] = lambda: None  # called on the worker's thread after each request
         self._test_writable = test_writable
         self._last_test: _Job | None = None
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="records")
-        self._open: list[_Job] = []  # not done yet, as far as the loop knows
+        self._open: list[_Job] = []  # jobs that were not done at the last tick
         self._unwritten: deque[_Job] = deque()  # used by the worker only, in order
         self._trouble: Trouble | None = None  # set by the worker
 
@@ -59,11 +59,11 @@ class RecordWriter:
         return self._submit(job)
 
     def keep(self, call: Callable[[], _T], now_s: float, of: Future[Any] | None = None) -> Future[_T]:
-        """Write an event as soon as possible; never, if the request `of` it was never written."""
+        """Write an event as soon as possible. Drop it if `of`, its request, was never written."""
         return self._submit(_Job(call, now_s, kept=True, of=of))
 
     def run_in_background(self, call: Callable[[], object]) -> None:
-        """Run slow work of the control loop on the worker, in the same order."""
+        """Run slow work of the control loop on the worker, in order with the records."""
         self._worker.submit(_logged, call)
 
     def tick(self, now_s: float, watched: bool) -> None:
@@ -78,11 +78,11 @@ class RecordWriter:
 
     @property
     def trouble(self) -> Trouble | None:
-        """The failure of the last write, if it failed."""
+        """The failure of the last write; None: it succeeded."""
         return self._trouble
 
     def overdue(self, now_s: float) -> str | None:
-        """Return why nothing could be written for `PATIENCE_S`, if so."""
+        """Return why nothing could be written for `PATIENCE_S`; None: writing works."""
         trouble = self._trouble
         if trouble and now_s - trouble.since_s > PATIENCE_S:
             return trouble.why
@@ -116,7 +116,7 @@ class RecordWriter:
 
     def _write(self, job: _Job) -> None:
         """Write one record. Raises RecordError if it may be tried again."""
-        lost = job.of and job.of.exception()  # already done: it came first
+        lost = job.of and job.of.exception()  # already done: it was submitted earlier
         if lost:
             job.done.set_exception(lost)
             return
@@ -135,7 +135,7 @@ class RecordWriter:
             job.done.set_result(result)
 
     def _put_off(self, newest: _Job, error: RecordError) -> None:
-        """Refuse the waiting requests, because nothing can be written now."""
+        """Note that nothing can be written now. Refuse `newest` if it is a request; keep an event."""
         first = self._unwritten[0]
         self._note(first, error)
         if not newest.kept:

@@ -15,7 +15,7 @@ from robots.bridge.audit.record_sink import Holder, Parameters, RecordSink, Take
 from robots.bridge.audit.record_writer import RecordWriter
 from robots.wire import Refusal
 
-Reply = Callable[[Refusal | None], None]  # answers a request: with a refusal, or None when it is sent on
+Reply = Callable[[Refusal | None], None]  # answers a request: with a refusal, or None if it is accepted
 
 
 class Requester(NamedTuple):
@@ -28,7 +28,7 @@ class Requester(NamedTuple):
 
 @dataclass(eq=False)
 class RecordedTask:
-    """A requested task and its time. It may begin when it is recorded; then the record has a number."""
+    """A requested task and its time. It may begin when it is recorded: then `number` is known."""
 
     requester: Requester
     number: Future[int]
@@ -47,7 +47,7 @@ A = TypeVar("A", bound=RecordedTask)
 
 
 def pop_due(waiting: list[A]) -> list[A]:
-    """Take out of `waiting` the tasks whose record is done, or has failed."""
+    """Return and remove from `waiting` the tasks whose recording has finished (also with an error)."""
     due = [asked for asked in waiting if asked.number.done()]
     waiting[:] = [asked for asked in waiting if asked not in due]
     return due
@@ -111,7 +111,7 @@ class Records(RecordWriter):
 
 
 def unrecorded(why: str, ended: Sequence[str] = ()) -> Refusal:
-    """Return why the robot stands. `ended`: other tasks that ended, in words."""
+    """Return the refusal while records cannot be written. `ended`: tasks that ended for this, in words."""
     text = f"The robot stands still because its actions cannot be recorded ({why})."
     if ended:
         text += f" Ended: {', '.join(ended)}."

@@ -1,6 +1,6 @@
-"""The way towards a goal: speed up, keep the speed, brake in time; and the way travelled so far. Pure.
+"""The speed towards a goal (speed up, keep the speed, brake in time), and the distance driven so far. Pure.
 
-Metres for a distance, radians for an angle; seconds. The gate judges each speed afterwards.
+Units: metres for a distance, radians for an angle, seconds. The gate then checks each speed.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ import math
 
 from robots.bridge.gate.values import Pose
 
-BRAKING_SHARE = 0.65  # of the acceleration: a loaded robot brakes later than it should
-# The speed follows odometry that is late. With less than twice the latency to react, it would swing past the goal.
+BRAKING_SHARE = 0.65  # braking / acceleration: a loaded robot brakes more slowly than it should
+# Reaction time in latencies. Odometry is late: with a value below 2, the robot moves past the goal.
 REACTIONS = 2.0
-ARRIVED = 0.005  # m or rad before the goal: the robot rolls on while the zero is on its way
+ARRIVED = 0.005  # m or rad before the goal, zero is sent: the robot rolls on until the zero takes effect
 
 
 def speed_towards(
@@ -26,8 +26,8 @@ def speed_towards(
 ) -> float:
     """Return the next speed (positive) with `left` to go, `passed_s` after the speed `before`; 0 at the goal.
 
-    It rises by the acceleration, is `most` at most, and falls so that braking ends at the goal:
-    v T + v^2 / 2a = left. The last bit is driven at `slowest`.
+    The speed increases by the acceleration up to `most`. It decreases so that braking ends at the goal:
+    v T + v^2 / 2a = left (T: reaction time). Near the goal, the speed is `slowest`.
     """
     if left <= ARRIVED:
         return 0.0
@@ -39,9 +39,9 @@ def speed_towards(
 
 
 class Travelled:
-    """The way since a start, by odometry: metres along the heading at the start, and the angle turned, in radians.
+    """The motion since a start, by odometry: distance (m) along the heading at the start, and angle (rad).
 
-    The angle counts on beyond half a turn: call `moved` with every pose.
+    The angle may be larger than half a turn. So call `moved` with every pose.
     """
 
     def __init__(self, start: Pose) -> None:

@@ -1,7 +1,8 @@
 """Drive a distance, or turn by an angle: one request at a time, from its record to its end.
 
-The bridge makes the velocities itself, one for each decision of the core. They pass the rules of drive input: lease,
-stop, records, gate. The holder's client must be heard of again and again meanwhile. Any doubt ends the request.
+The bridge computes the velocities itself, one for each decision of the core. They pass the rules of drive
+input: lease, stop, records, gate. The request ends, for example, if the holder's client is silent, odometry
+is missing, or the robot does not move.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from robots.bridge.gate.values import STILL, Limits, Pose, Velocity, Verdict
 from robots.wire import DriveBy, Grant, Refusal
 
 DEFAULT_SHARE = 0.4  # of the robot's speed limit, if the request names no speed
-CONFIRMED_S = 2.0  # without a sign of the holder's client for so long, nobody may be there
-HELD_S = 3.0  # without progress for so long, the request ends
+CONFIRMED_S = 2.0  # the request ends after this time without a sign of the holder's client
+HELD_S = 3.0  # after this time without progress, the request ends
 PROGRESS = 0.01  # m or rad: smaller changes do not count as progress
-SETTLED_S = 0.3  # of zeros, before standstill counts: the last velocity may still be on its way
-NEVER_S = 5.0  # a robot that still moves after so many seconds of zeros does not obey
+SETTLED_S = 0.3  # time of zeros before standstill counts: the last velocity may still be on its way
+NEVER_S = 5.0  # if the robot still moves after this time of zeros, it does not obey: the request ends
 
-# Why the robot was halted, by the code: the outcome.
+# Outcome of the request, by the code of the halt.
 _OUTCOMES = {
     "control_ended": "control_lost",
     "page_gone": "control_lost",
@@ -35,7 +36,7 @@ _OUTCOMES = {
     "odometry_stale": "no_odometry",
     "odometry_anew": "no_odometry",
 }
-_QUIET_CODES = frozenset({"idle", "free", "robot_limit"})  # the gate holds nothing back
+_QUIET_CODES = frozenset({"idle", "free", "robot_limit"})  # the gate does not slow the robot down
 
 
 @dataclass(eq=False)
@@ -43,11 +44,11 @@ class _Request(RecordedTask):
     order: DriveBy
     speed: float  # m/s or rad/s
     asked_s: float = math.inf  # time of the last velocity
-    travelled: Travelled | None = None  # from the start on
-    marked: float = 0.0  # progress, and when it was made
-    marked_s: float = math.inf
-    held: Verdict | None = None  # the last verdict that held the robot back, since that progress
-    zero_s: float | None = None  # since when zero is sent at the goal
+    travelled: Travelled | None = None  # None until the request starts
+    marked: float = 0.0  # last noted progress, m or rad
+    marked_s: float = math.inf  # time of this progress
+    held: Verdict | None = None  # the last verdict since `marked_s` that slowed the robot down
+    zero_s: float | None = None  # when the robot reached the goal: zero is sent from then on
 
     @property
     def turns(self) -> bool:
@@ -59,7 +60,7 @@ class _Request(RecordedTask):
 
     @property
     def progress(self) -> float:
-        """The part of the goal that is done, positive towards it."""
+        """The distance or angle done so far; positive: towards the goal."""
         if self.travelled is None:
             return 0.0
         done = self.travelled.angle_rad if self.turns else self.travelled.distance_m
@@ -80,12 +81,12 @@ class DrivesBy:
         self._records = records
         self._request: _Request | None = None
         self._pose: Pose | None = None
-        self.last: wire.DriveByEnd | None = None  # how the last one ended, for pages
+        self.last: wire.DriveByEnd | None = None  # how the last request ended, for pages
 
     # --- begin --------------------------------------------------------------------------------------
 
     def refuse(self, order: DriveBy, max_share: float) -> Refusal | None:
-        """Return why this cannot be asked for: another request is in progress, or the speed is too high."""
+        """Return why this request is refused: another request is in progress, or the speed is too high."""
         if self._request is not None:
             who = self._request.requester.holder.holder
             text = f"The robot is {self._request.words}, asked for by {who}: cancel that, or wait."
@@ -98,7 +99,7 @@ class DrivesBy:
         return Refusal("too_fast", text, "robot", {name: round(most, 3)})
 
     def begin(self, order: DriveBy, max_share: float, requester: Requester, now_s: float) -> None:
-        """Record the request; when that is done, the robot drives and the requester is answered."""
+        """Record the request. `start` then answers the requester and starts the drive."""
         speed = _speed(order) or self._most(order, min(DEFAULT_SHARE, max_share))
         parameters: Parameters = (
             {"distance_m": order.distance_m, "speed_mps": round(speed, 3)}
@@ -110,14 +111,14 @@ class DrivesBy:
 
     @property
     def waiting(self) -> Requester | None:
-        """The requester, if the request has been recorded, or has failed to be, and has not started."""
+        """The requester of a request whose recording has finished (also with an error), until it starts."""
         request = self._request
         if request is None or request.travelled is not None or not request.number.done():
             return None
         return request.requester
 
     def start(self, refusal: Refusal | None, now_s: float) -> None:
-        """Start the request that is `waiting`, unless a rule now forbids it."""
+        """Start the `waiting` request, or refuse it with `refusal`."""
         request = self._request
         if request is None or request.travelled is not None or not request.number.done():
             return
@@ -136,7 +137,7 @@ class DrivesBy:
 
     @property
     def running_requester(self) -> Requester | None:
-        """The requester of the request that drives the robot."""
+        """The requester of the request that drives the robot now."""
         request = self._request
         return request.requester if request is not None and request.travelled is not None else None
 
@@ -152,7 +153,7 @@ class DrivesBy:
             self._request.travelled.moved(pose)
 
     def velocity(self, grant: Grant, confirmed_s: float, sent: Velocity, now_s: float) -> Velocity:
-        """Return the next velocity. `sent` is the last one; the holder was there at `confirmed_s`."""
+        """Return the next velocity. `sent`: the last one; `confirmed_s`: when the holder was last there."""
         request = self._request
         if request is None or request.travelled is None:
             return STILL
@@ -183,7 +184,7 @@ class DrivesBy:
         return Velocity(0.0, 0.0, speed) if turns else Velocity(speed, 0.0, 0.0)
 
     def decided(self, verdict: Verdict, now_s: float) -> None:
-        """Take the gate's verdict on that velocity. A robot that gets no farther for a while gives up."""
+        """Take the gate's verdict on that velocity. End the request after `HELD_S` without progress."""
         request = self._request
         if request is None or request.travelled is None:
             return
@@ -214,18 +215,18 @@ class DrivesBy:
     # --- end ----------------------------------------------------------------------------------------
 
     def awaits(self, needed: wire.NeutralNeeded, now_s: float) -> None:
-        """A part of the robot is silent that must be there. At the goal only odometry counts."""
+        """End the request: the robot or a sensor is silent (`needed`). At the goal only odometry counts."""
         request = self._request
         if request is not None and (request.zero_s is None or needed.code in _OUTCOMES):
             self.halted(needed.code, needed.text, now_s)
 
     def forbidden(self, refusal: Refusal, now_s: float) -> None:
-        """End: a rule forbids motion now."""
+        """End the request: a rule forbids motion now."""
         outcome = "control_lost" if refusal.rule == "lease" else refusal.code
         self.end(outcome, refusal.text, now_s, refusal.code)
 
     def halted(self, code: str, reason: str, now_s: float) -> None:
-        """End: the robot was halted, or a sensor that the gate needs is silent."""
+        """End the request: the robot was halted, or a sensor that the gate needs is silent."""
         outcome = _OUTCOMES.get(code, "held_back" if code.startswith("scan_") else code)
         self.end(outcome, _sentence(reason), now_s, code)
 
@@ -246,12 +247,12 @@ class DrivesBy:
             self._record(request, outcome, refusal.text, now_s)
 
     def halt(self, outcome: str, refusal: Refusal, now_s: float) -> None:
-        """Refuse a request that has not started; end one that runs."""
+        """Refuse a request that has not started; end a request that runs."""
         self.deny(outcome, refusal, now_s)
         self.end(outcome, refusal.text, now_s)
 
     def end(self, outcome: str, text: str, now_s: float, because: str | None = None) -> None:
-        """End the request that runs, if any: no velocity follows."""
+        """End the request that runs, if any."""
         request = self._request
         if request is None or request.travelled is None:
             return
@@ -284,7 +285,7 @@ class DrivesBy:
         )
 
     def _most(self, order: DriveBy, share: float) -> float:
-        """Return what a full stick means at this share, in m/s or rad/s."""
+        """Return the speed of a full stick at this share, in the direction of `order`: m/s or rad/s."""
         limits = self._limits
         if order.angle_rad is not None:
             return limits.turn_radps * share
@@ -306,7 +307,7 @@ class DrivesBy:
 
 
 def _speed(order: DriveBy) -> float | None:
-    """Return the speed that the request names, in m/s or rad/s."""
+    """Return the requested speed in m/s or rad/s, if any."""
     return order.speed_mps if order.angle_rad is None else order.speed_radps
 
 

@@ -1,4 +1,4 @@
-"""Age and life of stick commands, and the twist for a stick position. Pure."""
+"""Age and validity of stick commands, and the twist for a stick position. Pure."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ _WINDOW_S = 30.0
 
 
 class AgeEstimator:
-    """Estimate the age of messages by the sender's monotonic clock, without its offset to our clock.
+    """Estimate the age of messages by the sender's monotonic clock. Its offset to our clock is unknown.
 
-    The smallest (arrival - sent) seen counts as the offset plus the shortest delay; a message's delay beyond that is
-    its age. The minimum covers the last 30 to 60 s, because clocks drift and a network's delay may change.
+    The smallest (arrival - sent) is the offset plus the shortest delay. The age of a message is its delay
+    beyond this minimum. The minimum covers the last 30 to 60 s, because clocks drift and a network's delay
+    may change.
     """
 
     def __init__(self) -> None:
@@ -25,7 +26,7 @@ class AgeEstimator:
         self._window_ends_s = float("-inf")
 
     def age_s(self, sent_s: float, now_s: float) -> float:
-        """Return how many seconds older this message is than the fastest one seen."""
+        """Return the age of this message: how much longer it took than the fastest message, in seconds."""
         if now_s >= self._window_ends_s:
             self._best = [self._best[1], float("inf")]
             self._window_ends_s = now_s + _WINDOW_S
@@ -37,8 +38,9 @@ class AgeEstimator:
 class DriveInput:
     """The newest command of one source (a page, or its holder's programs), after the input filters `steps`.
 
-    A command lives `COMMAND_LIFE_S` from the earliest time at which it can have been sent. After a stop by any cause
-    other than the operator, its stick must return to the middle first (`neutral_needed`).
+    A command is valid for `COMMAND_LIFE_S` after the earliest time at which it can have been sent. If
+    anything except the operator stopped the robot, the stick must return to the middle before the robot moves
+    again (`neutral_needed`).
     """
 
     def __init__(self, steps: Sequence[StickStep] = ()) -> None:
@@ -49,7 +51,7 @@ class DriveInput:
         self._drive: Drive | None = None
         self._dies_s = float("-inf")
         self.neutral_needed: NeutralNeeded | None = None
-        self.is_out = False  # as last seen, also after that command expired
+        self.is_out = False  # the last command asked for motion; kept after the command has expired
 
     @property
     def taken_s(self) -> float:
@@ -87,7 +89,7 @@ class DriveInput:
         return self._drive if now_s < self._dies_s else None
 
     def require_neutral(self, code: str, reason: str) -> None:
-        """Require a stick in the middle before anything moves. The first reason is the one reported."""
+        """Require a stick in the middle before the robot moves. Only the first reason is reported."""
         if self.neutral_needed is None:
             self.neutral_needed = NeutralNeeded(code, reason.rstrip("."))
 
@@ -103,10 +105,10 @@ class DriveInput:
 
 
 def velocity_of(drive: Drive, limits: Limits, max_share: float, reverse_steering: str) -> Velocity:
-    """Return the twist that a stick position asks for.
+    """Return the twist for a stick position.
 
-    The share scales the forward, lateral and turning limits, and reverse up to the robot's reverse limit. With "car"
-    steering the turn is mirrored in reverse.
+    The share scales the limits of forward, lateral and turning speed. The reverse limit is the scaled forward
+    limit, but at most the robot's reverse limit. With "car" steering the turn is mirrored in reverse.
     """
     share = min(drive.share, max_share)
     forward = limits.forward_mps * share
@@ -119,7 +121,7 @@ def velocity_of(drive: Drive, limits: Limits, max_share: float, reverse_steering
 
 
 def stick_of(velocity: Velocity, limits: Limits, max_share: float, reverse_steering: str) -> StickPosition:
-    """Return the stick position that asks for `velocity` at share 1, or for the allowed part of it."""
+    """Return the stick position for `velocity` at share 1. A speed above its limit becomes a full stick."""
     forward = limits.forward_mps * max_share
     x = _axis(velocity.vx, forward if velocity.vx >= 0 else min(forward, limits.reverse_mps))
     y = _axis(velocity.vy, limits.lateral_mps * max_share)

@@ -1,10 +1,10 @@
 """The drive log: the start of a drive is recorded before the robot moves; the drive ends at standstill.
 
-The control loop calls `may_move` and never waits. A gate intervention gets one record at its begin and one at its
-end. An intervention ends when its rule has limited nothing for `MERGE_S`; shorter pauses belong to it. The end's
-record names other rules that limited meanwhile; such a rule gets its own records after the first intervention has
-ended. So there are at most two records a second. One exception: a stop that requires a neutral stick is always
-recorded at once.
+The control loop calls `may_move` and never waits. Each gate intervention has two records, one at its begin
+and one at its end. It ends when its rule has not limited the robot for `MERGE_S`; a shorter pause does not
+end it. Other rules may limit the robot during an intervention. They are named in its end record and get their
+own records only after it has ended. So there are at most two records a second. One exception: a stop that
+requires a neutral stick is always recorded at once.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from robots.wire import Refusal
 _STANDSTILL_S = 0.5
 MERGE_S = 1.0  # s: a shorter pause belongs to the same intervention
 SIMPLIFIED_AT_ONCE = 120  # samples, one minute: bounds the memory of a long drive
-# Not interventions: the gate limits nothing that the robot could do.
+# Verdicts that are no interventions: the gate does not slow the robot down below its own speed limit.
 _QUIET_CODES = frozenset({"idle", "free", "robot_limit"})
 
 WAITING = Refusal("recording", "The start of the drive is being recorded.", "audit")
@@ -50,12 +50,12 @@ class _Intervention:
     began_s: float
     number: Future[int]
     nearest: Verdict
-    held_s: float  # time and place of the gate's last limit
-    held_at: Pose | None
-    also: set[str] = field(default_factory=set)  # codes of other rules that limited the robot meanwhile
+    held_s: float  # when the rule last limited the robot
+    held_at: Pose | None  # and the robot's pose at that time
+    also: set[str] = field(default_factory=set)  # codes of other rules that limited the robot during it
 
     def holds(self, verdict: Verdict, pose: Pose | None, now_s: float) -> None:
-        """Note that the intervention goes on."""
+        """Note that the rule still limits the robot."""
         self.held_s, self.held_at = now_s, pose
         if _distance_m(verdict) < _distance_m(self.nearest):
             self.nearest = verdict
@@ -77,7 +77,7 @@ class DriveLog:
         self.interventions = 0  # so far
 
     def may_move(self, holder: Holder, now_s: float) -> Refusal | None:
-        """Return None when the drive's start is committed, until then a refusal. The first call begins the drive."""
+        """Return None if the drive's start is committed, else a refusal. The first call begins the drive."""
         if self._drive and self._drive.holder.fence != holder.fence:
             self.end("control_changed", "control changed", now_s)
         if self._drive is None:
@@ -88,7 +88,7 @@ class DriveLog:
     def why_not(self) -> Refusal | None:
         """Return why no new drive may begin: the last records are not written.
 
-        A drive in progress goes on until they are overdue.
+        A drive in progress continues until the records are overdue (`RecordWriter.overdue`).
         """
         trouble = self._records.trouble
         return unrecorded(trouble.why) if trouble is not None and not self._committed else None
@@ -99,7 +99,7 @@ class DriveLog:
         return self._drive is not None
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
-        """Take odometry: it gives the drive's figures and path."""
+        """Take odometry for the drive's figures and path."""
         self._pose = pose
         if self._drive is not None:
             self._drive.track.moved(pose, velocity, now_s)
@@ -128,7 +128,7 @@ class DriveLog:
             current.also.add(verdict.code)
 
     def tick(self, now_s: float, still: bool) -> None:
-        """Run the periodic work. `still`: zero is sent and odometry shows standstill."""
+        """Run the periodic work. `still`: no motion is requested, and odometry shows none or is missing."""
         drive = self._drive
         if drive is None or not drive.number.done():
             return

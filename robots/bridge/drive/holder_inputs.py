@@ -1,4 +1,4 @@
-"""The holder's two inputs: the page's stick, and velocities from programs, used while the stick rests. Pure."""
+"""The holder's two inputs: the page's stick and, while it is at rest, velocities from programs. Pure."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class HolderInputs:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the inputs' numbering: commands come from another page, or from a page that was loaded again."""
+        """Begin with new inputs: another page, or a reloaded page, begins a new numbering of commands."""
         self.stick = DriveInput(self._config.stick)
         self._twists = DriveInput()
 
     def take_twist(
         self, velocity: Velocity, order: wire.Publish, grant: Grant, now_s: float
     ) -> Refusal | None:
-        """Take a velocity from a program of the holder as if the stick had asked for it."""
+        """Take a velocity from a program of the holder, converted to a stick position."""
         if order.sent_ms is None:
             text = "A velocity needs sent_ms, the sender’s monotonic clock: old velocities are refused."
             return Refusal("invalid", text, "wire")
@@ -34,10 +34,10 @@ class HolderInputs:
         return self._twists.take(drive, now_s)
 
     def wanted(self, grant: Grant, middle_counts: bool, now_s: float) -> tuple[DriveInput | None, Velocity]:
-        """Return the input that asks for motion and its velocity: the page's stick or, while that rests, a twist.
+        """Return the input that asks for motion, and its velocity: the stick or, if it is at rest, a twist.
 
-        An input in the middle, if `middle_counts`, satisfies the neutral that is needed. So does the other input if it
-        was in the middle when last seen.
+        If `middle_counts` and an input is in the middle now, this input needs neutral no longer. The same
+        applies to the other input if its last command was in the middle.
         """
         limits, steering = self._config.gate.limits, self._config.reverse_steering
         wanted = {
@@ -70,7 +70,7 @@ class HolderInputs:
             source.require_neutral(code, reason)
 
     def correct_reason(self, code: str, reason: str) -> None:
-        """Name another cause of the silence for which neutral is needed."""
+        """Replace the reason why neutral is needed, if the reason is a silent input (`dead_man`)."""
         for source in (self.stick, self._twists):
             if source.neutral_needed and source.neutral_needed.code == "dead_man":
                 source.neutral_needed = NeutralNeeded(code, reason)

@@ -1,8 +1,9 @@
 """Input filters: a chain of named steps, configured for each robot, from stick to requested velocity. Pure.
 
-A step maps a stick position to a stick position. Two steps have a memory: the smoothing steps, which remove the tremor
-of a hand. They never delay a stop: a released axis is zero at once, a reversed axis changes its sign at once, and
-memory older than a command's life is dropped. No step makes an axis larger than the hand has just held it.
+A step maps a stick position to a stick position. Only the two smoothing steps, which remove the tremor of a
+hand, have a memory. They never delay a stop: a released axis is zero at once, a reversed axis changes its
+sign at once, and memory older than `COMMAND_LIFE_S` is dropped. No step returns a larger value than the hand
+has just given on this axis.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from typing import Annotated, NamedTuple
 
 from msgspec import Meta, Struct
 
-COMMAND_LIFE_S = 0.3  # life of every command; positions from before such a gap say nothing about the hand now
-SHORTEST_S = 0.005  # shortest assumed time between two commands; a burst arrives at once
+COMMAND_LIFE_S = 0.3  # a command is valid for this time; after a longer gap, smoothing starts again
+SHORTEST_S = 0.005  # shortest assumed time between two commands: the commands of a burst arrive together
 
 Factor = Annotated[float, Meta(ge=0.0, le=1.0)]
 Hertz = Annotated[float, Meta(gt=0.0, le=20.0)]
@@ -48,12 +49,12 @@ class Scale(Struct, frozen=True, tag_field="step", tag="scale"):
 
 
 class DeadZone(Struct, frozen=True, tag_field="step", tag="dead_zone"):
-    """Zero within `width` of an axis' middle; beyond it the full range, without a jump."""
+    """Set an axis to zero within `width` of its middle. Scale the rest to the full range, without a jump."""
 
     width: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.03
 
     def __call__(self, position: StickPosition) -> StickPosition:
-        """Return the position, its small values set to zero."""
+        """Return the position with small values set to zero."""
         return StickPosition(*(self._beyond(axis) for axis in position))
 
     def _beyond(self, axis: float) -> float:
@@ -62,7 +63,7 @@ class DeadZone(Struct, frozen=True, tag_field="step", tag="dead_zone"):
 
 
 class Curve(Struct, frozen=True, tag_field="step", tag="curve"):
-    """Fine control near the middle, full speed at the rim: the axis to the power of `exponent`; 1 is linear."""
+    """Raise an axis to the power of `exponent` (1: linear): fine near the middle, full speed at the rim."""
 
     exponent: Annotated[float, Meta(ge=1.0, le=4.0)] = 1.0
 
@@ -72,16 +73,17 @@ class Curve(Struct, frozen=True, tag_field="step", tag="curve"):
 
 
 class Snap(Struct, frozen=True, tag_field="step", tag="snap"):
-    """A stick held sideways, within `within_deg` of +-90 degrees, turns the robot on the spot, at `share` of the turn.
+    """Turn on the spot, at `share` of the turn, if the stick points sideways.
 
-    It does not act while the stick also asks for sideways motion.
+    Sideways: within `within_deg` of +-90 degrees. This step changes nothing while the stick also asks for
+    lateral motion.
     """
 
     within_deg: Annotated[float, Meta(gt=0.0, le=45.0)] = 15.0
     share: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.25
 
     def __call__(self, position: StickPosition) -> StickPosition:
-        """Return the position, or its turn alone."""
+        """Return the position, or only its turn."""
         from_sideways = math.atan2(abs(position.x), abs(position.w))
         if position.w == 0.0 or position.y != 0.0 or from_sideways > math.radians(self.within_deg):
             return position
@@ -94,8 +96,8 @@ class Snap(Struct, frozen=True, tag_field="step", tag="snap"):
 class OneEuro(Struct, frozen=True, tag_field="step", tag="one_euro"):
     """The One-Euro filter (Casiez et al., 2012): a low pass whose cutoff rises with the stick's speed.
 
-    It smooths a resting hand and hardly delays a moving one. Cutoff: `min_hz` + `beta` x speed (axis ranges a second);
-    the speed itself passes a low pass of `speed_hz`.
+    It removes the tremor of a resting hand and hardly delays a moving hand. Cutoff: `min_hz` + `beta` x speed
+    (axis ranges a second). The speed is smoothed by a low pass with cutoff `speed_hz`.
     """
 
     min_hz: Hertz = 1.0
@@ -103,7 +105,7 @@ class OneEuro(Struct, frozen=True, tag_field="step", tag="one_euro"):
     speed_hz: Hertz = 1.0
 
     def begin(self, axis: float) -> AxisMemory:
-        """Return the memory for a hand that has just arrived at `axis`: output, speed, input."""
+        """Return the memory after a first input `axis`: output, speed, input."""
         return axis, 0.0, axis
 
     def follow(self, memory: AxisMemory, axis: float, dt_s: float) -> AxisMemory:
@@ -115,16 +117,17 @@ class OneEuro(Struct, frozen=True, tag_field="step", tag="one_euro"):
 
 
 class Mean(Struct, frozen=True, tag_field="step", tag="mean"):
-    """The mean of the newest `count` inputs, as far back as they are `similar` to the newest (axis ranges).
+    """The mean of the newest inputs: at most `count`, none older than an input that differs.
 
-    A simple filter, for comparison with One-Euro. docs/figures.md gives its lag and jitter at 0.4.
+    An input differs if it is more than `similar` (axis ranges) away from the newest input. A simple filter,
+    for comparison with One-Euro. docs/figures.md gives its lag and jitter at 0.4.
     """
 
     count: Annotated[int, Meta(ge=2, le=20)] = 5
     similar: Annotated[float, Meta(gt=0.0, le=2.0)] = 0.4
 
     def begin(self, axis: float) -> AxisMemory:
-        """Return the memory for a hand that has just arrived at `axis`: output, then inputs, newest first."""
+        """Return the memory after a first input `axis`: output, then inputs, newest first."""
         return axis, axis
 
     def follow(self, memory: AxisMemory, axis: float, dt_s: float) -> AxisMemory:
@@ -138,7 +141,7 @@ class Mean(Struct, frozen=True, tag_field="step", tag="mean"):
 
 
 def _weight(cutoff_hz: float, dt_s: float) -> float:
-    """Weight of the newest value in a first-order low pass."""
+    """Return the weight of the newest value in a first-order low pass."""
     return 1.0 / (1.0 + 1.0 / (2.0 * math.pi * cutoff_hz * dt_s))
 
 

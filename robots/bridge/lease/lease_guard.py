@@ -13,8 +13,8 @@ class LeaseGuard:
 
     highest: int
     current: Grant | None = None
-    last: Grant | None = None  # the grant in force, or the latest one
-    link: int | None = None  # the link of the grant: only commands from it count
+    last: Grant | None = None  # the grant in force, or the last grant that was in force
+    link: int | None = None  # the link of the grant: only commands from this link are accepted
     ends_s: float = float("-inf")
 
     def refuse_grant(self, grant: Grant) -> Refusal | None:
@@ -37,7 +37,7 @@ class LeaseGuard:
         return None
 
     def take(self, grant: Grant, link: int, now_s: float) -> None:
-        """Put `grant` in force (after `check`)."""
+        """Put `grant` in force. Call `refuse_grant` first."""
         self.highest = max(self.highest, grant.fence)
         self.current = self.last = grant
         self.link = link
@@ -45,7 +45,11 @@ class LeaseGuard:
 
     @property
     def confirmed_s(self) -> float:
-        """Time at which the holder was last known to be there: a web process renews the grant every second."""
+        """Time at which the holder was last known to be there.
+
+        A web process renews the grant every second, and each renewal reports how long the holder's client has
+        been silent.
+        """
         if self.current is None:
             return float("-inf")
         return self.ends_s - self.current.seconds - (self.current.silent_s or 0.0)
@@ -60,7 +64,7 @@ class LeaseGuard:
         return self.current is not None and now_s >= self.ends_s
 
     def refuse_command(self, fence: int, link: int, now_s: float) -> Refusal | None:
-        """Return why a command under `fence` is refused; None if it counts."""
+        """Return why a command under `fence` is refused; None if it is accepted."""
         if self.current is None or self.expired(now_s):
             return Refusal(
                 "no_lease", "This robot is not under control: take control first.", "lease", {"fence": fence}

@@ -1,7 +1,7 @@
 """Take grants, revokes and pauses in order; store each new fence on disk before it is in force.
 
-A disk may hang. Messages about a fence that is still being written wait for it in order, so that a revoke never
-overtakes its grant. All other messages go on: an older holder can be stopped or revoked meanwhile.
+A disk may hang. Messages about a fence that is still being written wait, in order: a revoke never overtakes
+its grant. Other messages are applied at once, for example the pause or revoke of an older holder.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robots.wire import Grant, Granted, Pause, Refusal, Refused, Revoke
 
 log = logging.getLogger(__name__)
 
-MAX_WAITING = 100  # beyond this number the oldest get no answer; a revoke never overtakes its grant
+MAX_WAITING = 100  # if more messages wait, the oldest are dropped: never a revoke before its grant
 
 Message = Grant | Revoke | Pause
 _Waiting = deque[tuple[Link, Message]]
@@ -31,7 +31,7 @@ class StateWriter(Protocol):
     """Writer of the state file (`robots.bridge.lease.state_store.StateStore`)."""
 
     def save(self, state: SavedState) -> None:
-        """Write durably. Raises OSError."""
+        """Write the state so that it survives a power cut. Raises OSError."""
 
 
 class LeaseOrders:
@@ -71,9 +71,9 @@ class LeaseOrders:
         self._waiting = _Waiting((entry for entry in self._waiting if entry[0] is not link), MAX_WAITING)
 
     def save_latch(self) -> Future[None]:
-        """Write the state in the background; a robot whose stop was pressed already stops.
+        """Write the state in the background. A stop does not wait for this: the robot brakes already.
 
-        The future ends when it is written.
+        The returned future is done when the state is written.
         """
         self._on_latch()
         saved = self._disk.submit(self._store.save, self._core.saved_state())

@@ -22,7 +22,7 @@ class SavedState(Struct, frozen=True):
     by: str
     reason: str
     fence: int
-    goal: str = ""  # of navigation, to which the robot drives or may still drive
+    goal: str = ""  # id of navigation's goal, if the robot drives to it or may still do so
 
 
 class AlreadyRunning(Exception):
@@ -60,7 +60,7 @@ class StateStore:
     def load(self, last_fence: int) -> SavedState:
         """Read the saved state.
 
-        `last_fence` is the highest fence in the database: above 0, a file must exist.
+        `last_fence` is the highest fence in the database. If it is above 0, a missing file counts as a stop.
         """
         try:
             found = msgspec.json.decode(self._path.read_bytes(), type=SavedState)
@@ -74,9 +74,9 @@ class StateStore:
         return msgspec.structs.replace(found, fence=max(found.fence, last_fence))
 
     def save(self, state: SavedState) -> None:
-        """Write durably.
+        """Write the state so that it survives a power cut.
 
-        Raises OSError; if a pressed stop cannot be written, the file is deleted, which also counts as a stop.
+        Raises OSError. If a pressed stop cannot be written, the file is deleted, which also counts as a stop.
         """
         fresh = self._path.with_suffix(".new")
         try:
@@ -93,9 +93,10 @@ class StateStore:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Write the folder's entries to disk: before that, a power cut restores the old file.
+    """Write the folder's entries to disk: until then, a power cut may restore the old file.
 
-    Some file systems (CIFS, shared folders of virtual machines) cannot do this; do not refuse control for it.
+    Some file systems (CIFS, shared folders of virtual machines) cannot do this. Control is granted
+    nevertheless.
     """
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

@@ -11,10 +11,9 @@ from msgspec import structs
 from robots.bridge.lease.state_store import SavedState
 from robots.wire import Refusal, StopState
 
-PRESSES_KNOWN = 1000  # newest presses; a press that is delivered twice arrives twice within seconds
-PRESS_KEPT_S = (
-    60.0  # a press that the watchdog heard longer ago may belong to an earlier boot of this computer
-)
+PRESSES_KNOWN = 1000  # number of stored presses; a press that is delivered twice arrives again within seconds
+# A press time of the watchdog that is older may belong to an earlier boot of this computer: it is not used.
+PRESS_KEPT_S = 60.0
 
 
 class StopLatch:
@@ -27,7 +26,7 @@ class StopLatch:
         self._latched_s: float | None = None  # None: before this process started
         self._pressed_s: float | None = None  # time of the press; None: unknown
         self._first: UUID | None = None  # the first press of this stop
-        self._handled: deque[UUID] = deque(maxlen=PRESSES_KNOWN)  # they do not stop the robot again
+        self._handled: deque[UUID] = deque(maxlen=PRESSES_KNOWN)  # these presses do not stop the robot again
 
     @property
     def latched(self) -> bool:
@@ -35,7 +34,7 @@ class StopLatch:
         return self.state.state != "clear"
 
     def was_handled(self, press: UUID | None) -> bool:
-        """Return whether this press arrived before. None: a press without identity is always new."""
+        """Return whether this press arrived before. A press without an id (None) is always new."""
         return press in self._handled
 
     def is_stopped_by(self, by: str, reason: str) -> bool:
@@ -45,7 +44,10 @@ class StopLatch:
     def press(
         self, by: str, reason: str, now_s: float, press: UUID | None, *, stands: bool, waited: bool
     ) -> None:
-        """Latch, or count another press. `stands`: the robot stands still; `waited`: the press is old."""
+        """Latch the stop, or count another press of a latched stop.
+
+        `stands`: the robot stands still. `waited`: the press was delivered late, so its time is unknown.
+        """
         if press is not None:
             self.ignore([press])
         if not self.latched:
@@ -56,9 +58,9 @@ class StopLatch:
         self.state = structs.replace(self.state, by=by, reason=reason, number=self.state.number + 1)
 
     def correct_time(self, press: UUID | None, pressed_s: float | None, now_s: float) -> None:
-        """Set the time of the present stop's first press to `pressed_s`; until now it was the time of arrival here.
+        """Set the time of the present stop's first press to `pressed_s`, instead of its time of arrival here.
 
-        None, or a time that cannot be right: the time becomes unknown.
+        If `pressed_s` is None or cannot be right, the time is unknown.
         """
         heard_s = self._pressed_s
         if press != self._first or heard_s is None:
@@ -74,9 +76,9 @@ class StopLatch:
         self._handled.extend(presses)
 
     def clear(self, number: int, presses: Sequence[UUID]) -> Refusal | None:
-        """Clear stop `number`. Return a refusal if somebody pressed stop again since.
+        """Clear stop `number`. Return a refusal if somebody has pressed stop again.
 
-        `presses` are older than this clear and may still be on their way: ignore them.
+        `presses` are older than this clear. They may arrive later and are then ignored.
         """
         stop = self.state
         if number != stop.number:
@@ -89,7 +91,7 @@ class StopLatch:
         return None
 
     def observe(self, still: bool | None, seen_s: float) -> None:
-        """Take odometry that arrived at `seen_s`: after the press, standstill ends the stopping phase."""
+        """Take odometry that arrived at `seen_s`. Standstill after the press ends the stopping phase."""
         if self.state.state != "stopping":
             return
         if still is False:

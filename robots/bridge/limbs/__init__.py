@@ -1,1 +1,1 @@
-"""Gripper and torso: one bounded move of each at a time, which joint states watch."""
+"""Gripper and torso: one limited move of each limb at a time, checked by joint states."""

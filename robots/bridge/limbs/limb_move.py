@@ -1,4 +1,4 @@
-"""One limb's move: request, record, goal, watch by joint states, end, record of the end."""
+"""One limb's move: request, record, goal, checks by joint states, end, record of the end."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from robots.bridge.config import LimbSource
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, UNHEARD_S, Goal, Goals
 from robots.wire import Limb, MoveLimb, Refusal
 
-EASED = 1.5  # a controller that begins and ends at rest is so much faster in the middle
-LEAST_S = 0.5  # of a move
-MOVED_M = 0.001  # less is noise of joint states
-STILL_S = 3.0  # without moving so much on its way, it has stopped
+EASED = 1.5  # top speed / mean speed of a controller that begins and ends at rest
+LEAST_S = 0.5  # shortest duration of a move
+MOVED_M = 0.001  # smaller changes are noise of joint states
+STILL_S = 3.0  # a limb that has not moved by `MOVED_M` for this time has stopped on its way
 SILENT_S = 1.0  # joint states that are missing for longer end the move
-THERE_M = 0.01  # from the goal
-SETTLED_S = 1.0  # without moving: a limb whose goal ended without the controller's word stands
-LOST_S = 5.0  # without joint states: nobody can tell whether it stands
-OBEYS_S = 5.0  # a cancelled goal that the controller still reports is given up, if the limb stands
+THERE_M = 0.01  # a limb within this distance of its goal has arrived
+SETTLED_S = 1.0  # after an unreported end of a goal: a limb without motion for this time stands
+LOST_S = 5.0  # after this time without joint states, it is unknown whether the limb stands
+OBEYS_S = 5.0  # a cancelled goal that the controller still reports is given up after this, if the limb stands
 
 
 class LimbMover(Protocol):
     """The robot's limbs."""
 
     def limb_at(self, limb: Limb) -> float | None:
-        """Return where a limb is by joint states (metres); None: unknown."""
+        """Return a limb's position by joint states (metres); None: unknown."""
 
     def limb_heard(self, limb: Limb) -> bool:
         """Return whether a node of the robot takes goals for this limb."""
@@ -43,15 +43,15 @@ class LimbMover(Protocol):
 
 @dataclass
 class Target:
-    """The place to which a limb goes, and what is known of its way."""
+    """A limb's target, and its motion as observed so far."""
 
     order: MoveLimb
     seconds: float = LEAST_S
-    active: bool = False  # the controller has begun it
-    known_s: float = math.inf  # when its place was last known
-    moved_s: float = math.inf  # when it last moved
-    ending_s: float = math.inf  # when it was cancelled
-    moved_m: float | None = None  # where it was then
+    active: bool = False  # the controller has begun the goal
+    known_s: float = math.inf  # when the limb's position was last known
+    moved_s: float = math.inf  # when the limb last moved
+    ending_s: float = math.inf  # when the goal was cancelled
+    moved_m: float | None = None  # the limb's position at `moved_s`
 
 
 class LimbMove(Goals[Target]):
@@ -63,17 +63,18 @@ class LimbMove(Goals[Target]):
         self._source = source
         self._mover = mover
         self._range = [len(source.joints) * end for end in source.range_m]
-        self._held: str | None = None  # a goal that has ended here and goes on: fingers hold something
-        self._may_hold = limb == "gripper"  # by a goal of an earlier bridge; until this one sends a goal
-        self._stands: tuple[float, float] | None = None  # fingers with such a goal: since when, and where
-        self._found_s = math.inf  # when such a goal was first reported
-        self._strays: dict[str, float] = {}  # goals that nobody watches: time of the last cancel
-        self._strays_s = -math.inf  # when the controller last told which goals run
-        self._settling: Target | None = (
-            None  # the controller did not say that it ended: the limb may still move
-        )
-        self._known_s = math.inf  # when joint states last told where it is; the first look at the earliest
-        self._lost = False  # its joint states have ended
+        # A goal that has ended for the bridge but still runs in the controller: the fingers hold something.
+        self._held: str | None = None
+        # A goal of an earlier bridge may still hold something. False after this bridge has sent a goal.
+        self._may_hold = limb == "gripper"
+        self._stands: tuple[float, float] | None = None  # since when and where fingers with such a goal stand
+        self._found_s = math.inf  # when such a goal was first reported without a known position
+        self._strays: dict[str, float] = {}  # goals that nobody watches, with the time of their last cancel
+        self._strays_s = -math.inf  # when the controller last reported its goals
+        # A target whose end the controller did not report: the limb may still move.
+        self._settling: Target | None = None
+        self._known_s = math.inf  # when the position was last known, but not before the first tick
+        self._lost = False  # joint states have been missing for `LOST_S`
         self.last: wire.LimbEnd | None = None
 
     @property
@@ -83,17 +84,17 @@ class LimbMove(Goals[Target]):
 
     @property
     def runs(self) -> bool:
-        """Return whether a move is asked for or under way."""
+        """Return whether a move is requested or in progress."""
         return self._current is not None
 
     @property
     def may_move(self) -> bool:
-        """Return whether the limb may move although no move is under way."""
+        """Return whether the limb may move although no move is in progress."""
         return self._settling is not None or bool(self._strays)
 
     @property
     def is_lost(self) -> bool:
-        """Return whether the limb may move and its joint states have ended: when it stands may never be known."""
+        """Return whether the limb may move and its joint states have ended. They may never come back."""
         return self._lost and self.may_move
 
     @property
@@ -102,9 +103,9 @@ class LimbMove(Goals[Target]):
         return [f"the move of the {self._limb}"] if self.runs else []
 
     def refuse(self, to_m: float, now_s: float) -> Refusal | None:
-        """Return why this limb cannot be sent there now."""
+        """Return why this limb cannot move to `to_m` now."""
         limb, (low, high) = self._limb, self._range
-        if not low - 1e-6 <= to_m <= high + 1e-6:  # also what is no number
+        if not low - 1e-6 <= to_m <= high + 1e-6:  # also true for NaN
             text = f"The {limb} goes from {low:g} to {high:g} m."
             return Refusal("out_of_range", text, "robot", {"least_m": low, "most_m": high})
         if not self._mover.limb_heard(limb):
@@ -118,7 +119,7 @@ class LimbMove(Goals[Target]):
         return None
 
     def begin(self, order: MoveLimb, requester: Requester, now_s: float) -> None:
-        """Record the request; `start` sends it when that is done. It replaces a move in progress."""
+        """End a move in progress and record the new request. `start` sends it when it is recorded."""
         self.halt(Refusal("replaced", "A new request replaced it.", "robot"), now_s)
         self._end("cancelled", "", now_s)
         what = {"limb": self._limb, "to_m": round(order.to_m, 4)}
@@ -127,17 +128,17 @@ class LimbMove(Goals[Target]):
 
     @property
     def due(self) -> Requester | None:
-        """The requester of a move whose record is written."""
+        """The requester of a move whose recording has finished (also with an error) and that is not sent."""
         goal = self._current
         return self.waiting if goal is not None and goal.number.done() else None
 
     @property
     def to_m(self) -> float | None:
-        """The goal of the running move (m); None: no move runs."""
+        """The goal of the move in progress (m); None: no move is in progress."""
         return self._current.what.order.to_m if self._current else None
 
     def start(self, now_s: float) -> None:
-        """Send the goal whose record is written. Drop it if its record failed or if it was cancelled meanwhile."""
+        """Send the goal whose record is written. Drop it if its record failed or if it was cancelled."""
         goal, at_m = self._recorded(now_s), self.at_m
         if goal is None:
             return
@@ -152,19 +153,19 @@ class LimbMove(Goals[Target]):
         self._mover.move_limb(self._limb, goal.sent(now_s), to_m, target.seconds)
 
     def halt(self, refusal: Refusal, now_s: float) -> None:
-        """Cancel a move that runs; drop one that has not begun."""
+        """Cancel a move that runs; drop a move that has not begun."""
         if self.begun:
             self.cancel(refusal.code, refusal.text)
         else:
             self.deny(refusal, now_s)
 
     def close(self, refusal: Refusal, now_s: float) -> None:
-        """End it: the bridge ends, and nobody else watches the limb."""
+        """End the move: the bridge ends, and nobody else watches the limb."""
         self.halt(refusal, now_s)
         self._end("cancelled", "", now_s)
 
     def tick(self, now_s: float) -> None:
-        """Watch the move by joint states; give up a goal that the controller does not answer."""
+        """Check the move by joint states; give up a goal that the controller does not answer."""
         self._known_s = min(self._known_s, now_s) if self.at_m is None else now_s
         self._lost = now_s - self._known_s > LOST_S
         goal = self._current
@@ -174,7 +175,7 @@ class LimbMove(Goals[Target]):
         super().tick(now_s)
         if goal is not None and goal.id is not None and goal is self._current and goal.cancelled is not None:
             self._give_up(goal.what, now_s)
-        elif goal is not None and goal.id is not None and self._current is None:  # nothing was heard of it
+        elif goal is not None and goal.id is not None and self._current is None:  # not reported
             self._doubt(goal.what, now_s)
         self._settle(now_s)
 
@@ -188,13 +189,13 @@ class LimbMove(Goals[Target]):
         if (target := self._settling) is None:
             return
         self._follow(target, now_s)
-        if target.known_s - target.moved_s >= SETTLED_S:  # seen to stand so long
+        if target.known_s - target.moved_s >= SETTLED_S:  # observed at standstill this long
             self._settling = None
 
     def _give_up(self, target: Target, now_s: float) -> None:
-        """End a cancelled move whose controller does not say so, once the limb stands or is lost.
+        """End a cancelled move whose end the controller does not report, when the limb stands or is lost.
 
-        It is cancelled further.
+        `running` continues to cancel its goal.
         """
         target.ending_s = min(target.ending_s, now_s)
         self._follow(target, now_s)
@@ -223,7 +224,7 @@ class LimbMove(Goals[Target]):
         if now_s - target.moved_s <= STILL_S or abs(at_m - target.order.to_m) <= THERE_M:
             return
         if self._limb == "gripper" and target.order.to_m < at_m and target.active:
-            # A cancelled controller holds its present position, and lets go of what the fingers hold.
+            # Do not cancel: then the controller keeps its present position, and the fingers drop the object.
             self._held = goal_id
             self._end("stalled", self._stuck(at_m), now_s)
         else:
@@ -234,9 +235,9 @@ class LimbMove(Goals[Target]):
         return f"{text} Perhaps it holds something." if self._limb == "gripper" else text
 
     def running(self, goals: Mapping[str, bool], now_s: float) -> None:
-        """Take the controller's report of goals, and whether each is active: begun, and not being cancelled.
+        """Take the controller's report: its goals, and whether each is active (begun and not cancelled).
 
-        Goals that nobody watches any more are cancelled.
+        Cancel goals that nobody watches.
         """
         self._strays_s = now_s
         current = self._current.id if self._current else None
@@ -250,15 +251,15 @@ class LimbMove(Goals[Target]):
         for goal_id, cancelled_s in self._strays.items():
             if goals[goal_id] and math.isinf(cancelled_s) and self._may_hold and self._left(goal_id, now_s):
                 continue
-            self._may_hold = False  # from now on it is told to cancel
+            self._may_hold = False  # from now on, goals of an earlier bridge are cancelled
             if now_s - cancelled_s >= CANCEL_AGAIN_S:
                 self._strays[goal_id] = now_s
                 self._mover.cancel_limb(self._limb, goal_id)
 
     def _left(self, goal_id: str, now_s: float) -> bool:
-        """Return whether an earlier bridge's goal is kept: the controller was not told to cancel it, the fingers stand.
+        """Return whether to keep a goal of an earlier bridge: the fingers stand, or their position may come.
 
-        They may hold something, and a bridge that restarts must not let it fall.
+        The fingers may hold something, and a restart of the bridge must not drop it.
         """
         at_m = self.at_m
         if at_m is None:
@@ -273,7 +274,7 @@ class LimbMove(Goals[Target]):
         return True
 
     def ended(self, goal_id: str, outcome: str, text: str, now_s: float) -> None:
-        """Take the controller's report that a goal has ended; joint states must agree with success."""
+        """Take the controller's report that a goal has ended. Success counts only if joint states agree."""
         goal = self._current
         if goal is None or goal.id != goal_id:
             return

@@ -1,8 +1,9 @@
 """Gripper and torso of one robot: which rules forbid a move, and what ends it.
 
-A move is one bounded goal, so nothing goes on when input ends. The base stands meanwhile, as during a motion. The torso
-carries the arm up and down: what is above and below an arm that reaches out is not known, so the arm must be at home.
-There it lies within the footprint, where nothing can be. A robot without an arm may always move its torso.
+A move has one limited goal, so it ends without drive input. The base stands during a move, as during a
+motion. The torso carries the arm up and down. No sensor checks the space above and below an arm that reaches
+out, so the arm must be at home. There it is within the footprint, where no obstacle can be. A robot without
+an arm may always move its torso.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class Limbs:
         self._at_home_s = -math.inf
 
     def take(self, order: MoveLimb, requester: Requester, why_not: WhyNot, now_s: float) -> None:
-        """Begin a move, or answer with the rule that forbids it; `why_not` has the rules of all tasks."""
+        """Begin a move, or answer with a refusal. `why_not` checks the rules of all tasks."""
         refusal = self._why_not(order.limb, order.to_m, requester, why_not, now_s)
         if refusal is not None:
             requester.answer(refusal)
@@ -56,7 +57,7 @@ class Limbs:
         return Refusal("arm_away", text, "robot")
 
     def arm(self, at_home: bool, now_s: float) -> None:
-        """Take whether the arm is at home."""
+        """Note whether the arm is at home. If it is not, end a move of the torso."""
         if at_home:
             self._at_home_s = now_s
         elif torso := self._moves.get("torso"):
@@ -64,13 +65,13 @@ class Limbs:
 
     @property
     def lost(self) -> Limb | None:
-        """A limb of which nobody can tell whether it still moves, because its joint states have ended."""
+        """A limb that may still move, but its joint states have ended; None: there is no such limb."""
         return next((limb for limb, move in self._moves.items() if move.is_lost and not move.runs), None)
 
     def busy(self, *, crawls: bool = False) -> Refusal | None:
         """Return why the base must stand and no motion may begin: a limb moves.
 
-        `crawls`: past a limb that is lost the base may drive, since the gate holds it to a crawl.
+        `crawls`: ignore a lost limb. The base may drive with it, because the gate limits the base to a crawl.
         """
         for limb, move in self._moves.items():
             if crawls and move.is_lost and not move.runs:
@@ -95,7 +96,7 @@ class Limbs:
         return [words for move in self._moves.values() for words in move.under_way]
 
     def tick(self, why_not: WhyNot, now_s: float) -> None:
-        """Send moves whose record is written; follow those under way."""
+        """Send moves whose record is written; check moves in progress."""
         for limb, move in self._moves.items():
             requester, to_m = move.due, move.to_m
             if requester is not None and to_m is not None:
@@ -108,7 +109,7 @@ class Limbs:
             torso.cancel("arm_away", "The position of the robot’s arm is unknown now.")
 
     def end(self, refusal: Refusal, now_s: float) -> None:
-        """Cancel moves that run, and drop those that have not begun."""
+        """Cancel moves that run, and drop moves that have not begun."""
         for move in self._moves.values():
             move.halt(refusal, now_s)
 
@@ -123,7 +124,7 @@ class Limbs:
             move.close(refusal, now_s)
 
     def move(self, limb: Limb) -> LimbMove:
-        """Return the move of a limb, for what the robot reports about it."""
+        """Return the move of a limb, to pass it the robot's reports."""
         return self._moves[limb]
 
     def view(self, now_s: float) -> dict[Limb, wire.LimbState]:

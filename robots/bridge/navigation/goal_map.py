@@ -1,4 +1,4 @@
-"""The robot's map, as far as goals need it: may the robot stand there?"""
+"""The robot's map, used to check whether the robot can stand at a goal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robots.bridge.gate.values import Pose
 from robots.bridge.maps.occupancy import OCCUPIED, UNKNOWN, cells_of
 from robots.wire import Refusal
 
-AROUND_M = 2.0  # occupied cells this near to the goal are looked at: farther than any hull reaches
+AROUND_M = 2.0  # occupied cells within this distance of the goal are checked: no footprint reaches farther
 
 NO_MAP = Refusal(
     "no_map", "The robot’s map has not come yet: nobody can be sent to a place without it.", "robot"
@@ -24,7 +24,7 @@ IN_OBSTACLE = Refusal(
 
 
 class GoalMap:
-    """One map. Cheap to ask; to make it unpacks the picture, up to 10 ms for the largest map."""
+    """One map. To create it takes up to 10 ms (the picture is unpacked); to check a goal is fast."""
 
     def __init__(self, taken: TakenMap) -> None:
         self.digest = taken.digest
@@ -32,7 +32,7 @@ class GoalMap:
         self._cells: NDArray[np.uint8] = cells_of(taken)  # row 0 is the lower edge
 
     def refuse(self, goal: Pose, footprint: Footprint) -> Refusal | None:
-        """Return why the robot cannot stand there."""
+        """Return why the robot cannot stand at `goal`; None if it can."""
         here = seen_from(goal, self._origin)
         column, row = int(here.x // self._resolution_m), int(here.y // self._resolution_m)
         height, width = self._cells.shape
@@ -45,7 +45,7 @@ class GoalMap:
         return IN_OBSTACLE if (footprint.gaps(at_goal) < 0.0).any() else None
 
     def _occupied(self, column: int, row: int) -> Points:
-        """Return the middles of occupied cells around a cell, in the frame of the map's corner."""
+        """Return the centres of occupied cells around a cell, in the frame of the map's corner."""
         reach = round(AROUND_M / self._resolution_m) + 1
         left, bottom = max(column - reach, 0), max(row - reach, 0)
         part = self._cells[bottom : row + reach + 1, left : column + reach + 1]

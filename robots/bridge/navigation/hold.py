@@ -1,9 +1,10 @@
 """After a goal has ended: hold the base until navigation is quiet.
 
-Navigation may confirm a cancel and drive on. As long as it sends velocities, or the base moves, the bridge goes on
-sending on its own drive topic, which has priority: zeros, or the operator's stick. Navigation may also pause first: for
-some minutes after our goal it is watched, and held again if it drives without a goal. Others may drive by its topic
-without a goal, so being held again does not prolong these minutes.
+Navigation may confirm a cancel and still drive on. While it sends velocities, or the base moves, the bridge
+sends on its own drive topic, which has priority: zeros, or the operator's twists. Navigation may also pause
+and then drive on. So the bridge watches it for some minutes after our goal, and holds the base again if
+navigation drives without a goal. Other nodes may use navigation's topic without a goal, so a second hold does
+not extend these minutes.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from concurrent.futures import Future
 from robots.bridge.audit.records import Records
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S
 
-QUIET_S = 1.0  # without a velocity of navigation, and at standstill: then the hold ends
-WATCHED_S = 300.0  # after a goal, or after its hold
-RUNS_ON_S = 30.0  # a goal that is reported for so long after its end is told to people
-GOES_ON_S = 1.5  # navigation that still drives so long after a cancel does not obey
+QUIET_S = 1.0  # the hold ends after this time at standstill without a velocity from navigation
+WATCHED_S = 300.0  # navigation is watched this long after a goal, or after its hold
+RUNS_ON_S = 30.0  # people are informed if navigation still reports a goal this long after its end
+GOES_ON_S = 1.5  # navigation that still drives this long after a cancel does not obey
 UNENDED = "The robot’s navigation still reports a goal that was ended: the bridge holds the base."
 UNHEARD = "The robot’s navigation drives on though its goal has ended: the bridge holds the base."
 
@@ -27,19 +28,19 @@ class Hold:
     """One hold at a time."""
 
     def __init__(self, records: Records, cancel: Callable[[str], None], watched: str = "") -> None:
-        """`watched`: the goal of an earlier bridge that may still be driven to."""
+        """`watched`: a goal of an earlier bridge, to which navigation may still drive."""
         self._records = records
         self._cancel = cancel
-        self.goal_id: str | None = None  # of the goal that has ended
+        self.goal_id: str | None = None  # the goal that has ended; None: no hold
         self.watched = watched  # the last goal, until `WATCHED_S` after its end
-        self._ended_s: float | None = None  # when that or its hold ended; None: at the first tick
+        self._ended_s: float | None = None  # when `watched` or its hold ended; None: the first tick sets it
         self._is_again = False  # navigation drives again, without a goal
         self._since_s = -math.inf
         self._drove_s = -math.inf  # when navigation last sent a velocity that is not zero
         self._moved_s = -math.inf  # when the base last moved, or its motion was unknown
         self._cancelled_s = -math.inf
         self._record: Future[int] | None = None
-        self.why = ""  # in words, once navigation does not obey
+        self.why = ""  # for people, when navigation does not obey
 
     @property
     def is_disobeyed(self) -> bool:
@@ -48,11 +49,11 @@ class Hold:
 
     @property
     def holds(self) -> bool:
-        """Return whether the bridge must keep the base."""
+        """Return whether the bridge holds the base."""
         return self.goal_id is not None
 
     def begin(self, goal_id: str, now_s: float) -> None:
-        """Hold from now on: this goal has ended, or is cancelled."""
+        """Hold the base from now on: this goal has ended, or is cancelled."""
         self._hold(goal_id, now_s)
         self.watched, self._ended_s, self._is_again = goal_id, now_s, False
 
@@ -62,11 +63,11 @@ class Hold:
         self.goal_id, self._moved_s, self._cancelled_s = goal_id, now_s, now_s
 
     def drop(self) -> None:
-        """End it: navigation drives to a new goal."""
+        """End the hold: navigation drives to a new goal."""
         self.goal_id = None
 
     def drove(self, moves: bool, has_goal: bool, now_s: float) -> None:
-        """Take a velocity that navigation sent. Hold again if it drives without a goal, shortly after ours."""
+        """Take a velocity of navigation. Hold the base again if navigation now drives without a goal."""
         if not moves:
             return
         self._drove_s = now_s
@@ -75,9 +76,11 @@ class Hold:
             self._is_again = True
 
     def tick(self, still: bool | None, others_drive: bool, runs_on: bool, now_s: float) -> None:
-        """Cancel again while navigation drives; end when all is quiet, or when others use it and nobody has control.
+        """Repeat the cancel while navigation does not obey. End the hold when it is no longer needed.
 
-        `runs_on`: navigation has not confirmed the end of the goal. It may pause, and drive on later.
+        It is not needed when navigation is quiet, or when others use navigation and nobody has control
+        (`others_drive`). `runs_on`: navigation has not confirmed the end of the goal. It may pause, and drive
+        on later.
         """
         if self._ended_s is None or (self.holds and not self._is_again):
             self._ended_s = now_s
@@ -104,7 +107,7 @@ class Hold:
             self._cancel(self.goal_id)
 
     def _tell(self, goal_id: str, why: str, now_s: float) -> None:
-        """Tell why the base is held for so long. It is on record once."""
+        """Show why the base is held for so long, and record it once."""
         is_told, self.why = bool(self.why), why
         if is_told:
             return

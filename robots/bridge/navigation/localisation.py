@@ -1,7 +1,7 @@
-"""Where the robot is on its map, as it believes, and whether that may be relied on.
+"""The robot's own estimate of its pose on its map, and whether this estimate is good enough.
 
 The pose of the odometry frame in the map frame comes from tf while somebody has control, else from the pose topic. The
-covariance comes from the pose topic, which is silent while the robot stands.
+covariance comes from the pose topic, on which nothing is sent while the robot stands.
 """
 
 from __future__ import annotations
@@ -17,12 +17,10 @@ from robots.bridge.gate.geometry.planar import ORIGIN, put, seen_from, wrapped
 from robots.bridge.gate.values import Pose
 from robots.wire import Refusal
 
-OLD_S = 2.0  # without news of the localisation, in control
-UNCERTAIN_M, UNCERTAIN_RAD = (
-    0.6,
-    0.6,
-)  # standard deviations; a pose that a person has just set has 0.5 m and 0.3 rad
-JUMP_M, JUMP_RAD = 0.5, 0.5  # from one transform to the next, against the odometry
+OLD_S = 2.0  # while somebody has control, a transform is too old after this time
+# A larger standard deviation is too uncertain. A pose that a person has just set has 0.5 m and 0.3 rad.
+UNCERTAIN_M, UNCERTAIN_RAD = 0.6, 0.6
+JUMP_M, JUMP_RAD = 0.5, 0.5  # a larger change between two transforms, at the same odometry pose, is a jump
 
 MISSING = Refusal(
     "localisation_missing",
@@ -53,18 +51,18 @@ class Spread(Struct, frozen=True):
 
 
 def is_reasonable(*numbers: float) -> bool:
-    """Return whether all of them are finite, and small enough to compute with."""
+    """Return whether all numbers are finite, and small enough to compute with."""
     return all(abs(number) < BEYOND_REASON for number in numbers)
 
 
 class Localisation:
-    """Takes what localisation says. Times are monotonic seconds."""
+    """Stores the reports of the robot's localisation. Times are monotonic seconds."""
 
     def __init__(self) -> None:
         self._odometry: Pose | None = None
         self._frame: Pose | None = None  # the odometry frame in the map frame
         self._stamp_s: float | None = None  # of the newest transform
-        self._transformed_s = -math.inf  # when it came
+        self._transformed_s = -math.inf  # when the newest transform arrived
         self._heard_s = -math.inf
         self._spread: Spread | None = None
         self.jumped_m = 0.0  # how far the last transform moved the robot on the map, if that was too far
@@ -74,7 +72,10 @@ class Localisation:
         self._odometry = pose
 
     def transformed(self, stamp_s: float, frame: Pose, now_s: float) -> bool:
-        """Take the newest transform; one with the last stamp is no news. Return whether the robot jumped on its map."""
+        """Take the newest transform. Return whether the robot jumped on its map.
+
+        A transform with the same stamp as the last one is ignored.
+        """
         if stamp_s == self._stamp_s or not is_reasonable(*frame):
             return False
         before = self._frame if now_s - self._transformed_s < OLD_S else None
@@ -91,7 +92,7 @@ class Localisation:
         return True
 
     def posed(self, pose: Pose, spread: Spread, now_s: float) -> None:
-        """Take a message of the pose topic; one with numbers beyond reason is ignored."""
+        """Take a message of the pose topic. Ignore it if a number is not finite or too large."""
         if not is_reasonable(*pose, spread.xx, spread.xy, spread.yy, spread.yaw):
             return
         self._spread, self._heard_s = spread, now_s
@@ -100,11 +101,11 @@ class Localisation:
 
     @property
     def pose(self) -> Pose | None:
-        """The robot on its map; None: unknown."""
+        """The robot's pose on its map; None: unknown."""
         return None if self._frame is None or self._odometry is None else put(self._odometry, self._frame)
 
     def refuse(self, now_s: float) -> Refusal | None:
-        """Return why the robot's pose cannot be relied on, in control."""
+        """Return why the robot's pose is not good enough for a goal, while somebody has control."""
         if self.pose is None or self._spread is None:
             return MISSING
         silent_s = now_s - self._transformed_s

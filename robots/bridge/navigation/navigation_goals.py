@@ -1,7 +1,8 @@
 """Drive to a place: one goal of the robot's own navigation at a time, from its record to its end.
 
-While a goal runs, navigation drives the base by a topic of lower priority, and the bridge is silent on its own. When
-the goal ends for any reason, the bridge sends zeros again, and `Hold` keeps it so until navigation is quiet.
+While a goal runs, navigation drives the base by a topic of lower priority, and the bridge sends nothing on
+its own topic. When the goal ends for any reason, the bridge sends zeros again until navigation is quiet
+(`Hold`).
 """
 
 from __future__ import annotations
@@ -27,15 +28,15 @@ from robots.bridge.navigation.sensor_grace import MAY_PASS, SensorGrace
 from robots.bridge.tasks.goals import CANCEL_AGAIN_S, OURS, Goal, Goals
 from robots.wire import Go, Refusal
 
-CONFIRMED_S = 2.0  # without a sign of the holder's client for so long, nobody may be there
-ANSWERS_S = 5.0  # navigation that is silent while the robot stands has this long to say something
-LEAST_SPARE_M = 0.03  # to anything seen, when navigation may start: zeros take effect some centimetres later
+CONFIRMED_S = 2.0  # the goal ends after this time without a sign of the holder's client
+ANSWERS_S = 5.0  # the goal ends after this time without a report from navigation, while the robot stands
+LEAST_SPARE_M = 0.03  # least gap to seen obstacles at the start: zeros take effect some centimetres later
 SENDS_S = 0.5  # a velocity from navigation is valid for this long; the same timeout as twist_mux
-REPORTS_S = 2.0  # a report of running goals is true for so long
+REPORTS_S = 2.0  # a report of running goals is valid for this long
 OBEYS_S = 3.0  # after a cancel, navigation has this long to end the goal
 STANDS_S = 2.0  # from the end of a drive until the robot stands
-LOOKS_S = 4.0  # from the request until the depth camera looks ahead: the head turns, then a picture comes
-BEGIN_TIMEOUT_S = 5.0  # from the begin of control: map and localisation may still come
+LOOKS_S = 4.0  # from the request until the depth camera looks ahead: the head turns, then a picture arrives
+BEGIN_TIMEOUT_S = 5.0  # after control begins, map and localisation may arrive within this time
 MOVES_MPS, MOVES_RADPS = 0.02, 0.05
 # Refusals whose cause may end by itself in the first seconds of control.
 _MAY_COME = frozenset({"no_map", "localisation_missing", "localisation_old", "depth_stale"})
@@ -54,14 +55,14 @@ HEAD_AWAY = Refusal(
 CAMERA_AWAY = Refusal(
     "head_away", "The depth camera does not look ahead: the gate would not see table tops.", "gate"
 )
-# Why the robot was halted, by the code: the outcome.
+# Outcome of the goal, by the code of the halt.
 _OUTCOMES = {
     "control_ended": "control_lost",
     "page_gone": "control_lost",
     "page_back": "control_lost",
     "link_lost": "control_lost",
 }
-# Outcomes by the robot's result.
+# Outcome of the goal, by navigation's result.
 _RESULTS = {"succeeded": "arrived", "cancelled": "intruder"}
 
 
@@ -78,7 +79,7 @@ class Navigator(Protocol):
         """Cancel this goal and no other."""
 
     def set_pose(self, pose: Pose) -> None:
-        """Tell the robot where it is."""
+        """Send the robot its pose on its map."""
 
     def located(self) -> tuple[float, Pose] | None:
         """Return the stamp of the newest transform from map to odometry, and the transform; None: unknown."""
@@ -86,15 +87,15 @@ class Navigator(Protocol):
 
 @dataclass
 class Target:
-    """A goal, and what ended it."""
+    """A goal, its progress, and the cause of its end."""
 
     order: Go
-    because: str | None = None  # code of the verdict, refusal or halt
-    heard_s: float = math.inf  # when navigation last said something about it, or the robot moved
-    ending_s: float = math.inf  # when it was cancelled
+    because: str | None = None  # code of the verdict, refusal or halt that ended the goal
+    heard_s: float = math.inf  # when navigation last reported on the goal, or the robot last moved
+    ending_s: float = math.inf  # when the goal was cancelled
     sensor_grace: SensorGrace = field(default_factory=SensorGrace)
     watch: navigation_watch.Watch = field(default_factory=navigation_watch.Watch)
-    digest: str = ""  # of the map on which it was checked
+    digest: str = ""  # of the map on which the goal was checked
     left_m: float | None = None
 
     @property
@@ -108,7 +109,7 @@ class NavigationGoals(Goals[Target]):
     def __init__(
         self, config: BridgeConfig, navigator: Navigator, gate: Gate, records: Records, left: str = ""
     ) -> None:
-        """`left`: the goal of an earlier bridge, as `may_drive_to` said then."""
+        """`left`: the last `may_drive_to` of an earlier bridge."""
         super().__init__(records, lambda goal_id, _topic: navigator.cancel_navigation(goal_id))
         self._source = config.topics.navigation
         self._has_arm = config.gate.has_arm
@@ -121,19 +122,19 @@ class NavigationGoals(Goals[Target]):
         self._map: GoalMap | None = None
         self._map_problem = NO_MAP
         self._at_home_s = -math.inf  # when the arm was last at home
-        self._sent, self._sent_s = STILL, -math.inf  # by navigation, and when
+        self._sent, self._sent_s = STILL, -math.inf  # newest velocity of navigation, and its arrival
         self._first_drove_s = math.inf  # when navigation first sent a velocity
         self._ended_s = -math.inf  # when the last drive ended
         self._fence: int | None = None
         self._fence_s = -math.inf  # since when this fence has control
-        self._strays: dict[str, float] = {}  # goals of ours that have ended and still run: last cancel
-        self._reported_s = -math.inf  # when navigation last told which goals run
-        self.last: wire.GoEnd | None = None  # how the last one ended, for pages
+        self._strays: dict[str, float] = {}  # our goals that ended but still run, with their last cancel
+        self._reported_s = -math.inf  # when navigation last reported its goals
+        self.last: wire.GoEnd | None = None  # how the last goal ended, for pages
 
     # --- rules ----------------------------------------------------------------------------------------
 
     def refuse(self, goal: Pose, drive_topic: str, now_s: float) -> Refusal | None:
-        """Return why the robot cannot be sent there. Rules of all tasks are checked elsewhere."""
+        """Return why the robot cannot be sent to `goal`. Rules of all tasks are checked elsewhere."""
         if self._source is None:
             return NO_NAVIGATION
         if self.hold.is_disobeyed:
@@ -158,10 +159,11 @@ class NavigationGoals(Goals[Target]):
         refusal = self.refuse_pose(now_s) or self._refuse_goal(goal)
         if refusal is not None or self._gate.looks_ahead(now_s):
             return refusal
-        return HEAD_AWAY if self._has_head else CAMERA_AWAY  # last: the head turns when all else is well
+        # Check this last: the head turns only if no other rule forbids the drive.
+        return HEAD_AWAY if self._has_head else CAMERA_AWAY
 
     def refuse_pose(self, now_s: float) -> Refusal | None:
-        """Return why the robot's pose on the map is unknown."""
+        """Return why the robot's pose on the map is unknown or not good enough."""
         return self.localisation.refuse(now_s)
 
     def _refuse_goal(self, goal: Pose) -> Refusal | None:
@@ -174,7 +176,7 @@ class NavigationGoals(Goals[Target]):
         return None
 
     def busy(self) -> Refusal | None:
-        """Return a refusal while a goal is under way, or being cancelled."""
+        """Return a refusal while a goal is in progress or being cancelled."""
         if self._current is None:
             return None
         who = self._current.requester.holder.holder
@@ -185,14 +187,14 @@ class NavigationGoals(Goals[Target]):
         """Return whether the refusal's cause may end by itself: control has just begun, or a drive just ended."""
         if refusal.code == "base_moving":
             return now_s - self._ended_s < STANDS_S
-        if refusal is HEAD_AWAY:  # `due` turns it
+        if refusal is HEAD_AWAY:  # the head turns while the goal is `due`
             return self._current is None or now_s - self._current.since_s < LOOKS_S
         return refusal.code in _MAY_COME and now_s - self._fence_s < BEGIN_TIMEOUT_S
 
     # --- a goal ---------------------------------------------------------------------------------------
 
     def begin(self, order: Go, requester: Requester, now_s: float) -> None:
-        """Record the goal; when that is done, it is sent and the requester answered."""
+        """Record the goal. `start` then sends it and answers the requester."""
         place: dict[str, str | float | None] = {"x_m": order.x, "y_m": order.y, "heading_rad": order.heading}
         if order.place:
             place["place"] = order.place
@@ -202,7 +204,7 @@ class NavigationGoals(Goals[Target]):
 
     @property
     def due(self) -> Go | None:
-        """The goal that is recorded, or whose record failed, and that is not sent."""
+        """The goal whose recording has finished (also with an error) and that is not sent."""
         goal = self._current
         return goal.what.order if goal is not None and goal.id is None and goal.number.done() else None
 
@@ -216,7 +218,7 @@ class NavigationGoals(Goals[Target]):
         )
 
     def start(self, now_s: float) -> None:
-        """Send the goal that is due; one whose record failed is refused."""
+        """Send the goal that is due, or refuse it if its record failed."""
         goal = self._recorded(now_s)
         if goal is None:
             return
@@ -228,7 +230,7 @@ class NavigationGoals(Goals[Target]):
 
     @property
     def driving_requester(self) -> Requester | None:
-        """The requester of the goal to which navigation drives the robot now; None: the bridge has the base."""
+        """The requester of the goal to which navigation drives the robot now; None: it must not drive."""
         goal = self._current
         sent = goal is not None and goal.id is not None and goal.cancelled is None
         return goal.requester if goal is not None and sent else None
@@ -250,7 +252,7 @@ class NavigationGoals(Goals[Target]):
         return ["the drive to a place"] if self._current is not None else []
 
     def end(self, outcome: str, text: str, now_s: float, because: str | None = None) -> None:
-        """Cancel the goal; one that is not sent is refused. The bridge has the base from now on."""
+        """Cancel the goal, or refuse it if it is not sent. The bridge holds the base from now on."""
         goal = self._current
         if goal is None:
             return
@@ -264,64 +266,66 @@ class NavigationGoals(Goals[Target]):
             self.hold.begin(goal.id, now_s)
 
     def halted(self, code: str, reason: str, now_s: float) -> None:
-        """End a goal that runs: the robot was halted. One that is not sent is judged again when it is due.
+        """End a goal that runs: the robot was halted. A goal that is not sent is checked when it is due.
 
-        A stop ends it a moment later, by the name of who pressed it.
+        For a stop, do nothing here: `Tasks.stopped` ends the goal a moment later, with the name of the
+        person.
         """
         if self.driving_requester and code != "stopped":
             self.end(_OUTCOMES.get(code, code), _sentence(reason), now_s, code)
 
     def judge(self, now_s: float) -> Verdict:
-        """Return the gate's verdict on how the robot drives itself; "free": it may go on."""
+        """Return the gate's verdict on how navigation drives the robot; "free": navigation may continue."""
         watch = self._current.what.watch if self._current else navigation_watch.Watch()
         return watch.judge(self._gate, self.commanded(now_s), now_s)
 
     @property
     def waits(self) -> bool:
-        """Return whether the bridge holds the base for a sensor that is silent; navigation keeps its goal."""
+        """Return whether the bridge holds the base because a sensor is silent; navigation keeps its goal."""
         goal = self._current
         return goal is not None and self.driving_requester is not None and goal.what.sensor_grace.holds
 
     def waits_for(self, verdict: Verdict, now_s: float) -> bool:
-        """Return whether the base is held for the cause of this verdict, which may pass, instead of ending the goal.
+        """Return whether to hold the base instead of ending the goal: this verdict's cause may end by itself.
 
-        While it is held, late messages make the robot look slow to answer, and so near to obstacles.
+        During such a hold, late messages make the latency seem long and obstacles too near: these verdicts
+        wait too.
         """
         goal = self._current
         late = verdict.code in MAY_PASS or (self.waits and verdict.sensor != "odometry")
         return goal is not None and late and goal.what.sensor_grace.note_fault(now_s)
 
     def settles(self, now_s: float) -> None:
-        """Note that no sensor is silent: navigation drives on soon, when the zeros have worn off."""
+        """Note that no sensor is silent. Navigation drives on soon, when the last zeros have timed out."""
         if self._current is not None:
             self._current.what.sensor_grace.settle(now_s)
 
     def end_by_gate(self, verdict: Verdict, now_s: float) -> None:
-        """End the goal: the gate has taken over."""
+        """End the goal: the gate's verdict forbids it."""
         self.end("held_back", _sentence(verdict.text), now_s, verdict.code)
 
     def end_if_unconfirmed(self, confirmed_s: float, now_s: float) -> None:
-        """End the goal if its holder's client has been silent."""
+        """End the goal if its holder's client has been silent for `CONFIRMED_S`."""
         if now_s - confirmed_s > CONFIRMED_S:
             text = f"Nothing was heard of its holder for {CONFIRMED_S:.0f} s."
             self.end("control_lost", text, now_s, "dead_man")
 
     def withdraw(self, now_s: float) -> Refusal | None:
-        """Cancel for the holder."""
+        """Cancel the goal for the holder."""
         if self._current is None:
             return Refusal("no_goal", "No drive to a place is in progress.", "robot")
         self.end("cancelled", "Its holder cancelled it.", now_s)
         return None
 
     def close(self, refusal: Refusal, now_s: float) -> None:
-        """End it: the bridge ends, and nobody else watches the base."""
+        """End the goal: the bridge ends, and nobody else watches the base."""
         self.end(refusal.code, refusal.text, now_s)
         self._end("cancelled", "", now_s)
 
-    # --- news -----------------------------------------------------------------------------------------
+    # --- events ---------------------------------------------------------------------------------------
 
     def tick(self, now_s: float, fence: int | None = None, still: bool | None = None) -> None:
-        """Follow localisation; give up what is silent; hold the base until navigation is quiet."""
+        """Check localisation; give up a goal without reports; hold the base until navigation is quiet."""
         if self._source is None:
             return
         self.controlled(fence, now_s)
@@ -349,7 +353,7 @@ class NavigationGoals(Goals[Target]):
             self._fence, self._fence_s = fence, now_s
 
     def commanded(self, now_s: float) -> Velocity | None:
-        """Return what navigation sends to the base now; None: nothing."""
+        """Return the velocity that navigation sends to the base now; None: none."""
         return self._sent if now_s - self._sent_s < SENDS_S else None
 
     def moved(self, pose: Pose, velocity: Velocity, now_s: float) -> None:
@@ -364,25 +368,25 @@ class NavigationGoals(Goals[Target]):
             goal.what.left_m = round(self.path.left_m(here, goal.what.pose), 2)
 
     def posed(self, pose: Pose, spread: Spread, now_s: float) -> None:
-        """Take the pose topic."""
+        """Take a message of the pose topic."""
         self.localisation.posed(pose, spread, now_s)
 
     def arm(self, at_home: bool, now_s: float) -> None:
-        """Take whether the arm is at home."""
+        """Note whether the arm is at home. If it is not, end the drive."""
         if at_home:
             self._at_home_s = now_s
         elif self.driving_requester:
             self.end("arm_away", "The robot’s arm left its home.", now_s)
 
     def mapped(self, goal_map: GoalMap, now_s: float) -> None:
-        """Take the robot's map."""
+        """Take the robot's map. If it is another map, end the drive."""
         self._map = goal_map
         goal = self._current
         if goal is not None and self.driving_requester and goal.what.digest != goal_map.digest:
             self.end("map_changed", "The robot’s map changed.", now_s)
 
     def unmapped(self, why: str, now_s: float) -> None:
-        """Note that the robot has no usable map any more, or none yet."""
+        """Note that the robot has no usable map now. End the drive."""
         text = f"The robot has no map that can be used: {why}"
         self._map, self._map_problem = None, Refusal("no_map", _sentence(text), "robot")
         self.end("map_gone", self._map_problem.text, now_s)
@@ -392,16 +396,16 @@ class NavigationGoals(Goals[Target]):
         self.path.take(places)
 
     def drove(self, velocity: Velocity, now_s: float) -> None:
-        """Take what navigation sends to the base."""
+        """Take a velocity that navigation sends to the base."""
         self._sent, self._sent_s = velocity, now_s
         self._first_drove_s = min(self._first_drove_s, now_s)
-        # A bridge that begins does not know yet whether others drive. Then their goal is reported soon.
+        # After its start, the bridge does not know the goals of others yet. Navigation soon reports them.
         is_known = self._reported_s > -math.inf or now_s - self._first_drove_s > REPORTS_S
         has_goal = self.driving_requester is not None or bool(self._busy(now_s)) or not is_known
         self.hold.drove(any(abs(part) > 1e-3 for part in velocity), has_goal, now_s)
 
     def running(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
-        """Take navigation's report of active goals; goals that a killed bridge left are cancelled."""
+        """Take navigation's report of active goals. Cancel goals of a bridge that was killed."""
         self._reported_s = now_s
         current = self._current.id if self._current else None
         strays = {goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id != current}
@@ -425,7 +429,7 @@ class NavigationGoals(Goals[Target]):
         if goal is not None and goal.id == goal_id:
             if goal.cancelled is None:
                 self._end(_RESULTS.get(outcome, outcome), _result(outcome, text), now_s)
-            else:  # it keeps the reason of the cancel
+            else:  # the reason of the cancel stays
                 self._end("arrived" if outcome == "succeeded" else "cancelled", "", now_s)
         elif self.driving_requester and goal_id != self._ended and not self._busy(now_s):
             self.end("answered_another", "Navigation answered for a goal that nobody sent.", now_s)
@@ -456,7 +460,7 @@ class NavigationGoals(Goals[Target]):
         )
 
     def location(self, now_s: float, in_control: bool) -> wire.Location | None:
-        """Return the robot's place on its map; problems count in control only, since tf is not read otherwise."""
+        """Return the robot's pose on its map. Without control it has no `problem`: tf is not read then."""
         problem = self.localisation.refuse(now_s) if in_control else None
         return self.localisation.view(now_s, problem.text if problem else "")
 
@@ -490,7 +494,7 @@ def _number(goal: Goal[Target]) -> int | None:
 
 
 def _result(outcome: str, text: str) -> str:
-    """Return what navigation said, as a sentence."""
+    """Return navigation's text about its result as a sentence."""
     if outcome == "succeeded":
         return ""
     said = f"Navigation said: {text}" if text else "Navigation did not say why."

@@ -1,4 +1,4 @@
-"""The planned path: thinned for pages, and how much of it is left."""
+"""The planned path: with fewer points for pages, and the distance that is left."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from robots.wire import MOST_PATH
 
 
 class PlannedPath:
-    """The newest path, frame of the map."""
+    """The newest path, in the map frame."""
 
     def __init__(self) -> None:
         self._points: Points = NO_POINTS
-        self._after_m: NDArray[np.float64] = np.empty(0)  # way from each point to the end
+        self._after_m: NDArray[np.float64] = np.empty(0)  # distance along the path from each point to the end
 
     def take(self, points: Points) -> None:
-        """Take a new path; one with numbers beyond reason is ignored."""
+        """Take a new path. Ignore it if a number is not finite or too large."""
         if not (np.abs(points) < BEYOND_REASON).all():
             return
         if len(points) > MOST_PATH:
@@ -31,7 +31,7 @@ class PlannedPath:
         self._after_m = np.append(np.cumsum(steps[::-1])[::-1], 0.0)[: len(points)]
 
     def left_m(self, pose: Pose, goal: Pose) -> float:
-        """Return the metres left along the path; the straight distance if there is no path to this goal."""
+        """Return the distance left along the path, or in a straight line if there is no path (metres)."""
         straight_m = math.hypot(goal.x - pose.x, goal.y - pose.y)
         if not len(self._points):
             return straight_m
@@ -41,6 +41,6 @@ class PlannedPath:
 
     @property
     def centimetres(self) -> list[int]:
-        """The path for pages: flat x, y."""
+        """The path for pages, in centimetres: x, y, x, y ..."""
         flat: list[int] = np.rint(self._points * 100.0).astype(int).ravel().tolist()
         return flat

@@ -1,1 +1,1 @@
-"""Tasks except driving: motions, speech, publishing, head, and who may start them."""
+"""Tasks except driving: motions, speech, publishing, head, and the rules for their start."""

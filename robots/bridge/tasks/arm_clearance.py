@@ -1,7 +1,7 @@
 """Decide whether the arm has room for a motion: no obstacle in the space that it sweeps.
 
-Laser and sonars do not see the arm when it moves: it does not reach down to their height. The depth camera sees it.
-Depth points count as obstacles where the joint positions show that the arm is not near them.
+Laser and sonars do not see a moving arm, because it does not reach down to their height. The depth camera
+sees it. So a depth point counts as an obstacle only if the joint positions show that the arm is not near it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robots.bridge.gate.values import Kind, Obstacles
 from robots.wire import Refusal
 
 WATCH: tuple[Kind, ...] = ("scan", "depth")  # kinds of sensors that must work before the arm moves
-WATCH_ARM: tuple[Kind, ...] = ("scan",)  # and while it moves: the arm may block the camera's view
+WATCH_ARM: tuple[Kind, ...] = ("scan",)  # kinds that must work while the arm moves: it may block the camera
 SEES_NO_ARM: tuple[Kind, ...] = ("scan", "memory", "sonar")
 # Remembered points ("depth memory") may show the arm at an earlier moment.
 SEES_ARM: tuple[Kind, ...] = ("depth",)
@@ -39,7 +39,7 @@ class ArmModel(Protocol):
 
 
 class ArmClearance:
-    """The free space around one robot's arm. While a motion runs, ask every period."""
+    """The free space around one robot's arm. While a motion runs, call `refuse` every tick."""
 
     def __init__(self, gate: Gate, arm: ArmModel) -> None:
         self._gate = gate
@@ -94,7 +94,7 @@ class ArmClearance:
             self._lately.popleft()
 
     def _but_for_arm(self, obstacles: Obstacles) -> Obstacles:
-        """Return the obstacles that cannot be the arm, wherever it was recently."""
+        """Return the obstacles without the points that may be the arm at a recent position."""
         rows = _of(obstacles, SEES_NO_ARM)
         arm = {disc for _, discs in self._lately for disc in discs or ()}
         if all(discs is not None for _, discs in self._lately):

@@ -1,4 +1,4 @@
-"""The robot's joints, and its arm's posture: by the description, or by the motion that it finished last."""
+"""The robot's joints, and its arm's posture: from the description, or from the last finished motion."""
 
 from __future__ import annotations
 
@@ -15,24 +15,27 @@ from robots.bridge.tasks.urdf import BadDescription, Tree
 
 log = logging.getLogger(__name__)
 
-MAX_JOINTS = 4000  # of which positions are kept
-MOST_LINKS = 80  # of the arm that are placed; a hand with five fingers has 40
-MOST_DRAWN = 200  # joints whose positions pages get
-MOVED = 0.02  # rad or m: less is noise
-END_M = 0.10  # fingers and what they hold reach so far beyond the last link's origin
-HAND_M = 0.25  # the reach of a hand that the description leaves out
+MAX_JOINTS = 4000  # joints whose positions are stored
+MOST_LINKS = 80  # links of the arm whose positions are computed; a hand with five fingers has 40
+MOST_DRAWN = 200  # joints whose positions are sent to pages
+MOVED = 0.02  # rad or m: smaller changes are noise
+END_M = 0.10  # fingers and the object that they hold reach this far beyond the last link's origin
+HAND_M = 0.25  # assumed reach of a hand that is missing in the description
 
 
 class _Model(NamedTuple):
-    """The arm by one description. It is replaced as a whole: other threads may be using it."""
+    """The arm by one description. It is replaced as a whole, because other threads may use it."""
 
     tree: Tree
     own: list[str]  # links of the profile that the description has
-    moved: dict[str, set[str]]  # all links that the arm moves, and the joints that each needs
+    moved: dict[str, set[str]]  # all links that the arm moves, and the joints that move each link
     lacking: list[str]  # links of the profile that the description lacks
 
     def links(self, positions: Mapping[str, float]) -> list[str]:
-        """Return the links of which all joints are known. KeyError names a joint that a link of the profile lacks."""
+        """Return the links whose joint positions are all known.
+
+        Raises KeyError with the name of an unknown joint if that joint moves a link of the profile.
+        """
         for link in self.own:
             for joint in self.moved[link] - positions.keys():
                 raise KeyError(joint)
@@ -42,24 +45,25 @@ class _Model(NamedTuple):
 class ArmPosture:
     """Posture of one arm. Times are the bridge's monotonic clock, seconds.
 
-    Joint positions and goals come on rospy's threads, questions on the gate's.
+    Joint positions and goals arrive on rospy's threads; the gate's thread reads the posture.
     """
 
     def __init__(self, arm: ArmSource | None) -> None:
-        """Without an arm, ask for `joint` and `shown` only."""
+        """`arm` None: there is no arm, and only `joint` and `shown` may be called."""
         self._has_arm = arm is not None
         self._arm = arm or ArmSource({}, [])
         self._model: _Model | None = None
         self._was: dict[str, float] | None = None  # the arm's joints when they moved last
-        self._joints: dict[str, tuple[float, float]] = {}  # position and arrival
+        self._joints: dict[str, tuple[float, float]] = {}  # position and time of arrival
         self._drawn: frozenset[str] = frozenset()  # joints of the description that pages draw
         self._newest: tuple[str, str] | None = None  # goal id and motion of the newest goal, until it ends
         self._after: str | None = None  # the motion that succeeded last
 
     def describe(self, description: object) -> None:
-        """Take the robot's description (URDF). Without a usable one, the profile's table of motions counts.
+        """Take the robot's description (URDF). If it is not usable, the profile's table of motions is used.
 
-        A link that it lacks is left out; the hand's reach is then guessed from the last known link.
+        Links of the profile that the description lacks are left out. A hand is then assumed at the last known
+        link.
         """
         model, drawn = None, frozenset[str]()
         if isinstance(description, str):
@@ -84,7 +88,10 @@ class ArmPosture:
         return _Model(tree, own, {link: tree.moving([link]) for link in links}, lacking)
 
     def update(self, joints: Iterable[tuple[str, float]], now_s: float) -> None:
-        """Take positions (rad or m) of some joints; several nodes may each report some. Ignore what is not finite."""
+        """Take positions of some joints (rad or m). Ignore values that are not finite.
+
+        Several nodes may each report some joints.
+        """
         for name, position in joints:
             if math.isfinite(position):
                 self._joints[name] = (position, now_s)
@@ -147,7 +154,7 @@ class ArmPosture:
             self._after = newest[1] if succeeded else None
 
     def sweep(self, motion: Motion | None, now_s: float) -> tuple[Disc, ...]:
-        """Return the space of a motion that begins at the present posture; the whole reach if that is unknown."""
+        """Return the space of a motion from the present posture; if this is unknown, the whole reach."""
         model, positions = self._model, self._positions(now_s)
         moving = set(self._arm.home) | (model.tree.moving(model.own) if model else set())
         if motion is not None and moving.isdisjoint(motion.joints):
@@ -164,7 +171,10 @@ class ArmPosture:
         return (self._reach(positions),)
 
     def _reach(self, positions: Mapping[str, float], beyond_m: float = 0.0) -> Disc:
-        """Return the arm's reach and `beyond_m` more, about its shoulder; about the base if the shoulder is unknown."""
+        """Return a disc of the arm's reach and `beyond_m` around its shoulder.
+
+        If the shoulder's position is unknown, the disc is around the base.
+        """
         x = y = 0.0
         if (model := self._model) is not None:
             with suppress(KeyError):
@@ -172,12 +182,12 @@ class ArmPosture:
         return x, y, self._arm.reach_m + beyond_m
 
     def arm(self, now_s: float) -> tuple[Disc, ...] | None:
-        """Return the discs that the arm covers, at home too; None if joints or description are missing."""
+        """Return the discs that the arm covers, also at home; None if joints or description are missing."""
         discs, _ = self._lies(self._positions(now_s))
         return discs
 
     def _lies(self, positions: Mapping[str, float]) -> tuple[tuple[Disc, ...] | None, tuple[Disc, ...]]:
-        """Return the discs that the arm covers, and those about its ends, where a camera may see more of it."""
+        """Return discs that the arm covers, and discs around its ends, where a camera may see more of it."""
         model, arm_m = self._model, self._arm.radius_m
         if model is None:
             return None, ()

@@ -1,4 +1,4 @@
-"""Capabilities of the robot other than driving. They are sent to pages on connecting, on a change and on request."""
+"""Capabilities of the robot. They are sent to a page when it connects, when they change, and on request."""
 
 from __future__ import annotations
 

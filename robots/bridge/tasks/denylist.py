@@ -1,10 +1,11 @@
-"""Deny what no allow-list may contain: ways around the safety chain, and ways to blind it. Pure.
+"""Deny entries that no allow-list may contain: they bypass the safety chain or disturb its sensors. Pure.
 
-Names are judged word by word (/power/is_emergency: power, is, emergency), so that a namespace or a number does not hide
-the purpose of a topic. Types are judged as well, because a robot may use any topic name. In doubt, deny.
+Names are checked word by word (/power/is_emergency: power, is, emergency), so that a namespace or a number
+does not hide the purpose of a topic. Types are checked as well, because a robot may use any topic name. In
+doubt, deny.
 
 The registry refuses a denied entry. `admissible` leaves such entries out when the registry, `holder_tasks.py` or the
-inspector takes a configuration. `ros/inspector/requests.py` judges each message, call and parameter.
+inspector takes a configuration. `ros/inspector/requests.py` checks each message, call and parameter.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ FULL_NAME = re.compile(r"/[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
 
 _VELOCITY = "velocities move the base: they go through the gate only"
 
-# By reason: parts of names. A part matches anywhere in a name; an underscore means the begin or end of a word. Input
-# routed to a topic chosen for driving has passed the gate, so only the first group applies to it.
+# Parts of names, by reason. A part matches anywhere in a name; an underscore means the begin or end of a
+# word. For a topic chosen for driving, only the first group applies: its input has passed the gate.
 _OVERRIDING = {
     "controllers and their configuration bypass the gate": "control command trajectory mux "
     "reconfigure param rosapi nodelet bond _script urscript setpoint _pid_",
@@ -121,9 +122,9 @@ def admissible(allowed: Iterable[Allowed], topics: Topics) -> tuple[Allowed, ...
 
 
 def _why_topic_denied(name: str, type: str, topics: Topics, use: str) -> str | None:
-    """Deny topics that would override a person's joystick or a lock.
+    """Return why this topic may not be chosen for input of `use`; None if it may.
 
-    Other rules do not apply: the input passed the chain.
+    For driving, only the rules about overriding apply: the input has passed the gate.
     """
     default: Topic | None = getattr(topics, use) if use in USE_TYPES else None
     if default is None:

@@ -1,6 +1,6 @@
 """One goal of the robot at a time: recorded, sent, observed, cancelled until the robot obeys, ended.
 
-No goal begins by itself. A cancelled goal is over: the person must ask again.
+No goal begins by itself. A cancelled goal is not sent again: the person must make a new request.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from robots.bridge.audit.records import RecordedTask, Records, Requester
 from robots.wire import Refusal
 
 CANCEL_AGAIN_S = 0.5  # repeat a cancel: the first one may not have reached the robot
-UNHEARD_S = 2.0  # give a goal up when the robot has not reported it for this time
+UNHEARD_S = 2.0  # a goal that the robot has not reported for this time is given up
 # Prefix of goal ids of this bridge and of earlier bridges; the number of the record follows.
 OURS = "fleet_bridge-"
 
@@ -35,13 +35,13 @@ class Goal(RecordedTask, Generic[What]):
     cancel_sent_s: float | None = None  # the last cancel was sent at this time or earlier
 
     def sent(self, now_s: float) -> str:
-        """It goes to the robot now, by this id."""
+        """Note that the goal is sent to the robot now. Return its new id."""
         self.id, self.heard_s = f"{OURS}{self.number.result()}-{uuid4()}", now_s
         return self.id
 
 
 class Goals(ABC, Generic[What]):
-    """The goal in progress: this console's, or another node's, of which only ids are known.
+    """This console's goal in progress, and goals of other nodes, of which only ids are known.
 
     `send_cancel(goal_id, topic)` cancels a goal on the robot.
     """
@@ -51,7 +51,7 @@ class Goals(ABC, Generic[What]):
         self._send_cancel = send_cancel
         self._current: Goal[What] | None = None
         self._ended: str | None = None  # the last goal; late reports about it may still arrive
-        self._others: dict[str, float] = {}  # topics with goals of other nodes: last report
+        self._others: dict[str, float] = {}  # topics with goals of other nodes, with their last report
 
     @property
     def topic(self) -> str | None:
@@ -81,7 +81,7 @@ class Goals(ABC, Generic[What]):
         return goal.requester if goal is not None and goal.id is None and goal.cancelled is None else None
 
     def deny(self, refusal: Refusal, now_s: float) -> None:
-        """Refuse a goal that is not sent yet. An earlier reason for a cancel stays."""
+        """Refuse a goal that is not sent yet. If it was cancelled before, use the reason of the cancel."""
         goal = self._current
         if goal is None or goal.id is not None:
             return
@@ -106,7 +106,7 @@ class Goals(ABC, Generic[What]):
         if now_s - goal.heard_s > UNHEARD_S:
             self.cancel("unheard", f"The robot did not report it for {UNHEARD_S:.0f} s.")
             self._end("cancelled", "", now_s)
-            self._ended = None  # if the robot reports it again, it still performs it
+            self._ended = None  # a later report means that the robot still performs this goal
         elif goal.cancelled is not None and goal.id is not None:
             if goal.cancel_sent_s is None:
                 goal.cancel_sent_s = now_s
@@ -121,7 +121,7 @@ class Goals(ABC, Generic[What]):
     def _recorded(self, now_s: float) -> Goal[What] | None:
         """Return a recorded goal that waits to be sent.
 
-        End it if its record failed or if it was cancelled meanwhile.
+        If its record failed or if it was cancelled, end it and return None.
         """
         goal = self._current
         if goal is None or goal.id is not None or not goal.number.done():
@@ -147,7 +147,7 @@ class Goals(ABC, Generic[What]):
         return goal
 
     def _end(self, outcome: str, text: str, now_s: float) -> None:
-        """End the goal. A goal that ended as cancelled gets the reason for which it was cancelled here, if any."""
+        """End the goal. For the outcome "cancelled", use the reason of our own cancel, if there was one."""
         goal, self._current = self._current, None
         if goal is not None:
             self._ended = goal.id

@@ -1,7 +1,8 @@
-"""Direction of the head: as its holder turns it, ahead on request, and, if configured, into the turn of a drive.
+"""Direction of the head: turned by its holder, ahead on request and, if configured, into the turn of a drive.
 
-A head that the holder has turned stays there until it is asked to look ahead again. On its way ahead it first looks
-down as far as it can: so the depth camera sees what is near the robot, or no longer there.
+After the holder has turned the head, the head keeps this direction until somebody asks it to look ahead. To
+look ahead, it first looks down as far as it can: the depth camera then shows which obstacles near the robot
+are still there.
 """
 
 from __future__ import annotations
@@ -14,20 +15,20 @@ from robots.bridge.config import HeadSource
 from robots.bridge.gate.values import Velocity
 
 AHEAD_TAKES_S = 1.5
-DOWN_S = 0.8  # two pictures of a slow camera, and their delay: they show what is free
+DOWN_S = 0.8  # time for two pictures of a slow camera and their delay: they show which space is free
 MIDDLE_S = 0.4
 UP_S = 0.8  # slow enough for the depth camera, see FOLLOW_RADPS
 FOLLOW_EVERY_S = 0.2
 # the head looks where the robot will be after this time: the robot can stop from any speed within it
 FOREKNOWLEDGE_S = 1.5
-FOLLOW_RAD = 0.3  # beyond it, the way straight ahead leaves the camera's picture
+FOLLOW_RAD = 0.3  # at a larger angle, the way straight ahead is outside the camera's picture
 FOLLOW_RADPS = 0.4  # above 0.5 rad/s of the head, the gate ignores depth frames
 LEAST_RAD = 0.03
 SAID_AGAIN_S = 2.0  # send again: a motion or another node may have turned the head
 DRIVING_MPS = 0.05
-TURN_RADPS = 1.2  # by hand; TIAGo's head can do 3
+TURN_RADPS = 1.2  # for turns by the holder; TIAGo's head can do 3
 TURN_LEAST_S = 0.2
-ARRIVED_S = 2.0  # after the last turn by hand, the head is where joint states say, not where it was sent
+ARRIVED_S = 2.0  # this long after the holder's last turn, joint states give the position, not the last aim
 
 
 class Aim(NamedTuple):
@@ -46,15 +47,15 @@ class Head:
         self._pan = self._tilt = 0.0
         self._by_hand = False
         self._sent_s = -math.inf
-        self._turned_s = -math.inf  # by hand
-        self._arrives_s = -math.inf  # after the last turn by hand
-        self._forward_s = -math.inf  # when it was last sent ahead for a drive to a place
-        self._next: deque[tuple[float, Aim]] = deque()  # the rest of looking ahead: when, and where to
+        self._turned_s = -math.inf  # last turn by the holder
+        self._arrives_s = -math.inf  # when the head has completed this turn
+        self._forward_s = -math.inf  # when the head was last sent ahead for a drive to a place
+        self._next: deque[tuple[float, Aim]] = deque()  # remaining steps of looking ahead, with times
 
     def ahead(self, aside: float | None, now_s: float) -> Aim:
-        """Return the first aim of looking ahead: as far down as the head goes, and `aside` (pan in radians).
+        """Return the first aim of looking ahead: as far down as possible, and `aside` (pan in radians).
 
-        `onward` returns the next ones: slowly to the middle, and up to the floor in front of the robot.
+        `onward` returns the next aims: slowly to the middle, then up to the floor in front of the robot.
         """
         lowest = min(self._source.tilt_rad[0], self._source.look_tilt)
         pan = _within(aside or 0.0, self._source.pan_rad)
@@ -71,7 +72,7 @@ class Head:
         return Aim(pan, lowest, AHEAD_TAKES_S)
 
     def forward(self, now_s: float) -> Aim | None:
-        """Return the aim at the floor in front of the robot, at once; None: it was returned a moment ago."""
+        """Return the aim at the floor in front of the robot; None if it was returned a moment ago."""
         if now_s - self._forward_s < SAID_AGAIN_S:
             return None
         self._forward_s = now_s
@@ -82,11 +83,11 @@ class Head:
         return Aim(0.0, self._source.look_tilt, AHEAD_TAKES_S)
 
     def stay(self) -> None:
-        """Drop the rest of looking ahead: who asked for it has no control any more, or the robot was stopped."""
+        """Drop the remaining steps of looking ahead: the requester lost control, or the robot was stopped."""
         self._next.clear()
 
     def onward(self, now_s: float) -> Aim | None:
-        """Return the next aim of looking ahead when it is time for it, once."""
+        """Return the next aim of looking ahead, once, when it is due."""
         if not self._next or now_s < self._next[0][0]:
             return None
         _, aim = self._next.popleft()
@@ -94,11 +95,12 @@ class Head:
         return aim
 
     def turn(self, pan: float, tilt: float, at: tuple[float, float] | None, now_s: float) -> Aim:
-        """Return the aim after turning by these angles (radians; positive: left, up), within the head's limits.
+        """Return the aim after a turn by these angles (radians; positive: left, up), within the limits.
 
-        The first turn starts from where the head is (`at`: pan and tilt; None: unknown), since a motion or another node
-        may have moved it. The next ones of a drag start from where it was sent: it may still be on its way.
-        The seconds are those of all the way that is left, since many turns may come at once.
+        The first turn starts from the head's position (`at`: pan and tilt; None: unknown), because a motion
+        or another node may have moved the head. The next turns of a drag start from the last aim: the head
+        may not have reached it yet. The seconds are for the whole remaining way, because many turns may
+        arrive at once.
         """
         is_first = now_s - self._turned_s > ARRIVED_S
         if at is not None and is_first:
@@ -116,13 +118,16 @@ class Head:
         return Aim(self._pan, self._tilt, seconds)
 
     def _open_s(self, is_first: bool, now_s: float) -> float:
-        """Return the seconds to where a head of unknown place was sent before; at first it may be anywhere."""
+        """Return the seconds until a head of unknown position reaches its last aim.
+
+        Before a first turn, the head may be anywhere.
+        """
         if not is_first:
             return max(self._arrives_s - now_s, 0.0)
         return max(high - low for low, high in (self._source.pan_rad, self._source.tilt_rad)) / TURN_RADPS
 
     def follow(self, velocity: Velocity, now_s: float) -> Aim | None:
-        """Return the next aim for a drive with this velocity; None to leave the head where it is."""
+        """Return the next aim for a drive with this velocity; None: do not move the head."""
         driving = velocity.vx > DRIVING_MPS
         if (
             self._by_hand
@@ -139,7 +144,7 @@ class Head:
         return Aim(self._pan, self._source.look_tilt, FOLLOW_EVERY_S)
 
     def _again(self, now_s: float) -> Aim | None:
-        """Repeat the last aim now and then, slowly: the head may be anywhere."""
+        """Repeat the last aim every `SAID_AGAIN_S`, slowly: the head may be anywhere."""
         if now_s - self._sent_s < SAID_AGAIN_S:
             return None
         self._sent_s = now_s

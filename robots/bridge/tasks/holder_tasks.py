@@ -1,4 +1,4 @@
-"""Tasks of the holder: look, perform, move limbs, speak, publish, choose topics, drive without a stick.
+"""Tasks of the holder: looks, motions, limbs, speech, publishing, topics, and drives without a stick.
 
 Each task passes the same checks as a stick position (lease, stop, robot online), is recorded, and only then sent to the
 robot. This module never blocks, and an ended task never begins again by itself.
@@ -37,17 +37,15 @@ from robots.bridge.tasks.speech import SpeechOutput, SpeechTasks, Utterance, rob
 from robots.wire import Grant, Refusal
 
 LINK_PATIENCE_S = 2.0  # a motion continues this long without the page of its requester
-TURNS_S = 10.0  # one record stands for turns of the head with shorter pauses
-MOST_TURNS = 20  # of the head that wait for their record
+TURNS_S = 10.0  # turns of the head with shorter pauses have one record together
+MOST_TURNS = 20  # turns of the head that may wait for their record
 ENDED = Refusal("bridge_ended", "It was not done: the robot’s bridge ended.", "robot")
 LEFT = Refusal("link_lost", "It was not done: the page that asked for it was left.", "lease")
-OUTCOMES = {
-    "motion_blocked": "intruder",
-    "not_watched": "not_watched",
-}  # of a motion, by the code that ends it
+# Outcome of a motion, by the code of the refusal that ends it.
+OUTCOMES = {"motion_blocked": "intruder", "not_watched": "not_watched"}
 
-# Called later, on the loop: the space that the arm sweeps from its present position (None: the action has no such
-# motion), and the time.
+# A callback, called later on the event loop. Arguments: the space that the arm sweeps from its present
+# position (None: the action has no such motion), and the time.
 Swept = Callable[[tuple[Disc, ...] | None, float], None]
 
 
@@ -75,7 +73,7 @@ class TaskPerformer(MotionPlayer, SpeechOutput, InputSwitch, ArmModel, Navigator
     """The robot, as tasks use it."""
 
     def aim_head(self, aim: Aim) -> None:
-        """Send the head there."""
+        """Send the head to this aim."""
 
     def head_at(self) -> tuple[float, float] | None:
         """Return pan and tilt of the head (radians) by its joint states; None if they are unknown."""
@@ -102,7 +100,7 @@ class Tasks:
         announce: Callable[[wire.Offers], None],
         left_goal: str = "",
     ) -> None:
-        """`left_goal`: of navigation, by an earlier bridge; the robot may still drive to it."""
+        """`left_goal`: navigation's goal of an earlier bridge; the robot may still drive to it."""
         config = structs.replace(config, allowed=admissible(config.allowed, config.topics))
         self.motions = Motions(performer, records)
         self.speech = SpeechTasks(performer, records)
@@ -120,7 +118,7 @@ class Tasks:
         self._rules = rules
         self._head = Head(config.topics.head) if config.topics.head else None
         self._gate = gate
-        # Requests that wait for their record and are then done at once; and the extra rules of each kind.
+        # Requests that are carried out as soon as they are recorded; and the extra rules of each kind.
         self._asked: dict[str, list[RecordedTask]] = {
             "head.look_ahead": [],
             "head.turn": [],
@@ -133,12 +131,10 @@ class Tasks:
             "memory.forget": self._why_not_forget,
             "pose.set": self._why_not_set_pose,
         }
-        self._pose: wire.SetPose | None = None  # that waits for its record
-        self._turns: list[wire.TurnHead] = []  # that wait for their record
-        self._turning: tuple[int, float] = (
-            0,
-            float("-inf"),
-        )  # fence of recorded turns, and until when the record holds
+        self._pose: wire.SetPose | None = None  # the pose that waits for its record
+        self._turns: list[wire.TurnHead] = []  # turns that wait for their record
+        # Fence of the recorded turns, and until when further turns need no new record.
+        self._turning: tuple[int, float] = (0, float("-inf"))
 
     def take(self, order: wire.TaskRequest, link: int, now_s: float, answer: Reply) -> None:
         """Begin a task. `answer` is called once, now or later: with a refusal, or None."""
@@ -195,7 +191,7 @@ class Tasks:
                 )
 
     def cancel(self, what: str, by: str) -> Refusal | None:
-        """Cancel for a person who need not have control; the web process has checked the right."""
+        """Cancel a task for a person who need not have control; the web process has checked the right."""
         why = f"Cancelled by {by}."
         return self._cancel_motion(why) if what == "motion" else self._cancel_speech(why)
 
@@ -308,7 +304,7 @@ class Tasks:
     # --- requests that are done at once -----------------------------------------------------------
 
     def _ask(self, kind: str, requester: Requester, now_s: float, parameters: Parameters = {}) -> None:  # noqa: B006
-        """Record a request; when that is done, it is carried out and the requester answered."""
+        """Record a request. When it is recorded, `tick` carries it out and answers the requester."""
         refusal = self._rules.why_not_begin(requester, now_s) or self._why_not[kind](now_s)
         if refusal is not None:
             requester.answer(refusal)
@@ -317,7 +313,7 @@ class Tasks:
         self._asked[kind].append(RecordedTask(requester, number, now_s))
 
     def _deny_asked(self, now_s: float, refusal: Refusal = HALTED) -> None:
-        """Refuse requests that are not recorded yet, and drop the rest of looking ahead."""
+        """Refuse requests that are not recorded yet, and drop the remaining steps of looking ahead."""
         self._turns.clear()
         if self._head is not None:
             self._head.stay()
@@ -342,7 +338,7 @@ class Tasks:
         return granted
 
     def _why_not_forget(self, now_s: float) -> Refusal | None:
-        """Return why the gate's memory is needed: the base or the arm moves through what it saw."""
+        """Return a refusal if the gate needs its memory: the base or the arm moves."""
         if self.motions.refuse(now_s):
             text = "The robot performs a motion, which needs the gate’s memory."
             return Refusal("motion_running", text, "robot")
@@ -361,7 +357,7 @@ class Tasks:
         return self.navigation.busy()
 
     def _turn_head(self, order: wire.TurnHead, requester: Requester, now_s: float) -> None:
-        """Turn the head. A drag in the camera's picture is many turns: the first is recorded, and stands for all."""
+        """Turn the head. A drag in the camera's picture causes many turns: only the first is recorded."""
         fence, until_s = self._turning
         if self._head is None or order.fence != fence or now_s > until_s:
             asked = len(self._asked["head.turn"])
@@ -388,7 +384,7 @@ class Tasks:
     def _move_head(self, sent: Velocity, now_s: float) -> None:
         """Move the head: ahead for a drive to a place; down and ahead after a recorded request; else into the turn.
 
-        If something forbids a later part of looking ahead, the head stays down, and the gate's limit says so.
+        If a rule forbids a later step of looking ahead, the head stays down, and the gate limits the speed.
         """
         if self._head is None:
             return
@@ -418,7 +414,7 @@ class Tasks:
             return
 
         def checked(refusal: Refusal | None, now_s: float) -> None:
-            # Check again: control may be lost, or stop pressed meanwhile.
+            # Check again: control may have been lost, or stop pressed.
             refusal = refusal or self._rules.why_not_begin(requester, now_s)
             if refusal is None:
                 self.publications.begin(order, requester, now_s)
@@ -490,7 +486,7 @@ class Tasks:
         self.navigation.begin(order, requester, now_s)
 
     def _why_not_go(self, order: wire.Go, requester: Requester, now_s: float) -> Refusal | None:
-        """Return the first rule that forbids to begin a drive to a place, apart from another one."""
+        """Return the first rule that forbids a drive to a place. Other goals are checked elsewhere."""
         return (
             self._rules.why_not_begin(requester, now_s)
             or self.why_stand(now_s)
@@ -503,7 +499,7 @@ class Tasks:
         )
 
     def _watch_navigation(self, now_s: float) -> None:
-        """Send the goal that is due, if no rule forbids it; follow it."""
+        """Run navigation's periodic work. Send the goal that is due, if no rule forbids it."""
         grant = self._rules.lease.current
         still = self._gate.standstill(now_s)
         self.navigation.tick(now_s, grant.fence if grant else None, still)

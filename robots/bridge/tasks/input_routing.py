@@ -1,8 +1,8 @@
 """Route a holder's input (driving, speech, motions): to the robot's default topic, or to a chosen one.
 
-A topic may be chosen if the admin's allow-list has it, it has the default's type, and a node on the robot subscribes to
-it. A choice is recorded, then connected, then made. It ends with its holder's control, or when the subscriber is gone;
-the end is recorded as well.
+A topic may be chosen if it is on the admin's allow-list, it has the type of the default topic, and a node on
+the robot subscribes to it. A choice is recorded, then connected, then made. It ends with its holder's
+control, or when the subscriber is gone; the end is recorded as well.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from robots.bridge.config import BridgeConfig, Topic
 from robots.wire import Refusal, Role, Use
 
 NAMES: dict[Use, str] = {"drive": "driving", "speech": "speech", "motions": "motions"}
-PARTING_S = 1.0  # after its holder's control, a chosen drive topic gets zeros for at most this time
-PATIENCE_S = 3.0  # time limit for connecting; after it the person may ask again
+PARTING_S = 1.0  # when its holder's control has ended, a chosen drive topic gets zeros for at most this time
+PATIENCE_S = 3.0  # time limit for connecting; then the person may ask again
 
 
 class InputSwitch(Protocol):
@@ -29,7 +29,7 @@ class InputSwitch(Protocol):
         """Connect to exactly these topics of the use. Returns at once; `InputRouting.attended` follows."""
 
     def drive_to(self, topic: str) -> None:
-        """Publish velocities on this one of the attended topics from now on."""
+        """Publish velocities on this topic from now on. It is one of the connected topics."""
 
     def read_motions(self) -> None:
         """Ask the robot for its motions. Returns at once; `Capabilities.read` follows for each action."""
@@ -57,7 +57,7 @@ class _Route(RecordedTask):
 
 
 class InputRouting:
-    """The topics of one robot that take a holder's input, by use; for an action type, the action's name."""
+    """The topics of one robot that take a holder's input, by use. For an action, its name is the topic."""
 
     def __init__(
         self, config: BridgeConfig, switch: InputSwitch, records: Records, rules: RoutingRules
@@ -80,7 +80,7 @@ class InputRouting:
             if allowed.what == "choose" and allowed.use in self._roles:
                 self._roles[allowed.use][allowed.name] = allowed.role
         if "motions" in self._roles and topics.arm and topics.arm.postures:
-            self._roles["motions"].clear()  # only the default action's motions report the arm's position
+            self._roles["motions"].clear()  # the arm's posture is known only for the default action's motions
         self._listened: Mapping[str, str] | None = None
         self._asked: dict[Use, _Route] = {}
         self._always = {use: frozenset({topic.name}) for use, topic in self._defaults.items()}
@@ -90,7 +90,7 @@ class InputRouting:
         self._wanted = dict(self._always)
         self._connected: dict[Use, Collection[str]] = dict(self._wanted)
         self._unanswered = Counter[Use]()  # calls of `InputSwitch.attend`, by use
-        self._parted_s: float | None = None  # since then the chosen drive topic has no holder
+        self._parted_s: float | None = None  # since when the chosen drive topic has no holder
 
     # --- where input goes -----------------------------------------------------------------------------
 
@@ -163,9 +163,9 @@ class InputRouting:
             self._settle(use, now_s)
 
     def attended(self, use: Use, topics: Collection[str] | None, now_s: float) -> None:
-        """Take the report that these topics are connected; other topics follow if the request has changed since.
+        """Take the report that these topics are connected. Ignore it if a newer `attend` has no report yet.
 
-        None: the attempt failed; earlier connections that are still wanted remain.
+        None: the attempt failed; earlier connections that are still needed remain.
         """
         self._unanswered[use] -= 1
         if not self._unanswered[use]:
@@ -184,7 +184,10 @@ class InputRouting:
                 self._go_back(use, "gone", why, now_s)
 
     def control_ended(self, reason: str, now_s: float) -> None:
-        """Return to the defaults for the next holder. A base that still rolls gets zeros on the topic that moved it."""
+        """Return to the defaults for the next holder.
+
+        A base that still rolls first gets zeros on the topic by which it was driven.
+        """
         self.withdraw(Refusal("no_lease", reason, "lease"), now_s)
         for use in list(self._made):
             if use == "drive":
@@ -198,7 +201,7 @@ class InputRouting:
             self._withdraw(use, refusal, now_s)
 
     def close(self, refusal: Refusal, now_s: float) -> None:
-        """Drop all: the bridge ends, and the next bridge begins with the defaults."""
+        """Drop all choices: the bridge ends, and the next bridge begins with the defaults."""
         self.withdraw(refusal, now_s)
         for use in list(self._made):
             self._end(use, "bridge_ended", now_s)
@@ -283,7 +286,7 @@ class InputRouting:
         self._records.outcome(choice, "topic.choose", outcome, parameters, now_s)
 
     def _why_unheard(self, topic: Topic) -> Refusal | None:
-        """Return a refusal if no node subscribes to the topic, or with another type, by the last survey."""
+        """Return a refusal if, by the last survey, no node subscribes to the topic with its type."""
         if self._listened is None:
             return None
         heard = goal_topic(topic)

@@ -1,4 +1,4 @@
-"""Perform one recorded motion at a time: request, record, start, watch, end, record the end.
+"""Perform one motion of the robot at a time: request, record, start, checks, end, record of the end.
 
 While the request is recorded, the robot is asked for the motion's points. The motion starts when both are done.
 """
@@ -25,7 +25,7 @@ from robots.wire import Refusal
 FARTHEST = 100.0  # rad or m: no joint of an arm goes farther
 # Limit of unwatched goals in memory: any node on the robot's network can invent goal ids.
 MOST_LEFT = 3
-PATIENCE_S = 3.0  # time limit for the motion's points; after it the person may ask again
+PATIENCE_S = 3.0  # time limit for the motion's points; then the person may ask again
 
 
 class _Point(Struct):
@@ -56,24 +56,22 @@ class _MotionTexts(Struct):
     points: list[_Time] = []
 
 
-for _kind in (
-    _MotionPoints,
-    _MotionTexts,
-):  # create decoders before threads start: see robots/registry/configuration/profile_schema.py
+# Create decoders before threads start: see robots/registry/configuration/profile_schema.py.
+for _kind in (_MotionPoints, _MotionTexts):
     msgspec.json.Decoder(_kind)
 
 
 def recorded(parameters: Any, listed: Collection[str] | None = None) -> dict[str, Motion | None]:
     """Return a robot's motions by name, from play_motion's parameters; None for a motion without known points.
 
-    `listed`: the motions that its service names; None: use all that have parameters.
+    `listed`: the motions that the robot's service returns; None: return all that have parameters.
     """
     by_name = _by_name(parameters)
     return {name: _recorded(by_name.get(name)) for name in sorted(by_name if listed is None else listed)}
 
 
 def offered(parameters: Any, listed: Mapping[str, float] | None = None) -> list[wire.MotionOffer]:
-    """Return the same motions for people. `listed` has their durations in seconds; 0: unknown."""
+    """Return the same motions as `recorded`, for people. `listed`: their durations in seconds; 0: unknown."""
     by_name = _by_name(parameters)
     durations = listed or {}
     names = sorted(by_name if listed is None else listed)
@@ -151,9 +149,9 @@ class Motions(Goals[MotionGoal]):
         super().__init__(records, player.cancel)
         self._player = player
         self.last: wire.MotionEnd | None = None  # how the last motion ended, for pages
-        # actions with a goal that nobody watches: time of the last cancel
+        # Actions with goals that nobody watches, with the time of the last cancel.
         self._unwatched_actions: dict[str, float] = {}
-        # such goals, by id, as far as their cancels are recorded
+        # Such goals whose cancels are recorded, by id: at most `MOST_LEFT`.
         self._unwatched_goals: dict[str, _UnwatchedGoal] = {}
 
     def refuse(self, now_s: float) -> Refusal | None:
@@ -173,7 +171,7 @@ class Motions(Goals[MotionGoal]):
     def begin(
         self, name: str, title: str, action: str, requester: Requester, now_s: float
     ) -> Goal[MotionGoal]:
-        """Record the request. `take_space` follows, then `start` or `deny` when it is due; they answer."""
+        """Record the request. Then call `take_space` and, when it is due, `start` or `deny`: they answer."""
         number = self._records.request(
             requester.holder, "motion.start", {"motion": name, "topic": action}, now_s
         )
@@ -197,7 +195,10 @@ class Motions(Goals[MotionGoal]):
 
     @property
     def due(self) -> bool:
-        """Return whether a motion waits for nothing: its record is written, and its points are known or not needed."""
+        """Return whether the motion can be started or refused.
+
+        Its recording has finished (also with an error), and its points are known or not needed.
+        """
         goal = self._current
         if goal is None or goal.id is not None or not goal.number.done():
             return False
@@ -216,14 +217,14 @@ class Motions(Goals[MotionGoal]):
         return [f"the motion “{self._current.what.title}”"] if self._current is not None else []
 
     def halt(self, refusal: Refusal, now_s: float) -> None:
-        """Cancel a running motion; drop one that has not started."""
+        """Cancel a running motion; drop a motion that has not started."""
         if self.begun:
             self.cancel(refusal.code, refusal.text)
         else:
             self.deny(refusal, now_s)
 
     def start(self, now_s: float) -> None:
-        """Send the goal that is due. Drop it if its record failed or if it was cancelled meanwhile."""
+        """Send the goal that is due. Drop it if its record failed or if it was cancelled."""
         if goal := self._recorded(now_s):
             self._player.play(goal.sent(now_s), goal.what.name, goal.topic)
 
@@ -265,7 +266,7 @@ class Motions(Goals[MotionGoal]):
         return wire.Motion(goal.what.name, goal.requester.holder.holder, round(now_s - goal.since_s, 1))
 
     def _cancel_unwatched(self, action: str, goal_ids: Collection[str], now_s: float) -> None:
-        """Cancel goals that a killed bridge left or this one gave up: nobody watches the arm."""
+        """Cancel goals of a killed bridge, and goals that this bridge gave up: nobody watches the arm."""
         known = {self._current.id if self._current else None, self._ended}
         strays = [goal_id for goal_id in goal_ids if goal_id.startswith(OURS) and goal_id not in known]
         for goal_id in strays:

@@ -34,7 +34,7 @@ class Publisher(Protocol):
         """Stop sending on this topic."""
 
     def halt(self) -> None:
-        """Send nothing that was given until now: neither at a rate nor messages that wait for subscribers."""
+        """Drop all messages given so far: those sent at a rate, and those that wait for subscribers."""
 
     def keep_alive(self) -> None:
         """Allow sending at a rate to continue. Call it every tick: sending pauses without it."""
@@ -55,7 +55,7 @@ class Publications:
         self._running: dict[str, _Publication] = {}  # at a rate
 
     def begin(self, order: wire.Publish, requester: Requester, now_s: float) -> None:
-        """Record the request; when that is done, the message is sent and the requester answered."""
+        """Record the request. When it is recorded, `tick` sends the message and answers the requester."""
         parameters: Parameters = {
             "topic": order.topic,
             "type": order.type,

@@ -21,7 +21,7 @@ from robots.bridge.tasks.goals import Goal, Goals
 from robots.wire import Refusal
 
 LONGEST_CHARACTERS = 500
-# Keep a plain topic connected this long: its text waits one second for new subscribers.
+# Keep a topic that is no action connected this long: its text waits one second for new subscribers.
 LINGER_S = 1.5
 _LAYOUT = frozenset("\n\t")
 
@@ -44,8 +44,8 @@ def why_not_speakable(text: str) -> Refusal | None:
 def robot_language(asked: str, own: Sequence[str]) -> str:
     """Return the robot's tag (BCP 47) for a language among `own`; else the tag that was asked for.
 
-    Prefer the same tag in any case, else the first tag of the same language: voices may know es-ES, but neither es nor
-    es-MX.
+    Prefer the same tag (upper or lower case), else the first tag of the same language: a voice may have
+    es-ES, but neither es nor es-MX.
     """
     same = [tag for tag in own if tag.lower() == asked.lower()]
     akin = [tag for tag in own if _primary(tag) == _primary(asked)]
@@ -57,9 +57,9 @@ def _primary(tag: str) -> str:
 
 
 def find_spoken_word(text: str, said: str, after: int = 0) -> tuple[int, int] | None:
-    """Return where the last word of `said` stands in `text`: first character and end.
+    """Return the position of the last word of `said` in `text`: first character and end.
 
-    Some robots report all words so far, others only the newest word; the latter is searched from `after` on.
+    Some robots report all words so far, others only the newest word. Search a single word from `after` on.
     """
     spoken = said.split()
     if not spoken:
@@ -72,7 +72,7 @@ def find_spoken_word(text: str, said: str, after: int = 0) -> tuple[int, int] | 
 
 
 class Utterance(Struct, frozen=True):
-    """A text and its topic; an action's name if the robot's voice is an action."""
+    """A text and its topic (for an action, the action's name)."""
 
     text: str
     language: str
@@ -104,7 +104,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
     def __init__(self, voice: SpeechOutput, records: Records) -> None:
         super().__init__(records, voice.cancel_speech)
         self._voice = voice
-        self._sent: dict[str, float] = {}  # by plain topic: time of the last text
+        self._sent: dict[str, float] = {}  # time of the last text, by topic that is no action
         self.last: wire.SpeechEnd | None = None  # how the last text ended, for pages
 
     def topics(self, now_s: float) -> set[str]:
@@ -124,14 +124,14 @@ class SpeechTasks(Goals[_SpeechGoal]):
         return None
 
     def begin(self, utterance: Utterance, requester: Requester, now_s: float) -> None:
-        """Record the request; when that is done, the text is sent and the requester answered."""
+        """Record the request. `start` then sends the text and answers the requester."""
         text, language, topic = utterance.text, utterance.language, utterance.topic
         parameters = {"text": text, "language": language, "topic": topic}
         number = self._records.request(requester.holder, "speech.start", parameters, now_s)
         self._current = Goal(requester, number, now_s, _SpeechGoal(utterance), topic)
 
     def start(self, connected: Collection[str], now_s: float) -> None:
-        """Send a recorded text that was not cancelled meanwhile, if its topic is among the `connected`."""
+        """Send a recorded text that was not cancelled, if its topic is among the `connected` topics."""
         goal = self._recorded(now_s)
         if goal is not None and goal.topic in connected:
             tells = self._voice.say(goal.sent(now_s), goal.what.utterance)
@@ -140,7 +140,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
                 self._end("sent", "", now_s)
 
     def close(self, refusal: Refusal, now_s: float) -> None:
-        """End the task: the bridge ends. The robot may speak on, but nobody observes it."""
+        """End the task: the bridge ends. The robot may continue to speak, but nobody observes it."""
         self.deny(refusal, now_s)
         self._end("unheard", "The bridge ended while the robot spoke.", now_s)
 
@@ -186,7 +186,7 @@ class SpeechTasks(Goals[_SpeechGoal]):
 def _short(text: str) -> str:
     """Shorten a text to fit into a sentence.
 
-    Keep its direction of writing apart, such as Arabic in an English sentence.
+    Isolate its direction of writing, for example of Arabic in an English sentence.
     """
     one_line = " ".join(text.split())
     return f"\u2068{one_line if len(one_line) <= 60 else f'{one_line[:59]}…'}\u2069"

@@ -1,7 +1,7 @@
 """A robot's kinematic tree from its description (URDF): positions of its links for given joint positions.
 
-A joint's frame is its origin in the parent's frame, then moved along or about its axis (wiki.ros.org/urdf/XML/joint).
-Metres and radians.
+A joint's frame is its origin in the parent's frame, moved along or about its axis
+(wiki.ros.org/urdf/XML/joint). Metres and radians.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ LARGEST = 8_000_000  # characters
 MAX_JOINTS = 2_000
 
 Matrix = NDArray[np.float64]
-Position = float | Matrix  # of a joint: one value, or an array over moments
+Position = float | Matrix  # of a joint: one value, or an array of values over time
 
 
 class BadDescription(ValueError):
@@ -34,7 +34,10 @@ class _Joint(NamedTuple):
 
 
 def parsed(text: str) -> Element:
-    """Return the root element of a description. Raises BadDescription if it is no XML, or no harmless one."""
+    """Return the root element of a description.
+
+    Raises BadDescription if it is not XML, too large, or contains declarations, which could do harm.
+    """
     if len(text) > LARGEST or "<!" in text.replace("<!--", ""):
         raise BadDescription("the robot’s description is too large or contains declarations")
     try:
@@ -72,7 +75,7 @@ class Tree:
         return link in self._above
 
     def moved_by(self, joints: Collection[str]) -> list[str]:
-        """Return the links that any of these joints moves, branch by branch, upper links first."""
+        """Return the links that any of these joints moves, branch by branch, parent links first."""
         below: dict[str, list[str]] = {}
         for link, joint in self._above.items():
             below.setdefault(joint.parent, []).append(link)
@@ -94,7 +97,7 @@ class Tree:
         return [link not in carrying for link in links]
 
     def places(self, links: Sequence[str], positions: Mapping[str, Position]) -> Matrix:
-        """Return the origins of the links in the root frame, (N, 3); with arrays of joint positions (moments, N, 3).
+        """Return the origins of the links in the root frame, (N, 3); with arrays over time (times, N, 3).
 
         Raises KeyError with the name of a joint without a position.
         """
@@ -103,7 +106,7 @@ class Tree:
         return np.stack(np.broadcast_arrays(*origins), axis=-2)
 
     def _frame(self, link: str, positions: Mapping[str, Position], frames: dict[str, Matrix]) -> Matrix:
-        """Return the link's frame; `frames` caches the frame behind each joint, which neighbours share."""
+        """Return the link's frame. `frames` caches the frame behind each joint, which several links use."""
         frame = np.eye(4)
         for joint in reversed(self._chain(link)):
             if joint.name not in frames:
@@ -158,7 +161,7 @@ def _rotation(roll: float, pitch: float, yaw: float) -> Matrix:
 
 
 def _about(axis: Sequence[float] | Matrix, angle: Position) -> Matrix:
-    """Rodrigues' formula: R = I + sin(angle) K + (1 - cos(angle)) K^2, K the axis' cross product."""
+    """Rotate by Rodrigues' formula: R = I + sin(angle) K + (1 - cos(angle)) K^2, K v = axis x v."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     sin, cos = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
