@@ -15,7 +15,7 @@ from robots.simulator.worlds import World, load_world
 
 
 def pose(text: str) -> Pose:
-    """``X,Y,YAW`` in metres and degrees."""
+    """Parse ``X,Y,YAW`` in metres and degrees."""
     try:
         x, y, degrees = (float(part) for part in text.split(","))
     except ValueError:
@@ -24,7 +24,7 @@ def pose(text: str) -> Pose:
 
 
 def world(name: str) -> World:
-    """A world by its name or path."""
+    """Load a world by its name or path."""
     try:
         return load_world(name)
     except ValueError as error:
@@ -55,7 +55,7 @@ def arguments() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Build the robot, then hand it to ROS."""
+    """Build the robot, then run it as a ROS node."""
     asked = arguments()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s: %(message)s")
     for chatty in ("rospy", "xmlrpc", "OpenGL"):

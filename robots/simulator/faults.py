@@ -14,27 +14,27 @@ class Faults:
     """All present faults. Read and replaced as a whole."""
 
     laser_dead: bool = False  # no scans
-    laser_frozen: bool = False  # the same scan with the same stamp, again and again
+    laser_frozen: bool = False  # the same scan with the same stamp is repeated
     laser_nan: bool = False  # scans contain only nan
     sonar_dead: bool = False
     odom_dead: bool = False
     odom_frozen: bool = False
     depth_dead: bool = False
-    camera_dead: bool = False  # of the head, in colour; so are all named camera_
-    camera_frozen: bool = False  # the same picture with the same stamp, again and again
-    camera_corrupt: bool = False  # bytes of no picture; raw: rows of 7 bytes
+    camera_dead: bool = False  # the head's colour camera, as for all faults named camera_
+    camera_frozen: bool = False  # the same picture with the same stamp is repeated
+    camera_corrupt: bool = False  # random bytes after the header; raw: rows of 7 bytes
     camera_truncated: bool = False  # half of the bytes
     camera_huge: bool = False  # declares 20,000 x 20,000 pixels
-    camera_bomb: bool = False  # 400 kB of PNG that take 400 MB decoded
+    camera_bomb: bool = False  # a PNG of 400 kB that needs 400 MB when decoded
     camera_zero: bool = False  # no pixels, no bytes
     camera_encoding_changes: bool = False  # with each picture: JPEG and PNG; raw: rgb8, bgr8 and mono8
-    camera_rate_hz: float = 0.0  # at most so many pictures a second; 0: as usual
-    camera_info_wrong: bool = False  # in turn: zeros, another size, not numbers
+    camera_rate_hz: float = 0.0  # most pictures a second; 0: the usual rate
+    camera_info_wrong: bool = False  # in turn: zeros, another size, nan
     motion_fails: bool = False  # motions are aborted half-way
     joints_stuck: bool = False  # joints stay where they are, whatever their controllers do
     controllers_silent: bool = False  # trajectory controllers take goals and never answer
-    navigation_blind: bool = False  # drives straight at the goal, whatever stands there
-    navigation_backs: bool = False  # with navigation_blind: drives backwards, and as fast
+    navigation_blind: bool = False  # drives straight to the goal and ignores obstacles
+    navigation_backs: bool = False  # with navigation_blind: drives backwards at the same speed
     navigation_fails: bool = False  # finds no plan
     navigation_silent: bool = False  # takes goals and never answers: no status, feedback or result
     navigation_goes_on: bool = False  # confirms a cancel and drives on
@@ -45,15 +45,15 @@ class Faults:
     motor_hot: bool = False  # a motor warns of its temperature
     part_broken: bool = False  # one part reports an error
     diagnostics_dead: bool = False  # no diagnostics
-    diagnostics_flood: bool = False  # 300 parts with new names and long texts, as often as the clock ticks
-    diagnostics_garbage: bool = False  # levels and temperatures that there are not, names that are none
+    diagnostics_flood: bool = False  # 300 parts with new names and long texts, in each tick
+    diagnostics_garbage: bool = False  # invalid levels, temperatures and names
     command_delay_s: float = 0.0  # commands reach the controller late
     brake_share: float = 1.0  # of the controller's nominal deceleration
-    slip_share: float = 0.0  # of the wheels' path that the robot does not travel
+    slip_share: float = 0.0  # share of the wheels' path that the robot does not travel
 
 
 def parse_faults(text: str) -> Faults:
-    """``none``, or names and ``name=value`` pairs separated by commas, such as ``laser_dead,brake_share=0.6``."""
+    """Parse ``none``, or names and ``name=value`` with commas, such as ``laser_dead,brake_share=0.6``."""
     kinds = {field.name: type(field.default) for field in fields(Faults)}
     wrong: dict[str, bool | float] = {}
     for item in filter(None, (part.strip() for part in text.split(","))):

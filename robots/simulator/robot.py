@@ -45,7 +45,7 @@ class Robot:
         self.wheels = Wheels(body.wheels) if body.wheels else None
         self.player = Player(load_motions() if body.upper_body else {})
         self.faults = Faults()
-        self.approach = Twist()  # velocity before the last tick: the speed of present contacts at impact
+        self.approach = Twist()  # velocity before the last tick: the impact speed of present contacts
         self._frames = frames(body)
         self._arm_at: list[float] = []
         self._lay_arm()
@@ -95,7 +95,7 @@ class Robot:
         self.battery.step(moved, TICK_S)
 
     def joints(self) -> dict[str, tuple[float, float]]:
-        """Position and velocity of each joint that this body has."""
+        """Return position and velocity of each joint of this body."""
         moving: list[Wheels | Player] = [self.wheels] if self.wheels is not None else []
         if self.body.upper_body:
             moving.append(self.player)

@@ -1,4 +1,4 @@
-"""Speech with PAL's quirks, without ROS: a language is mandatory, and each word is reported when it is spoken."""
+"""Speech as on PAL's robots, without ROS: a language is mandatory, and each spoken word is reported."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Utterance:
         self._finished = False
 
     def marks(self, now: float) -> list[Mark]:
-        """Events since the last call."""
+        """Return the events since the last call."""
         new = []
         while self._announced < len(self._words) and self._starts[self._announced] <= now:
             self._announced += 1
@@ -52,7 +52,7 @@ class Utterance:
         return new
 
     def is_over(self, now: float) -> bool:
-        """True when the last word was said."""
+        """Return whether the last word was spoken."""
         return now >= self.ends_at
 
     def _next_word(self) -> str:

@@ -1,6 +1,6 @@
 """The bridge's client of its camera process, which runs only while somebody watches.
 
-Web processes get the pictures from that process itself (`robots.link.camera_link`): none passes the bridge.
+Web processes get the pictures directly from that process (`robots.link.camera_link`), not through the bridge.
 """
 
 from __future__ import annotations
@@ -19,11 +19,9 @@ from robots.bridge.topics.line_process import LineProcess
 from robots.wire import CameraAt, Refusal
 
 COMMAND = (sys.executable, "-m", "robots.bridge.ros.camera")
-SILENCE_S = 5.0  # without a sign of life a process hangs: it is killed, and another one starts
+SILENCE_S = 5.0  # a process without a sign of life for this time hangs: it is killed, and another one starts
 START_S = 30.0  # a new process names its address within this time, or is killed
-LINGER_S = (
-    30.0  # a process without viewers ends after this time: a page opened before then has a picture sooner
-)
+LINGER_S = 30.0  # until a process without viewers ends: a page that opens earlier has a picture sooner
 
 ENDED = Refusal("camera_ended", "The camera’s process ended by itself. It is started again.", "robot")
 HUNG = Refusal("camera_hung", "The camera’s process hung. It is started again.", "robot")
@@ -51,7 +49,7 @@ class CameraClient:
         self, config: BridgeConfig, command: Sequence[str] = COMMAND, linger_s: float = LINGER_S
     ) -> None:
         self._child = LineProcess(command, msgspec.json.encode(config), self)
-        self.skew_s: float | None = None  # robot's clock minus ours, by its odometry
+        self.skew_s: float | None = None  # robot's clock minus ours, from its odometry
         self._linger_s = linger_s
         self._watchers: set[CameraWatcher] = set()
         self._at = CameraAt()
@@ -66,7 +64,7 @@ class CameraClient:
         await self._child.close()
 
     def set_wanted(self, watcher: CameraWatcher, wanted: bool) -> None:
-        """Start the process for this watcher, or note that it watches no more."""
+        """Start the process for this watcher, or note that the watcher no longer watches."""
         if not wanted:
             self.forget(watcher)
             return
@@ -76,12 +74,12 @@ class CameraClient:
         watcher.report(self._at)
 
     def forget(self, watcher: CameraWatcher) -> None:
-        """Forget a watcher; the process ends a while after its last one."""
+        """Forget a watcher; the process ends a while after the last watcher left."""
         if watcher not in self._watchers:
-            return  # the end of another link must not keep a process that is ending
+            return  # the end of a link that does not watch must not keep a process that is ending
         self._watchers.discard(watcher)
         if not self._watchers and self._at.refusal is not None:
-            self._at = CameraAt()  # the next one needs no old news
+            self._at = CameraAt()  # the next watcher must not get an old refusal
         if not self._watchers and self._idle is None and self._child.lives:
             self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end)
 
@@ -101,14 +99,14 @@ class CameraClient:
         return bool(self._watchers or self._idle)
 
     def began(self) -> None:
-        """Wait for its address; its last viewer may have left while it started."""
+        """Wait for the address of the new process. Its last watcher may have left while it started."""
         self._hung = False
         self._await_life(START_S)
         if not self._watchers and self._idle is None:
             self._idle = asyncio.get_running_loop().call_later(self._linger_s, self._end)
 
     def handle_line(self, line: bytes) -> None:
-        """Take the address on which it listens, at first and then as a sign of life."""
+        """Take the address on which the process listens. The process repeats it as a sign of life."""
         at = _camera_at.decode(line)
         self._await_life(SILENCE_S)
         self._child.send(msgspec.json.encode(self.skew_s))
@@ -116,7 +114,7 @@ class CameraClient:
             self._move(at)
 
     def ended(self) -> None:
-        """Note that nobody listens there any more, and tell those who watch why."""
+        """Note that the process no longer listens, and report the reason to the watchers."""
         if self._silence is not None:
             self._silence.cancel()
         self._move(CameraAt(refusal=HUNG if self._hung else ENDED) if self._watchers else CameraAt())

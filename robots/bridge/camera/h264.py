@@ -1,4 +1,4 @@
-"""Encodes pictures as H.264 for slow connections. The camera process imports it when somebody needs it.
+"""Encodes pictures as H.264 for slow connections. The camera process imports this module at its first use.
 
 Used by `ros/camera/producer.py`. The names of formats are in `robots/wire/camera.py`, the decoder is in
 `static/js/camera/video.js`.
@@ -64,7 +64,7 @@ def _new_codec(width: int, height: int) -> VideoCodecContext:
         "tune": "zerolatency",
         "profile": "baseline",
         "forced-idr": "1",
-        # A key picture must not be many times as large as others: a slow connection would stall for it.
+        # A key picture must not be many times as large as other pictures: it would block a slow connection.
         "x264-params": f"keyint=infinite:scenecut=0:repeat-headers=1:vbv-maxrate={kbit_per_s}:vbv-bufsize=60",
     }
     return codec

@@ -13,13 +13,13 @@ LARGEST_BYTES = 4 * 1024 * 1024  # of an encoded picture
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_END = b"IEND\xaeB`\x82"
 _JPEG, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
-_FRAME_STARTS = frozenset({0xC0, 0xC1, 0xC2})  # baseline, extended, progressive: what browsers decode
+_FRAME_STARTS = frozenset({0xC0, 0xC1, 0xC2})  # baseline, extended, progressive: browsers decode these
 _WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
-_TRAILING = 1024  # some drivers write a few bytes behind the end
+_TRAILING = 1024  # some drivers write a few bytes after the end
 
 
 class Damaged(Exception):
-    """The picture cannot be shown; the text says why and follows "the camera's picture "."""
+    """The picture cannot be shown. The text is the reason; it follows "the camera's picture "."""
 
 
 class ImageHeader(NamedTuple):
@@ -31,7 +31,7 @@ class ImageHeader(NamedTuple):
 
 
 def read_header(picture: bytes | memoryview) -> ImageHeader:
-    """Return format and size. Raises `Damaged` for anything that a browser must not be given."""
+    """Return format and size. Raises `Damaged` for a picture that must not be sent to a browser."""
     if len(picture) > LARGEST_BYTES:
         raise Damaged(f"has {len(picture)} bytes; at most {LARGEST_BYTES} are shown")
     begin = bytes(picture[: len(_PNG)])
@@ -70,7 +70,7 @@ def _jpeg(picture: bytes | memoryview) -> ImageHeader:
         if picture[at] != 0xFF:
             break
         marker = picture[at + 1]
-        if marker == 0xFF:  # filling
+        if marker == 0xFF:  # padding
             at += 1
         elif marker in _WITHOUT_LENGTH:
             at += 2

@@ -1,7 +1,8 @@
 """Encodes pictures: raw images to JPEG, and JPEG to smaller JPEG.
 
-The camera process imports this module when it first must decode or encode, and PyAV later still: a JPEG that passes
-through needs neither, and its first viewer does not wait for them.
+The camera process imports this module when it must decode or encode for the first time, and PyAV only for
+packed colours. A JPEG that is passed on unchanged needs neither, so its first viewer does not wait for these
+imports.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from robots.bridge.camera.image_header import LARGEST_SIDE, Damaged, require_size
 from robots.bridge.camera.sizes import QUALITY, SMALL_QUALITY, SMALL_WIDTH
 
-PIL.Image.MAX_IMAGE_PIXELS = LARGEST_SIDE * LARGEST_SIDE  # beyond twice as many, Pillow refuses to decode
+PIL.Image.MAX_IMAGE_PIXELS = LARGEST_SIDE * LARGEST_SIDE  # Pillow refuses to decode more than twice as many
 
 # Pillow's exceptions for damaged pictures.
 _UNDECODABLE = (
@@ -40,7 +41,7 @@ _RAW_MODES = {
     "bayer_grbg8": (1, "L", "L"),
 }
 _DEEP = {"mono16", "16UC1"}  # two bytes a pixel
-_PACKED = {"yuv422": (1, 0), "yuv422_yuy2": (0, 1)}  # where luma and colour stand in two bytes
+_PACKED = {"yuv422": (1, 0), "yuv422_yuy2": (0, 1)}  # the positions of luma and colour in two bytes
 
 
 def raw_image(
@@ -48,7 +49,7 @@ def raw_image(
 ) -> PIL.Image.Image:
     """Return the picture of a sensor_msgs/Image. Raises `Damaged` if it does not fit or its encoding is unknown.
 
-    Bayer patterns are shown as grey: people see where they drive, and nothing is guessed.
+    Bayer patterns are shown as grey: people can drive by such a picture, and no colour is guessed.
     """
     require_size(width, height)
     per_pixel = _bytes_per_pixel(encoding)
@@ -118,7 +119,7 @@ def small(image: PIL.Image.Image) -> bytes:
 
 
 def narrowed(image: PIL.Image.Image, width: int) -> PIL.Image.Image:
-    """Return the image at most so wide (pixels), with even sides."""
+    """Return the image with even sides, reduced to at most `width` pixels across."""
     scale = min(1.0, width / image.width)
     size = (max(2, round(image.width * scale / 2) * 2), max(2, round(image.height * scale / 2) * 2))
     return image if image.size == size else image.resize(size, PIL.Image.Resampling.BILINEAR)

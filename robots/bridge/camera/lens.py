@@ -1,7 +1,8 @@
-"""The pinhole of a camera's pictures, from its camera info. Pure.
+"""The pinhole model of a camera's pictures, from its camera info. Pure.
 
-People see the robot's way drawn by this pinhole, so an info that does not fit the pictures gives none. Formulas of the
-distortion: OpenCV's `calib3d` and `fisheye`, as ROS's `image_geometry` uses them.
+The page draws the robot's way into the pictures by this model, so a camera info that does not fit the
+pictures gives no model. Formulas of the distortion: OpenCV's `calib3d` and `fisheye`, as ROS's
+`image_geometry` uses them.
 """
 
 from __future__ import annotations
@@ -11,15 +12,20 @@ import re
 from collections.abc import Sequence
 from typing import Protocol
 
-MOST_BENT = 0.05  # of the distance from the middle: by more, a corner must not differ from the pinhole's
+MOST_BENT = 0.05  # the largest deviation from the model, as a share of the distance from the middle
 _RECTIFIED = re.compile(r"(^|[/_])rect(ified|_color|_raw)?(/|$)")  # topics whose pictures have no distortion
-_RADII = (0.25, 0.5, 0.75, 1.0)  # of the farthest corner: a lens may bend both ways
+_RADII = (
+    0.25,
+    0.5,
+    0.75,
+    1.0,
+)  # shares of the farthest corner's distance: a lens may bend inwards and outwards
 
 Lens = tuple[float, float, float, float]  # fx, fy, cx, cy in pixels
 
 
 class CameraInfo(Protocol):
-    """The fields of sensor_msgs/CameraInfo that count here."""
+    """The fields of sensor_msgs/CameraInfo that are used here."""
 
     width: int
     height: int
@@ -34,7 +40,7 @@ class Misfit(ValueError):
 
 
 def lens_of(info: CameraInfo, width: int, height: int, topic: str) -> Lens:
-    """Return the pinhole of pictures of this size on this topic. Raises `Misfit`."""
+    """Return the pinhole model of pictures of this size on this topic. Raises `Misfit`."""
     across, along = (width / info.width, height / info.height) if info.width and info.height else (0.0, 1.0)
     if abs(across / along - 1.0) >= 0.02:
         raise Misfit(f"its lens is known for {info.width} x {info.height} pixels, not {width} x {height}")
@@ -60,7 +66,10 @@ def lens_of(info: CameraInfo, width: int, height: int, topic: str) -> Lens:
 
 
 def _most_bent(model: str, coefficients: Sequence[float], lens: Lens, width: int, height: int) -> float:
-    """Return by what share a place is nearer to the middle, or farther, than a pinhole shows it; nan: no numbers."""
+    """Return the largest deviation from the pinhole model, as a share of the distance from the middle.
+
+    Nan if a coefficient is not finite.
+    """
     fx, fy, cx, cy = lens
     corner = math.hypot(max(cx, width - cx) / fx, max(cy, height - cy) / fy)
     numbers = [*coefficients, *[0.0] * 8][:8]
@@ -75,7 +84,7 @@ def _bent(model: str, numbers: Sequence[float], radius: float) -> float:
         k1, k2, k3, k4 = numbers[:4]
         seen = angle * (1.0 + k1 * angle**2 + k2 * angle**4 + k3 * angle**6 + k4 * angle**8)
         return abs(seen / radius - 1.0)
-    k1, k2, _, _, k3, k4, k5, k6 = numbers  # between them the tangential ones, which are small
+    k1, k2, _, _, k3, k4, k5, k6 = numbers  # the two unused ones are tangential, and small
     below = 1.0 + k4 * radius**2 + k5 * radius**4 + k6 * radius**6
     above = 1.0 + k1 * radius**2 + k2 * radius**4 + k3 * radius**6
     return abs(above / below - 1.0) if below else math.inf

@@ -1,4 +1,4 @@
-"""Age of a picture from its stamp, also where the robot's clock differs from this computer's. Pure."""
+"""Computes a picture's age from its stamp, also if the robot's clock differs from this computer's. Pure."""
 
 from __future__ import annotations
 
@@ -6,25 +6,24 @@ from collections import deque
 
 from robots.bridge.config import CLOCK_SKEW_S
 
-OTHER_CLOCK_S = 10.0  # pictures are not so late: these stamps come from another clock than the odometry's
-WINDOW_S = 30.0  # the smallest delay of this time shows how far the clocks differ
+OTHER_CLOCK_S = 10.0  # no picture is this late: then its stamp comes from another clock than the odometry's
+WINDOW_S = 30.0  # the smallest delay within this time shows how much the clocks differ
 
 
 class PictureAge:
     """Ages of one camera's pictures on arrival.
 
-    While the smallest delay of the last `WINDOW_S` lies within 0 and `CLOCK_SKEW_S`, the clocks agree and the delay is
-    the age. Otherwise only what exceeds the smallest delay is known to be age. The delay of the robot's odometry counts
-    among them: without it, pictures that are always late would look new.
+    While the smallest delay of the last `WINDOW_S` is between 0 and `CLOCK_SKEW_S`, the clocks agree and the
+    delay is the age. Otherwise the age is the delay minus the smallest delay. The smallest delay may also be
+    the delay of the robot's odometry: without it, pictures that are always late would look new.
     """
 
     def __init__(self) -> None:
-        self._delays: deque[tuple[float, float]] = (
-            deque()
-        )  # arrival and delay; delays grow from left to right
+        # Arrival and delay (s); delays grow from left to right.
+        self._delays: deque[tuple[float, float]] = deque()
 
     def on_arrival(self, stamp_s: float, wall_s: float, now_s: float, skew_s: float | None = None) -> float:
-        """Return the age in seconds; a stamp of 0 is none.
+        """Return the age in seconds; 0 for a picture without a stamp (0).
 
         `wall_s` is the time of day, `now_s` the monotonic clock, `skew_s` the odometry's stamps minus this computer's
         clock on their arrival (None: no odometry).

@@ -52,7 +52,7 @@ class _WebProcess:
         self._news.set()
 
     def _continues(self, header: TakenPicture) -> bool:
-        """Return whether viewers of all earlier pictures can decode this one. After a gap, ask for a key picture."""
+        """Return whether viewers of earlier pictures can decode this one. After a gap, request a key picture."""
         if header.key:
             self._broken.discard(header.camera)
         elif (header.camera, "video") in self._pictures or header.camera in self._broken:
@@ -81,7 +81,7 @@ class _WebProcess:
 
 
 class PictureServer:
-    """Accepts web processes. `set_wants` gets the wants of all of them together."""
+    """Accepts web processes. `set_wants` gets the combined wants of all of them."""
 
     def __init__(
         self, address: LinkAddress, set_wants: Callable[[Wants], None], require_key: Callable[[str], None]
@@ -111,12 +111,12 @@ class PictureServer:
             remove_socket(self._address.unix_path)
 
     def show(self, header: TakenPicture, encoded: bytes, arrived_s: float) -> None:
-        """Hand a picture to all web processes that want it."""
+        """Send a picture to all web processes that want it."""
         for process in self._processes:
             process.show(header, encoded, arrived_s)
 
     def report(self, state: CameraState) -> None:
-        """Tell all web processes."""
+        """Send a camera's state to all web processes."""
         self._states[state.camera] = state
         for process in self._processes:
             process.report(state)

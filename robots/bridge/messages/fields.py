@@ -1,4 +1,4 @@
-"""Fit the fields that a person or a program gives to a message's definition. Pure.
+"""Fits fields from a person or a program to the definition of a message. Pure.
 
 Fields are nested, or have dotted keys, or both; array elements may be named by their number ("points.0.x"). A value
 that does not fit raises `BadField` with the path of the field, written as ``points[0].x``.
@@ -27,7 +27,7 @@ INTEGERS = {
     "uint64": (0, 2**64 - 1),
 }
 FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}  # largest value
-STAMPS = {"time": "uint32", "duration": "int32"}  # and the type of their seconds
+STAMPS = {"time": "uint32", "duration": "int32"}  # with the type of their seconds
 MAX_DEPTH = 24  # levels of nesting
 MAX_ARRAY = 10_000  # elements; the limit of a message to the console is lower
 

@@ -1,7 +1,7 @@
-"""Read and write a message's bytes by its definition. Pure: generates no classes, runs no foreign code.
+"""Reads and writes a message's bytes by its definition. Pure: generates no classes, runs no foreign code.
 
-Messages are read in part: long arrays and texts are read at the beginning, and the rest is skipped. So a map of a
-million cells costs no more than a short message.
+Messages are read in part: only the beginning of long arrays and texts is read, and the rest is skipped. So a
+map of a million cells costs no more than a short message.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The bridge's ROS side. Only this package imports rospy; it makes the distribution's ROS importable.
 
-ROS 1 is installed in the distribution's package folder, which a virtual environment does not include.
-The folder is appended, so that the environment's own packages always win; and only in the processes
-that speak ROS, so that the web process never sees it. `FLEET_ROS_PATH` names other folders
-(separated by colons), such as ``/opt/ros/noetic/lib/python3/dist-packages``.
+ROS 1 is installed in the distribution's package folder, which a virtual environment does not include. The
+folder is appended at the end of the path, so that Python finds the environment's own packages first. Only
+processes that use ROS append it, so the web process cannot import from it. `FLEET_ROS_PATH` names other
+folders (separated by colons), such as ``/opt/ros/noetic/lib/python3/dist-packages``.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ DISTRIBUTION = "/usr/lib/python3/dist-packages"
 
 
 def ros_folders() -> list[str]:
-    """The folders that hold rospy."""
+    """Return the folders that contain rospy."""
     return [folder for folder in os.environ.get("FLEET_ROS_PATH", DISTRIBUTION).split(":") if folder]
 
 

@@ -66,19 +66,21 @@ log = logging.getLogger(__name__)
 FLUSH_S = 0.1
 LISTENER_PATIENCE_S = 0.5
 DESCRIPTION_S = 5.0  # the description has hundreds of kilobytes, and may come by radio
-DESCRIBED_S = 60.0  # between two readings of it, while nobody has control
-RESTARTED_S = 5.0  # between two, if nodes come and go; in control not after `FRUITLESS` of them
-FRUITLESS = 3
-LARGE = 1_000_000  # characters: to read such a description may stop the control loop for a moment
-JOINED_GAP_S = 5.0  # reading many motions takes up to 0.2 s, and a motion server may come and go
+DESCRIBED_S = 60.0  # between two reads of the description while nobody has control
+RESTARTED_S = 5.0  # between two reads, if nodes come and go; `DESCRIBED_S` after `FRUITLESS` reads
+FRUITLESS = 3  # reads in a row, while somebody has control, that find no new description
+LARGE = 1_000_000  # characters: reading so large a description may delay the control loop
+JOINED_GAP_S = (
+    5.0  # between two reads of the motions: a read takes up to 0.2 s, and a server may connect often
+)
 SONAR_ROUNDS = 3  # readings of each sonar in its topic's queue
-REACH_M = 0.9  # of an arm without description, about the middle of the base
+REACH_M = 0.9  # of an arm without a description, around the middle of the base
 SEND_PATIENCE_S = 0.02  # if a listener's buffer is full for longer, the listener does not read
 ODOMETRY_WAITS = 20  # messages in the queue: the gate pairs scans with all of them
 DIAGNOSTICS_WAIT = 20  # some nodes send one message for each part
 DIAGNOSED_S = 0.5  # between reads of diagnostics: nodes report once a second
 RESTS_S = 0.08  # between reads of odometry while the robot stands without a driver
-RESTS = 0.005  # m/s or rad/s: less is standing
+RESTS = 0.005  # m/s or rad/s: a slower robot stands
 MOST_PROBLEMS = 10  # in one report
 MOST_LOOKED_UP = 8  # nodes whose address one survey asks for
 
@@ -90,7 +92,7 @@ class RosBase:
         self._config = config
         self._master = Master(config.master_uri, BRIDGE)
         self._drive_topic = config.topics.drive.name
-        self._drives: dict[str, rospy.Publisher] = {}  # the default, and a chosen one
+        self._drives: dict[str, rospy.Publisher] = {}  # by topic: the default and a chosen one
         self._acknowledgements: Acknowledgements | None = None
         self._stamped = config.topics.drive.type == "geometry_msgs/TwistStamped"
         self._sonars = {sonar.frame_id for sonar in config.topics.sonars}
@@ -99,7 +101,7 @@ class RosBase:
         self._on_demand: OnDemandTopics | None = None
         self._head: HeadTopics | None = None
         self._joints: ArmPosture | None = None
-        self._arm: ArmPosture | None = None  # the same; None for a robot without an arm
+        self._arm: ArmPosture | None = None  # the same object; None for a robot without an arm
         self._motions: MotionTopics | None = None
         self._speech: SpeechTopics | None = None
         self._navigation: NavigationTopics | None = None
@@ -110,13 +112,13 @@ class RosBase:
         self._topic_worker = RosWorker("topics")
         self._list_worker = RosWorker("motions")
         self._joined = RateLimit(self._read_joined, JOINED_GAP_S)
-        self._sweeping = RosWorker("motion")  # apart from `_list_worker`: a list may take seconds
+        self._sweeping = RosWorker("motion")  # not on `_list_worker`, where a list may take seconds
         self._monitor = MasterMonitor(self._master, self)
         self._described = False
-        self._description: object = None  # that was read last
-        self._read_s = -math.inf
-        self._fruitless = 0  # readings in control that found nothing new
-        self._tellers: set[str] = set()  # nodes that told of joints, tf and odometry then
+        self._description: object = None  # the robot's description that is in use
+        self._read_s = -math.inf  # time of the last read
+        self._fruitless = 0  # reads in a row, while somebody has control, that found nothing new
+        self._tellers: set[str] = set()  # nodes that published joints, tf and odometry at the last read
         self._runs = RunMonitor()
         self._moves = True  # by the last odometry
         self._mail = Mailboxes(self._post, lambda: self._core.needs_fresh_sensors, speaker)
@@ -140,7 +142,7 @@ class RosBase:
                 self._acknowledgements.wrote(self._drive, time.monotonic())
 
     def acknowledged_s(self, now_s: float) -> float | None:
-        """Return how long the robot's computer takes to acknowledge a twist; None without news."""
+        """Return how long (s) the robot's computer takes to acknowledge a twist; None if nothing is new."""
         return None if self._acknowledgements is None else self._acknowledgements.took_s(now_s)
 
     def drive_to(self, topic: str) -> None:
@@ -175,7 +177,7 @@ class RosBase:
         return None if pan is None or tilt is None else (pan, tilt)
 
     def limb_at(self, limb: Limb) -> float | None:
-        """Return where a limb is by joint states (metres); None: unknown."""
+        """Return a limb's position (m) from joint states; None if unknown."""
         if self._joints is None:
             return None
         now_s = time.monotonic()
@@ -268,7 +270,7 @@ class RosBase:
             self._navigation.cancel(goal_id)
 
     def set_pose(self, pose: Pose) -> None:
-        """Tell the robot where it is on its map."""
+        """Send the robot its pose on its map."""
         if self._navigation is not None:
             self._navigation.set_pose(pose)
 
@@ -312,9 +314,10 @@ class RosBase:
         run_on_loop: Callable[[Callable[[], None]], None],
         on_lost: Callable[[bool], None],
     ) -> None:
-        """Begin to look for the master. After `on_lost`, only a new process can be this robot's node.
+        """Start the search for the master. After `on_lost`, only a new process can be this robot's node.
 
-        `on_lost` gets whether another node took the name. `run_on_loop` runs calls with the robot's data on the loop.
+        `on_lost` gets True if another node took the name. `run_on_loop` runs calls with the robot's data on
+        the loop.
         """
         self._loop, self._core, self._run_on_loop, self._on_lost = loop, core, run_on_loop, on_lost
         os.environ["ROS_MASTER_URI"] = self._config.master_uri
@@ -349,7 +352,7 @@ class RosBase:
         for scan in topics.scans:
             self._subscribe(Topic(scan.topic, "sensor_msgs/LaserScan"), self._on_scan(scan.topic))
         for name, sonars in Counter(sonar.topic for sonar in topics.sonars).items():
-            # Sonars that share a topic publish at once: none may drop another's reading from the queue.
+            # Sonars that share a topic publish together: no reading may push another out of the queue.
             self._subscribe(Topic(name, "sensor_msgs/Range"), self._on_range, SONAR_ROUNDS * sonars)
         if topics.battery:
             self._subscribe(topics.battery, self._on_battery)
@@ -368,7 +371,7 @@ class RosBase:
         if topics.head:
             self._head = HeadTopics(topics.head)
         if topics.motions:
-            actions = self._core.tasks.routing.connected("motions")  # all that people may choose
+            actions = self._core.tasks.routing.connected("motions")  # every action that people may choose
             self._motions = MotionTopics(
                 actions,
                 topics.motions.type,
@@ -408,7 +411,7 @@ class RosBase:
         self._post(lambda: self._core.restarted(time.monotonic()))
 
     def surveyed(self, system: SystemState) -> None:
-        """Report the robot's state; read what is still missing, since the robot may start after its master."""
+        """Report the robot's state. Read missing data, since the robot may start after its master."""
         self.tell(self._survey(system))
         self._report_listened(system)
         self._look_for_restart(system)
@@ -430,9 +433,10 @@ class RosBase:
         self._post(lambda: self._on_lost(name_taken))
 
     def _look_for_restart(self, system: SystemState) -> None:
-        """Read the description again when nodes that a new start of the robot replaces came or went.
+        """Read the description again when nodes came or went that a restart of the robot replaces.
 
-        A faster start, and a description that changes without one, are found while nobody has control.
+        The read every `DESCRIBED_S`, while nobody has control, finds other changes: a restart between two
+        surveys, or a new description without a restart.
         """
         topics = self._config.topics
         names = {"/tf", topics.odometry.name, *([topics.joint_states.name] if topics.joint_states else [])}
@@ -444,9 +448,10 @@ class RosBase:
             self._described, self._tellers = False, tellers
 
     def _describe(self) -> None:
-        """Give the robot's description to the arm's posture and to the console as soon as the robot has one.
+        """Pass the robot's description to the arm's posture and to the console as soon as the robot has one.
 
-        A known one stays until there is another: a large one until nobody has control.
+        A known description is used until the robot has another. A large new one waits until nobody has
+        control.
         """
         if self._described:
             return
@@ -454,7 +459,7 @@ class RosBase:
         try:
             description = master.parameter("/robot_description")
         except MasterError:
-            description = None  # the next survey asks again, unless somebody drives by a known one
+            description = None  # the next survey asks again, unless one is known and somebody drives
         known, drives = self._description is not None, self._core.needs_fresh_sensors
         self._read_s, self._described = time.monotonic(), description is not None or (known and drives)
         waits = description is None or (drives and len(description) > LARGE)
@@ -495,7 +500,7 @@ class RosBase:
             self._speech.attend(topics)
 
     def _await_listener(self, publisher: rospy.Publisher) -> None:
-        """Wait a moment for a listener: else a robot with a new drive topic would seem to be away."""
+        """Wait a moment for a listener: otherwise a robot with a new drive topic would look disconnected."""
         deadline_s = time.monotonic() + LISTENER_PATIENCE_S
         while not heard_by(publisher) and time.monotonic() < deadline_s:
             time.sleep(FLUSH_S / 10)
@@ -531,7 +536,7 @@ class RosBase:
     def _unconnected(self, drive: Topic, nodes: Collection[str]) -> str:
         """Return a sentence if a node listens to the drive topic but did not connect at two surveys in a row.
 
-        The master does not know the listener's type: it gives ours, since we advertise the topic.
+        The master does not know the listener's type: it returns ours, since we advertise the topic.
         """
         listening = sorted(node for node in nodes if not is_own(node))
         before, self._is_unconnected = self._is_unconnected, bool(listening) and not self.listeners

@@ -10,7 +10,7 @@ import rospy
 from robots.bridge.ros.bounds.sizes import expect
 from robots.bridge.ros.ros_worker import RosWorker
 
-BUFFER_BYTES = 1 << 20  # one read; a picture has some hundred kilobytes to some megabytes
+BUFFER_BYTES = 1 << 20  # of one read; a picture has some hundred kilobytes to some megabytes
 
 
 def listen(
@@ -32,7 +32,7 @@ class OnDemandSource(Protocol):
     """A group of topics and the handling of their messages."""
 
     def listen(self) -> list[rospy.Subscriber]:
-        """Subscribe. Asks the master."""
+        """Subscribe. Calls the master."""
 
     def forget(self) -> None:
         """Forget all earlier data: it is no longer valid."""

@@ -1,4 +1,4 @@
-"""rospy registers a node once in a process's life; for a restarted master this module registers it again."""
+"""Registers a node again after a restart of the master: rospy registers it only once in a process's life."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ def register_again(master: Master) -> None:
         master.register("registerPublisher", topic, kind, own_uri)
     for topic, kind in get_topic_manager().get_subscriptions():
         publishers = master.register("registerSubscriber", topic, kind, own_uri)
-        Master(own_uri, "/master").call(
-            "publisherUpdate", topic, publishers
-        )  # as the master does for a new subscriber
+        # The master also makes this call for a new subscriber.
+        Master(own_uri, "/master").call("publisherUpdate", topic, publishers)
     for service, service_uri in get_service_manager().get_services():
         master.call("registerService", service, service_uri, own_uri)

@@ -1,4 +1,4 @@
-"""The run of the robot that publishes odometry: a restarted robot has the same name and address."""
+"""Numbers a robot's runs by its odometry connections: a restarted robot keeps its name and address."""
 
 from __future__ import annotations
 

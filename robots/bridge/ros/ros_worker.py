@@ -1,4 +1,4 @@
-"""Work that asks the robot's master or its nodes, and so may take a while: never on the control loop's thread."""
+"""Runs requests to the robot's master and nodes, which may take a while, outside the control loop's thread."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class RosWorker:
 
 
 class RateLimit:
-    """Runs a call at once, and at most every `gap_s`: requests meanwhile cause one later call."""
+    """Runs a call at once, but at most every `gap_s`: all requests within this time cause one later call."""
 
     def __init__(self, what: Callable[[], None], gap_s: float) -> None:
         self._what = what

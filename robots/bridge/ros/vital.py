@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 
 
 def start_vital(work: Callable[[], None], name: str) -> threading.Thread:
-    """Work on a thread. If it fails, the process ends; the bridge starts another and reports failed requests."""
+    """Run `work` on a thread. If it fails, the process ends; the bridge restarts it and reports failed requests."""
     thread = threading.Thread(target=_or_end, args=(work,), name=name, daemon=True)
     thread.start()
     return thread

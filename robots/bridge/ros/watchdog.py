@@ -57,7 +57,7 @@ class WatchdogNode:
             leaving.start()
             leaving.join(1.0)
 
-    # --- called by the watchdog (watchdog.process.Robot) -----------------------------------------------
+    # --- called by the watchdog (watchdog.process.RobotOutput) -----------------------------------------
 
     def zero(self) -> int:
         """Publish a zero velocity on every drive topic; returns the number of nodes that it was written to."""
@@ -80,7 +80,7 @@ class WatchdogNode:
             publish(publisher, GoalID())
 
     def drive_to(self, topic: str) -> None:
-        """The robot is driven on this topic now, in addition to the default. Returns at once."""
+        """Publish zeros on this topic from now on, in addition to the default topic. Returns at once."""
         self._wanted = {self._config.drive.name, topic}
 
     # --- on the thread for the master ------------------------------------------------------------------
@@ -99,7 +99,7 @@ class WatchdogNode:
             self._ending.wait(RETRY_S)
 
     def _join(self) -> None:
-        """Register with the master. Failing that, end: rospy starts only once per process, so another one must try."""
+        """Register with the master. If that fails, end the process: rospy starts only once in a process."""
         if self._joined:
             return
         try:

@@ -1,4 +1,4 @@
-"""Limit the messages, or the cost, of one connection. Pure: time is an argument."""
+"""Limits the messages, or the cost, of one connection. Pure: time is an argument."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class Link:
         self.greeted = False  # it has sent its hello; from then on it gets reports
         self.watchers: list[str] = []
         self.watchers_more = 0
-        self.draws_joints = False  # one of the watchers
+        self.draws_joints = False  # a watcher's page draws the robot's joints
         self.token = ""  # authenticates its drive lane
         self.lane: Lane | None = None
         self._socket = socket
@@ -99,7 +99,7 @@ class Link:
                 await self._socket.send(view)
             if self._samples:
                 await self._socket.send(self._samples.pop(next(iter(self._samples))), text=True)
-                self._news.set()  # reports that arrived meanwhile go first
+                self._news.set()  # reports that arrived during the sending go first
 
 
 class LinkServer:

@@ -1,8 +1,8 @@
 """The bridge's client of its inspector: a process that runs only while somebody watches, asks or publishes.
 
-It passes queries and subscriptions of all links to the inspector, and hands answers and samples to the links that
-wanted them (`robots.bridge.topics.inspector_messages`). It handles bytes only: the control loop decodes no ROS message
-and waits for nothing.
+The client passes queries and subscriptions of all links to the inspector, and answers and samples back to the
+links that requested them (`robots.bridge.topics.inspector_messages`). It handles bytes only: the control loop
+decodes no ROS message and waits for nothing.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ ANSWER_S = 2.0  # a query is answered within this time, or refused
 START_S = 10.0  # the same while the process starts
 HALT_S = 1.0  # publishing stops within this time, or the process is killed
 MAX_QUERIES = 32  # limit of pending queries per link
-MAX_UNSENT = 200  # limit of requests while there is no process
+MAX_UNSENT = 200  # limit of requests that wait for a process
 
 
 _report = msgspec.json.Decoder(Report)
@@ -77,11 +77,11 @@ class _Waiting:
         self.viewer = viewer
         self.answer = answer  # called with a `Refusal`, or with the report's content
         self.timer = timer
-        self.unanswered = unanswered  # the answer if none arrives
+        self.unanswered = unanswered  # passed to `answer` if no answer arrives in time
 
 
 class InspectorClient:
-    """The inspector of one robot. Lives on the event loop. `lost` is called when publishing ended by itself."""
+    """The inspector of one robot, on the event loop. `lost` is called if it ends while it publishes at a rate."""
 
     def __init__(
         self,
@@ -157,7 +157,7 @@ class InspectorClient:
     def publish(self, order: wire.Publish) -> bool:
         """Publish once, or at a rate from now on.
 
-        Return False if there is no process; then it is not sent later either.
+        Return False if there is no process; then the message is not sent later either.
         """
         if not self._send(order):
             log.warning("the inspector ended: no message is published on %s", order.topic)
@@ -179,9 +179,9 @@ class InspectorClient:
             self._stop_publishing(topic)
 
     def halt(self) -> None:
-        """Publish nothing that was given until now, waiting messages included.
+        """Stop all publishing that was requested until now, and drop waiting messages.
 
-        Without confirmation the process is killed.
+        The process is killed if it does not confirm in time.
         """
         if self._has_published:
             self._has_published = False
@@ -237,7 +237,7 @@ class InspectorClient:
 
     @property
     def _patience_s(self) -> float:
-        """Time limit of an answer."""
+        """Return the time limit (s) of an answer."""
         return ANSWER_S if self._ready and self._child.listens else START_S
 
     def _expect(
@@ -247,7 +247,7 @@ class InspectorClient:
         within_s: float,
         unanswered: Refusal = _SILENT,
     ) -> int:
-        """Return a number whose answer goes to `answer`; without an answer in time, `unanswered` goes there."""
+        """Return a new request's number. `answer` gets its answer, or `unanswered` if none comes in time."""
         self._need()
         self._count += 1
         timer = asyncio.get_running_loop().call_later(within_s, partial(self._give_up, self._count))
@@ -278,7 +278,7 @@ class InspectorClient:
         wanted = self._wanted()
         if wanted != before:
             self._need()
-            self._send(wire.LinkSubscribe(wanted))  # a process that is not there yet gets them when it starts
+            self._send(wire.LinkSubscribe(wanted))  # a process that starts later gets them in `began`
 
     def _ask(self, number: int, request: InspectorQuery | Check) -> None:
         """Send the request now, or when a process runs."""

@@ -13,11 +13,9 @@ from typing import Protocol
 
 log = logging.getLogger(__name__)
 
-RESTART_S = (
-    1.0,
-    10.0,
-)  # pause before a restart; doubled while no process lives longer than the second number
-END_S = 2.0  # time limit after its stdin was closed
+# Pause before a restart: shortest and longest. It doubles until a process lives longer than the latter.
+RESTART_S = (1.0, 10.0)
+END_S = 2.0  # until a process is killed after its stdin was closed
 LARGEST_LINE = 4 * 1024 * 1024  # bytes
 LARGEST_BACKLOG = 1024 * 1024  # bytes that the process has not read
 
@@ -32,14 +30,14 @@ class LineProcessOwner(Protocol):
         """Send a new process its initial messages."""
 
     def handle_line(self, line: bytes) -> None:
-        """Take a line from it. A ValueError ends the process."""
+        """Take a line from the process. A ValueError ends the process."""
 
     def ended(self) -> None:
-        """Note that the process ended and has forgotten everything."""
+        """Note that the process ended and lost its state."""
 
 
 class LineProcess:
-    """Keeps the process; lives on the event loop. Each new process gets `first_line` first."""
+    """Runs a process while it is needed; lives on the event loop. Each process gets `first_line` first."""
 
     def __init__(self, command: Sequence[str], first_line: bytes, owner: LineProcessOwner) -> None:
         self._command = command
@@ -77,7 +75,7 @@ class LineProcess:
         return True
 
     def end(self) -> None:
-        """Close its stdin, so that it ends; kill it after a while. A later `need` starts a new process."""
+        """Close the process's stdin, so that it ends; kill it after `END_S`. A later `need` starts a new one."""
         self._end_asked = True
         if self._stdin is not None:
             self._stdin.close()
@@ -120,7 +118,7 @@ class LineProcess:
             self._running = None
 
     async def _one(self) -> None:
-        """Run one process from begin to end."""
+        """Run one process from its start to its end."""
         process = await asyncio.create_subprocess_exec(
             *self._command, stdin=PIPE, stdout=PIPE, limit=LARGEST_LINE
         )

@@ -1,4 +1,4 @@
-"""The bridge's end of the watchdog's socket: heartbeats out, stops in. Lives on the event loop; never blocks."""
+"""The bridge's end of the watchdog's socket: sends heartbeats, receives stops, never blocks the event loop."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _decoder = msgspec.json.Decoder(StopPress)
 
 
 class WatchdogClient:
-    """Connects whenever a watchdog runs. `on_press` is called once for each stop that the watchdog heard."""
+    """Connects whenever a watchdog runs. `on_press` is called once for each stop of the watchdog."""
 
     def __init__(self, path: str, on_press: Callable[[StopPress], None]) -> None:
         self._path = path
         self._on_press = on_press
         self._socket: socket.socket | None = None
-        self._handed_on = 0  # number of the newest press handed on
+        self._handed_on = 0  # number of the last press passed to `on_press`
         self._heard = 0  # number of the last press written to the state file
         self._missed = False  # the missing watchdog was logged
         self._taken_s = float("-inf")  # time of the last accepted heartbeat
@@ -105,7 +105,7 @@ class WatchdogClient:
         # compare for equality only: the clock may have been set back since the last watchdog began
         if press.number != self._handed_on:
             self._on_press(press)
-            # only after success: a failed press is sent again with the next heartbeat
+            # only after success: the watchdog sends a failed press again after the next heartbeat
             self._handed_on = press.number
 
     def _lost(self) -> None:

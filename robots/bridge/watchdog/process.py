@@ -1,4 +1,4 @@
-"""The watchdog process: wires the rules to socket, ROS and clock."""
+"""The watchdog process: connects the rules with socket, ROS and clock."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PERIOD_S = 0.05  # s between zeros
 IDLE_S = 1.0  # s: without a bridge and without a stop there is no work
 LAST_S = 2.0  # s after the life line closed: time for the bridge's own end
 END_S = 3.0
-MOST_BYTES = 512 * 1024 * 1024  # it needs a fifth of it
+MOST_BYTES = 512 * 1024 * 1024  # the process needs a fifth of this
 
 _OTHER = Refusal("other_robot", "This is the watchdog of another robot.", "wire")
 _decoder: msgspec.json.Decoder[LinkStop | Heartbeat] = msgspec.json.Decoder(LinkStop | Heartbeat)
@@ -45,7 +45,7 @@ class RobotOutput(Protocol):
         """Cancel the goals of all nodes."""
 
     def drive_to(self, topic: str) -> None:
-        """Use this drive topic, too, next to the default. Returns at once."""
+        """Publish zeros on this drive topic too, in addition to the default topic. Returns at once."""
 
 
 class Watchdog:
@@ -78,7 +78,7 @@ class Watchdog:
                 end_s = min(end_s, time.monotonic() + LAST_S)
 
     def step(self, heard: list[ReceivedMessage], now_s: float) -> None:
-        """Handle messages, then act. Queued messages come first: a queued heartbeat is not silence."""
+        """Handle messages, then act: a bridge whose heartbeat is queued is not silent."""
         for connection, message in heard:
             self._handle(connection, message, now_s)
         self._act(now_s)
@@ -105,7 +105,7 @@ class Watchdog:
         self._unanswered = [entry for entry in self._unanswered if entry[0] is not connection]
         if connection is self._bridge:
             self._bridge = None
-            # its latched stop is in its state file and is not stored here as well
+            # the bridge's latched stop is in the bridge's state file, and is not stored here again
             self._rules.bridge_gone(now_s)
             log.warning("the bridge ended%s", ": the robot stays stopped" if self._rules.latched else "")
 
@@ -137,7 +137,9 @@ class Watchdog:
     def _act(self, now_s: float) -> None:
         """Send zeros and cancels when due; answer each stop that has reached the robot."""
         if self._rules.zeros(now_s) and now_s - self._zero_s >= PERIOD_S:
-            self._zero_s = max(self._zero_s + PERIOD_S, now_s - PERIOD_S)  # keep the pace without catching up
+            self._zero_s = max(
+                self._zero_s + PERIOD_S, now_s - PERIOD_S
+            )  # keep the pace; missed zeros are not sent later
             if self._robot.zero():
                 self._answer()
         if self._rules.cancel(now_s) and now_s - self._cancelled_s >= CANCEL_AGAIN_S:
@@ -152,7 +154,7 @@ class Watchdog:
 
 
 def _understood(message: bytes) -> LinkStop | Heartbeat | None:
-    """Decode a message; None: unknown. Never refuse a stop for its form."""
+    """Decode a message; None: unknown. A damaged stop is still a stop."""
     try:
         return _decoder.decode(message)
     except (msgspec.DecodeError, UnicodeError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""Decide from presses and heartbeats: publish zeros? cancel goals? Pure: time is an argument.
+"""Decides from stops and heartbeats whether to publish zeros and to cancel goals. Pure: time is an argument.
 
 The watchdog owns a stop until a bridge has taken it. From then on the latch follows the bridge's heartbeats, so that
 clearing works as without a watchdog. When a bridge dies with its stop latched, the watchdog owns the stop again and
@@ -12,8 +12,10 @@ from uuid import UUID
 from msgspec import Struct, structs
 
 SILENT_S = 0.15  # s, three heartbeats: the bridge is dead, frozen, or its loop is blocked
-LOST_S = 1.0  # s: a bridge that hangs so long cannot watch navigation; zeros hold the base from `SILENT_S` on
-QUIET_AFTER_S = 1.0  # s: zeros are repeated this long for a robot that was driven and is not stopped
+LOST_S = (
+    1.0  # s: a bridge that hangs for this time cannot watch navigation; zeros are sent from `SILENT_S` on
+)
+QUIET_AFTER_S = 1.0  # s: zeros are repeated for this time if the robot was driven and is not stopped
 
 
 class Heartbeat(Struct, frozen=True, tag_field="t", tag="beat"):
@@ -25,17 +27,17 @@ class Heartbeat(Struct, frozen=True, tag_field="t", tag="beat"):
     reason: str = ""
     heard: int = 0  # number of the last `StopPress` that the bridge latched and wrote to its state file
     drive: str = ""  # the present drive topic
-    drives_itself: bool = False  # the robot's navigation drives it for the bridge, which watches
+    drives_itself: bool = False  # the robot's navigation drives, and the bridge watches the drive
 
 
 class StopPress(Struct, frozen=True, tag_field="t", tag="press"):
-    """Watchdog to bridge: a stop that the watchdog heard. Numbers are unique, also across restarts of the watchdog."""
+    """Watchdog to bridge: a stop that the watchdog received. Numbers are unique, also across restarts."""
 
     number: int
     by: str
     reason: str = ""
     press: UUID | None = None  # as in `wire.LinkStop`
-    at_s: float | None = None  # when it was heard, this computer's monotonic clock
+    at_s: float | None = None  # when it was received, this computer's monotonic clock
 
 
 class StopRules:
@@ -93,9 +95,10 @@ class StopRules:
         return self._own
 
     def zeros(self, now_s: float) -> bool:
-        """Return whether to publish zeros: while a stop is latched, and after a driving bridge fell silent.
+        """Return whether to publish zeros: while a stop is latched, and after a driving bridge became silent.
 
-        For a person's drive shortly; for one of navigation until a bridge is there again.
+        If a person drove, zeros are published for `QUIET_AFTER_S`; if navigation drove, until a bridge is
+        back.
         """
         silent_s = now_s - self._beat_s - SILENT_S
         driving = self._beat.publishing and 0.0 <= silent_s < QUIET_AFTER_S
@@ -106,7 +109,7 @@ class StopRules:
         return self._beat.drives_itself and now_s - self._beat_s >= SILENT_S
 
     def cancel(self, now_s: float) -> bool:
-        """Return whether to cancel goals from here: no bridge that reaches the robot does it."""
+        """Return whether the watchdog must cancel goals, because no bridge that reaches the robot does it."""
         works = self._bridge_lives and self._beat.publishing and now_s - self._beat_s < SILENT_S
         lost = not self._bridge_lives or now_s - self._beat_s >= LOST_S
         return (lost and self._unwatched(now_s)) or (self.latched and (self._own is not None or not works))

@@ -1,4 +1,4 @@
-"""The watchdog's socket: one datagram is one message; connections show when their other end closes."""
+"""The watchdog's socket: one datagram is one message, and a connection reports when its other end closes."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class WatchdogSocket:
         return heard
 
     def send(self, connection: socket.socket, message: bytes) -> None:
-        """Send without blocking; a receiver that does not read misses it."""
+        """Send without blocking. If the receiver does not read, the message is lost."""
         with contextlib.suppress(OSError):
             connection.send(message, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
 
@@ -92,7 +92,7 @@ class WatchdogSocket:
         self._selector.register(connection, selectors.EVENT_READ)
 
     def _read(self, connection: socket.socket) -> list[ReceivedMessage]:
-        """Read all waiting messages: a queued heartbeat is not silence."""
+        """Read all waiting messages: a bridge whose heartbeat is queued is not silent."""
         heard: list[ReceivedMessage] = []
         while connection in self._connections:
             try:

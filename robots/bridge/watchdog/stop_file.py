@@ -37,7 +37,7 @@ class StopFile:
         return self._newest
 
     def before(self) -> Heartbeat:
-        """Return the bridge's state from its state file. A stop written there needs no second report."""
+        """Return the bridge's state from its state file. The bridge already has a stop of this file."""
         left = self._bridge.load(0)
         return Heartbeat(latched=left.latched, by=left.by, reason=left.reason)
 

@@ -1,1 +1,1 @@
-"""Pictures of the colour cameras: drawing, clock code, encoding, damage. Knows no ROS."""
+"""Pictures of the colour cameras: drawing, clock code, encoding, damage. Without ROS."""

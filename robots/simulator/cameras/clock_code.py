@@ -1,9 +1,10 @@
-"""A code of the monotonic time in a picture, so that a picture on a page tells when it was taken.
+"""A code of the monotonic time in a picture, so that a picture on a page shows when it was taken.
 
-Along the top edge lie 40 blocks of 16 x 16 pixels of a picture 640 pixels wide: white, black, 32 bits of time (0.1 ms
-since the start of CLOCK_MONOTONIC, most significant first, modulo 2**32), 4 bits of parity, black, white. A white
-block is a one. The parity is the exclusive or of the eight groups of four bits, and of 1010. Blocks survive JPEG and
-H.264, and half the size; benchmarks/views/camera_page.py reads them from a canvas.
+The code is a row of 40 blocks along the top edge (16 x 16 pixels in a picture 640 pixels wide): white, black,
+32 bits of time (0.1 ms since the start of CLOCK_MONOTONIC, most significant first, modulo 2**32), 4 bits of
+parity, black, white. A white block is a one. The parity is the exclusive or of the eight groups of four bits,
+and of 1010. The blocks are readable after JPEG or H.264, also at half the size;
+benchmarks/views/camera_page.py reads them from a canvas.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import math
 import os
 from typing import Any
 
-# Mesa draws in software, if this computer has no graphics card: on this thread alone, not on all cores at once.
+# Without a graphics card, Mesa draws in software. With 0, it does so on this thread only, not on all cores.
 os.environ.setdefault("LP_NUM_THREADS", "0")
 
 import mujoco
@@ -51,7 +51,7 @@ class Drawing:
         self._view = mujoco.MjvCamera()
 
     def image(self, pose: CameraPose, lens: Lens) -> NDArray[np.uint8]:
-        """The picture of a camera at `pose` (base frame): (height, width, 3), red green blue."""
+        """Return the picture of a camera at `pose` (base frame): (height, width, 3), red green blue."""
         looker = self._reader
         everything = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
@@ -88,7 +88,7 @@ class Drawing:
 
 
 def _context() -> Any:
-    """An off-screen drawing context of mujoco.egl."""
+    """Return an off-screen drawing context of mujoco.egl."""
     try:
         from mujoco.egl import GLContext
         from OpenGL.error import Error as GraphicsError  # type: ignore[import-untyped]

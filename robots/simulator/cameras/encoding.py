@@ -1,4 +1,4 @@
-"""A picture as the bytes of a compressed or a raw picture, and damaged ones as a broken camera would send them."""
+"""Encodes pictures as compressed or raw bytes, and damages them like a broken camera."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Raw(NamedTuple):
 
 
 def compressed(pixels: NDArray[np.uint8], number: int, faults: Faults) -> Encoded:
-    """Compress picture `number`, and damage it by the faults."""
+    """Return picture `number` compressed, and damaged as the faults demand."""
     if faults.camera_bomb:
         return Encoded("png", _bomb())
     if faults.camera_zero:
@@ -53,7 +53,7 @@ def compressed(pixels: NDArray[np.uint8], number: int, faults: Faults) -> Encode
 
 
 def raw(pixels: NDArray[np.uint8], number: int, faults: Faults) -> Raw:
-    """Lay out picture `number` as a raw one, and damage it by the faults."""
+    """Return picture `number` uncompressed, and damaged as the faults demand."""
     height, width, _ = pixels.shape
     if faults.camera_zero:
         return Raw("rgb8", 0, 0, 0, b"")
@@ -77,20 +77,20 @@ def _encoded(pixels: NDArray[np.uint8], kind: str) -> Encoded:
 
 
 def _declared_huge(jpeg: bytes) -> bytes:
-    """A JPEG whose head declares 20,000 x 20,000 pixels."""
-    size = jpeg.index(_START_OF_FRAME) + 5  # behind marker, length and precision
+    """Return a JPEG whose header declares 20,000 x 20,000 pixels."""
+    size = jpeg.index(_START_OF_FRAME) + 5  # after marker, length and precision
     return jpeg[:size] + struct.pack(">HH", HUGE, HUGE) + jpeg[size + 4 :]
 
 
 def _overwritten(data: bytes, number: int) -> bytes:
-    """Random bytes in place of all but head and end: only a decoder notices."""
+    """Replace the bytes between header and end by random bytes: only a decoder notices that."""
     head = data.index(_START_OF_FRAME) + 40 if _START_OF_FRAME in data else 40
     return data[:head] + np.random.default_rng(number).bytes(len(data) - head - 12) + data[-12:]
 
 
 @cache
 def _bomb() -> bytes:
-    """A valid PNG of 400 kB that takes 400 MB decoded: 20,000 x 20,000 grey pixels, all black."""
+    """Return a valid PNG of 400 kB that needs 400 MB when decoded: 20,000 x 20,000 grey pixels, all black."""
     packer = zlib.compressobj(9)
     row = bytes(1 + HUGE)
     packed = b"".join(packer.compress(row) for _ in range(HUGE)) + packer.flush()

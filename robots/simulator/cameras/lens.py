@@ -1,4 +1,4 @@
-"""The lens of a camera: a pinhole without distortion, its optical axis through the middle of the picture."""
+"""The lens of a camera: a pinhole without distortion, with the optical axis in the middle of the picture."""
 
 from __future__ import annotations
 
@@ -15,5 +15,5 @@ class Lens(NamedTuple):
     focal_px: float
 
 
-HEAD_LENS = Lens(WIDTH, HEIGHT, FOCAL_PX)  # colour and depth have the same, as on the robot
+HEAD_LENS = Lens(WIDTH, HEIGHT, FOCAL_PX)  # of the colour and the depth camera, as on the robot
 REAR_LENS = Lens(320, 240, 170.0)  # 87 degrees wide

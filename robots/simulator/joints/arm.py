@@ -1,6 +1,7 @@
 """The arm's shape: capsules between the frames of its joints. Metres.
 
-The capsules are slimmer than the real arm, so that the folded arm stays within the base's circle, as the real one does.
+The capsules are slimmer than the real arm, so that the folded arm stays within the base's circle, as on the
+real robot.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from robots.simulator.joints.joint_table import HOME, JOINTS
 
 
 class Segment(NamedTuple):
-    """A capsule from the origin of one frame to that of another, whose distance no joint changes."""
+    """A capsule between the origins of two frames. No joint changes their distance."""
 
     name: str
     begin: str

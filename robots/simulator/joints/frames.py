@@ -42,18 +42,18 @@ class Frame(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """A frame in another one: its origin (3,), and its axes as columns (3, 3)."""
+    """A frame's pose in another frame: its origin (3,), and its axes as columns (3, 3)."""
 
     origin: Matrix
     axes: Matrix
 
     def point(self, inside: Matrix) -> Matrix:
-        """Transform a point of this frame to the other one."""
+        """Transform a point of this frame to the other frame."""
         return self.origin + self.axes @ inside
 
 
 def frames(body: Body) -> list[Frame]:
-    """All frames of `body`, parents first."""
+    """Return all frames of `body`, parents first."""
     base = "base_link"
     found = []
     if body.names.base_frame != base:
@@ -91,7 +91,7 @@ def _upper_body(base: str) -> list[Frame]:
 
 
 def _arm(shoulder: str) -> list[Frame]:
-    """Seven joints, each about its own z, and the point between the fingers."""
+    """Return the frames of seven joints, each about its own z, and of the point between the fingers."""
     quarter = math.pi / 2.0
     joints: list[tuple[Vector, Vector]] = [
         ((0.155, 0.014, -0.151), (0.0, 0.0, -quarter)),
@@ -111,7 +111,7 @@ def _arm(shoulder: str) -> list[Frame]:
 
 
 def _rotation(rpy: Vector) -> Rotation:
-    """Roll, pitch, yaw as a quaternion (x, y, z, w)."""
+    """Return roll, pitch, yaw as a quaternion (x, y, z, w)."""
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle / 2), math.sin(angle / 2)) for angle in rpy)
     return (
         sr * cp * cy - cr * sp * sy,
@@ -122,7 +122,7 @@ def _rotation(rpy: Vector) -> Rotation:
 
 
 def moved(frame: Frame, position: float) -> tuple[Vector, Rotation]:
-    """Translation and rotation (x, y, z, w) of a frame whose joint is at `position`."""
+    """Return translation and rotation (x, y, z, w) of a frame whose joint is at `position`."""
     x, y, z = frame.xyz
     ax, ay, az = frame.axis
     if frame.kind == "fixed":
@@ -162,7 +162,7 @@ def place(table: Sequence[Frame], name: str, joints: Mapping[str, float], root: 
 
 
 def _matrix(rotation: Rotation) -> Matrix:
-    """A unit quaternion (x, y, z, w) as a matrix."""
+    """Return a unit quaternion (x, y, z, w) as a matrix."""
     x, y, z, w = rotation
     return np.array(
         [
@@ -174,7 +174,7 @@ def _matrix(rotation: Rotation) -> Matrix:
 
 
 def urdf(body: Body, name: str) -> str:
-    """A robot description with the frames above and the hull."""
+    """Return a robot description with the frames above and the hull."""
     robot = Element("robot", name=name)
     for part in body.parts:
         link = SubElement(robot, "link", name="base_link" if part.name == "base" else f"{part.name}_hull")

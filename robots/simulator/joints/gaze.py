@@ -37,7 +37,7 @@ class Eye(NamedTuple):
 
 
 def eye(table: Sequence[Frame], frame: str, axis: Sequence[float]) -> Eye:
-    """Return the `axis` of `frame`. Defaults, as on the robot: the head's own frame, the forward axis."""
+    """Return the `axis` of `frame`. Defaults, as on the robot: the head's own frame and its forward axis."""
     placed = place(table, frame or HEAD, {}, root=HEAD)
     wanted = np.array(axis, dtype=float)
     length = float(np.linalg.norm(wanted))
@@ -67,7 +67,7 @@ def error(table: Sequence[Frame], looks: Eye, target: Matrix, joints: Mapping[st
 
 
 def _direction(table: Sequence[Frame], looks: Eye, target: Matrix, joints: Mapping[str, float]) -> Matrix:
-    """The unit vector from the eye to `target`."""
+    """Return the unit vector from the eye to `target`."""
     way = target - place(table, HEAD, joints).point(looks.origin)
     length = float(np.linalg.norm(way))
     if length < _SHORTEST:

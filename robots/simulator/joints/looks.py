@@ -13,7 +13,7 @@ from robots.simulator.joints.joint_table import HOME
 from robots.simulator.sensors.body import Body
 
 WHITE, GREY, DARK = "0.90 0.91 0.89 1", "0.55 0.58 0.60 1", "0.16 0.18 0.20 1"
-_JOINT_M = 0.012  # so much thicker a joint is than the arm
+_JOINT_M = 0.012  # a joint's radius minus the arm's radius
 _FINGERS = {"gripper_left_finger_link": 1.0, "gripper_right_finger_link": -1.0}
 _HAND = "gripper_grasping_frame"
 
@@ -30,7 +30,7 @@ def description(body: Body, name: str) -> str:
 
 
 def _dress(links: dict[str, Element], table: Sequence[Frame]) -> None:
-    for hull in ("torso_hull", "head_hull"):  # they stand still: what moves with the joints replaces them
+    for hull in ("torso_hull", "head_hull"):  # these hulls do not move; the shapes below do, and replace them
         links[hull].remove(_found(links[hull].find("visual")))
     base, torso = links["base_link"], links["torso_lift_link"]
     _cylinder(base, (-0.062, 0.0, 0.50), 0.13, 0.42, GREY)
@@ -53,7 +53,7 @@ def _dress(links: dict[str, Element], table: Sequence[Frame]) -> None:
 
 
 def _rod(link: Element, end: Vector, radius: float) -> None:
-    """A joint at the link's origin, and a cylinder from there to `end`."""
+    """Add a joint at the link's origin, and a cylinder from there to `end`."""
     x, y, z = end
     length = math.hypot(x, y, z)
     _sphere(link, radius + _JOINT_M, DARK)

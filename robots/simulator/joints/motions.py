@@ -2,7 +2,7 @@
 
 Each controller follows one run of points at a time, and joints keep their speed limits: points that need a
 higher speed are reached later. A motion that needs a busy controller is refused. A trajectory takes over its
-controller, and the run before it fails. A cancelled run stops at its present position.
+controller; a motion that used this controller fails. A cancelled run stops at its present position.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from msgspec import Struct
 from robots.simulator.joints.joint_table import HOME, JOINTS
 from robots.simulator.physics.base import clamp
 
-# An eased path begins and ends at rest: its middle is this much faster than its average.
+# An eased path begins and ends at rest: its highest speed is its average speed times this factor.
 EASED_PEAK = 1.5
 
 
@@ -204,7 +204,7 @@ class Player:
         self._stepped_at = now
 
     def is_there(self, name: str, tolerance: float) -> bool:
-        """True when the joints are at the motion's last point; raises `RefusedMotionError` for unknown motions."""
+        """Return whether the joints are at the motion's last point. Raises `RefusedMotionError`."""
         motion = self._motion(name)
         pairs = zip(motion.joints, motion.points[-1].positions, strict=True)
         return all(abs(self.positions[joint] - end) <= tolerance for joint, end in pairs)

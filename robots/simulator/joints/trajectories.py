@@ -31,12 +31,15 @@ class RefusedTrajectoryError(Exception):
 
 
 def joints_of(controller: str) -> list[str]:
-    """The joints that `controller` moves."""
+    """Return the joints that `controller` moves."""
     return [name for name, joint in JOINTS.items() if joint.controller == controller]
 
 
 def check(controller: str, joints: Sequence[str], points: Sequence[Point]) -> None:
-    """Raise `RefusedTrajectoryError` unless it names this controller's joints, all of them, and makes sense."""
+    """Check that a trajectory names all joints of this controller, no others, and is valid.
+
+    Raises `RefusedTrajectoryError`.
+    """
     if sorted(joints) != sorted(joints_of(controller)):
         text = f"{controller} moves {', '.join(joints_of(controller))}, not {', '.join(joints) or 'nothing'}"
         raise RefusedTrajectoryError(ErrorCode.INVALID_JOINTS, text)
@@ -52,6 +55,6 @@ def check(controller: str, joints: Sequence[str], points: Sequence[Point]) -> No
 
 
 def missed(joints: Sequence[str], goal: Point, positions: Mapping[str, float]) -> list[str]:
-    """Return the joints that missed the goal, such as a goal beyond their limits."""
+    """Return the joints that did not reach the goal, for example a goal beyond their limits."""
     pairs = zip(joints, goal.positions, strict=True)
     return [joint for joint, wanted in pairs if abs(positions[joint] - wanted) > GOAL_TOLERANCE]

@@ -1,4 +1,4 @@
-"""Local following: a twist towards a point of the path ahead (pure pursuit), held back by what the laser sees."""
+"""Local following: a twist towards a point of the path ahead (pure pursuit), slower near seen obstacles."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from robots.simulator.physics.mujoco_world import Pose
 FASTEST_MPS = 0.5
 NARROW_MPS = 0.25  # where a wall is nearer than `NARROW_M` to the robot's middle
 NARROW_M = 0.45
-AHEAD_M = 0.4  # distance to the point of the path that the robot steers at
-TURN_FIRST_RAD = 0.6  # turn on the spot, if the path goes off by more than this
+AHEAD_M = 0.4  # distance to the point of the path towards which the robot steers
+TURN_FIRST_RAD = 0.6  # the robot turns on the spot if the path's direction differs by more than this
 FASTEST_RADPS = 0.8
-SLOW_DOWN_PER_S = 1.0  # speed per metre that is left
+SLOW_DOWN_PER_S = 1.0  # highest speed (m/s) per metre to the goal
 LOOKS_AHEAD_S = (0.25, 0.5, 0.75, 1.0, 1.25)
 THERE_M, THERE_RAD = 0.12, 0.12
-LEFT_M = 0.2  # localisation may shift a robot that turns at its goal so far, and it still counts as there
+LEFT_M = 0.2  # a robot that turns at its goal stays "there" if localisation shifts it by less than this
 
 Points = NDArray[np.float64]  # rows of x, y
 
@@ -31,7 +31,7 @@ def nearest(path: list[Point], pose: Pose) -> int:
 
 
 def steering_point(path: list[Point], pose: Pose) -> Point:
-    """Return the first point of the path that is `AHEAD_M` away, beyond the nearest one; its end, if none is."""
+    """Return the path's first point after the nearest one that is `AHEAD_M` away, else the path's end."""
     for point in path[nearest(path, pose) :]:
         if math.dist(point, pose[:2]) >= AHEAD_M:
             return point
@@ -44,7 +44,10 @@ def is_there(path: list[Point], pose: Pose, was_there: bool) -> bool:
 
 
 def follow(path: list[Point], heading: float, pose: Pose, clear_m: float, there: bool) -> Twist | None:
-    """Return the twist along the path at `pose` (map), or onto `heading` if it is `there`; None: it has arrived."""
+    """Return the twist along the path at `pose` (map), or the turn to `heading` if the robot is `there`.
+
+    None: the robot has arrived.
+    """
     if there:
         off = math.remainder(heading - pose.yaw, math.tau)
         return None if abs(off) < THERE_RAD else Twist(w=turn_towards(off))
@@ -59,19 +62,19 @@ def follow(path: list[Point], heading: float, pose: Pose, clear_m: float, there:
 
 
 def turn_towards(off: float) -> float:
-    """Rotation (rad/s) on the spot for a heading that is `off` (rad)."""
+    """Return the rotation (rad/s) on the spot for a heading error `off` (rad)."""
     return clamp(2.0 * off, -FASTEST_RADPS, FASTEST_RADPS) if abs(off) > 0.1 else math.copysign(0.2, off)
 
 
 def held_back(twist: Twist, seen: Points, hull_m: float) -> Twist:
-    """Return the twist, or the fastest share of it after which the robot meets nothing that it sees (base frame)."""
+    """Return the twist, or the largest share of it that hits none of the points `seen` (base frame)."""
     if twist.vx == 0.0 or not len(seen):
         return twist
     for share, margin_m in ((1.0, 0.03), (0.6, 0.02), (0.3, 0.01)):
         slower = Twist(twist.vx * share, 0.0, twist.w * share)
         if all(_clear(slower, seconds, seen, hull_m + margin_m) for seconds in LOOKS_AHEAD_S):
             return slower
-    # The way may be free in another direction: the hull is round.
+    # The robot can turn on the spot, since its hull is round: the way may be free in another direction.
     return Twist(w=math.copysign(0.3, twist.w)) if abs(twist.w) > 0.05 else STILL
 
 

@@ -1,4 +1,4 @@
-"""Navigation as move_base offers it: one goal at a time, with its real reasons of failure and with provoked faults."""
+"""Navigation like move_base: one goal at a time, move_base's texts for failures, and simulated faults."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ from robots.simulator.sensors.survey import FREE, Survey, surveyed
 
 HULL_M = 0.275
 BODY_M = 1.1  # height of the body
-CHEST_M = 1.0  # height at which people are wider than their legs: a costmap gets that from the depth camera
+CHEST_M = 1.0  # height at which people are wider than their legs: a real costmap has it from the depth camera
 PLANNED_M = 0.30  # radius of the robot in plans
 SCAN_S = 0.1
 REPLANS_S = 1.0  # pause between two plans around an obstacle that is not on the map
-BARRED_M = 1.5  # of the path ahead: obstacles farther along it are still seen better
+BARRED_M = (
+    1.5  # length of the path ahead that is checked: obstacles farther away are checked later, from nearer
+)
 MOVED_M = 0.15
-GIVES_UP_S = 15.0  # without a step forward, as move_base with its recovery behaviours
+GIVES_UP_S = 15.0  # without progress, as move_base with its recovery behaviours
 
 NO_PLAN = "Failed to find a valid plan. Even after executing recovery behaviors."
 NO_CONTROL = "Failed to find a valid control. Even after executing recovery behaviors."
@@ -41,34 +43,37 @@ class Phase(Enum):
 
 @dataclass
 class GoalDrive:
-    """A drive to a goal. `path` is in the map frame; `text` says why it ended."""
+    """A drive to a goal. `path` is in the map frame; `text` is the reason of its end."""
 
     goal: Pose
     path: list[Point] = field(default_factory=list)
     phase: Phase = Phase.DRIVING
-    there: bool = False  # at the goal: only its heading is left
+    there: bool = False  # at the goal's position: the robot only turns to the heading
     text: str = ""
-    moved_from: Point = (math.inf, math.inf)  # where it last made progress
-    moved_s: float = -math.inf  # time of that
+    moved_from: Point = (math.inf, math.inf)  # position at the last progress
+    moved_s: float = -math.inf  # time of the last progress
     planned_s: float = -math.inf
 
 
 class Navigator:
-    """Drives one robot by the map, its localisation, its laser and what a depth camera adds. Times: one clock."""
+    """Drives one robot by map, localisation, laser, and a scan at chest height in place of a depth camera.
+
+    Times are seconds of one clock.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._costs = CostMap(_known(robot), PLANNED_M)
         x, y, _, yaw = robot.body.laser.pose
         chest = replace(robot.body.laser, pose=(x, y, CHEST_M, yaw))
-        random = np.random.default_rng(0)  # this noise must not shift the topic's
+        random = np.random.default_rng(0)  # a separate generator: the noise of the scan topic stays the same
         self._eyes = [Laser(mount, random) for mount in (robot.body.laser, chest)]
         self._seen = np.empty((0, 2))
         self._seen_s = -math.inf
         self.drive: GoalDrive | None = None
 
     def go(self, goal: Pose, now: float) -> GoalDrive:
-        """Begin a goal (map frame). It ends at once, if there is no way."""
+        """Begin a goal (map frame). The drive ends at once if there is no path."""
         self.drive = GoalDrive(goal, moved_s=now)
         self._costs.mark(())
         self._plan(self.drive, now)
@@ -79,7 +84,7 @@ class Navigator:
         self.drive = None
 
     def step(self, now: float) -> Twist | None:
-        """Return the next twist of the base; None: nothing is under way."""
+        """Return the next twist of the base; None without a running goal."""
         drive = self.drive
         if drive is None or drive.phase is not Phase.DRIVING:
             return None
@@ -102,7 +107,7 @@ class Navigator:
         return STILL if drive.phase is not Phase.DRIVING else sent
 
     def _judge(self, drive: GoalDrive, pose: Pose, sent: Twist, now: float) -> None:
-        """Plan again where the way is barred; give up after `GIVES_UP_S` without a step forward."""
+        """Plan again if the path is blocked; give up after `GIVES_UP_S` without progress."""
         if math.dist(pose[:2], drive.moved_from) > MOVED_M:
             drive.moved_from, drive.moved_s = (pose.x, pose.y), now
         if now - drive.planned_s >= REPLANS_S and (sent.vx == 0.0 or self._is_barred(drive.path, pose)):
@@ -112,7 +117,7 @@ class Navigator:
             drive.phase, drive.text = Phase.FAILED, NO_CONTROL
 
     def _is_barred(self, path: list[Point], pose: Pose) -> bool:
-        """Return whether something that is seen is nearer to the path ahead than plans allow."""
+        """Return whether a point that was seen is nearer to the path ahead than plans allow."""
         ahead = [
             point for point in path[follower.nearest(path, pose) :] if math.dist(point, pose[:2]) < BARRED_M
         ]
@@ -130,11 +135,11 @@ class Navigator:
         drive.planned_s = now
         if path:
             drive.path = path
-        elif not forgive:  # what bars the way now may go: until it gives up, it waits
+        elif not forgive:  # the obstacle may go away: the robot waits until it gives up
             drive.phase, drive.text = Phase.FAILED, NO_PLAN
 
     def _look(self, now: float) -> None:
-        """Take the points that are seen at the heights of the laser and of a chest, in the base frame."""
+        """Measure the visible points at the heights of the laser and of a chest, in the base frame."""
         self._seen_s = now
         points = []
         for eyes in self._eyes:
@@ -149,9 +154,9 @@ class Navigator:
 
 
 def _known(robot: Robot) -> Survey:
-    """Return the map, with furniture at all heights of the body: table tops, which no laser sees.
+    """Return the map with furniture at all heights of the body, also table tops, which no laser sees.
 
-    A robot that begins under one knows the laser's map only.
+    A robot that starts under a table top gets the laser's map only.
     """
     physics, size, low_m = robot.physics, robot.world.size, robot.body.laser.pose[2]
     known = surveyed(physics, size, low_m, BODY_M)
@@ -159,7 +164,7 @@ def _known(robot: Robot) -> Survey:
 
 
 def _straight_on(goal: Pose, pose: Pose, *, backs: bool) -> Twist:
-    """The faults `navigation_blind` and `navigation_backs`: full speed at the goal, whatever stands there."""
+    """Return full speed towards the goal, as the faults `navigation_blind` and `navigation_backs` demand."""
     yaw = pose.yaw + (math.pi if backs else 0.0)
     off = math.remainder(math.atan2(goal.y - pose.y, goal.x - pose.x) - yaw, math.tau)
     if abs(off) > follower.TURN_FIRST_RAD:

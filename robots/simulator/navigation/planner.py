@@ -1,4 +1,4 @@
-"""Global plan: the cheapest path on the map, which keeps away from walls where there is room."""
+"""Global plan: the cheapest path on the map. It keeps away from walls where there is room."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Point = tuple[float, float]
 Cell = tuple[int, int]  # row, column
 
 STEP_CELLS = 2  # the path runs on every second cell of the map: 0.1 m
-SEEN_M = 0.7  # as far as walls make a path dearer
-DEARER = 4.0  # a metre at a wall costs as much as this many in the open
-BESIDE_M = 0.3  # a goal in an obstacle is moved by no more than this
+SEEN_M = 0.7  # walls within this distance make a path more expensive
+DEARER = 4.0  # additional cost of a metre at a wall; a metre in the open costs 1
+BESIDE_M = 0.3  # a goal in an obstacle is moved by at most this along each axis
 
 _NEIGHBOURS = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1) if row or column]
 
 
 class CostMap:
-    """Distances to the nearest obstacle on the map, metres, up to `SEEN_M`; with obstacles that the laser adds."""
+    """Distances (m) to the nearest obstacle of the map or of the laser, up to `SEEN_M`."""
 
     def __init__(self, survey: Survey, radius_m: float) -> None:
         self._survey = survey
@@ -33,7 +33,7 @@ class CostMap:
         self._mapped = self._clear
 
     def mark(self, points: Iterable[Point]) -> None:
-        """Add obstacles (world) to those of the map; those that were added before are forgotten."""
+        """Add obstacles (world) to the map's; they replace the obstacles that were added before."""
         solid = np.zeros(self._known.shape, bool)
         for point in points:
             row, column = self.cell(point)
@@ -42,7 +42,7 @@ class CostMap:
         self._clear = np.minimum(self._mapped, _clearance(solid))
 
     def clear_m(self, point: Point) -> float:
-        """Distance from a point to the nearest obstacle, metres; 0 outside the known map."""
+        """Return the distance (m) from a point to the nearest obstacle; 0 outside the known map."""
         return self._clear_at(self.cell(point))
 
     def cell(self, point: Point) -> Cell:
@@ -54,7 +54,7 @@ class CostMap:
         )
 
     def plan(self, start: Point, goal: Point) -> list[Point]:
-        """Return points from `start` to `goal`; empty: there is no way. A start too close to a wall may leave it."""
+        """Return points from `start` to `goal`; empty without a path. It may start too close to a wall."""
         begin, end = self._coarse(start), self._nearest_open(self._coarse(goal))
         if end is None:
             return []
@@ -68,7 +68,7 @@ class CostMap:
         return points
 
     def _search(self, begin: Cell, end: Cell) -> list[Cell]:
-        """A*, with the straight distance as the estimate."""
+        """Search by A*, with the straight distance as the estimate."""
         came: dict[Cell, Cell] = {}
         cost = {begin: 0.0}
         queue = [(math.dist(begin, end), begin)]
@@ -126,7 +126,7 @@ class CostMap:
 
 
 def _clearance(solid: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Distance of each cell to the nearest solid one, metres, up to `SEEN_M`."""
+    """Return the distance (m) of each cell to the nearest solid cell, up to `SEEN_M`."""
     reach = round(SEEN_M / RESOLUTION_M)
     clear = np.full(solid.shape, SEEN_M)
     rows, columns = np.nonzero(solid)

@@ -39,7 +39,7 @@ TIAGO = BaseLimits()
 
 
 def clamp(value: float, low: float, high: float) -> float:
-    """`value`, held between `low` and `high`."""
+    """Return `value`, limited to the range from `low` to `high`."""
     return min(max(value, low), high)
 
 
@@ -71,7 +71,7 @@ class BaseController:
         return self.velocity
 
     def _towards(self, wanted: float, before: float, change: float) -> float:
-        """Limit the change from `before` to `change`; less when worn brakes slow the robot down."""
+        """Return `wanted`, at most `change` away from `before`, or less if worn brakes slow the robot."""
         if abs(wanted) < abs(before):
             change *= self.brake_share
         return clamp(wanted, before - change, before + change)

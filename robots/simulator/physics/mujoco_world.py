@@ -1,4 +1,4 @@
-"""The robot's body in the world: MuJoCo computes its motion and contacts. Knows no ROS."""
+"""The robot's body in the world: MuJoCo computes its motion and contacts. Without ROS."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from typing import NamedTuple
 
-# Only the camera draws, in its own context (see `camera`): MuJoCo must not search for a display.
+# Only the cameras draw, in their own context (`cameras.drawing`): MuJoCo must not search for a display.
 os.environ.setdefault("MUJOCO_GL", "disable")
 
 import mujoco
@@ -20,7 +20,7 @@ from robots.simulator.physics.scene import ROBOT_GROUP, scene_xml
 from robots.simulator.sensors.body import Body
 from robots.simulator.worlds import World
 
-# Force of the motors on the whole robot; a fixed obstacle pushes back harder.
+# Largest force and torque of the motors on the whole robot; a fixed obstacle resists more.
 _PUSH_N = 250.0
 _TWIST_NM = 80.0
 _SEEN_GROUPS = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
@@ -57,7 +57,7 @@ class Snapshot(NamedTuple):
 def cast_rays(
     model: mujoco.MjModel, data: mujoco.MjData, robot_id: int, origin: Vector, directions: Vector
 ) -> Vector:
-    """Distances along unit rays (N, 3) from one point, in the world's frame; -1 for rays without a hit."""
+    """Return the distances along unit rays (N, 3) from one point, in the world's frame; -1 without a hit."""
     count = len(directions)
     hit = np.empty((count, 1), dtype=np.int32)
     distance = np.empty(count)
@@ -95,12 +95,12 @@ class WorldReader:
 
     @property
     def pose(self) -> Pose:
-        """The robot's pose at that moment."""
+        """The robot's pose at the moment of the snapshot."""
         x, y, yaw = self.data.qpos[:3].tolist()
         return Pose(x, y, yaw)
 
     def cast(self, origin: Vector, directions: Vector) -> Vector:
-        """Distances along rays, as `cast_rays`."""
+        """Return the distances along rays, like `cast_rays`."""
         return cast_rays(self.model, self.data, self._robot_id, origin, directions)
 
 
@@ -143,7 +143,7 @@ class Physics:
             mujoco.mj_step(self.model, self.data)
 
     def _push(self, wanted: Twist) -> None:
-        """Return the force that reaches `wanted` within one step, limited to the motors' force."""
+        """Apply the force that reaches `wanted` within one step, limited to the motors' force."""
         yaw = float(self.data.qpos[2])
         now = self.velocity
         gain = self._mass / self.timestep_s
@@ -185,7 +185,7 @@ class Physics:
         )
 
     def cast(self, origin: Vector, directions: Vector) -> Vector:
-        """Distances along rays, as `cast_rays`."""
+        """Return the distances along rays, like `cast_rays`."""
         return cast_rays(self.model, self.data, self.robot_id, origin, directions)
 
     def snapshot(self) -> Snapshot:

@@ -1,8 +1,8 @@
 """Selects the velocity input that drives the base by twist_mux's rules, without ROS.
 
 An input is active for `INPUT_TIMEOUT_S` after its last message; the active input of highest priority
-that no lock masks drives the base. A lock masks inputs of a lower priority. Inputs of equal
-priority pass (as in twist_mux).
+that no lock masks drives the base. A lock masks inputs of a lower priority. Active inputs of equal
+priority all pass (as in twist_mux).
 """
 
 from __future__ import annotations

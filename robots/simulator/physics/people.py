@@ -20,7 +20,7 @@ class Walker:
         self._target = next(self._targets) if self._targets else person.at
 
     def place(self, x: float, y: float) -> None:
-        """Stand at this place."""
+        """Stand at this point."""
         self.x, self.y = x, y
         self.walks = False
 
@@ -49,5 +49,5 @@ class Walker:
 
 
 def _to_and_fro(path: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Yield the path forth and back."""
+    """Return the path there and back."""
     return path + path[-2:0:-1]

@@ -32,19 +32,19 @@ _GYRATION_M = 0.28
 
 
 def scene_xml(world: World, body: Body) -> str:
-    """MJCF of `world` with `body` at its origin, ready for `mujoco.MjModel.from_xml_string`."""
+    """Return the MJCF of `world` with `body` at its origin, for `mujoco.MjModel.from_xml_string`."""
     root = Element("mujoco", model=world.name)
     SubElement(root, "compiler", angle="degree", autolimits="true")
     SubElement(root, "option", timestep=str(TIMESTEP_S), integrator="implicitfast", cone="elliptic")
     visual = SubElement(root, "visual")
     SubElement(visual, "quality", shadowsize="0", offsamples="0")
     SubElement(visual, "headlight", ambient="0.7 0.7 0.7", diffuse="0.3 0.3 0.3", specular="0 0 0")
-    # Both count in extents of the world: a camera must not look through a wall that the hull touches.
+    # Multiples of the world's extent. znear is small: a camera must not look through a wall at the hull.
     SubElement(visual, "map", znear="0.002", zfar="40")
     SubElement(visual, "global", offwidth="640", offheight="480")
     _materials(root)
     static = SubElement(root, "worldbody")
-    # From a side, so that walls of different directions differ in brightness.
+    # The light comes from a side, so that walls of different directions differ in brightness.
     SubElement(
         static, "light", directional="true", dir="0.4 0.7 -1", diffuse="0.3 0.3 0.28", castshadow="false"
     )
@@ -65,7 +65,7 @@ def scene_xml(world: World, body: Body) -> str:
 
 
 def _materials(root: Element) -> None:
-    """The floor's tiles of half a metre, whose joints show the robot's motion, the ceiling's panels, and the sky."""
+    """Add floor tiles of half a metre, whose edges show the robot's motion, ceiling panels, and the sky."""
     asset = SubElement(root, "asset")
     looks = {"tiles": ("0.62 0.63 0.61", "0.52 0.55 0.54"), "panels": ("0.88 0.88 0.86", "0.80 0.81 0.80")}
     for name, (bright, dark) in looks.items():
@@ -102,15 +102,15 @@ def _numbers(*values: float) -> str:
 
 
 def _rgba(colour: str) -> str:
-    """``#rrggbb`` as MuJoCo's numbers."""
+    """Convert ``#rrggbb`` to MuJoCo's numbers."""
     return _numbers(*(value / 255.0 for value in bytes.fromhex(colour[1:])), 1.0)
 
 
 def _floor(parent: Element, world: World) -> None:
-    """Seen by cameras and depth sensors; the robot is held upright by its joints and touches nothing here.
+    """Add the floor for cameras and depth sensors. The robot does not touch it: its joints hold it upright.
 
-    Its contact type matches no other geometry. It needs one because MuJoCo bounds a body by its geometry with a contact
-    type: without it, mj_multiRay hit the floor only behind other objects.
+    The floor's contact type matches no other geometry. A contact type is needed because MuJoCo bounds a body
+    by its geometry with a contact type: without one, mj_multiRay hit the floor only behind other objects.
     """
     west, south, east, north = world.size
     SubElement(
@@ -127,7 +127,7 @@ def _floor(parent: Element, world: World) -> None:
 
 
 def _decorate(parent: Element, world: World) -> None:
-    """Skirting boards, a ceiling and the world's own decoration: no collision, no echo, no ray meets them."""
+    """Add skirting boards, a ceiling and the world's decoration. No robot and no ray hits them."""
     group = SubElement(parent, "body", name="decoration")
     for wall in world.walls:
         _slab(group, f"{wall.name} skirting", wall, (wall.thickness + 0.02, _SKIRTING_M), _SKIRTING)
@@ -159,7 +159,7 @@ def _solid(
     rgba: str,
     yaw: float = 0.0,
 ) -> None:
-    """A box of full extents `size` around `centre`."""
+    """Add a box with the whole lengths `size` around `centre`."""
     SubElement(
         parent,
         "geom",
@@ -173,12 +173,12 @@ def _solid(
 
 
 def _piece(parent: Element, name: str, at: tuple[float, float], yaw: float) -> Element:
-    """A frame in which the parts of one piece of furniture are placed."""
+    """Add a frame for the parts of one piece of furniture."""
     return SubElement(parent, "body", name=name, pos=_numbers(*at, 0.0), euler=_numbers(0, 0, yaw))
 
 
 def _slab(parent: Element, name: str, wall: Wall, size: tuple[float, float], rgba: str) -> None:
-    """A slab along the line of `wall`; `size`: thickness and height."""
+    """Add a slab along the line of `wall`; `size`: thickness and height."""
     thickness, height = size
     (x0, y0), (x1, y1) = wall.start, wall.end
     length = math.hypot(x1 - x0, y1 - y0)
@@ -225,7 +225,7 @@ def _box(parent: Element, box: Box) -> None:
 
 
 def _person(parent: Element, person: Person) -> None:
-    """Two legs, a trunk and a head on a mocap body: it moves through obstacles."""
+    """Add two legs, a trunk and a head on a mocap body, which moves through obstacles."""
     figure = SubElement(parent, "body", name=person.name, mocap="true", pos=_numbers(*person.at, 0.0))
     hips = person.height * 0.5
     for side, y in (("left", 0.1), ("right", -0.1)):
@@ -243,14 +243,14 @@ def _upright(
     top: float,
     rgba: str,
 ) -> None:
-    """An upright cylinder."""
+    """Add an upright cylinder."""
     centre = _numbers(*at, (bottom + top) / 2)
     size = _numbers(radius, (top - bottom) / 2)
     SubElement(parent, "geom", name=name, type="cylinder", pos=centre, size=size, rgba=rgba)
 
 
 def _robot(parent: Element, body: Body) -> None:
-    """Three joints hold the body upright and let it slide and turn; forces drive it (see `physics`)."""
+    """Add the robot. Three joints hold it upright, but let it slide and turn; `mujoco_world` applies forces."""
     robot = SubElement(parent, "body", name="robot")
     for name, kind, axis in (("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("yaw", "hinge", "0 0 1")):
         SubElement(robot, "joint", name=f"robot {name}", type=kind, axis=axis)
@@ -272,7 +272,7 @@ def _robot(parent: Element, body: Body) -> None:
 
 
 def _arm(robot: Element, body: Body) -> None:
-    """A body for each capsule, without joints or mass: `physics` places them by the joints."""
+    """Add a body for each capsule, without joints or mass: `Physics.place_arm` places them."""
     for segment, length in zip(SEGMENTS, lengths(frames(body)), strict=True):
         name = f"robot {segment.name}"
         size = _numbers(segment.radius, length / 2.0)

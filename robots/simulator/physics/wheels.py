@@ -1,4 +1,4 @@
-"""The driven wheels of a differential base, as their encoders see them. Metres, radians, seconds."""
+"""The driven wheels of a differential base, as their encoders measure them. Metres, radians, seconds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Wheels:
         self.velocities = {LEFT: 0.0, RIGHT: 0.0}
 
     def step(self, rolled: Twist, dt: float) -> None:
-        """Roll for `dt` seconds; `twist` is the base's motion without slip."""
+        """Roll for `dt` seconds; `rolled` is the base's motion without slip."""
         outwards_mps = rolled.w * self._base.separation_m / 2.0
         self.velocities = {
             LEFT: (rolled.vx - outwards_mps) / self._base.radius_m,

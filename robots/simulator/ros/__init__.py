@@ -1,3 +1,3 @@
-"""The simulated robot's ROS side. With `robots.bridge.ros` the only place that imports rospy."""
+"""The simulated robot's ROS side. Only this package and `robots.bridge.ros` import rospy."""
 
 import robots.bridge.ros  # noqa: F401  (makes rospy importable)

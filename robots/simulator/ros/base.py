@@ -18,7 +18,7 @@ from robots.simulator.robot import Robot
 
 
 def yaw_quaternion(yaw: float) -> Quaternion:
-    """The rotation by `yaw` about the vertical."""
+    """Return the rotation by `yaw` about the vertical."""
     return Quaternion(0.0, 0.0, math.sin(yaw / 2.0), math.cos(yaw / 2.0))
 
 
@@ -78,7 +78,7 @@ class BaseTopics:
     def _commanded(self, message: Twist) -> None:
         twist = base.Twist(message.linear.x, message.linear.y, message.angular.z)
         if not all(map(math.isfinite, twist)):
-            # As diff_drive_controller does.
+            # diff_drive_controller ignores such commands too.
             rospy.logwarn_throttle(5.0, "ignored a velocity command that is not a number")
             return
         self._robot.command(twist, time.monotonic())

@@ -1,4 +1,4 @@
-"""/diagnostics, once a second: motors with temperatures, laser, battery, computer; and what faults make of them."""
+"""/diagnostics, once a second: motors with temperatures, laser, battery, computer; with their faults."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from robots.simulator.robot import Robot
 
-COOL_C, WARM_C = 31.0, 22.0  # of a motor at rest, and more than that at full speed
+COOL_C, WARM_C = 31.0, 22.0  # of a motor at rest, and the increase at full speed
 FASTEST_MPS = 1.0
-WARMS = 0.01  # share of the way to its temperature in a second
+WARMS = 0.01  # share of the difference to its final temperature that a motor gains in a second
 HOT_C = 84.0
 FLOOD = 300  # parts of one message
 

@@ -1,4 +1,4 @@
-"""Joint states and the frames that hang on them."""
+"""Joint states and the transforms of the robot's frames."""
 
 from __future__ import annotations
 

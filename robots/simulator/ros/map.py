@@ -16,7 +16,7 @@ from robots.simulator.robot import Robot
 from robots.simulator.ros.base import yaw_quaternion
 from robots.simulator.sensors.survey import RESOLUTION_M, surveyed
 
-_TOLERANCE_S = 0.5  # that much later a transform still holds, as amcl's do
+_TOLERANCE_S = 0.5  # a transform is valid for this time after its publication, as amcl's
 
 
 class MapTopics:
@@ -59,7 +59,7 @@ class MapTopics:
         self._robot.localisation.give(pose, self._robot.physics.pose)
 
     def _publish_pose(self, stamp: rospy.Time, pose: Pose) -> None:
-        """Publish a pose that is new: as amcl, not while the robot stands."""
+        """Publish the pose if it has changed: like amcl, not while the robot stands."""
         sigmas = self._robot.localisation.sigmas
         if (
             self._believed is not None
@@ -80,7 +80,7 @@ class MapTopics:
 
 
 def pose_of(message: RosPose) -> Pose | None:
-    """Return a pose on the floor; None: not numbers, or no rotation about the vertical."""
+    """Return a pose on the floor; None if numbers are not finite, or the rotation is not about the vertical."""
     turn = message.orientation
     numbers = (message.position.x, message.position.y, turn.x, turn.y, turn.z, turn.w)
     if not all(map(math.isfinite, numbers)) or abs(math.hypot(turn.z, turn.w) - 1.0) > 0.01:

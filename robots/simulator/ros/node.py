@@ -41,7 +41,7 @@ class Duty(NamedTuple):
     tell: Callable[[rospy.Time], None]
 
     def due(self, tick: int) -> bool:
-        """Return whether it runs in this tick."""
+        """Return whether the job runs in this tick."""
         return (tick - self.phase) * self.rate_hz % TICK_HZ < self.rate_hz
 
 

@@ -56,7 +56,7 @@ def _take_leave() -> None:
 
 
 def _wait_for_master(stop: threading.Event) -> bool:
-    """Return True when the master answers, False when the process must end first."""
+    """Wait for the master. Return False if the process must end before the master answers."""
     master = Master(rosgraph.get_master_uri(), "/simulator")
     is_reported = False
     while True:

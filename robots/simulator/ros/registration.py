@@ -1,4 +1,4 @@
-"""Keeps the robot registered at its master: rospy registers once, and a restarted master has lost it."""
+"""Keeps the robot registered at its master: rospy registers only once, but the master may restart."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def _watch(stop: threading.Event, set_parameters: Callable[[], None]) -> None:
     while not stop.wait(_CHECK_EVERY_S):
         try:
             known = known and master.node_uri(rospy.get_name()) is not None
-            if not known:  # until all is registered
+            if not known:  # repeated until everything is registered
                 register_again(master)
                 set_parameters()
                 known = True
                 log.info("registered again with the master, which had been restarted")
         except (MasterError, OSError):
             continue  # the master is away, or ended during the call
-        except Exception:  # rospy's faults with a master that ends while it answers
+        except Exception:  # rospy's errors if the master ends while it answers
             log.exception("registering again failed")

@@ -67,9 +67,9 @@ class GroundTruth:
             self._clearance.publish(Float32(self._robot.physics.clearance_m()))
 
     def publish_contacts(self, stamp: rospy.Time) -> None:
-        """Publish the robot's contacts in every tick with one, and once after the last.
+        """Publish the robot's contacts in every tick with a contact, and once after the last contact.
 
-        JSON: stamp_s; speed_mps with which the robot came into this tick; contacts: part, with, force_n.
+        JSON: stamp_s; speed_mps: the robot's speed before this tick; contacts: part, with, force_n.
         """
         contacts = self._robot.physics.contacts()
         if not contacts and not self._touching:
@@ -90,7 +90,7 @@ class GroundTruth:
         rospy.Subscriber(f"/ground_truth/{name}", kind, lambda message: self._asked.put(lambda: act(message)))
 
     def _fault(self, message: String) -> None:
-        """Set faults, named as `parse_faults` reads them; /ground_truth/faults publishes those in force."""
+        """Set faults, in the format of `parse_faults`; /ground_truth/faults publishes the active faults."""
         try:
             self._robot.faults = parse_faults(message.data)
         except FaultError as error:
@@ -99,7 +99,7 @@ class GroundTruth:
         self._faults.publish(message.data)
 
     def _person(self, message: String) -> None:
-        """``NAME walk``, ``NAME stand`` or ``NAME X Y``."""
+        """Move a person: ``NAME walk``, ``NAME stand`` or ``NAME X Y``."""
         name, _, what = message.data.partition(" ")
         walker = self._robot.people.get(name)
         if walker is None:

@@ -1,1 +1,1 @@
-"""Simulated sensors with a real one's faults."""
+"""Simulated sensors with the faults of real sensors."""

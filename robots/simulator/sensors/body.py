@@ -60,7 +60,7 @@ class CameraMount:
 
     @property
     def optical_frame(self) -> str:
-        """The frame of its pictures."""
+        """The frame of the camera's pictures."""
         return f"{self.link.removesuffix('_link')}_optical_frame"
 
 
@@ -112,7 +112,7 @@ _CENTRE_LASER = LaserMount(frame="laser", pose=(0.0, 0.0, 0.2, 0.0), half_angle=
 
 TIAGO = Body(
     mass_kg=70.0,
-    # With the arm folded (see `arm`) all this stays within the base's circle; a table top still hits it.
+    # With the arm folded (`joints.arm`), all parts stay within the base's circle; table tops can still hit them.
     parts=(
         _PMB2_BASE,
         Part("torso", (-0.06, 0.0), 0.30, 1.0, radius=0.19),

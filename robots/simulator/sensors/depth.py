@@ -17,9 +17,9 @@ FOCAL_PX = WIDTH / 2.0 / math.tan(math.radians(63.0) / 2.0)
 NEAREST_M = 0.3
 FARTHEST_M = 8.0
 
-_RAYS = (
-    160  # across a picture, one for each square of pixels: a ray per pixel would cost sixteen times as much
-)
+# Across a picture: one ray for each square of pixels. One ray for each pixel would cost sixteen times as
+# much.
+_RAYS = 160
 _NOISE_PER_M = 0.0015  # sigma grows with the square of the distance
 _DROPOUT_SHARE = 0.01
 _HOLE_SHARE = 0.2  # of a picture's sides: largest length and width of a hole
@@ -41,7 +41,7 @@ class DepthCamera:
         width, height = size
         focal = FOCAL_PX * width / WIDTH
         self._coarse = coarse = max(width // _RAYS, 1)
-        # Pixels at the middle of each square, as parts of their distance: right and down of the optical axis.
+        # Offsets of each square's middle, right of and below the optical axis, per metre along this axis.
         across = (np.arange(coarse / 2, width, coarse) - width / 2.0) / focal
         down = (np.arange(coarse / 2, height, coarse) - height / 2.0) / focal
         left, up = np.meshgrid(-across, -down)
@@ -50,10 +50,12 @@ class DepthCamera:
         length = np.linalg.norm(rays, axis=-1)
         self._shape = left.shape
         self._rays = (rays / length[..., None]).reshape(-1, 3)  # forward, left, up
-        self._ahead = (1.0 / length).ravel()  # part of a ray's length that lies along the optical axis
+        self._ahead = (
+            1.0 / length
+        ).ravel()  # a ray's extent along the optical axis, as a share of its length
 
     def image(self, reader: WorldReader, camera: CameraPose) -> NDArray[np.float32]:
-        """Distances along the optical axis in metres (height, width); nan without a measurement."""
+        """Return distances along the optical axis in metres (height, width); nan without a measurement."""
         robot = reader.pose
         cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
         to_world = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -63,7 +65,7 @@ class DepthCamera:
         return self._with_holes(depth).repeat(self._coarse, axis=0).repeat(self._coarse, axis=1)
 
     def points(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-        """One point (right, down, ahead; metres) for each ray of a picture, by rows: (120, 160, 3)."""
+        """Return one point (right, down, ahead; metres) for each ray of a picture, by rows: (120, 160, 3)."""
         points: NDArray[np.float32] = depth[:: self._coarse, :: self._coarse, None] * self._per_metre
         return points
 

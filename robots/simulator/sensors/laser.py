@@ -1,4 +1,4 @@
-"""A planar laser in the simulated world, with a real one's faults: noise, drop-outs, too near, too far."""
+"""A planar laser in the simulated world, with a real laser's faults: noise, drop-outs, too near, too far."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Laser:
 
     @property
     def increment(self) -> float:
-        """Angle between neighbouring rays."""
+        """The angle (rad) between neighbouring rays."""
         return 2.0 * self.mount.half_angle / (self.mount.rays - 1)
 
     def scan(self, physics: Physics) -> NDArray[np.float32]:
@@ -56,6 +56,6 @@ class Laser:
 
 
 def in_world(robot: Pose, x: float, y: float) -> tuple[float, float]:
-    """A point of the base frame, in the world's."""
+    """Return a point of the base frame in the world's frame."""
     cos, sin = math.cos(robot.yaw), math.sin(robot.yaw)
     return robot.x + cos * x - sin * y, robot.y + sin * x + cos * y

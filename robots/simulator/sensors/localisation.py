@@ -9,13 +9,13 @@ import numpy as np
 from robots.simulator.physics.mujoco_world import Pose
 from robots.simulator.sensors.odometry import Odometry
 
-MOVED_M = 0.2  # a new estimate after this, or
+MOVED_M = 0.2  # a new estimate after this distance, or after `TURNED_RAD`
 TURNED_RAD = 0.3
 SIGMA_M = 0.02
 SIGMA_RAD = 0.005
 GIVEN_M = 0.5  # standard deviations after a person has set the pose, until the robot has moved
 GIVEN_RAD = 0.26
-FOUND_M = 0.8  # from a set pose that is less off than this, it finds the true one
+FOUND_M = 0.8  # localisation finds the true pose if the set pose is off by less than this
 FOUND_RAD = 0.6
 JUMP_M = 1.5  # the fault `localisation_jumps`
 
@@ -30,7 +30,7 @@ class Localisation:
         self._map_to_odom = Pose(0.0, 0.0, 0.0)
         self._is_given = False  # set by a person, and not yet confirmed
         self._is_lost = False
-        self.waits = False  # for a pose: it knows none before
+        self.waits = False  # the pose is unknown until a person sets it
 
     @property
     def sigmas(self) -> tuple[float, float]:
@@ -38,7 +38,7 @@ class Localisation:
         return (GIVEN_M, GIVEN_RAD) if self._is_given else (SIGMA_M, SIGMA_RAD)
 
     def give(self, pose: Pose, truth: Pose) -> None:
-        """Take the pose in the map that a person has set. Far from the true one, the robot stays lost there."""
+        """Take the map pose that a person has set. If it is far from the true pose, the robot stays lost."""
         self._believed_at = self._present()
         self._set(*pose, self._believed_at)
         self._is_given, self.waits = True, False
@@ -60,7 +60,7 @@ class Localisation:
         return Pose(self._odometry.x, self._odometry.y, self._odometry.yaw)
 
     def _set(self, x: float, y: float, yaw: float, odometry: Pose) -> None:
-        """Believe that the robot, which is at `odometry` in that frame, is at this pose in the map."""
+        """Set the transform from the robot's pose `odometry` in the odometry frame to this pose in the map."""
         turn = math.remainder(yaw - odometry.yaw, math.tau)
         c, s = math.cos(turn), math.sin(turn)
         self._map_to_odom = Pose(

@@ -1,4 +1,4 @@
-"""Odometry that drifts, as wheels do.
+"""Odometry that drifts like that of real wheels.
 
 Each run draws small constant scale errors (the driver's wheel radius and separation are never exact),
 and random slip that grows with the distance travelled.
@@ -16,7 +16,7 @@ from robots.simulator.physics.base import Twist
 
 @dataclass(frozen=True)
 class Drift:
-    """Standard deviations: scale errors without unit, slip per root metre and root radian."""
+    """Standard deviations: scale errors without unit, slip per square root of a metre or radian."""
 
     linear_scale: float = 0.005
     angular_scale: float = 0.01

@@ -13,9 +13,8 @@ from robots.simulator.physics.mujoco_world import Physics
 from robots.simulator.physics.scene import OBJECT_GROUP
 
 RESOLUTION_M = 0.05
-HALF_CELL_M = (
-    0.499 * RESOLUTION_M
-)  # below half: a box that ends at a cell's edge must not occupy the next cell
+# Slightly less than half: a box that ends at a cell's edge must not occupy the next cell.
+HALF_CELL_M = 0.499 * RESOLUTION_M
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100  # percent, as in nav_msgs/OccupancyGrid
 
 Cells = NDArray[np.int8]  # row 0 is the south edge
@@ -32,9 +31,9 @@ class Survey(NamedTuple):
 def surveyed(
     physics: Physics, size: tuple[float, float, float, float], height_m: float, up_to_m: float | None = None
 ) -> Survey:
-    """Map of `size` (west, south, east, north) as a laser at this height sees it from all reachable places.
+    """Return the map of `size` (west, south, east, north) that a laser at this height makes from reachable cells.
 
-    With `up_to_m`: as a body between these two heights meets it.
+    With `up_to_m`: with all obstacles between these two heights.
     """
     west, south, east, north = size
     columns = west + RESOLUTION_M * (np.arange(math.ceil((east - west) / RESOLUTION_M)) + 0.5)

@@ -1,4 +1,4 @@
-"""Dropped data of a robot's network with the reasons, for the page; and senders that are cut off for a while."""
+"""Records for the page why data of a robot's network was dropped; and publishers that are cut off."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ MOST_BARRED = 500  # publishers
 
 
 class Board:
-    """Safe to use from several threads. The oldest entries are dropped when it is full."""
+    """The record of one process. Thread-safe. A full record drops its oldest entries."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._shown: OrderedDict[str, tuple[str, float]] = OrderedDict()  # by subject: words, and until when
-        self._barred: OrderedDict[tuple[str, str], float] = OrderedDict()  # topic and address: until when
+        self._shown: OrderedDict[str, tuple[str, float]] = OrderedDict()  # by subject: text, end (s)
+        self._barred: OrderedDict[tuple[str, str], float] = OrderedDict()  # topic and address: end (s)
 
     def complain(self, subject: str, words: str, now_s: float | None = None) -> None:
-        """Show a complaint about `subject` for `SHOWN_S`. A new one is logged."""
+        """Show a complaint about `subject` for `SHOWN_S`. A new complaint is logged."""
         now_s = time.monotonic() if now_s is None else now_s
         words = cut(words, SENTENCE)
         with self._lock:
@@ -38,18 +38,18 @@ class Board:
             log.warning("%s", words)
 
     def texts(self, now_s: float | None = None) -> list[str]:
-        """Present entries, newest first."""
+        """Return the present entries, newest first."""
         with self._lock:
             alive = self._alive(time.monotonic() if now_s is None else now_s)
             return [words for words, _ in reversed(alive.values())]
 
     def text(self, subject: str) -> str:
-        """The entry of one subject; empty if there is none."""
+        """Return the entry of one subject; empty if there is none."""
         with self._lock:
             return self._alive(time.monotonic()).get(subject, ("", 0.0))[0]
 
     def bar(self, topic: str, uri: str, until_s: float) -> None:
-        """Do not listen to this publisher before then."""
+        """Do not listen to this publisher before `until_s`."""
         with self._lock:
             self._barred[topic, uri] = until_s
             self._barred.move_to_end((topic, uri))

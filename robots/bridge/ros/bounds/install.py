@@ -38,7 +38,7 @@ def install(exhausted: Callable[[], None]) -> None:
 def _publisher_update(
     handler: Any, _caller: object, topic: object, publishers: object
 ) -> tuple[int, str, int]:
-    """Replace rospy's handler, which starts a request to every publisher once for every publisher."""
+    """Replace rospy's handler: with n publishers, it starts n requests to each of them."""
     if not isinstance(topic, str) or not isinstance(publishers, list):
         return -1, "a topic and its publishers are needed", 0
     handler.reg_man.publisher_update(topic, publishers)

@@ -1,7 +1,8 @@
-"""Bounds on rospy's reading of publishers: connections, sizes, messages a second, thread time.
+"""Limits rospy's reading from publishers: connections, sizes, messages a second, processor time.
 
-A publisher that sends more than its topic's `Kind` allows is cut off before its message is deserialized, shown on
-the `BOARD`, and connected again after `DROPPED_S`. Its data is missing, so the gate's rules for silence apply.
+A publisher that sends more than its topic's `Kind` allows is cut off before its message is deserialized,
+shown on the `BOARD`, and connected again after `DROPPED_S`. Until then its data is missing, so the gate
+applies its rules for silent sources.
 """
 
 from __future__ import annotations
@@ -35,13 +36,11 @@ from robots.bridge.server.flood_limits import TokenBucket
 log = logging.getLogger(__name__)
 
 DROPPED_S = 10.0  # until a publisher that was cut off is connected again
-AGAIN_S = (
-    2.0,
-    30.0,
-)  # until one that could not be reached is tried again: doubled each time, up to the second
+# Pause until the next try to reach a publisher: first and longest. It doubles after each failure.
+AGAIN_S = (2.0, 30.0)
 CONNECT_S = 5.0
 MOST_DIALLING = 32  # connections in progress, of all topics
-CHECK_S = 1.0  # between checks of which nodes may be tried again
+CHECK_S = 1.0  # between checks whether a barred publisher may be tried again
 
 _length = struct.Struct("<I")
 _here = threading.local()
@@ -51,8 +50,8 @@ _pauses: dict[str, Callable[[], float]] = {}  # by topic
 def pause(topic: str, seconds: Callable[[], float]) -> None:
     """Wait between reads of a topic's publishers: a thread that wakes for each message costs three times as much.
 
-    Messages that arrive meanwhile wait in the socket and are read at once; rospy keeps the newest `queue_size` of
-    them. `seconds` is called before each read, on rospy's thread.
+    Messages that arrive during the pause wait in the socket, and one read takes them all; rospy keeps the
+    newest `queue_size` of them. `seconds` is called before each read, on rospy's thread.
     """
     _pauses[topic] = seconds
 
@@ -62,13 +61,15 @@ class Reading:
 
     def __init__(self, kind: Kind) -> None:
         self._kind = kind
-        self._messages = TokenBucket(
-            kind.most_hz, 2.0 * kind.most_hz
-        )  # after a stall of the network, messages arrive at once
+        # The burst is twice the rate: after the network stalled, many messages arrive together.
+        self._messages = TokenBucket(kind.most_hz, 2.0 * kind.most_hz)
         self._time = TokenBucket(kind.share, 2.0 * kind.share)
 
     def why_not(self, largest: int, messages: int, worked_s: float, now_s: float) -> str:
-        """Return why the publisher is cut off, or "". `largest` in bytes; `messages` is their number."""
+        """Return why the publisher is cut off, or "".
+
+        `largest`: size of the largest message (bytes). `messages`: their number. `worked_s`: processor time.
+        """
         if largest > self._kind.most_bytes:
             return (
                 f"sends messages of {size_text(largest)}, at most {size_text(self._kind.most_bytes)} is taken"
@@ -98,9 +99,10 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
         self._dropped = ""
 
     def rest(self) -> None:
-        """Pause before the next read, on rospy's thread; not if the publisher closes the connection.
+        """Pause before the next read, on rospy's thread. The pause ends when the publisher disconnects.
 
-        rospy makes no second connection to a publisher: one that comes back at once must find the first one gone.
+        rospy makes no second connection to a publisher. If the publisher connects again at once, the closed
+        connection must already be removed.
         """
         seconds = _pauses.get(self.topic)
         if seconds is None:
@@ -114,7 +116,7 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
         self._dropped = why
 
     def read_messages(self, b: io.BytesIO, msg_queue: list[Any], sock: Any) -> None:
-        """Deserialize the received messages, unless there are too many. Raises TransportTerminated."""
+        """Deserialize the received messages. Raises TransportTerminated if they exceed the limits."""
         _here.speaker = self
         why = self._dropped or self._reading.why_not(*_came(b), self._work_s(), time.monotonic())
         if not why:
@@ -126,7 +128,7 @@ class Listening(TCPROSTransportProtocol):  # type: ignore[misc]
             self._cut_off(why)
 
     def _work_s(self) -> float:
-        """Processor time of this thread since the last call."""
+        """Return the processor time (s) of this thread since the last call."""
         before_s, self._worked_s = self._worked_s, time.thread_time()
         return 0.0 if before_s is None else self._worked_s - before_s
 
@@ -215,7 +217,10 @@ def connect(manager: Any, topic: str, uri: str) -> None:
 
 
 def receive(connection: Any, host: str, port: int, uri: str, take: Any, topic: str) -> None:
-    """Replace rospy's robust_connect_subscriber, on the connection's thread: try once, and again later."""
+    """Connect once, and read; after a failure, try again later. Replaces rospy's robust_connect_subscriber.
+
+    Runs on the connection's thread.
+    """
     try:
         connection.connect(host, port, uri, timeout=CONNECT_S)
     except TransportInitError as error:
@@ -247,11 +252,11 @@ class Manager(RegManager):  # type: ignore[misc]
     def _connect_topic_thread(self, topic: str, uri: str) -> None:
         try:
             connect(self, topic, uri)
-        except Exception:  # any fault of the other side; the master's next update tries again
+        except Exception:  # any fault of the publisher; the master's next update starts another try
             log.exception("a publisher of %s cannot be listened to", topic)
 
     def publisher_update(self, topic: str, uris: list[Any]) -> None:
-        """The master, or a node that claims to be it, names a topic's publishers: accept a limited number."""
+        """Accept a limited number of a topic's publishers: any node can pretend to be the master."""
         subscriber = get_topic_manager().get_subscriber_impl(topic)
         if subscriber is not None:
             most = 2 * kind_of(topic, subscriber.type).publishers
@@ -259,16 +264,15 @@ class Manager(RegManager):  # type: ignore[misc]
             super().publisher_update(topic, list(found)[:most])
 
     def _try_again(self) -> None:
-        """Ask the master again for the publishers of topics on which some were barred."""
+        """Ask the master again for the publishers of topics with publishers that are no longer barred."""
         while not rospy.is_shutdown():
             time.sleep(CHECK_S)
             topics = BOARD.released(time.monotonic())
             if UNHEARD.is_set():
                 UNHEARD.clear()
                 topics |= {topic for topic, _ in get_topic_manager().get_subscriptions()}
-                time.sleep(
-                    DROPPED_S / 2.0
-                )  # a stranger's large calls must not cause constant calls to the master
+                # Refused calls of any host must not cause constant calls to the master.
+                time.sleep(DROPPED_S / 2.0)
             for topic in topics:
                 subscriber = get_topic_manager().get_subscriber_impl(topic)
                 if subscriber is None or not self.uri:

@@ -1,4 +1,4 @@
-"""Limit rospy's log lines about strangers: few and short."""
+"""Limits rospy's log lines, because any host can cause them: few a second, and short."""
 
 from __future__ import annotations
 

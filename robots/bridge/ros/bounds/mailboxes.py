@@ -1,8 +1,10 @@
-"""Passes messages from rospy's threads to the event loop: a few wait per source, and one call takes them.
+"""Passes messages from rospy's threads to the event loop: a few wait per source, and one call takes them all.
 
-Messages that can wait do not wake the loop: it takes them before the next message that cannot, or at its next tick.
+A message that can wait does not wake the loop. The loop takes it before the next message that cannot wait, or
+at its next tick.
 
-A source that costs the loop more than its share is cut off for a while: zeros and the stop run on that loop, too.
+A source that uses more than its share of the loop's time is cut off for a while: the loop also sends zeros
+and stops.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from typing import Protocol
 
 from robots.bridge.server.flood_limits import TokenBucket
 
-# Share of the loop's time for one source. 700 beams at 15 Hz take 0.02, 1081 at 40 Hz 0.06, and thrice that when slow.
+# Share of the loop's time for one source. Scans of 700 beams at 15 Hz take 0.02, of 1081 beams at 40 Hz 0.06;
+# a slow computer needs three times as much.
 LOOP_SHARE = 0.3
 
 Call = Callable[[], None]
@@ -33,7 +36,8 @@ class Speaker(Protocol):
 class Mailboxes:
     """One box for each source. `later` runs a call on the loop soon; it is thread-safe.
 
-    While `hurry` is true, every message wakes the loop; it is called on rospy's threads.
+    While `hurry` returns true, every message wakes the loop; `hurry` is called on rospy's threads. `worked`
+    returns the processor time (s) of the loop's thread: waiting does not count.
     """
 
     def __init__(
@@ -41,9 +45,7 @@ class Mailboxes:
         later: Callable[[Call], None],
         hurry: Callable[[], bool] = lambda: True,
         speaker: Callable[[], Speaker | None] = lambda: None,
-        worked: Callable[
-            [], float
-        ] = time.thread_time,  # processor time of the loop's thread: waiting costs nothing
+        worked: Callable[[], float] = time.thread_time,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._later = later
@@ -53,9 +55,8 @@ class Mailboxes:
         self._clock = clock
         self._boxes: dict[Hashable, deque[tuple[Call, Speaker | None]]] = {}
         self._budgets: dict[Hashable, TokenBucket] = {}
-        self._waiting: dict[
-            Hashable, bool
-        ] = {}  # sources with news that did not wake the loop, and whether another source woke it since
+        # Sources with messages that did not wake the loop; True if a later message of the source woke it.
+        self._waiting: dict[Hashable, bool] = {}
         self._lock = threading.Lock()
 
     def post(self, source: Hashable, call: Call, depth: int = 1, *, can_wait: bool = False) -> None:
@@ -71,7 +72,7 @@ class Mailboxes:
             self._later(lambda: self._take_with(source))
 
     def take_waiting(self) -> None:
-        """On the event loop: take all waiting messages. Messages that arrive in the meantime wait for the next call."""
+        """Take all waiting messages, on the event loop; messages that arrive during this call wait."""
         for _ in range(len(self._waiting)):
             with self._lock:
                 source = next(iter(self._waiting))

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 log = logging.getLogger(__name__)
 
-STACK_BYTES = 1024 * 1024  # of each thread; all of it counts, used or not
+STACK_BYTES = 1024 * 1024  # of each thread; the limit counts the whole stack, also its unused part
 
 
 def limit_memory(most_bytes: int) -> None:
@@ -30,7 +30,7 @@ def lift_limit() -> None:
 
 
 def end_process() -> None:
-    """End as the supervisor ends it: the loop gets the signal and leaves the robot at zero."""
+    """End the process by the supervisor's signal: the event loop handles it, and leaves the robot at zero."""
     os.kill(os.getpid(), signal.SIGTERM)
 
 

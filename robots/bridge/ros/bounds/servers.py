@@ -1,7 +1,7 @@
-"""Bounds on rospy's servers: XML-RPC, and the server of its topics.
+"""Limits rospy's two servers: XML-RPC and topics.
 
-Each connection costs one thread at most, for a bounded time; when there are too many, the oldest is closed. Both
-servers limit the bytes of a call and of a connection's header.
+Each connection uses one thread at most, for a limited time; when there are too many, the oldest is closed.
+Both servers limit the bytes of a call and of a connection's header.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from robots.bridge.server.flood_limits import TokenBucket
 
 log = logging.getLogger(__name__)
 
-LARGEST_CALL = 128 * 1024  # bytes of an XML-RPC call, its HTTP header with it
+LARGEST_CALL = 128 * 1024  # bytes of an XML-RPC call, including its HTTP header
 LARGEST_INBOUND = 64 * 1024  # bytes of the header of a node that connects to one of our topics
-HEADER_S = 5.0  # the header must be complete by then
-IDLE_S = 30.0  # a silent caller is disconnected then and may reconnect
+HEADER_S = 5.0  # until the header must be complete
+IDLE_S = 30.0  # until a silent caller is disconnected; it may connect again
 MOST_CALLERS = 32  # connections to the XML-RPC server
 MOST_HANDSHAKES = 32  # connections whose header is being read
 MOST_LISTENERS = 32  # of one topic
@@ -37,7 +37,8 @@ PER_S, BURST = 100.0, 300.0  # connections, and calls, of one address
 MOST_ADDRESSES = 256
 
 
-# Set when a call was refused. It may have been the master's update of publishers: then ask the master for them.
+# Set when a call was refused. The call may have been the master's update of publishers, so the master is
+# asked again.
 UNHEARD = threading.Event()
 
 
@@ -76,7 +77,7 @@ class CallerLimits:
 
 
 def _hang_up(connection: socket.socket) -> None:
-    """Close a connection: its reader on another thread gets the end of the stream."""
+    """Close a connection. The thread that reads from it gets the end of the stream."""
     try:
         connection.shutdown(socket.SHUT_RDWR)
     except OSError as error:
@@ -139,11 +140,11 @@ class _Handler(SilenceableXMLRPCRequestHandler):  # type: ignore[misc]
         self.send_error(code, words)
 
     def log_error(self, *_: Any) -> None:
-        """Ignore it: any host can cause one."""
+        """Log nothing: any host can cause such an error."""
 
 
 class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
-    """rospy's XML-RPC server, bounded."""
+    """rospy's XML-RPC server, with limits."""
 
     def __init__(self, address: tuple[str, int], log_requests: bool = False) -> None:
         self.callers = CallerLimits(MOST_CALLERS)
@@ -159,7 +160,7 @@ class Server(ThreadingXMLRPCServer):  # type: ignore[misc]
         return True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Log a broken connection briefly: any host can cause one."""
+        """Log a broken connection only for debugging: any host can cause one."""
         log.debug("a call from %s broke", client_address[0])
 
     def shutdown_request(self, request: Any) -> None:
@@ -180,14 +181,14 @@ def take_connection(
     address: tuple[str, int],
     exhausted: Callable[[], None] = end_without_memory,
 ) -> None:
-    """Replace TCPROSServer._tcp_server_callback: a node connected. Returns at once."""
+    """Handle a node's new connection. Returns at once. Replaces TCPROSServer._tcp_server_callback."""
     if not _handshakes.may(address[0], time.monotonic()):
         connection.close()
         return
     _handshakes.enter(connection)
     try:
         threading.Thread(target=_shake_hands, args=(server, connection, address), daemon=True).start()
-    except RuntimeError:  # no room for a thread
+    except RuntimeError:  # no memory for a thread
         connection.close()
         exhausted()
 
@@ -202,7 +203,7 @@ def _shake_hands(server: Any, connection: socket.socket, address: tuple[str, int
         if refusal:
             conversation.send(_field("error", cut(refusal, SENTENCE)))
             connection.close()
-    except Exception as error:  # noqa: BLE001  (a fault in a stranger's bytes ends the connection only)
+    except Exception as error:  # noqa: BLE001  (faulty bytes of any host end only their connection)
         log.debug("somebody at %s does not speak TCPROS: %s", address[0], error)
         connection.close()
     finally:
@@ -244,9 +245,8 @@ def bind_address(address: str | None = None) -> str:
     if advertised:
         try:
             found = socket.gethostbyname(advertised)
-            if (
-                found.startswith("127.") and found != advertised
-            ):  # Debian calls a computer's own name 127.0.1.1
+            # Debian resolves a computer's own name to 127.0.1.1.
+            if found.startswith("127.") and found != advertised:
                 return str(_rospys_own(address))
             with socket.socket() as probe:
                 probe.bind((found, 0))

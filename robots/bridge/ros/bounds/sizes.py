@@ -1,6 +1,7 @@
 """Limits of size and rate of each message type, checked before a message is deserialized.
 
-Limits of lasers and depth cameras follow the gate's needs; the others exceed real robots' by a large margin.
+The limits of lasers and depth cameras follow from the gate's needs; the others are far above the data of real
+robots.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ class Kind(NamedTuple):
 
     most_bytes: int = 64 * KB  # of a message
     most_hz: float = 1000.0
-    share: float = 0.25  # of a core, for reading it on its own thread
-    publishers: int = 16  # of a topic that are listened to
+    share: float = 0.25  # of a core, to read from this publisher on its own thread
+    publishers: int = 16  # of one topic: no more are read
 
 
 KINDS = {
     "sensor_msgs/LaserScan": Kind(BRIEF + 2 * 4 * MOST_BEAMS, 200.0),  # ranges and intensities
-    # Copying alone takes 0.05 of a core at 640 x 480 and 30 Hz, and of clouds 0.33; a slow computer needs thrice that.
+    # At 640 x 480 and 30 Hz, copying alone takes 0.05 of a core for images and 0.33 for clouds; a slow
+    # computer needs three times as much.
     "sensor_msgs/Image": Kind(16 * MB, 120.0, share=0.6),
     "sensor_msgs/CompressedImage": Kind(8 * MB, 120.0, share=0.6),
     "sensor_msgs/PointCloud2": Kind(32 * MB, 120.0, share=0.9),
@@ -39,25 +41,25 @@ KINDS = {
     "std_msgs/Bool": Kind(BRIEF),
     # Each static transform of a robot may have its own node.
     "tf2_msgs/TFMessage": Kind(256 * KB, 2000.0, publishers=64),
-    # Any type: only the inspector subscribes this way, in its own process behind the bridge.
+    # Any type: only the inspector subscribes this way, in its own process.
     "*": Kind(32 * MB, 20_000.0, share=2.0),
 }
 
-_expected: dict[str, str] = {}  # by topic: its type, where it is listened to without one
+_expected: dict[str, str] = {}  # type by topic, for topics that are subscribed without a type
 
 
 def expect(topic: str, type_name: str) -> None:
-    """Limits of a topic that is read as bytes."""
+    """Use the limits of this type for a topic that is read as bytes."""
     _expected[topic] = type_name
 
 
 def kind_of(topic: str, type_name: str) -> Kind:
-    """Limits of a publisher of this topic, read as this type."""
+    """Return the limits of a publisher of this topic that is read as this type."""
     return KINDS.get(_expected.get(topic, type_name), Kind())
 
 
 def size_text(size: float) -> str:
-    """A number of bytes for people."""
+    """Return a number of bytes as a text for people."""
     for unit, name in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
         if size >= unit:
             return f"{size / unit:.3g} {name}"

@@ -1,4 +1,4 @@
-"""Length limits of texts from a robot's network, by kind. Texts are cut on arrival and end with an ellipsis then."""
+"""Length limits of texts from a robot's network. Longer texts are cut on arrival, with an ellipsis."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ SAID = 2000  # a spoken text as the robot reports it
 ANSWER = 4096  # of one text in an answer of a master or node
 DESCRIPTION = 8_000_000  # of one text in a parameter: the robot's description
 
-MOST_TOPICS = 5000  # of a robot, as its master has them
+MOST_TOPICS = 5000  # of a robot, as its master lists them
 MOST_NODES = 100  # on one topic
-MOST_NAMED = 10  # of them, in the state of the robot
+MOST_NAMED = 10  # names that a page shows
 MOST_MOTIONS = 200  # of one action
 MOST_GOALS = 100  # of one action, in one status
 
@@ -24,12 +24,12 @@ _Item = TypeVar("_Item")
 
 
 def cut(text: str, most: int) -> str:
-    """Cut to so many characters. ROS names have no ellipsis, so a cut name matches no real one."""
+    """Cut a text to `most` characters. ROS names have no ellipsis, so a cut name never equals a real name."""
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 def books(entries: Iterable[tuple[str, Sequence[str]]]) -> dict[str, list[str]]:
-    """Names of nodes by name of topic or service, cut. The first ones are kept, of topics and of nodes."""
+    """Return the names of nodes by topic or service, all cut. Only the first topics and nodes are kept."""
     found: dict[str, list[str]] = {}
     for name, nodes in entries:
         if len(found) >= MOST_TOPICS:
@@ -39,7 +39,7 @@ def books(entries: Iterable[tuple[str, Sequence[str]]]) -> dict[str, list[str]]:
 
 
 def cut_types(entries: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Types by topic, both cut."""
+    """Return types by topic, both cut."""
     first = islice(entries, 2 * MOST_TOPICS)
     return {cut(topic, NAME): cut(type_name, NAME) for topic, type_name in first}
 
@@ -51,6 +51,6 @@ def named(names: Collection[str]) -> list[str]:
 
 
 def most_of(entries: Mapping[str, _Item], ours: str) -> dict[str, _Item]:
-    """Return at most `MOST_GOALS` of these, with names cut; goals whose name begins with `ours` come first."""
+    """Return at most `MOST_GOALS` of these goals, with names cut; names that begin with `ours` come first."""
     own_first = sorted(entries.items(), key=lambda item: not item[0].startswith(ours))
     return {cut(name, NAME): item for name, item in own_first[:MOST_GOALS]}

@@ -1,8 +1,8 @@
 """``python -m robots.bridge.ros.camera``: reads the bridge's config from the first line of stdin.
 
-It writes the address on which it listens as a JSON line, again and again as a sign of life. The bridge answers each
-with a line: by how much the robot's clock is ahead of ours (s), or null. The process ends when stdin ends or the
-robot's master dies. The bridge starts another one when it needs it.
+The process writes the address on which it listens as a JSON line, and repeats this line as a sign of life.
+The bridge answers each line with the time (s) by which the robot's clock is ahead of ours, or null. The
+process ends when stdin ends or the robot's master dies. The bridge starts another process when it needs one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from robots.processes.shutdown import exit_within
 
 NICE = 3  # commands to the robot go first
 MOST_BYTES = 1024 * 1024 * 1024  # of memory
-END_S = 1.5  # from the end of stdin
+END_S = 1.5  # until the process must have ended, after the end of stdin
 LIFE_S = SILENCE_S / 5
 
 
@@ -58,13 +58,13 @@ async def serve(config: BridgeConfig) -> None:
 
 
 def _follow_clock(producer: Producer) -> None:
-    """Read what the bridge knows of the robot's clock, until stdin ends."""
+    """Read the offset of the robot's clock from the bridge's lines, until stdin ends."""
     for line in sys.stdin.buffer:
         producer.skew_s = msgspec.json.decode(line, type=float | None)
 
 
 async def _show_life(at: wire.CameraAt, producer: Producer) -> None:
-    """Write the address, again and again while the producer works: the bridge ends a process that does not."""
+    """Write the address repeatedly while the producer works: the bridge ends a process that is silent."""
     while True:
         if time.monotonic() - producer.looked_s < LIFE_S:
             sys.stdout.buffer.write(wire.encode(at) + b"\n")
@@ -73,7 +73,7 @@ async def _show_life(at: wire.CameraAt, producer: Producer) -> None:
 
 
 def _call(loop: asyncio.AbstractEventLoop, work: Callable[..., None], *given: Any) -> None:
-    """Do this on the loop."""
+    """Run `work` on the event loop."""
     with suppress(RuntimeError):  # the process ends
         loop.call_soon_threadsafe(work, *given)
 

@@ -25,11 +25,11 @@ from robots.wire import PictureFormat, Refusal
 
 SILENT_S = 2.0
 MOST_WORDS = 200  # characters: frames may have long names
-WITHOUT_PLACE_S = 3.0  # so long nothing could be drawn into the pictures: then people are told why
-TF_EVERY_S = 0.06  # between two reads of tf: to wake for each of its messages took half of the process's time
-POSE_LATE_S = 0.15  # tf of a picture's stamp comes later: a pose so much older serves as well
-INFO_EVERY_S = 0.3  # between two reads of a camera info that is known
-_STAMP_END = 12  # of a message's header: number, seconds, nanoseconds
+WITHOUT_PLACE_S = 3.0  # if nothing can be drawn into the pictures for this time, a warning gives the reason
+TF_EVERY_S = 0.06  # between two reads of tf: a read of each single message took half of the process's time
+POSE_LATE_S = 0.15  # tf for a picture's stamp arrives after the picture: a pose older by at most this is used
+INFO_EVERY_S = 0.3  # between two reads of the camera info, once it is known
+_STAMP_END = 12  # bytes of a message up to the end of its stamp: number, seconds, nanoseconds
 
 
 class Arrival(NamedTuple):
@@ -41,7 +41,7 @@ class Arrival(NamedTuple):
 
 
 class CameraPicture(NamedTuple):
-    """One picture, encoded, with all that a page needs to know."""
+    """One encoded picture, with all data that a page needs."""
 
     encoded: bytes
     format: PictureFormat
@@ -56,7 +56,7 @@ class CameraPicture(NamedTuple):
 class CameraTopics:
     """Subscribes to one camera. `awake` is notified of each picture, on rospy's threads.
 
-    `skew_s` returns by how much the robot's clock is ahead of this computer's, by its odometry; None: not known.
+    `skew_s` returns the time by which the robot's clock is ahead of ours, from its odometry; None: unknown.
     """
 
     def __init__(
@@ -73,13 +73,12 @@ class CameraTopics:
         self._age = PictureAge()
         self._newest: Arrival | None = None
         self._info: CameraInfo | None = None
-        self._told = b""  # the last camera info behind its stamp
+        self._told = b""  # the last camera info without its number and stamp
         self._damage: str | None = None  # of the last picture
-        self.undecoded: str | None = None  # the last one that had to be decoded could not be
-        self._misfit: tuple[str, str] | None = (
-            None  # why nothing can be drawn into the pictures: code and words
-        )
-        self._placed_s = time.monotonic()  # when the camera's place was known last
+        self.undecoded: str | None = None  # why the last picture that had to be decoded could not be decoded
+        # Why nothing can be drawn into the pictures: code and words.
+        self._misfit: tuple[str, str] | None = None
+        self._placed_s = time.monotonic()  # when the camera's pose was known last
         self._began_s = time.monotonic()
         expect(source.topic, source.type)
         self._subscriber = rospy.Subscriber(
@@ -110,7 +109,7 @@ class CameraTopics:
     def _on_info(self, raw: bytes) -> None:
         told = raw[_STAMP_END:]
         if told == self._told:
-            return  # most only have another stamp
+            return  # most camera infos differ only in their stamp
         self._told = told
         try:
             self._info = CameraInfo().deserialize(raw)
@@ -185,7 +184,7 @@ class CameraTopics:
         return lens
 
     def _pose(self, frame: str, stamp_s: float) -> tuple[float, ...] | None:
-        """Return the base frame in the optical frame, 3 x 4 row by row; None: tf does not tell."""
+        """Return the base frame's pose in the optical frame, 3 x 4 row by row; None if tf has no pose."""
         try:
             place = self._frames.place(frame, stamp_s, patience_s=0.0, late_s=POSE_LATE_S)
         except PoseUnknown as unknown:
@@ -197,7 +196,10 @@ class CameraTopics:
         return tuple(round(float(number), 5) for row in range(3) for number in (*turned[row], origin[row]))
 
     def warning(self, now_s: float) -> Refusal | None:
-        """Return why nothing can be drawn into the pictures for some time now; None: it can, or is not asked for."""
+        """Return why nothing could be drawn into the pictures for `WITHOUT_PLACE_S`; None: no reason.
+
+        Without pictures, or if the profile names no camera info, it is None too.
+        """
         newest = self._newest
         comes = newest is not None and now_s - newest.arrived_s < SILENT_S and self._damage is None
         if (
@@ -212,7 +214,7 @@ class CameraTopics:
         return Refusal(code, text, "robot", {"topic": self.source.topic})
 
     def refusal(self, now_s: float) -> Refusal | None:
-        """Return why no pictures come; None: they come, or have not had time yet."""
+        """Return why no pictures come; None while they come, and in the first `SILENT_S`."""
         topic = self.source.topic
         figures = {"topic": topic}
         if why := BOARD.text(topic):

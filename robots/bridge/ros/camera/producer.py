@@ -1,7 +1,8 @@
-"""Makes the pictures that web processes want: each variant once for all, the newest only.
+"""Makes the pictures that web processes want: each variant once for all, and of the newest picture only.
 
-One thread does all of it, so a slow encoding skips pictures and delays nobody but viewers. A camera of which only
-thumbnails are wanted is subscribed for one picture at a time: a robot's radio carries no film that nobody watches.
+One thread does all the work: when encoding is slow, pictures are skipped, and only viewers wait. If only
+thumbnails of a camera are wanted, the producer subscribes for one picture at a time: the robot's radio must
+not carry video that nobody watches.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from robots.wire import CameraState, PictureFormat, TakenPicture, Variant
 if TYPE_CHECKING:
     from robots.bridge.camera.h264 import H264Encoder
 
-STATE_S = 0.5  # between two looks at cameras that are silent
+STATE_S = 0.5  # between two checks of silent cameras
 THUMBNAIL_HZ = 1.0  # below this rate, the camera is unsubscribed between two pictures
-EARLY_SHARE = 0.8  # of the time between two pictures: a picture may come a little early
+EARLY_SHARE = 0.8  # of the time between two pictures: a picture may arrive a little early
 
 
 class _Watched:
@@ -39,11 +40,11 @@ class _Watched:
 
     def __init__(self, topics: CameraTopics) -> None:
         self.topics = topics
-        self.video: H264Encoder | None = None  # while somebody needs it
-        self.taken: Arrival | None = None  # the last message that was looked at
+        self.video: H264Encoder | None = None  # while a viewer needs video
+        self.taken: Arrival | None = None  # the last message that was handled
         self.made_s: dict[Variant, float] = {}
         self.numbers: dict[Variant, int] = {}
-        self.state: CameraState | None = None  # that was told last
+        self.state: CameraState | None = None  # the last reported state
 
     def due(self, wants: Mapping[Variant, float], now_s: float) -> list[Variant]:
         """Return the variants whose rate allows a picture now."""
@@ -55,7 +56,7 @@ class _Watched:
         ]
 
     def require_key(self) -> None:
-        """Make the next video picture a key picture; the first one is."""
+        """Make the next video picture a key picture; the first picture always is one."""
         if self.video is not None:
             self.video.require_key()
 
@@ -77,7 +78,9 @@ class Producer:
         self._sources = {camera.name: camera for camera in config.topics.cameras}
         self._emit = emit
         self._state = state
-        self.looked_s = time.monotonic()  # when it last began to look for pictures: it works
+        self.looked_s = (
+            time.monotonic()
+        )  # when the last round of `run` began: a recent time shows that the thread works
         self.skew_s: float | None = None  # robot's clock minus ours, as the bridge knows it
         self._awake = threading.Condition()
         self._wants: Wants = {}
@@ -101,7 +104,7 @@ class Producer:
             self._keys.add(camera)
 
     def run(self) -> None:
-        """Work for ever."""
+        """Make pictures without end."""
         while True:
             self.looked_s = time.monotonic()
             with self._awake:
@@ -120,7 +123,7 @@ class Producer:
         )
 
     def _awake_wants(self) -> Wants:
-        """Return what is wanted of cameras that do not rest now."""
+        """Return the wanted variants of the cameras that do not rest now."""
         now_s = time.monotonic()
         return {
             name: variants
@@ -159,18 +162,18 @@ class Producer:
         due: list[Variant],
         now_s: float,
     ) -> None:
-        """Emit the picture as it is, then the encoded variants."""
+        """Emit the unchanged picture, then the encoded variants."""
         if "full" in due:
             self._send(name, watched, picture, "full", picture.format, picture.encoded, now_s)
         if "small" in due or "video" in due:
             self._encode(name, watched, picture, due, now_s)
         elif not wants.keys() & {"small", "video"}:
-            watched.topics.undecoded = None  # nobody asks for it any more
+            watched.topics.undecoded = None  # nobody wants decoded variants any more
 
     def _encode(
         self, name: str, watched: _Watched, picture: CameraPicture, due: list[Variant], now_s: float
     ) -> None:
-        """Emit the picture as video and small. The libraries are loaded here, not while a first viewer waits."""
+        """Emit the picture as video and small. Imports the libraries here: the process starts faster."""
         from robots.bridge.camera.jpeg import decoded, small
 
         try:

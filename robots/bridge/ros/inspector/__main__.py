@@ -24,7 +24,7 @@ from robots.processes.shutdown import exit_within
 
 NICE = 5  # commands to the robot go first
 MOST_BYTES = 1536 * 1024 * 1024  # of memory: people view messages of tens of megabytes
-END_S = 1.5  # from the end of stdin
+END_S = 1.5  # until the process must have ended, after the end of stdin
 
 
 class Lines:

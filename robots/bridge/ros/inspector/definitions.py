@@ -28,11 +28,13 @@ from robots.wire import Field
 
 EMBEDDED = re.compile(r"^={80}\nMSG: (\S+)\n", re.MULTILINE)  # before each type that a text embeds
 LARGEST_TEXT = 256 * 1024  # characters of a definition
-MOST_FIELDS = 3000  # of a definition, nested ones counted wherever they stand
-MOST_WORDS = 512 * 1024  # characters of their names, types and constants, counted likewise
+MOST_FIELDS = 3000  # of a definition; a nested message counts at each place of its use
+MOST_WORDS = 512 * 1024  # characters of the fields' names, types and constants, counted in the same way
 DEEPEST = 20
-LONGEST_ARRAY = 100_000  # elements, of those that a definition fixes: of an array and those around it
-LONGEST_WORDS = 300  # of a publisher's, within a sentence of ours
+LONGEST_ARRAY = (
+    100_000  # elements of an array of fixed length, times the lengths of the arrays that contain it
+)
+LONGEST_WORDS = 300  # characters of a publisher's text within a sentence of ours
 MOST_KEPT = 1000  # definitions on disk
 MOST_FOUND = 200  # in memory
 
@@ -46,7 +48,7 @@ class Definition:
 
     type: str
     md5: str
-    text: str  # with the embedded types' texts after it, as genpy has it
+    text: str  # followed by the embedded types' texts, as in genpy
     known: bool
     fields: list[Field] = field(repr=False)
 
@@ -69,9 +71,8 @@ def parsed(type_name: str, text: str, known: bool = False) -> Definition:
         raise _bad(type_name, "it is too long, or its type has no proper name")
     try:
         context, spec = _loaded(type_name, text)
-        fields = list(
-            _Tree(context).fields(spec, DEEPEST)
-        )  # before the sum, whose computation does not limit nesting
+        # First the fields: `compute_md5` does not limit nesting.
+        fields = list(_Tree(context).fields(spec, DEEPEST))
         return Definition(type_name, compute_md5(context, spec), text, known, fields)
     except (genmsg.InvalidMsgSpec, KeyError, ValueError, IndexError) as error:
         raise _bad(type_name, str(error)) from error
@@ -154,7 +155,7 @@ class Definitions:
         self._lock = threading.Lock()
 
     def of_connection(self, header: dict[str, str]) -> Definition:
-        """Definition of the publisher with this connection header. Raises Declined."""
+        """Return the definition of the publisher with this connection header. Raises Declined."""
         claimed = (header.get("type", ""), header.get("md5sum", ""), header.get("message_definition", ""))
         key = hashlib.sha256("\0".join(claimed).encode()).hexdigest()
         with self._lock:
@@ -163,7 +164,7 @@ class Definitions:
                 found = self._judged(*claimed)
             if len(self._found) >= MOST_FOUND:
                 self._found.clear()
-            if claimed[2] or isinstance(found, Definition):  # else another publisher may still send it
+            if claimed[2] or isinstance(found, Definition):  # else another publisher may send the text later
                 self._found[key] = found
         if isinstance(found, Declined):
             raise found
@@ -215,7 +216,7 @@ class Definitions:
     # --- on disk --------------------------------------------------------------------------------------
 
     def _kept(self, type_name: str, md5: str = "*") -> Iterator[Definition]:
-        """Search the newest first. An edited file has another sum and is skipped."""
+        """Yield the kept definitions, newest first. An edited file has another md5 sum and is skipped."""
         pattern = f"{type_name.replace('/', '--')}--{md5}.msg"
         if not _TYPE.fullmatch(type_name):
             return

@@ -1,4 +1,4 @@
-"""The robot's topics, actions, services and parameters, as its master has them."""
+"""The robot's topics, actions, services and parameters, as its master lists them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robots.bridge.ros.network.master import INSPECTOR, Master
 
 PARTS = ("goal", "cancel", "status", "feedback", "result")  # topics of an action
 LARGEST_VALUE = 48 * 1024  # bytes of a parameter's JSON
-LONGEST_TEXT = 16 * 1024  # characters of one text in it
+LONGEST_TEXT = 16 * 1024  # characters of one text in a parameter
 
 
 def graph(master: Master, seq: int) -> wire.Graph:
@@ -43,7 +43,7 @@ def _of_the_robot(books: dict[str, list[str]]) -> dict[str, list[str]]:
 
 
 def _actions(topics: list[wire.TopicRow]) -> Iterator[wire.ActionRow]:
-    """Find actions: a node subscribes to goals and publishes status."""
+    """Find the actions: all five topics of an action exist, and a node publishes its status."""
     rows = {topic.name: topic for topic in topics}
     for name in sorted(row.removesuffix("/goal") for row in rows if row.endswith("/goal")):
         parts = {part: rows.get(f"{name}/{part}") for part in PARTS}

@@ -1,4 +1,4 @@
-"""Publish messages of any type to the robot: once, or repeated at a rate until a stop.
+"""Publishes messages of any type to the robot: once, or repeated at a rate until it is stopped.
 
 The bridge (`robots.bridge.tasks.holder_tasks`) decides whether a message may be published. This module packs and
 sends it, under the `PublishPermit` that was valid when the bridge agreed. A halt makes a new permit: queued messages
@@ -20,21 +20,20 @@ from robots.bridge.ros.network.master import Master, MasterError
 from robots.bridge.ros.tasks.publishing import immediate_publisher, publish
 from robots.bridge.ros.vital import start_vital
 
-LISTENERS_S = 1.0  # a single message waits so long for listeners to connect
-WAITING = 20  # messages on their way to one topic, at most
-LINGER_S = (
-    10.0  # a topic stays advertised after its last message, so that the next one need not wait for listeners
-)
+LISTENERS_S = 1.0  # a topic's first message waits at most this long for listeners to connect
+WAITING = 20  # the most messages that wait on one topic
+# A topic stays advertised for this time after its last message: the next message need not wait for listeners.
+LINGER_S = 10.0
 LIFE_S = 0.5  # publishing at a rate needs a sign of life from the bridge within this time
 SEND_PATIENCE_S = (
-    0.3  # a subscriber that does not read for so long is disconnected, so that it delays no other
+    0.3  # a subscriber that does not read for this time is disconnected, so that it delays no other
 )
 
 Bytes = Callable[[], bytes]
 
 
 class PublishPermit:
-    """Permission to send until its end. Sending at a rate also needs a living bridge, because the bridge ends it."""
+    """Permission to send, until `end`. Sending at a rate also needs a living bridge, because it calls `end`."""
 
     def __init__(self) -> None:
         self._sending = threading.Lock()
@@ -59,20 +58,20 @@ class PublishPermit:
 
 
 class _Publisher:
-    """One topic that we publish on, from its own thread."""
+    """One topic on which this process publishes, with its own thread."""
 
     def __init__(self, topic: str, definition: Definition, master: Master) -> None:
         self.definition = definition
         self._topic = topic
         self._master = master
         self._once: deque[tuple[Bytes, PublishPermit]] = deque(maxlen=WAITING)
-        self._repeated: tuple[Bytes, PublishPermit, float] | None = None  # and its rate (Hz)
+        self._repeated: tuple[Bytes, PublishPermit, float] | None = None  # with the rate (Hz)
         self._news = threading.Condition()
         self._closed = False
         self._thread = start_vital(self._run, f"publish {topic}")
 
     def say(self, data: Bytes, permit: PublishPermit, rate_hz: float) -> bool:
-        """Send a message. Returns False if the topic is being closed: then it is not sent."""
+        """Queue a message. Returns False if the topic is being closed: then the message is not sent."""
         with self._news:
             if rate_hz:
                 self._repeated = (data, permit, rate_hz)
@@ -158,7 +157,7 @@ class Publishers:
 
 
 def _message_class(definition: Definition) -> type[rospy.AnyMsg]:
-    """Return a class with the names that rospy needs of a type; this module packs the bytes."""
+    """Return a message class with the attributes that rospy needs; this module packs the bytes."""
     names = {
         "_type": definition.type,
         "_md5sum": definition.md5,

@@ -1,6 +1,7 @@
 """Handles each request of the bridge: a query, a subscription, a message to the robot, or a halt.
 
-It refuses publications, calls and parameters that the denylist (`robots/bridge/tasks/denylist.py`) forbids.
+The inspector refuses publications, calls and parameters that the denylist (`robots/bridge/tasks/denylist.py`)
+forbids.
 """
 
 from __future__ import annotations
@@ -63,7 +64,9 @@ class Inspector:
         self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._node: Node | None = None
         self._permit = PublishPermit()  # to publish, until the next halt
-        self._checked: dict[tuple[str, str], Definition] = {}  # by topic and type, as they were checked last
+        self._checked: dict[
+            tuple[str, str], Definition
+        ] = {}  # by topic and type: the definition at the last check
 
     def handle_line(self, line: bytes) -> None:
         """Handle one request. Returns at once, so that a halt and the end of stdin are read without delay."""
@@ -118,7 +121,8 @@ class Inspector:
             raise
 
     def _publish(self, order: wire.Publish, permit: PublishPermit) -> None:
-        # Another process checked it already; a fault here ends this process, and the bridge reports that.
+        # The order passed a `Check`, maybe in an earlier process. A fault ends this process; the bridge
+        # reports that.
         definition = self._checked.get((order.topic, order.type)) or self._sendable(order)
         values = fit_fields(definition.fields, order.fields)
         self._made_node().publishers.publish(
@@ -147,7 +151,7 @@ class Inspector:
     # --- queries --------------------------------------------------------------------------------------
 
     def _aside(self, work: Callable[[], None]) -> None:
-        """Run on a separate thread, since it may take a second; without a free one the request is refused."""
+        """Run on a separate thread, since it may take a second. If all are busy, there is no answer."""
 
         def run() -> None:
             try:
@@ -209,14 +213,14 @@ class Inspector:
                 raise Declined("not_allowed", f"It is not allowed to set {inner}: {why}.", name=inner)
 
     def _definition(self, type_name: str, topic: str | None) -> Definition:
-        """Return a publisher's definition, if one publishes this type on the topic; else the known definition."""
+        """Return the definition of a publisher of this type on the topic, else the known definition."""
         header = self._connection_header(topic) if topic else {}
         if header.get("type") == type_name:
             return self._definitions.of_connection(header)
         return self._definitions.of_type(type_name)
 
     def _connection_header(self, topic: str) -> Header:
-        """Connection header of the first publisher that can be reached; empty if there is none."""
+        """Return the connection header of the first publisher that can be reached; empty if there is none."""
         nodes = self._master.system_state().publishers.get(topic, [])
         addresses = {node: self._master.node_uri(node) for node in nodes if not node.startswith(INSPECTOR)}
         header, unheard = first_response(Conversation.read_header, topic, addresses, INSPECTOR)
@@ -225,7 +229,7 @@ class Inspector:
         return header or {}
 
     def _sendable(self, order: wire.Publish) -> Definition:
-        """Return the definition of an allowed message. Raises a refusal if it is not on the list or harmful."""
+        """Return the definition of an allowed message. Raises Declined if it is not allowed, or harmful."""
         self._require("publish", order.topic, order.type)
         definition = self._definition(order.type, order.topic)
         _require_harmless(definition)
@@ -261,7 +265,7 @@ def _refusal(error: Exception) -> wire.Refusal:
 
 
 def _require_harmless(definition: Definition) -> None:
-    """Refuse types with a twist inside, under any name: by inner types, or by the same bytes. Raises Declined."""
+    """Refuse types that contain a twist under any name: check inner types and md5 sums. Raises Declined."""
     why = why_fields_denied(definition.type, definition.fields)
     if twin := next((name for name in COUNTERFEITED if message_class(name)._md5sum in definition.sums), None):
         why = why_fields_denied(twin, ())

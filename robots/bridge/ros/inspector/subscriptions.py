@@ -28,12 +28,11 @@ log = logging.getLogger(__name__)
 
 LARGEST_SHOWN = 16 * 1024  # bytes of a `Sample`
 LEVELS = (Detail(32, 16, 500), Detail(8, 4, 100), Detail(2, 1, 40))  # of detail; the first that fits is shown
-# a report without a new message: for its figures, and for late viewers
-AGAIN_S = 1.0
+AGAIN_S = 1.0  # until a topic without a new message is reported again: for its figures, and for new viewers
 LONGEST_NAME = 200  # characters of a publisher's own name
 MOST_NAMED = 20  # publishers of a topic
 RATE_WINDOW_S = 10.0
-RATE_LEAST = 3  # messages for the rate of a topic with fewer messages in the window
+RATE_LEAST = 3  # messages: if fewer are in the window, the rate is that of the last `RATE_LEAST` messages
 RATE_SAMPLES = 2000
 
 _encode = msgspec.json.Encoder().encode
@@ -52,7 +51,7 @@ class Subscription:
         self._newest: rospy.AnyMsg | None = None
         self._number = 0
         self._shown_number = 0
-        # Without a queue size: with one, rospy drops messages uncounted. Here no message waits.
+        # No queue size: with one, rospy drops messages before they are counted. Here no message waits.
         self._subscriber = rospy.Subscriber(topic, rospy.AnyMsg, self._on_message)
 
     def close(self) -> None:
@@ -67,7 +66,7 @@ class Subscription:
             self._awake.notify()
 
     def due_s(self) -> float:
-        """Return when the topic is due: as soon as its rate allows after a new message, else after a while."""
+        """Return when the topic is due: when its rate allows after a new message, else after `AGAIN_S`."""
         fresh = self._number != self._shown_number
         return self.shown_s + (self.gap_s if fresh else max(self.gap_s, AGAIN_S))
 
@@ -119,12 +118,12 @@ def rate_hz(arrivals: Sequence[float], now_s: float) -> float | None:
 
 
 def _names(connections: Sequence[Any]) -> list[str]:
-    """Return the publishers' names, as they give them to their listeners."""
+    """Return the publishers' names, as the publishers send them in their connection headers."""
     return sorted({connection.callerid_pub[:LONGEST_NAME] for connection in connections})[:MOST_NAMED]
 
 
 def _discord(publishers: Sequence[Any]) -> wire.Refusal | None:
-    """Return a refusal if publishers disagree about the type. Messages keep their own publisher's definition."""
+    """Return a refusal if publishers disagree on the type. Each message has its publisher's definition."""
     kinds = sorted({f"{publisher.type} ({publisher.md5sum})"[:LONGEST_NAME] for publisher in publishers})
     if len(kinds) < 2:
         return None

@@ -1,4 +1,4 @@
-"""ROS classes by type name, also for the types that the distribution does not package.
+"""ROS classes by type name, also of types that the distribution does not package.
 
 `definitions/` has one file for each of PAL's types. genpy generates Python from them once per change, in a
 folder named by a digest of its inputs, so that processes never see an incomplete or old folder. The first use of
@@ -34,12 +34,12 @@ class UnknownTypeError(LookupError):
 
 
 def message_class(name: str) -> type[Any]:
-    """The class of message type `name`, such as ``play_motion_msgs/PlayMotionActionGoal``."""
+    """Return the class of message type `name`, such as ``play_motion_msgs/PlayMotionActionGoal``."""
     return _class(name, "msg")
 
 
 def service_class(name: str) -> type[Any]:
-    """The class of service type `name`, such as ``play_motion_msgs/ListMotions``."""
+    """Return the class of service type `name`, such as ``play_motion_msgs/ListMotions``."""
     return _class(name, "srv")
 
 
@@ -68,7 +68,7 @@ def make_ours_importable() -> Path:
 
 
 def definition_files() -> list[Path]:
-    """All definition files, sorted."""
+    """Return all definition files, sorted."""
     return sorted(file for file in DEFINITIONS.rglob("*.*") if file.suffix in {".msg", ".srv", ".action"})
 
 
@@ -102,7 +102,7 @@ def _generated() -> Path:
 
 
 def _cache_folder() -> Path:
-    """Folder of generated classes: only ours, because code written there runs in our process."""
+    """Return the folder of generated classes. Only our user may write there, since we run its code."""
     wanted = Path(os.environ.get("FLEET_VAR") or REPOSITORY / "var") / "ros-types"
     try:
         wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -113,7 +113,7 @@ def _cache_folder() -> Path:
 
 @cache
 def _short_lived_folder() -> Path:
-    """For a read-only installation: each process generates its classes and removes them at its end."""
+    """Return a folder for a read-only installation: each process generates and removes its own classes."""
     folder = Path(tempfile.mkdtemp(prefix="fleet-ros-types-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder

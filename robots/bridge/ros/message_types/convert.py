@@ -1,4 +1,4 @@
-"""From ROS messages to the gate's values."""
+"""Converts ROS messages to the gate's values."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from robots.bridge.gate.values import LaserScan, Pose, Velocity
 
 
 def planar(odometry: Any) -> tuple[Pose, Velocity]:
-    """Pose and velocity in the plane of a nav_msgs/Odometry."""
+    """Return pose and velocity in the plane of a nav_msgs/Odometry."""
     position, q, twist = odometry.pose.pose.position, odometry.pose.pose.orientation, odometry.twist.twist
     yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
     return Pose(position.x, position.y, yaw), Velocity(twist.linear.x, twist.linear.y, twist.angular.z)
 
 
 def laser_scan(scan: Any, source: str, arrival_s: float) -> LaserScan:
-    """A sensor_msgs/LaserScan of this source."""
+    """Return the gate's scan of a sensor_msgs/LaserScan from this source."""
     return LaserScan(
         source,
         scan.header.stamp.to_sec(),

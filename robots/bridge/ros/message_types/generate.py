@@ -1,7 +1,7 @@
 """Writes Python packages for ROS definition files, with genmsg and genpy.
 
-`<package>/msg/_<Type>.py` holds one class each, as catkin would lay them out; the packages' own
-``__init__`` loads a class at its first use, because loading all of them is slow.
+Each `<package>/msg/_<Type>.py` contains one class, as with catkin; the packages' own ``__init__`` loads a
+class at its first use, because loading all of them is slow.
 """
 
 from __future__ import annotations

@@ -17,9 +17,9 @@ from robots.bridge.ros.tasks.publishing import heard_by
 
 
 class Acknowledgements:
-    """The drive topic's connections to the master's computer; all connections, if there are none to it.
+    """The drive topic's connections to the master's computer; if there are none, all its connections.
 
-    A listener on another computer may have a slow link, which says nothing about the robot's.
+    A listener on another computer may have a slower network than the robot.
     """
 
     def __init__(self, address: str) -> None:
@@ -38,7 +38,7 @@ class Acknowledgements:
             echo.wrote(connection.stat_bytes, now_s)
 
     def took_s(self, now_s: float) -> float | None:
-        """Return the acknowledgement time (s) of the slowest connection since the last call; None without news."""
+        """Return the slowest connection's acknowledgement time (s) since the last call, if there is any."""
         found = [
             echo.took_s(connection.stat_bytes - _kept(connection), now_s)
             for connection, echo in self._acknowledgements.items()

@@ -42,7 +42,7 @@ class NotThere(MasterError):
 
 
 def left_s(until_s: float) -> float:
-    """Return the time until `until_s` on the monotonic clock. Raises TimeoutError when it is over."""
+    """Return the time until `until_s` on the monotonic clock. Raises TimeoutError if it has passed."""
     left_s = until_s - time.monotonic()
     if left_s <= 0.0:
         raise TimeoutError("timed out")
@@ -138,10 +138,10 @@ class SystemState:
 
 
 class Master:
-    """One master (or one node), as the node `caller` calls it.
+    """One master (or one node) that the node `caller` calls.
 
-    Calls raise MasterError after `timeout_s` of silence, and at `WHOLE_S` in any case. Resolving the host name comes
-    first and takes as long as this computer's resolver tries.
+    Calls raise MasterError after `timeout_s` of silence, and after `WHOLE_S` in any case. The host name is
+    resolved before that, without a limit of ours: this computer's resolver decides how long it tries.
     """
 
     def __init__(self, uri: str, caller: str, timeout_s: float = TIMEOUT_S) -> None:
@@ -150,22 +150,22 @@ class Master:
         self._timeout_s = timeout_s
 
     def alive(self) -> None:
-        """Return if the master answers."""
+        """Return if the master answers, else raise MasterError."""
         self.call("getPid")
 
     def node_uri(self, node: str) -> str | None:
-        """The XML-RPC address of a registered node, None if there is none of that name."""
+        """Return the XML-RPC address of a registered node; None if no node has this name."""
         try:
             return self._call_typed(str, "lookupNode", node)
         except NotThere:
             return None
 
     def register(self, kind: str, topic: str, type_name: str, node_uri: str) -> list[str]:
-        """registerPublisher or registerSubscriber; returns the addresses of the other side."""
+        """Call registerPublisher or registerSubscriber; return the addresses of the topic's other side."""
         return self._call_typed(list[str], kind, topic, type_name, node_uri)
 
     def parameter(self, name: str) -> Any:
-        """The parameter's value; None if there is none."""
+        """Return the parameter's value; None if there is no such parameter."""
         try:
             return self.call("getParam", name, longest=texts.DESCRIPTION)
         except NotThere:
@@ -181,7 +181,7 @@ class Master:
         return SystemState(publishers, subscribers, types, services, is_cut)
 
     def call(self, method: str, *arguments: object, longest: int = texts.ANSWER) -> Any:
-        """One call of the master (or slave) API; returns its value, each text cut at `longest` characters."""
+        """Call a method of the master (or slave) API; return its value, with texts cut at `longest`."""
         try:
             transport = _Transport(self._timeout_s, longest)
             with xmlrpc.client.ServerProxy(self.uri, transport=transport) as proxy:
@@ -213,7 +213,7 @@ class Master:
 def _goal_types(publishers: Mapping[str, object], types: Mapping[str, str]) -> dict[str, str]:
     """Return the goal types of actions, as the action servers advertise them.
 
-    For a goal topic itself the master gives the type that was advertised last, maybe by this console.
+    For a goal topic itself, the master returns the type that was advertised last, maybe by this console.
     """
     results = {topic: types.get(topic, "") for topic in publishers if topic.endswith("/result")}
     return {

@@ -20,11 +20,11 @@ log = logging.getLogger(__name__)
 
 RETRY_S = 0.5
 SURVEY_S = 2.0
-SILENCE_S = 10.0  # without a break, until another bridge counts as dead
+SILENCE_S = 10.0  # of uninterrupted silence, after which another bridge counts as dead
 
 
 class Namesake(Exception):
-    """Another bridge is registered with this master, and not known to be dead."""
+    """Another bridge is registered with this master, and is not known to be dead."""
 
 
 class NodeLost(Exception):
@@ -39,7 +39,7 @@ class Node(Protocol):
     """Callbacks of the monitor, called on its thread."""
 
     def begin(self) -> None:
-        """Join the master by rospy: it answers and knows no other bridge. Called once."""
+        """Join the master by rospy: the master answers, and no other bridge is registered. Called once."""
 
     def restarted(self) -> None:
         """Handle a restarted master. All registrations were repeated."""
@@ -51,7 +51,7 @@ class Node(Protocol):
         """Take the reason why the robot is not joined."""
 
     def lost(self, name_taken: bool) -> None:
-        """Handle the loss of the node, another process must replace it: the name was taken, or `begin` failed."""
+        """Handle the loss of the node: its name was taken, or `begin` failed. A new process must follow."""
 
 
 class MasterMonitor:
@@ -61,7 +61,7 @@ class MasterMonitor:
         self._master = master
         self._node = node
         self._begun = False
-        self._silent_since_s: float | None = None  # a namesake
+        self._silent_since_s: float | None = None  # another bridge with this name
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="master", daemon=True)
 
@@ -82,7 +82,7 @@ class MasterMonitor:
             except Namesake as error:
                 self._node.tell(RosStatus("refused", str(error)))
             except NodeLost as error:
-                if not self._ending.is_set():  # else `rospy.signal_shutdown` was called meanwhile
+                if not self._ending.is_set():  # else this process itself called `rospy.signal_shutdown`
                     self._node.tell(RosStatus("refused", str(error)))
                     self._node.lost(error.name_taken)
                 return
@@ -104,7 +104,7 @@ class MasterMonitor:
             self._stay(watch)
 
     def _begin(self) -> None:
-        """A failed join cannot be repeated: rospy starts once, and its topics exist already."""
+        """Join the master. A failed join cannot be repeated: rospy starts only once, its topics exist."""
         try:
             self._node.begin()
         except Exception as error:
@@ -136,7 +136,7 @@ class MasterMonitor:
             raise NodeLost("Another node took this bridge’s name on the robot’s master.", name_taken=True)
 
     def _require_no_namesake(self) -> None:
-        """Raise Namesake if another bridge lives. A silent one may be a busy computer: it counts as dead only later."""
+        """Raise Namesake if another bridge lives. A silent one may be busy: it is dead after `SILENCE_S`."""
         uri = self._master.node_uri(BRIDGE)
         alive = node_alive(uri, BRIDGE) if uri and uri != rospy.get_node_uri() else False
         if alive:

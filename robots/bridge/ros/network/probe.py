@@ -94,7 +94,7 @@ def _description(arm: ArmSource, master_uri: str) -> DescriptionFound:
 
 
 def _node_uris(master: Master, state: SystemState) -> dict[str, str]:
-    """Every node's XML-RPC address."""
+    """Return every node's XML-RPC address."""
     sides = (state.publishers, state.subscribers)
     nodes = {node for side in sides for names in side.values() for node in names}
     found = {node: master.node_uri(node) for node in sorted(nodes)}
@@ -229,7 +229,7 @@ def _listen(conversation: Conversation, asked: Listened, found: TopicFound, list
 
 
 def _read_message(conversation: Conversation) -> bytes:
-    """The beginning of the next message; the rest of it is read and dropped."""
+    """Return the first `HEAD` bytes of the next message; read and drop the rest."""
     length = conversation.read_length()
     head = conversation.read(min(length, HEAD))
     left = length - len(head)
@@ -239,13 +239,13 @@ def _read_message(conversation: Conversation) -> bytes:
 
 
 def _stamp_and_frame(head: bytes) -> tuple[float, str]:
-    """Return stamp (s) and frame id of the std_msgs/Header at the message's begin."""
+    """Return stamp (s) and frame id of the std_msgs/Header at the beginning of the message."""
     _seq, seconds, nanoseconds, length = struct.unpack_from("<IIII", head)
     return seconds + nanoseconds * 1e-9, head[16 : 16 + length].decode(errors="replace")
 
 
 def _range(head: bytes, frame: str) -> dict[str, float]:
-    """Return a sensor_msgs/Range by its frame; nothing if it is not finite, which JSON cannot say."""
+    """Return a sensor_msgs/Range's range (m) by frame; nothing if JSON cannot express it (not finite)."""
     length = struct.unpack_from("<I", head, 12)[0]
     (range_m,) = struct.unpack_from("<f", head, 16 + length + RANGE_AT)
     return {frame: range_m} if math.isfinite(range_m) else {}

@@ -14,7 +14,7 @@ import msgspec
 from robots.bridge.ros.network.master import Master, MasterError, left_s
 
 LARGEST_HEADER = 1024 * 1024  # bytes of a connection header, which includes a definition
-MOST_FIELDS = 100  # of it
+MOST_FIELDS = 100  # of a header
 CONNECT_S = 1.0
 
 Header = dict[str, str]
@@ -58,7 +58,7 @@ class Conversation:
         return length
 
     def read_header(self, largest: int = LARGEST_HEADER) -> Header:
-        """Read the other side's header of at most `largest` bytes. Raises ValueError if it is none."""
+        """Read the other side's header of at most `largest` bytes. Raises ValueError if it is no header."""
         length = self.read_length()
         if length > largest:
             raise ValueError("does not speak TCPROS")
@@ -103,7 +103,7 @@ def connect_to_publisher(
 def first_response(
     read: Callable[[Conversation], T],
     topic: str,
-    publishers: Mapping[str, str | None],  # a node's address, None if the master has none
+    publishers: Mapping[str, str | None],  # address by node; None if the master has none
     caller: str,
     timeout_s: float = CONNECT_S,
 ) -> tuple[T | None, dict[str, str]]:

@@ -1,4 +1,4 @@
-"""Replays a rosbag of a drive to a gate, as the bridge would have."""
+"""Replays a rosbag of a drive to a gate, in the same way as the bridge passes data to it."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ TimedVerdict = tuple[float, Verdict]
 def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[TimedVerdict]:
     """Replay the bag to `gate`; yields the time and the verdict of each command on the drive topic.
 
-    The bag's own times count as arrival times. The gate gets only the arm's state "at home" or "away". It gets no
-    depth pictures, so it answers as with a silent camera. Raises BadRecording if the file is no bag, or holds no
-    command or no odometry.
+    The bag's own times count as arrival times. The gate gets only the arm's state "at home" or "away". It
+    gets no depth pictures, so it answers as with a silent camera. Raises BadRecording if the file is no bag,
+    or contains no command or no odometry.
     """
     readers = _readers(gate, topics)
     sent = STILL
@@ -47,7 +47,7 @@ def drive(file: Path, gate: Gate, topics: Topics) -> Iterator[TimedVerdict]:
 
 
 def _readers(gate: Gate, topics: Topics) -> dict[str, Callable[[Any, float], None]]:
-    """Handler of each topic's messages."""
+    """Return the handler of each topic's messages."""
     reach_m = {sonar.frame_id: sonar.max_range_m for sonar in topics.sonars}
 
     def odometry(message: Any, at_s: float) -> None:

@@ -31,7 +31,7 @@ from robots.bridge.ros.bounds.texts import SENTENCE, cut
 from robots.bridge.ros.on_demand_topics import listen
 from robots.bridge.ros.sensors.frames import Frames, PoseUnknown
 
-EARLY_SHARE = 0.8  # of the time between two pictures: a picture may come a little early
+EARLY_SHARE = 0.8  # of the time between two pictures: a picture may arrive a little early
 
 
 class DepthTopics:

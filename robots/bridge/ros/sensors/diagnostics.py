@@ -1,4 +1,4 @@
-"""Reads diagnostic_msgs/DiagnosticArray, within bounds."""
+"""Reads diagnostic_msgs/DiagnosticArray, within limits."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LONGEST_VALUE = 40  # characters; temperatures are short
 
 
 def statuses(message: Any) -> list[Status]:
-    """Return what one message says of parts."""
+    """Return the statuses of one message, with texts cut."""
     return [
         Status(
             cut(one.name, TITLE),

@@ -27,7 +27,9 @@ KEPT = 100  # transforms of each frame: 2 s at 50 Hz
 PATIENCE_S = 0.15  # longest wait of a picture for the transforms of its stamp
 LARGEST_HOLE_S = 0.3  # between two transforms that are interpolated
 SET_BACK_S = 1.0
-TURNING_RADPS = 0.5  # above it, a small error of a stamp would lift the floor to an obstacle
+TURNING_RADPS = (
+    0.5  # during faster turns, a small error of a stamp would make the floor look like an obstacle
+)
 LONGEST_WAY = 30
 MOST_MOVING = 500  # frames in memory; a robot publishes about fifty
 MOST_FIXED = 2000
@@ -46,7 +48,7 @@ class PoseUnknown(Exception):
 
 
 class FramePlace(NamedTuple):
-    """A child frame's place in its parent, not unpacked yet."""
+    """A child frame's pose in its parent, not unpacked yet."""
 
     stamp_s: float
     parent: str
@@ -119,7 +121,7 @@ class Frames:
     ) -> Matrix:
         """Return the transform from `frame` to the base at a stamp. Waits for late transforms. Raises PoseUnknown.
 
-        The newest transforms serve if they are at most `late_s` older than the stamp.
+        The newest transforms are used if they are at most `late_s` older than the stamp.
         """
         deadline_s = time.monotonic() + patience_s
         with self._news:
@@ -131,7 +133,7 @@ class Frames:
             return matrix
 
     def flat(self, frame: str, parent: str) -> tuple[float, Pose] | None:
-        """Return stamp and newest known place of a frame in its parent, seen from above; None: unknown."""
+        """Return stamp and newest known pose of a frame in its parent, seen from above; None if unknown."""
         with self._news:
             self._want(frame)
             place = self._newest(frame)
@@ -164,7 +166,7 @@ class Frames:
         return way
 
     def _want(self, frame: str) -> None:
-        """Keep this frame even when the table is full. The oldest requested frames make room for new requests."""
+        """Keep this frame even when the table is full. With too many requests, all earlier ones are forgotten."""
         if frame not in self._wanted:
             if len(self._wanted) >= MOST_WANTED:
                 self._wanted.clear()
@@ -236,7 +238,7 @@ def _between(child: str, before: FramePlace, after: FramePlace, stamp_s: float) 
     hole_s = after.stamp_s - before.stamp_s
     if hole_s > LARGEST_HOLE_S:
         raise PoseUnknown(f"tf did not tell where {child} was for {hole_s:.1f} s")
-    if before.packed == after.packed:  # it rests
+    if before.packed == after.packed:  # the frame rests
         return _cached_matrix(after.packed)
     (start, first), (end, second) = _parts(before.packed), _parts(after.packed)
     if first @ second < 0.0:

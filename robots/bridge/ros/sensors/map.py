@@ -21,7 +21,7 @@ from robots.bridge.ros.network.tcpros import Conversation, first_response
 from robots.processes.shutdown import exit_within
 
 CALLER = "/fleet_map"
-MESSAGE_S = 5.0  # a map is latched: it is sent at once
+MESSAGE_S = 5.0  # the map's topic is latched: its publisher sends the map at once
 
 
 def take(wanted: MapWanted) -> TakenMap | NoMap:

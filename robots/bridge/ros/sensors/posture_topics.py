@@ -28,7 +28,7 @@ Take = Callable[[Posture, float], None]
 
 
 class PostureTopics:
-    """The topics of joints and arm. `take` is called on a rospy thread with the posture and its arrival, for an arm."""
+    """The topics of joints and arm. With an arm, a rospy thread calls `take` with posture and arrival time."""
 
     def __init__(self, arm: ArmPosture, take: Take | None) -> None:
         self._arm = arm

@@ -35,5 +35,5 @@ class TfTopics:
         return located and located[1]
 
     def located(self) -> tuple[float, Pose] | None:
-        """Return the same, and its stamp before it."""
+        """Return the stamp and the last pose of the odometry frame in the map frame, if any."""
         return self.frames.flat(ODOM, MAP)

@@ -65,7 +65,7 @@ class ActionTopics:
         ]
 
     def send(self, goal: Any) -> None:
-        """Send a goal that has its id."""
+        """Send a goal whose id is set."""
         self._goal_id = goal.goal_id.id
         self._goals.send(goal)
 

@@ -18,7 +18,7 @@ from robots.bridge.ros.tasks.publishing import heard_by, publish
 from robots.bridge.tasks.goals import OURS
 from robots.bridge.tasks.head import Aim
 
-FAR_M = 1000.0  # a point so far away lies in the same direction from the head and from the base
+FAR_M = 1000.0  # a point at this distance lies in the same direction from the head and from the base
 
 
 class HeadTopics:
@@ -31,13 +31,13 @@ class HeadTopics:
         if source.point_head is not None:
             self._goal_class = message_class("control_msgs/PointHeadActionGoal")
             self._action = rospy.Publisher(f"{source.point_head}/goal", self._goal_class, queue_size=1)
-            # Only a server tells its status; a recorder listens to goals, too, and moves no head.
+            # Only an action server publishes a status. A recorder listens to goals too, but moves no head.
             status = f"{source.point_head}/status"
             expect(status, "actionlib_msgs/GoalStatusArray")
             self._server = rospy.Subscriber(status, rospy.AnyMsg, lambda _status: None, queue_size=1)
 
     def aim(self, aim: Aim) -> None:
-        """Send the head there."""
+        """Send the head's aim."""
         if self._action is not None and heard_by(self._action) and self._server.get_num_connections():
             publish(self._action, self._goal(aim))
         else:

@@ -1,4 +1,4 @@
-"""Goals of gripper and torso, and what their controllers say."""
+"""Goals of gripper and torso, and the reports of their controllers."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class LimbTopics:
         return self._action.heard
 
     def move(self, goal_id: str, to_m: float, seconds: float) -> None:
-        """Send a goal: all joints alike. A gripper's own controller knows no time."""
+        """Send a goal: all joints move equally. The goal of a gripper's own controller has no duration."""
         message = self._action.goal_class()
         message.goal_id.id = goal_id
         message.header.stamp = message.goal_id.stamp = rospy.Time.from_sec(time.time())
@@ -48,7 +48,7 @@ class LimbTopics:
         point = JointTrajectoryPoint(
             positions=[to_m / len(joints)] * len(joints), time_from_start=rospy.Duration.from_sec(seconds)
         )
-        # Its stamp is zero: it begins when it arrives. The base's own clock may be ahead.
+        # The stamp is zero: the trajectory begins when it arrives. The base's own clock may be ahead.
         return JointTrajectory(joint_names=joints, points=[point])
 
     def cancel(self, goal_id: str) -> None:
@@ -68,7 +68,7 @@ class LimbTopics:
         self._mail.post((action, "goals"), lambda: self._move.running(active, time.monotonic()))
 
     def feedback(self, goal_id: str, feedback: Any) -> None:
-        """Ignore it: joint states say where the limb is."""
+        """Do nothing: the limb's position comes from joint states."""
 
     def ended(self, goal_id: str, outcome: str, text: str, result: Any) -> None:
         """Report the end of a goal, with the controller's text. A gripper may have stalled, also if it succeeded."""

@@ -23,7 +23,7 @@ from robots.bridge.tasks.motions import Motions, offered, recorded
 from robots.wire import MotionOffer
 
 WHOLE = Detail(whole=10_000, first=10_000, text=1000)  # motions, and characters of a name
-LARGEST_LIST = 1024 * 1024  # bytes of their list
+LARGEST_LIST = 1024 * 1024  # bytes of the list of motions
 ERRORS = {  # PlayMotionResult's codes in words
     "MOTION_NOT_FOUND": "the robot does not know this motion",
     "CONTROLLER_BUSY": "something else moves these joints",
@@ -57,9 +57,8 @@ class MotionTopics:
         self._tasks = tasks
         self._errors = _errors(message_class(f"{type.removesuffix('Action')}Result"))
         self.repertoire: dict[str, Mapping[str, Motion | None]] = {}  # by action; None: points unknown
-        self._offers: dict[
-            str, tuple[list[MotionOffer], str]
-        ] = {}  # by action: motions, and why there are none
+        # By action: motions, and why there are none.
+        self._offers: dict[str, tuple[list[MotionOffer], str]] = {}
         self._actions = {name: ActionTopics(Topic(name, type), self, joined=joined) for name in names}
 
     def close(self) -> None:
@@ -115,11 +114,11 @@ class MotionTopics:
         return [action.cancel_all for action in self._actions.values()]
 
     def _parameters(self, action: str, motion: str = "") -> Any:
-        """Parameters of an action's motions, or of one motion."""
+        """Return the parameters of an action's motions, or of one motion."""
         return self._master.parameter(f"{action}/motions/{motion}".rstrip("/"))
 
     def _listed(self, service: str) -> dict[str, float] | None:
-        """Names and durations (s) of the motions that the service lists; None: there is none, or it does not answer."""
+        """Return names and durations (s) of the motions that the service lists; None without an answer."""
         try:
             found = services.find(self._master, service)
             if found.type != "play_motion_msgs/ListMotions":

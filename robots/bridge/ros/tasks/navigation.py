@@ -1,4 +1,4 @@
-"""The robot's own navigation: goals of its action, its pose on the map, its path, and what it sends to the base."""
+"""The robot's own navigation: its action's goals, its pose on the map, its path, and its twists."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from robots.bridge.ros.tasks.publishing import Sender
 # Covariance of a pose that a person sets, as rviz sends it: 0.5 m, 15 degrees.
 SET_M2, SET_RAD2 = 0.25, 0.0685
 MOST_POINTS = 10_000  # of a path; a longer one is thinned before it is read
-PLANS_S = 1.0  # of paths that come sooner after another one, the last is taken when this time is over
+PLANS_S = 1.0  # between two paths that are taken; if more arrive in this time, the last is taken at its end
 
 
 class NavigationTopics:
@@ -36,7 +36,7 @@ class NavigationTopics:
         self._planned_s = -math.inf
         self._skipped: Any = None  # the last path that came too soon; a timer runs for it
         self._plans = threading.Lock()
-        self._sent = 0  # goals: a path that was read before the last one is of another goal
+        self._sent = 0  # number of goals: a path that was read before the last goal belongs to another goal
         self._action = ActionTopics(Topic(source.action, source.type), self)
         posed = message_class("geometry_msgs/PoseWithCovarianceStamped")
         self._set_pose = Sender(source.set_pose, posed) if source.set_pose else None
@@ -52,7 +52,7 @@ class NavigationTopics:
         return self._action.heard
 
     def go(self, goal_id: str, goal: Pose) -> None:
-        """Send a goal. A path that waits to be taken is of an earlier one."""
+        """Send a goal. Drop a waiting path: it belongs to an earlier goal."""
         with self._plans:
             self._planned_s, self._skipped = -math.inf, None
             self._sent += 1
@@ -74,7 +74,7 @@ class NavigationTopics:
         return [self._action.cancel_all]
 
     def set_pose(self, pose: Pose) -> None:
-        """Tell localisation where the robot is."""
+        """Send the robot's pose to its localisation."""
         if self._set_pose is None:
             return
         message = self._posed()

@@ -20,12 +20,12 @@ SEND_BUFFER_BYTES = 16 * 1024  # some seconds of twists
 
 
 def heard_by(publisher: rospy.Publisher) -> list[Any]:
-    """Return rospy's connections to listeners. The console's inspector does not count: it obeys nothing."""
+    """Return rospy's connections to listeners. The console's own processes do not count: they do not move."""
     return [connection for connection in publisher.impl.connections if not is_own(connection.endpoint_id)]
 
 
 def immediate_publisher(topic: str, kind: type[Any], patience_s: float) -> rospy.Publisher:
-    """Publish in the calling thread: no message waits in a rospy queue."""
+    """Return a publisher that sends on the calling thread: no message waits in a rospy queue."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SyntaxWarning)  # rospy warns of a missing queue size
         return rospy.Publisher(topic, kind, subscriber_listener=_AtOnce(patience_s), queue_size=None)
@@ -34,9 +34,10 @@ def immediate_publisher(topic: str, kind: type[Any], patience_s: float) -> rospy
 class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
     """Sends messages at once, without a queue and its thread; disconnects a subscriber that does not read.
 
-    rospy's subscribers request Nagle's algorithm and its publishers obey, but a twist must not wait for an ACK. A
-    listener whose buffers are full has been silent for seconds: the write gives up and rospy closes the connection,
-    and the listener connects again when it wakes. One message waits for all listeners together at most `patience_s`.
+    rospy's publishers use Nagle's algorithm, because its subscribers request it, but a twist must not wait
+    for an ACK. If a listener's buffers are full, the listener has not read for seconds: then the write gives
+    up, and rospy closes the connection. The listener connects again when it works again. One message waits at
+    most `patience_s` for all listeners together.
     """
 
     def __init__(self, patience_s: float) -> None:
@@ -53,7 +54,7 @@ class _AtOnce(rospy.SubscribeListener):  # type: ignore[misc]
 
 
 def publish(publisher: rospy.Publisher, message: Any) -> None:
-    """Publish a message; do nothing while rospy shuts down: it closes topics first, and `RosBase` handles the end."""
+    """Publish a message. Ignore closed topics while rospy shuts down: `RosBase` handles the end."""
     try:
         publisher.publish(message)
     except rospy.ROSException:
@@ -70,9 +71,9 @@ class Sender(rospy.SubscribeListener):  # type: ignore[misc]
     def __init__(self, topic: str, kind: type[Any], joined: Callable[[], None] = lambda: None) -> None:
         self._joined = joined
         self._lock = threading.Lock()
-        self._waiting: tuple[Any, float] | None = None  # message, and until when
+        self._waiting: tuple[Any, float] | None = None  # message, and the end of its wait (s)
         self._heard_by: list[Any] = []  # the listeners at the last connection
-        with self._lock:  # a listener may connect before the list exists
+        with self._lock:  # a listener may connect before `self.publisher` is set
             self.publisher = rospy.Publisher(topic, kind, subscriber_listener=self, queue_size=5)
 
     def send(self, message: Any) -> None:

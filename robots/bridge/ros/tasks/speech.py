@@ -73,7 +73,7 @@ class SpeechTopics:
 
 
 class _ActionVoice:
-    """pal_interaction_msgs/TtsAction, or one with the same fields."""
+    """pal_interaction_msgs/TtsAction, or an action with the same fields."""
 
     def __init__(self, action: Topic, mail: Mailboxes, tasks: SpeechTasks) -> None:
         self._mail = mail

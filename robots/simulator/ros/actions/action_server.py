@@ -13,7 +13,7 @@ from robots.bridge.ros.message_types.classes import message_class
 
 
 class Goals:
-    """Goals and cancels of one action, handed from actionlib's threads to the robot's own."""
+    """Goals and cancels of one action, passed from actionlib's threads to the robot's thread."""
 
     def __init__(self, name: str, action_type: str) -> None:
         self._arrived: queue.SimpleQueue[tuple[bool, Any]] = queue.SimpleQueue()
@@ -27,7 +27,7 @@ class Goals:
         self._server.start()
 
     def arrived(self) -> Iterator[tuple[bool, Any]]:
-        """Messages since the last call, in order: (True, a new goal) or (False, a goal to cancel)."""
+        """Yield the messages since the last call, in order: (True, new goal) or (False, goal to cancel)."""
         while not self._arrived.empty():
             is_goal, handle = self._arrived.get()
             if is_goal and handle.get_goal_status().status == GoalStatus.RECALLING:

@@ -19,7 +19,7 @@ CONTROLLERS = sorted({joint.controller for joint in JOINTS.values()})
 
 
 class Following(NamedTuple):
-    """A goal of the action that is being followed."""
+    """The running goal of the action."""
 
     handle: Any
     run: Run
@@ -71,7 +71,7 @@ class TrajectoryController:
 
     def _command(self, trajectory: JointTrajectory, now: float) -> None:
         if not trajectory.points:
-            # As joint_trajectory_controller does: hold the joints where they are.
+            # Stop the joints at their present positions, like joint_trajectory_controller.
             self._player.release(frozenset({self._name}))
             return
         try:
@@ -86,7 +86,7 @@ class TrajectoryController:
         except RefusedTrajectoryError as refused:
             handle.set_rejected(self._result(int(refused.code), str(refused)), str(refused))
             return
-        self._report_end()  # of the goal before, which this one replaced
+        self._report_end()  # of the previous goal, which this goal replaced
         handle.set_accepted()
         self._following = Following(handle, run, _points(trajectory)[-1])
 

@@ -1,4 +1,4 @@
-"""The gripper's own interfaces: both fingers as one, whose position is their distance."""
+"""The gripper's own interfaces: both fingers are one joint, whose position is their distance."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class GripperServer:
 
 
 class Closing(NamedTuple):
-    """A goal of the action that is being followed."""
+    """The running goal of the action."""
 
     handle: Any
     run: Run
@@ -95,7 +95,7 @@ class Closing(NamedTuple):
 
 
 class GripperAction:
-    """`gripper_controller/gripper_action` (control_msgs/GripperCommand). Fingers that stay behind have stalled."""
+    """`gripper_controller/gripper_action` (GripperCommand). Fingers that miss the goal have stalled."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -125,7 +125,7 @@ class GripperAction:
             handle.set_rejected(text=str(refused))
             return
         run = self._player.follow(_FINGERS, points, now)
-        self._report_end()  # of the goal before, which this one replaced
+        self._report_end()  # of the previous goal, which this goal replaced
         handle.set_accepted()
         self._closing = Closing(handle, run, gap_m)
 

@@ -26,7 +26,7 @@ class Pointing(NamedTuple):
 
 
 class HeadServer:
-    """Points the head. A new goal replaces the running one, and so does a trajectory of its controller."""
+    """Points the head. A new goal, or a trajectory for its controller, replaces the running goal."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
@@ -64,12 +64,12 @@ class HeadServer:
             return
         seconds = max(goal.min_duration.to_sec(), self._shortest_s(wanted, goal.max_velocity))
         run = self._player.follow(list(wanted), [Point(list(wanted.values()), seconds)], now)
-        self._report_end()  # of the goal before, which this one replaced
+        self._report_end()  # of the previous goal, which this goal replaced
         handle.set_accepted()
         self._pointing = Pointing(handle, run, looks, target)
 
     def _in_base(self, target: Any) -> Matrix:
-        """The target's point in the base frame."""
+        """Return the target's point in the base frame."""
         point = np.array([target.point.x, target.point.y, target.point.z])
         if target.header.frame_id != "odom":
             return place(self._frames, target.header.frame_id, self._player.positions).point(point)
@@ -79,7 +79,7 @@ class HeadServer:
         return np.array([cos * ahead + sin * left, cos * left - sin * ahead, point[2]])
 
     def _shortest_s(self, wanted: dict[str, float], max_velocity: float) -> float:
-        """Return the duration (s) with joints at most this fast (rad/s); 0: no limit."""
+        """Return the shortest duration (s) with joints at most at `max_velocity` (rad/s; 0: no limit)."""
         if not max_velocity > 0.0:
             return 0.0
         way = max(abs(wanted[joint] - self._player.positions[joint]) for joint in (PAN, TILT))

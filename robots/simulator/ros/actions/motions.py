@@ -64,7 +64,7 @@ class MotionServer:
             handle.set_aborted(self._result(int(ErrorCode.GOAL_NOT_REACHED), text), text)
 
     def _list(self, _request: Any) -> Any:
-        # As play_motion does, every duration is left at 0.
+        # Every duration stays 0, as in play_motion.
         infos = [self._info(name=name, joints=motion.joints) for name, motion in self._player.motions.items()]
         return {"motions": infos}
 

@@ -1,4 +1,4 @@
-"""The /move_base action, and what belongs to it: the plan's topic, simple goals, the velocity of navigation."""
+"""The /move_base action and its topics: the plan, simple goals, and navigation's velocity."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ from robots.simulator.ros.base import yaw_quaternion
 from robots.simulator.ros.map import pose_of
 
 FEEDBACK_S = 0.2
-PAUSES_S = 4.0  # by the fault `navigation_pauses`
-REPLACED = "This goal was canceled because another goal was recieved by the simple action server"  # as actionlib says
+PAUSES_S = 4.0  # with the fault `navigation_pauses`
+REPLACED = (
+    "This goal was canceled because another goal was recieved by the simple action server"  # actionlib's text
+)
 INVALID = "Aborting on the goal because it was sent with an invalid quaternion"
 ELSEWHERE = "The goal is not in the frame of the map"
 
@@ -31,7 +33,7 @@ class MoveBaseServer:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._navigator = Navigator(robot)
-        self._running: tuple[Any, GoalDrive] | None = None  # with its handle
+        self._running: tuple[Any, GoalDrive] | None = None  # handle and drive
         self._plan_sent: list[tuple[float, float]] = []
         self._feedback_s = 0.0
         self._had_goal_s = -math.inf
@@ -51,7 +53,7 @@ class MoveBaseServer:
                 self._begin(handle, now)
             elif self._running is not None and handle == self._running[0]:
                 self._cancel(handle, "")
-            elif not self._robot.faults.navigation_silent:  # a goal of which nothing is left but its status
+            elif not self._robot.faults.navigation_silent:  # a goal that is not running any more
                 handle.set_canceled(MoveBaseResult(), "")
         if self._running is None and self._navigator.drive and not self._goes_on:
             self._navigator.cancel()  # the fault is over: a robot without a goal stands
@@ -84,7 +86,7 @@ class MoveBaseServer:
         self._running = handle, self._navigator.go(goal, now)
 
     def _cancel(self, handle: Any, text: str) -> None:
-        """End the running goal. With some faults the robot drives on all the same."""
+        """End the running goal. With some faults the robot still drives on."""
         self._running = None
         handle.set_canceled(MoveBaseResult(), text)
         if not self._goes_on:
@@ -110,7 +112,7 @@ class MoveBaseServer:
             handle.set_aborted(MoveBaseResult(), drive.text)
 
     def _answer_another(self, handle: Any, drive: GoalDrive) -> None:
-        """Publish a result that names a goal which nobody sent."""
+        """Publish a result for a goal that nobody sent."""
         result = MoveBaseActionResult()
         result.status.goal_id.id = handle.get_goal_id().id + "-another"
         result.status.status = 3 if drive.phase is Phase.REACHED else 4

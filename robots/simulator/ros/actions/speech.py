@@ -12,7 +12,7 @@ from robots.simulator.speech import Utterance, objection
 
 
 class SpeechServer:
-    """Speaks goals."""
+    """Speaks the texts of goals."""
 
     def __init__(self) -> None:
         self._result = message_class("pal_interaction_msgs/TtsResult")

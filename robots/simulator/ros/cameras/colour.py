@@ -27,7 +27,7 @@ _WRONG_SIZE = Lens(100, 100, 50.0)
 
 
 class Make(NamedTuple):
-    """One make of camera: topic, frame, lens, pose, and whether it sends compressed pictures, too."""
+    """One kind of camera: topic, frame, lens, pose, and whether it also sends compressed pictures."""
 
     topic: str
     frame: str
@@ -39,7 +39,7 @@ class Make(NamedTuple):
 
 
 def head_camera(robot: Robot, *, clock: bool) -> Make:
-    """The head's camera, as on TIAGo."""
+    """Return the head's camera, as on TIAGo."""
 
     def pose() -> CameraPose:
         return camera_pose(robot.player.positions)
@@ -48,7 +48,7 @@ def head_camera(robot: Robot, *, clock: bool) -> Make:
 
 
 def rear_camera(body: Body, mount: CameraMount) -> Make:
-    """A camera that looks back, without compressed pictures."""
+    """Return a camera that looks back, without compressed pictures."""
     placed = CameraPose(*place(frames(body), mount.link, {}))
     return Make("/rear_camera", mount.optical_frame, REAR_LENS, lambda: placed)
 
@@ -98,7 +98,7 @@ class CameraPublisher:
             publisher.publish(message)
 
     def _repeats(self) -> bool:
-        """A frozen camera repeats its last picture, once all who listen have a message of it."""
+        """Return whether to repeat the last picture: the camera is frozen, and each used topic has it."""
         sent = [publisher for publisher, _ in self._last]
         return self._faults.camera_frozen and all(
             publisher in sent for publisher in self._publishers if publisher.get_num_connections()
@@ -126,7 +126,7 @@ class CameraPublisher:
         return found
 
     def _camera_info(self) -> CameraInfo:
-        """The lens; with a fault, in turn: not calibrated (zeros), another size, not a number."""
+        """Return the camera info; with the fault, in turn: zeros (not calibrated), another size, nan."""
         info = camera_info(self._make.lens)
         if self._faults.camera_info_wrong:
             match self._number % 3:

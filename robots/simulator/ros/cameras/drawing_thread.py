@@ -1,4 +1,4 @@
-"""One thread takes the pictures of all cameras, so that they never hold the robot up."""
+"""One thread takes the pictures of all cameras, so that they never delay the robot."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Taker(Protocol):
     """A camera: takes and publishes a picture, on the drawing thread."""
 
     def take(self, thread: DrawingThread, moment: Moment) -> None:
-        """Take the picture of `moment`; `thread.reader` shows the world as it was."""
+        """Take the picture of `moment`; `thread.reader` has the world of that moment."""
 
 
 class DrawingThread:
-    """Takes pictures in the order of the requests. A camera has one waiting request: a newer one takes its place."""
+    """Takes pictures in the order of the requests. Each camera has one request: a newer one replaces it."""
 
     def __init__(self, physics: Physics) -> None:
         self.reader = WorldReader(physics)
@@ -56,7 +56,7 @@ class DrawingThread:
             self._news.notify()
 
     def colour(self, moment: Moment, lens: Lens) -> NDArray[np.uint8] | None:
-        """Draw the world in colour: (height, width, 3), red green blue; None if this computer cannot."""
+        """Draw the world in colour: (height, width, 3), red green blue; None if this computer cannot draw."""
         if self._drawing is None and not self.blind:
             try:
                 self._drawing = Drawing(self.reader)
@@ -66,7 +66,7 @@ class DrawingThread:
         return self._drawing.image(moment.camera, lens) if self._drawing is not None else None
 
     def close(self) -> None:
-        """End the thread; only it can release the drawing context."""
+        """End the thread, which alone can release the drawing context."""
         with self._news:
             self._ending = True
             self._news.notify()
