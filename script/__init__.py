@@ -1,1 +1,1 @@
-"""Commands of development, such as `script/demo` and `script/test`, and `stack/`: the console's processes together."""
+"""Commands of development, such as `script/demo` and `script/test`; `stack/` runs the whole console."""

@@ -1,6 +1,6 @@
 /**
- * The parts of three.js and urdf-loader that the 3D view uses, as one module: browsers cannot load those packages as they are.
- * `script/setup` joins it into node_modules/.scene/library.js (package.json: scene), which Django serves as vendor/scene.
+ * The parts of three.js and urdf-loader that the 3D view uses, as one module: browsers cannot load these npm packages.
+ * `script/setup` joins it into node_modules/.scene/library.js (package.json: scene); Django serves it as vendor/scene.
  */
 
 export {

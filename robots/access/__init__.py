@@ -1,1 +1,1 @@
-"""Access: which person may use which robot. Roles, robot groups, courses, qualifications."""
+"""Access: who may use which robot. Roles, robot groups, courses, qualifications."""

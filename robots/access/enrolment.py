@@ -1,4 +1,4 @@
-"""Enrols people in courses: by a list, by an invitation, and out again."""
+"""Enrols people in courses, by a list or by an invitation, and takes them out again."""
 
 from __future__ import annotations
 
@@ -39,7 +39,10 @@ class EnrolmentRefused(NotDone):
 
 
 class Undisclosed(Struct, frozen=True):
-    """A person of a list who is in no course of the supervisor: they do not learn whether there is an account."""
+    """A person of a list who is in no course of the supervisor.
+
+    The supervisor must not learn whether this person has an account.
+    """
 
     listed: Listed
     account: User | None
@@ -50,7 +53,7 @@ class Plan(Struct, frozen=True):
 
     known: tuple[User, ...] = ()  # have an account and will be enrolled
     new: tuple[Listed, ...] = ()  # will get an account and an invitation by e-mail
-    undisclosed: tuple[Undisclosed, ...] = ()  # of both kinds
+    undisclosed: tuple[Undisclosed, ...] = ()  # will be enrolled, with or without an account
     enrolled: tuple[User, ...] = ()  # are in the course already
     wrong: tuple[Wrong, ...] = ()
     notes: tuple[str, ...] = ()
@@ -72,10 +75,10 @@ class Plan(Struct, frozen=True):
 
 
 def plan_of(people: PeopleList, course: Course | None, actor: User) -> Plan:
-    """Return the effect of a list; `course` None: of a course that does not exist yet.
+    """Return the effect of a list on a course; None: the course does not exist yet.
 
-    Staff see who has an account. A supervisor sees it of the people in their courses; a closed account of another
-    person is enrolled like an open one, which gives no role: to leave it out would tell that it exists.
+    Staff see who has an account. Supervisors see this only for people in their courses. Other people are enrolled even
+    if their account is closed: an error would show that the account exists, and a closed account has no role anyway.
     """
     found = accounts_by_address(one.email for one in people.people)
     familiar: set[UUID] | None = None
@@ -113,8 +116,8 @@ def accounts_by_address(addresses: Iterable[str]) -> dict[str, User]:
 def enrol_list(*, course: Course, people: PeopleList, actor: User, site: str) -> Plan:
     """Enrol the people of a list, and make the accounts that do not exist yet. A repeated call changes nothing.
 
-    It is done in parts of `BATCH_SIZE` people, one transaction each; after a fault, repeat it. New people get an e-mail
-    with a link to set their password; `site` is the address of the console, such as `https://fleet.example.org`.
+    Each transaction enrols at most `BATCH_SIZE` people; after an error, call this again. New people get an e-mail with
+    a link to set their password; `site` is the address of the console, such as `https://fleet.example.org`.
     """
     plan = plan_of(people, course, actor)
     for part in _parts(plan.accounts, BATCH_SIZE):
@@ -153,7 +156,10 @@ def enrol(
 
 @transaction.atomic
 def unenrol(*, course: Course, people: Sequence[User], actor: Actor) -> int:
-    """Take these people out of the course, which ends its role and their control by it. Returns how many were in it."""
+    """Take these people out of the course: they lose its role, and control that they have by it.
+
+    Returns how many of them were in the course.
+    """
     _one_at_a_time()
     found = Enrolment.objects.select_for_update().filter(course=course, person__in=people)
     gone = [str(person) for person in found.values_list("person", flat=True)]
@@ -165,15 +171,16 @@ def unenrol(*, course: Course, people: Sequence[User], actor: Actor) -> int:
 
 
 def _one_at_a_time() -> None:
-    """Hold, until the commit, what each record of these changes holds anyway.
+    """Lock the audit log's chain without a robot until the commit. Each record of these changes locks it, but later.
 
-    Held first, two lists with the same people make their accounts once, and cannot wait for each other.
+    With this lock at the beginning, two lists with the same people make each account only once, and there is no
+    deadlock.
     """
     lock_chain(NO_ROBOT)
 
 
 def _make_accounts(people: Sequence[Listed], actor: User) -> list[User]:
-    """Make accounts without password. The user name is the address, so that people need to know only one."""
+    """Make accounts without password. The user name is the e-mail address: people need to remember only one name."""
     names = _free_usernames([NOT_IN_USERNAMES.sub("-", one.email.lower())[:140] for one in people])
     made = []
     for one, username in zip(people, names, strict=True):
@@ -186,7 +193,7 @@ def _make_accounts(people: Sequence[Listed], actor: User) -> list[User]:
 
 
 def _free_usernames(wanted: list[str]) -> list[str]:
-    """Return these names, with a number where another account has the name."""
+    """Return these names; where another account has the name, with a number at the end."""
     taken = Counter(User.objects.filter(username__in=wanted).values_list("username", flat=True))
     names = []
     for name in wanted:
@@ -232,12 +239,12 @@ def invitation_revoke(*, invitation: Invitation, actor: User) -> None:
 
 
 def invitation_of(code: str) -> Invitation | None:
-    """Return the invitation with this code; None: there is none."""
+    """Return the invitation with this code; None if there is none."""
     return Invitation.objects.select_related("course").filter(code=code.lower().replace("\0", "")).first()
 
 
 def check_invitation(invitation: Invitation | None, now: datetime) -> Refusal | None:
-    """Return why nobody can join by this invitation; None: people can."""
+    """Return why nobody can join by this invitation; None if people can join."""
     again = _("Ask your teacher for a new one.")
     if invitation is None:
         return Refusal("no_invitation", f"{_('This invitation does not exist.')} {again}", "account")
@@ -256,7 +263,7 @@ def check_invitation(invitation: Invitation | None, now: datetime) -> Refusal | 
 
 @transaction.atomic
 def invitation_accept(*, invitation: Invitation, person: User, now: datetime) -> bool:
-    """Enrol `person`. Returns False if they were enrolled before. Raises `EnrolmentRefused`."""
+    """Enrol `person`. Returns False if the person was enrolled already. Raises `EnrolmentRefused`."""
     locked = Invitation.objects.select_for_update(of=("self",)).select_related("course").get(pk=invitation.pk)
     if Enrolment.objects.filter(course=locked.course, person=person).exists():
         return False

@@ -20,11 +20,11 @@ from django.utils.translation import gettext_lazy as _
 from robots.registry.models import Robot, Role
 
 ONE_SECOND = timedelta(seconds=1)
-CODE_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"  # none that looks like another
+CODE_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"  # no two of them look alike
 
 
 class RobotGroup(models.Model):
-    """A set of robots that can stand wherever a robot can, such as "the TIAGos"."""
+    """A set of robots, such as "the TIAGos". Roles, courses and qualifications can name a group like a robot."""
 
     name = models.CharField(_("name"), max_length=80, unique=True)
     slug = models.SlugField(_("slug"), unique=True)
@@ -70,7 +70,7 @@ def _minutes(most_hours: int) -> list[MinValueValidator | MaxValueValidator]:
 class Course(models.Model):
     """People who have a role on some robots between two dates, both included, in the lab's time zone.
 
-    Quotas are in minutes and count the bookings that were made by the course; None: no quota.
+    Quotas are in minutes and limit the bookings that were made by the course; None: no quota.
     """
 
     name = models.CharField(_("name"), max_length=80, unique=True)
@@ -152,7 +152,7 @@ class Enrolment(models.Model):
 
 
 def new_code() -> str:
-    """Return a secret that people can type: three groups of four letters and digits, 58 bits."""
+    """Return a secret that people can type: three groups of four letters or digits; 59 bits."""
     return "-".join(get_random_string(4, CODE_LETTERS) for _group in range(3))
 
 
@@ -189,12 +189,12 @@ class Invitation(models.Model):
 
     @property
     def last_moment(self) -> datetime:
-        """Return its last moment: on the last day that was typed, while `expires_at` is the midnight after it."""
+        """Return the last second of the day that was typed. `expires_at` is the midnight after this day."""
         return self.expires_at - ONE_SECOND
 
 
 class Qualification(models.Model):
-    """Something that a person must hold to drive certain robots, such as a safety induction."""
+    """Something that a person needs to drive certain robots, such as a safety training."""
 
     name = models.CharField(_("name"), max_length=80, unique=True)
     slug = models.SlugField(_("slug"), unique=True)
@@ -218,7 +218,7 @@ class Qualification(models.Model):
 
 
 class QualificationGrant(models.Model):
-    """A person holds a qualification, for good or until `expires_at`."""
+    """A person has a qualification until `expires_at`, or without end."""
 
     qualification = models.ForeignKey(
         Qualification, on_delete=models.CASCADE, related_name="grants", verbose_name=_("qualification")
@@ -256,5 +256,5 @@ class QualificationGrant(models.Model):
 
     @property
     def last_moment(self) -> datetime | None:
-        """Return its last moment, on the last day that was typed; None: it is for good."""
+        """Return the last second of the day that was typed; None if the grant has no end."""
         return self.expires_at and self.expires_at - ONE_SECOND

@@ -1,4 +1,4 @@
-"""Reads lists of people, pasted or as CSV: one line each with name and e-mail. Pure."""
+"""Reads lists of people, as text or as CSV: each line has a name and an e-mail address. Pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from msgspec import Struct
 MOST_LINES = 5000
 NAME_LENGTH = 150  # characters, as `User.full_name`
 ADDRESS_LENGTH = 254
-# Titles of columns, in small letters without accents, as learning platforms of Europe write them.
+# Titles of columns of European learning platforms, in small letters and without accents.
 NAMES = {"name", "full name", "fullname", "student", "person", "vollstandiger name", "nombre completo"}
 NAMES |= {"nom complet", "nombre y apellidos", "nom i cognoms", "nome completo", "nom et prenom"}
 FIRST_NAMES = {
@@ -73,14 +73,14 @@ class Wrong(Struct, frozen=True):
 
 
 class PeopleList(Struct, frozen=True):
-    """A list as read: people, lines that cannot be used, and notes on what was left out."""
+    """The content of a list: people, lines that cannot be used, and notes on parts that were left out."""
 
     people: tuple[Listed, ...] = ()
     wrong: tuple[Wrong, ...] = ()
     notes: tuple[str, ...] = ()
 
     def as_text(self) -> str:
-        """Return the people as a list that reads back as the same people."""
+        """Return the people as a text from which `read_people` reads the same people."""
         text = io.StringIO()
         rows = csv.writer(text, delimiter=";", lineterminator="\n")
         rows.writerows([("Name", "E-mail"), *((one.name, one.email) for one in self.people)])
@@ -88,7 +88,7 @@ class PeopleList(Struct, frozen=True):
 
 
 def decoded(content: bytes) -> str:
-    """Return the text of a file: UTF-8, with or without a byte order mark, or else Latin-1."""
+    """Return the text of a file in UTF-8, with or without a byte order mark; if it is not UTF-8, in Latin-1."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -98,7 +98,7 @@ def decoded(content: bytes) -> str:
 def read_people(text: str) -> PeopleList:
     """Read lines such as `Ada Lovelace <ada@example.org>`, `Ada Lovelace, ada@example.org` or an address alone.
 
-    The columns of a CSV with a header are found by their names; others are left out, with a note.
+    In a CSV with a header, columns are found by their titles; columns with other titles are left out, with a note.
     """
     lines = text.removeprefix("\ufeff").splitlines()
     if len(lines) > MOST_LINES + 1:
@@ -137,7 +137,7 @@ def read_people(text: str) -> PeopleList:
 
 
 def _is_foreign_header(rows: list[tuple[int, str, list[str]]]) -> bool:
-    """Return whether the first line names columns in words that are not known here."""
+    """Return whether the first line is a header with titles that are not known here."""
     addresses = [sum("@" in cell for cell in cells) for _number, _line, cells in rows[:2]]
     return addresses == [0, 1] and len(rows[0][2]) == len(rows[1][2]) > 1
 
@@ -167,7 +167,7 @@ class _Columns(Struct, frozen=True):
 
 
 def _header(cells: list[str]) -> tuple[_Columns | None, tuple[str, ...]]:
-    """Return the columns that the first line names and a note on the others; None: it is no header."""
+    """Return the columns that the first line names, and a note on the others; None if it is no header."""
     titles = [_plain(cell) for cell in cells]
     email = next((place for place, title in enumerate(titles) if title in ADDRESSES), None)
     if email is None:
@@ -175,7 +175,7 @@ def _header(cells: list[str]) -> tuple[_Columns | None, tuple[str, ...]]:
     whole = [place for place, title in enumerate(titles) if title in NAMES]
     first = [place for place, title in enumerate(titles) if title in FIRST_NAMES]
     last = [place for place, title in enumerate(titles) if title in LAST_NAMES]
-    if "prenom" in titles and not last:  # a French "nom" is the family's
+    if "prenom" in titles and not last:  # then "nom" is French, and the last name
         first.sort(key=lambda place: titles[place] != "prenom")
         last = first[1:]
     names = tuple(whole[:1] or [*first[:1], *last[:1]])
@@ -192,7 +192,7 @@ def _by_columns(cells: list[str], columns: _Columns) -> tuple[str, str]:
 
 
 def _by_looks(cells: list[str]) -> tuple[str, str]:
-    """Return name and address of a line without header: the cell with @ is the address."""
+    """Return name and address of a line of a list without header: the cell with @ is the address."""
     place = next((place for place, cell in enumerate(cells) if "@" in cell), None)
     if place is None:
         return " ".join(cells), ""
@@ -206,7 +206,7 @@ def _by_looks(cells: list[str]) -> tuple[str, str]:
 
 
 def _fault(name: str, email: str) -> str:
-    """Return why a line cannot be used; empty: it can."""
+    """Return why a line cannot be used; "" if it can."""
     if "\0" in name + email:
         return _("It contains a character that is no text. Save the file as CSV.")
     if not email:

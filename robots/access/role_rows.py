@@ -1,6 +1,6 @@
-"""Every source of roles, and what robots demand, read by hand-written SQL.
+"""Reads all sources of roles, and the qualifications that robots demand, by hand-written SQL.
 
-The rights of everybody who has a robot's page open are read twice a second. Django takes 10 ms to build the query of
+The rights of everybody who has a robot's page open are read twice a second. Django takes 10 ms to build the query for
 roles; the database answers it in 0.1 ms.
 """
 
@@ -15,7 +15,7 @@ from msgspec import Struct
 from fleet import rows
 from robots.registry.models import Role
 
-OWN = 0  # in place of a course's key: the role was given on the robot, or on a group of it
+OWN = 0  # instead of a course's key: the role was given on the robot, or on a group with this robot
 
 _GIVEN = """
 WITH covered (course_id, robot_id) AS (
@@ -58,13 +58,13 @@ class Given(Struct, frozen=True):
     robot: UUID
     role: Role
     course: int  # `OWN` or the course's key
-    begun: bool = True  # else it is that of a course which begins later
+    begun: bool = True  # False: of a course that begins later
 
 
 def given(
     people: Collection[UUID], robots: Collection[UUID] | None, day: date, last: date | None = None
 ) -> list[Given]:
-    """Return every role of these people on these robots (None: on all) from `day` to `last`, by one query."""
+    """Return every role of these people on these robots (None: on all) from `day` to `last`. Makes one query."""
     if not people or (robots is not None and not robots):
         return []
     on_robots = "1 = 1" if robots is None else f"robot_id IN ({rows.marks(robots)})"
@@ -77,5 +77,5 @@ def given(
 
 
 def demanded(robot: UUID) -> list[int]:
-    """Return the keys of the qualifications that the robot or one of its groups demands. One query."""
+    """Return the keys of the qualifications that the robot or one of its groups demands. Makes one query."""
     return [key for (key,) in rows.read(_DEMANDED, [robot, robot])]

@@ -1,6 +1,7 @@
 """Reading access: roles on robots and where they come from, courses, missing qualifications.
 
-A role on a robot is the highest of a person's own and those of their courses that are valid today.
+A person's role on a robot is the highest of two: the role that was given on the robot or its groups, and the roles by
+the person's courses that are valid today.
 """
 
 from __future__ import annotations
@@ -40,17 +41,17 @@ def _given(
 
 
 def role_on(user: User, robot: Robot, at: datetime | None = None) -> Role | None:
-    """Return the role of `user` on `robot`, now or at that moment; None: not visible."""
+    """Return the role of `user` on `robot`, now or at `at`; None: the person may not see the robot."""
     return roles_of(user, [robot], at).get(robot.id)
 
 
 def roles_of(user: User, robots: Iterable[Robot], at: datetime | None = None) -> dict[UUID, Role]:
-    """`role_on` many robots, in one query; a robot without a role is left out."""
+    """Return `role_on` for many robots, by one query; robots without a role are left out."""
     return roles_by_id(user, [robot.id for robot in robots], at)
 
 
 def roles_by_id(user: User, ids: Sequence[UUID], at: datetime | None = None) -> dict[UUID, Role]:
-    """`roles_of` robots of which only the keys are known."""
+    """Return `roles_of` for robots of which only the keys are known."""
     if not user.is_active:
         return {}
     if user.is_staff:
@@ -62,7 +63,7 @@ def roles_by_id(user: User, ids: Sequence[UUID], at: datetime | None = None) -> 
 
 
 def roles_on(robot_id: UUID, users: Iterable[User], at: datetime | None = None) -> dict[UUID, Role]:
-    """`role_on` for many people, in one query; a person without a role is left out."""
+    """Return `role_on` for many people, by one query; people without a role are left out."""
     active = {user.id: user for user in users if user.is_active}
     others = [user.id for user in active.values() if not user.is_staff]
     held = {user.id: Role.STAFF for user in active.values() if user.is_staff}
@@ -78,17 +79,17 @@ def supervises(user: User, robot: Robot) -> bool:
 
 
 def given_on(user: User, robot: Robot, at: datetime) -> list[Given]:
-    """Return every source of a role of `user` on `robot` at that moment; staff need none."""
+    """Return every source of a role of `user` on `robot` at `at`; staff need none."""
     return _given([user.id], [robot.id], at)
 
 
 def manages_robot(user: User, robot: Robot) -> bool:
-    """Return whether `user` is staff, or a supervisor of the robot itself and not only by a course."""
+    """Return whether `user` is staff, or a supervisor of the robot or its groups; not only by a course."""
     return robots_managed_by(user).filter(pk=robot.pk).exists()
 
 
 def robots_managed_by(user: User) -> QuerySet[Robot]:
-    """Return the robots whose bookings and policy `user` manages, by name: staff all."""
+    """Return the robots whose bookings and policy `user` manages, sorted by name; for staff all robots."""
     robots = Robot.objects.select_related("profile")
     if not user.is_active:
         return robots.none()
@@ -100,7 +101,7 @@ def robots_managed_by(user: User) -> QuerySet[Robot]:
 
 
 def robots_supervised_by(user: User) -> QuerySet[Robot]:
-    """Return the robots that a person supervises, also by a course only, or by one that begins later."""
+    """Return the robots that a person supervises, also only by a course, and also by a course that begins later."""
     robots = robots_bookable_by(user)
     if user.is_staff:
         return robots
@@ -109,26 +110,26 @@ def robots_supervised_by(user: User) -> QuerySet[Robot]:
 
 
 def robots_visible_to(user: User) -> QuerySet[Robot]:
-    """Return the robots that `user` may view, also disabled ones, by name."""
+    """Return the robots that `user` may see, including disabled ones, sorted by name."""
     keys, _role = visible_to(user)
     robots = Robot.objects.select_related("profile", "bridge")
     return robots if keys is None else robots.filter(pk__in=keys)
 
 
 def visible_to(user: User) -> tuple[set[UUID] | None, Role | None]:
-    """Return the keys of the robots that `user` may view, None for all, and the highest role on any of them."""
+    """Return the keys of the robots that `user` may see (None: all), and the highest role on any of them."""
     return _robots_and_role(user, None)
 
 
 def robots_bookable_by(user: User) -> QuerySet[Robot]:
-    """Return the robots that `user` may view today, or drive in a course that begins later."""
+    """Return the robots that `user` may see today, or may drive in a course that begins later."""
     keys, _role = bookable_by(user)
     robots = Robot.objects.select_related("profile")
     return robots if keys is None else robots.filter(pk__in=keys)
 
 
 def bookable_by(user: User) -> tuple[set[UUID] | None, Role | None]:
-    """Return the keys of `robots_bookable_by`, None for all, and the highest role on any of them."""
+    """Return the keys of `robots_bookable_by` (None: all), and the highest role on any of them."""
     return _robots_and_role(user, date.max)
 
 
@@ -143,12 +144,12 @@ def _robots_and_role(user: User, last: date | None) -> tuple[set[UUID] | None, R
 
 
 def robot_visible_to(user: User, slug: str) -> Robot:
-    """Return the robot if `user` may view it. Raises `Http404`."""
+    """Return the robot if `user` may see it; else raise `Http404`."""
     return get_object_or_404(robots_visible_to(user), slug=slug)
 
 
 def _of_courses(courses: Any) -> Q:
-    """Return the condition by which a robot belongs to one of these courses, itself or by a group."""
+    """Return the query condition for robots of these courses, directly or by a group."""
     direct = Course.robots.through.objects.filter(course__in=courses)
     grouped = RobotGroup.robots.through.objects.filter(robotgroup__courses__in=courses)
     return Q(pk__in=direct.values("robot")) | Q(pk__in=grouped.values("robot"))
@@ -158,7 +159,7 @@ def _of_courses(courses: Any) -> Q:
 
 
 def robots_of(course: Course) -> QuerySet[Robot]:
-    """Return the course's robots, its own and those of its groups, by name."""
+    """Return the course's robots, its own and those of its groups, sorted by name."""
     return Robot.objects.filter(_of_courses([course.pk]))
 
 
@@ -175,14 +176,14 @@ def may_manage(user: User, course: Course) -> bool:
 
 
 def courses_managed_by(user: User) -> QuerySet[Course]:
-    """Return the courses that `user` may manage: staff all."""
+    """Return the courses that `user` may manage; for staff all courses."""
     if not user.is_active:
         return Course.objects.none()
     return Course.objects.all() if user.is_staff else Course.objects.filter(supervisors=user)
 
 
 def courses_to_come(user: User) -> QuerySet[Course]:
-    """Return courses that begin later, in which `user` drives robots or which they supervise; the earliest first."""
+    """Return the courses that begin later, and that `user` supervises or will drive robots in; the earliest first."""
     mine = Q(enrolments__person=user, role=Role.OPERATOR) | Q(supervisors=user)
     courses = Course.objects.filter(mine, archived=False, starts_on__gt=lab_date())
     return courses.distinct().order_by("starts_on")
@@ -198,7 +199,7 @@ def demanded_in(course: Course) -> QuerySet[Qualification]:
 
 
 def grants_in(course: Course, now: datetime) -> dict[UUID, list[QualificationGrant]]:
-    """Return the valid grants, by person, of what the course's robots demand."""
+    """Return, by person, the valid grants of qualifications that the course's robots demand."""
     valid = QualificationGrant.objects.filter(Q(expires_at=None) | Q(expires_at__gt=now)).filter(
         qualification__in=demanded_in(course), person__enrolments__course=course
     )
@@ -211,16 +212,17 @@ def grants_in(course: Course, now: datetime) -> dict[UUID, list[QualificationGra
 def missing_qualifications(
     user: User, robot: Robot, now: datetime, demands: Collection[int] | None = None
 ) -> list[Qualification]:
-    """Return the qualifications that the robot demands and `user` does not hold at `now`. Staff need none."""
+    """Return the qualifications that the robot demands and `user` does not have at `now`. Staff need none."""
     return lacking(robot, [user], now, demands).get(user.id, [])
 
 
 def lacking(
     robot: Robot, users: Iterable[User], now: datetime, demands: Collection[int] | None = None
 ) -> dict[UUID, list[Qualification]]:
-    """`missing_qualifications` of many people; who lacks none is left out.
+    """Return `missing_qualifications` for many people; people who lack none are left out.
 
-    One query, or three if the robot demands any. `demands`: the keys of what it demands, if they are read already.
+    Makes one query, or three if the robot demands qualifications. `demands`: the keys of the demanded qualifications,
+    if the caller has read them already.
     """
     people = [user.id for user in users if not user.is_staff]
     keys = (demanded(robot.id) if demands is None else demands) if people else ()
@@ -235,7 +237,7 @@ def lacking(
 
 
 def qualified_until(user: User, demands: Collection[int]) -> datetime | None:
-    """Return when the first of the demanded qualifications that `user` holds expires; None: none does."""
+    """Return the time when the first of the user's demanded qualifications expires; None if none expires."""
     if user.is_staff or not demands:
         return None
     grants = QualificationGrant.objects.filter(qualification__in=demands, person=user)
@@ -247,14 +249,14 @@ def qualified_until(user: User, demands: Collection[int]) -> datetime | None:
 
 
 class Source(Struct, frozen=True):
-    """Source of a role: a course, or None for a person's own role or staff."""
+    """Source of a role: a course; None: the role was given by staff, or the person is staff."""
 
     role: Role
     course: Course | None
 
     @property
     def words(self) -> str:
-        """Return it in words, such as "operator by course HRI 2026, until 31 January 2027"."""
+        """Return the source in words, such as "operator by course HRI 2026, until 31 January 2027"."""
         role = {
             Role.OBSERVER: gettext("observer"),
             Role.OPERATOR: gettext("operator"),
@@ -268,7 +270,7 @@ class Source(Struct, frozen=True):
 
 
 class Reason(Struct, frozen=True):
-    """A robot, the role of a person on it with all sources, the highest first, and what they lack to drive it."""
+    """A robot, a person's role on it with all sources (the highest first), and the missing qualifications."""
 
     robot: Robot
     role: Role
@@ -277,7 +279,7 @@ class Reason(Struct, frozen=True):
 
 
 def reasons(user: User, now: datetime) -> list[Reason]:
-    """Return why `user` may use which robots."""
+    """Return, for each robot that `user` may see, the role and its sources."""
     robots = list(robots_visible_to(user))
     if user.is_staff:
         staff = (Source(Role.STAFF, None),)

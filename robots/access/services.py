@@ -1,4 +1,4 @@
-"""Writing access. Each change is one transaction with its audit record."""
+"""Writing access. Each change and its audit record are one transaction."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @transaction.atomic
 def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> None:
-    """Give `user` this role on `robot`, in place of any other; None takes it away."""
+    """Give `user` this role on `robot`; it replaces an earlier role. None takes the role away."""
     before, after = _replace_role(RobotRole, role, robot=robot, user=user)
     if before == after:
         return
@@ -40,7 +40,7 @@ def role_set(*, robot: Robot, user: User, role: Role | None, actor: Actor) -> No
 
 @transaction.atomic
 def group_role_set(*, group: RobotGroup, user: User, role: Role | None, actor: Actor) -> None:
-    """Give `user` this role on every robot of a group, in place of any other on it; None takes it away."""
+    """Give `user` this role on every robot of a group; it replaces an earlier role. None takes the role away."""
     before, after = _replace_role(GroupRole, role, group=group, user=user)
     if before == after:
         return
@@ -56,7 +56,7 @@ def group_role_set(*, group: RobotGroup, user: User, role: Role | None, actor: A
 def _replace_role(
     table: type[RobotRole] | type[GroupRole], role: Role | None, **place: Any
 ) -> tuple[str | None, str | None]:
-    """Store a role in place of any other at this place. Returns the roles before and after."""
+    """Store a role on a robot or group; it replaces an earlier role. Returns the roles before and after."""
     held = table.objects.select_for_update().filter(**place).first()
     before, after = held.role if held else None, role.value if role else None
     if after is None:
@@ -83,7 +83,7 @@ def group_save(*, group: RobotGroup, robots: Collection[Robot], actor: Actor) ->
 
 @transaction.atomic
 def group_delete(*, group: RobotGroup, actor: Actor) -> None:
-    """Delete a robot group: its courses no longer give its robots."""
+    """Delete a robot group: roles, courses and qualifications of the group no longer apply to its robots."""
     record("group.delete", actor=actor, parameters={"group": group.slug})
     group.delete()
     publish_access_changed(None)
@@ -110,7 +110,7 @@ def course_save(
 
 @transaction.atomic
 def course_archive(*, course: Course, archived: bool, actor: Actor) -> None:
-    """Archive a course, which ends its roles at once, or open it again."""
+    """Archive a course (its roles end at once), or open it again."""
     if Course.objects.filter(pk=course.pk, archived=not archived).update(archived=archived):
         record("course.archive", actor=actor, parameters={"course": course.slug, "archived": archived})
         publish_access_changed(_people_of(course))
@@ -137,7 +137,7 @@ def qualification_save(
 
 @transaction.atomic
 def qualification_delete(*, qualification: Qualification, actor: Actor) -> None:
-    """Delete a qualification: no robot demands it any more."""
+    """Delete a qualification: no robot demands the qualification any more."""
     record("qualification.delete", actor=actor, parameters={"qualification": qualification.slug})
     qualification.delete()
 
@@ -146,7 +146,7 @@ def qualification_delete(*, qualification: Qualification, actor: Actor) -> None:
 def qualification_grant(
     *, qualification: Qualification, people: Collection[User], expires_at: datetime | None, actor: User
 ) -> int:
-    """Grant it to these people, in place of an earlier grant. Returns how many grants are new or changed."""
+    """Grant a qualification to these people, or change the end of their grants. Returns how many grants changed."""
     held = QualificationGrant.objects.select_for_update().filter(
         qualification=qualification, person__in=people
     )
@@ -181,7 +181,7 @@ def qualification_grant(
 
 @transaction.atomic
 def qualification_revoke(*, qualification: Qualification, people: Collection[User], actor: User) -> int:
-    """Take the qualification from these people. Returns how many held it."""
+    """Take the qualification from these people. Returns how many of them had it."""
     held = QualificationGrant.objects.select_for_update().filter(
         qualification=qualification, person__in=people
     )
@@ -205,7 +205,7 @@ Entry = TypeVar("Entry", RobotGroup, Course, Qualification)
 
 
 def _save(entry: Entry, lists: dict[str, Collection[Any]]) -> tuple[bool, list[dict[str, Any]]]:
-    """Check and save an entry and its lists. Returns whether it is new, and what changed."""
+    """Check and save an entry and its lists. Returns whether the entry is new, and the changes."""
     entry.full_clean()
     new = entry._state.adding
     stored = None if new else type(entry)._default_manager.select_for_update().get(pk=entry.pk)

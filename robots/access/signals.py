@@ -1,4 +1,4 @@
-"""Signals by which other apps learn of changes of access."""
+"""Signals that report changes of access to other apps."""
 
 from __future__ import annotations
 

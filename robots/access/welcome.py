@@ -20,12 +20,12 @@ VALID_S = 30 * 24 * 3600
 
 
 def token_of(user: User) -> str:
-    """Return the secret of the person's link. It ends when they set a password, and after `VALID_S`."""
+    """Return the secret of the person's link. It is valid for `VALID_S`, until the person sets a password."""
     return signing.dumps([user.pk.hex, _mark(user)], salt=SALT)
 
 
 def person_of_token(token: str) -> User | None:
-    """Return the person whose link this is, if it still holds."""
+    """Return the person of a link; None if the link is not valid, or not any more."""
     try:
         key, mark = signing.loads(token, salt=SALT, max_age=VALID_S)
     except signing.BadSignature:
@@ -40,12 +40,12 @@ def _mark(user: User) -> str:
 
 
 def waiting_among(people: Sequence[User]) -> list[User]:
-    """Return those who can set their first password by e-mail."""
+    """Return the people who can set their first password by e-mail."""
     return [one for one in people if one.email and one.is_active and not one.has_usable_password()]
 
 
 def send_later(people: Sequence[User], *, course: Course, site: str) -> None:
-    """Send each person their link once the transaction is committed. A slow mail server delays nobody."""
+    """Send each person their link after the transaction is committed. The caller does not wait for the mail server."""
     emails.send_later([_message(person, course, site) for person in people if person.email])
 
 

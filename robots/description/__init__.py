@@ -1,1 +1,1 @@
-"""Robots' descriptions (URDF) and their meshes, as pages get them to draw a robot: kept, reduced, checked."""
+"""Stores, reduces and checks robots' descriptions (URDF) and meshes, from which pages draw robots."""

@@ -1,7 +1,7 @@
 """The part of a robot's description (URDF) that a page draws: links with their shapes, joints, colours.
 
-All else is left out: collision, inertia, plug-ins, textures. Parts that cannot be drawn are named, so that a page shows
-the rest. Pure: no files, no database.
+Everything else is left out: collision, inertia, plug-ins, textures. Parts that cannot be drawn are listed as problems,
+and the page shows the rest. Pure: no files, no database.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ MOST_MESHES = 500
 MOST_LOOSE = 100  # links without a joint
 FARTHEST_M = 1_000.0
 LARGEST_NUMBER = 1e6
-DEEPEST = 500  # joints from a link to the root: a page goes through the tree by recursion
+DEEPEST = 500  # joints from a link to the root, because a page reads the tree by recursion
 JOINT_KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
-_NAME = re.compile(r"[^\x00-\x1f\x7f\"'\\<>]{1,200}")  # a page looks a link up by its name in a selector
+_NAME = re.compile(r"[^\x00-\x1f\x7f\"'\\<>]{1,200}")  # a page puts names of links into selectors
 _NUMBERS: dict[str, tuple[str, int]] = {"box": ("size", 3), "sphere": ("radius", 1)}
 
 
 class Drawable(NamedTuple):
-    """A description for a page."""
+    """The part of a description that a page draws."""
 
     urdf: str
-    meshes: list[str]  # the addresses of meshes, as the description has them, each once
-    problems: list[str]  # what is left out, in words
+    meshes: list[str]  # the addresses of meshes as in the description, each once
+    problems: list[str]  # sentences about parts that are left out
 
 
 class _Misfit(ValueError):
@@ -40,7 +40,7 @@ class _Misfit(ValueError):
 
 
 def drawable(text: str) -> Drawable:
-    """Return what a page draws of this description. Raises `BadDescription` if it is not one."""
+    """Return the part of this description that a page draws. Raises `BadDescription` if it is no robot description."""
     found = parsed(text)
     if found.tag != "robot":
         raise BadDescription("the robot’s description is no <robot>")
@@ -164,7 +164,7 @@ class _Joint(NamedTuple):
 
 
 def _drop_loose_mimics(joints: list[_Joint]) -> None:
-    """Let only joints be followed that follow none: a page cannot go round in a circle."""
+    """Remove each mimic of a joint that is itself a mimic, or missing, so that a page cannot run into a cycle."""
     leaders = {joint.element.get("name") for joint in joints if joint.element.find("mimic") is None}
     for joint in joints:
         mimic = joint.element.find("mimic")
@@ -238,7 +238,7 @@ def _sizes(element: Element, attribute: str, count: int) -> str:
 def _numbers(
     element: Element, attribute: str, count: int, default: str = "", most: float = LARGEST_NUMBER
 ) -> str:
-    """Return so many numbers, rounded. Raises `_Misfit`."""
+    """Return the attribute's `count` numbers as text, rounded. Raises `_Misfit`."""
     text = element.get(attribute) or default
     try:
         numbers = [float(part) for part in text.split()]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 LARGEST_MESH = 25_000_000  # bytes
-DEEPEST = 10  # folders from a package to a mesh that is named by a file’s address
+DEEPEST = 10  # folders from a package to a mesh with a file:// address
 FORMATS = (".stl", ".dae", ".obj")
 _PACKAGE = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,99}")
 _PACKAGE_ADDRESS, _FILE_ADDRESS = "package://", "file://"
@@ -21,18 +21,18 @@ class NoMesh(Exception):
 
 
 class Mesh(NamedTuple):
-    """A mesh that can be read: `package` and `path` name it to people and pages."""
+    """A mesh that can be read. People and pages use `package` and `path` as its name."""
 
     package: str
     path: str
     file: Path
-    version: str  # another one when the file changes
+    version: str  # changes when the file changes
 
 
 def mesh_at(address: str, folders: Sequence[Path]) -> Mesh:
     """Return the mesh with this address in a description (`package://…`, or `file://…` in a known package).
 
-    `folders` hold ROS packages, one or two levels down, or are one. Raises `NoMesh`.
+    Each of `folders` is a ROS package, or contains packages one or two levels down. Raises `NoMesh`.
     """
     package, path = _split(address, folders)
     parts = path.split("/")
@@ -49,7 +49,7 @@ def mesh_at(address: str, folders: Sequence[Path]) -> Mesh:
                 raise NoMesh(f"{_short(address)} leads out of its package")
             if file.is_file():
                 return _mesh(package, path, file, address)
-    except (OSError, RuntimeError) as error:  # too long a name, no right to read, links in a circle
+    except (OSError, RuntimeError) as error:  # name too long, no permission, symbolic links in a circle
         raise NoMesh(f"{_short(address)} cannot be read") from error
     raise NoMesh(f"{_short(address)} is not on the console’s computer")
 
@@ -67,12 +67,12 @@ def _mesh(package: str, path: str, file: Path, address: str) -> Mesh:
 
 
 def _split(address: str, folders: Sequence[Path]) -> tuple[str, str]:
-    """Return package and path in it."""
+    """Return the package, and the path inside the package."""
     if address.startswith(_PACKAGE_ADDRESS):
         package, _, path = address.removeprefix(_PACKAGE_ADDRESS).partition("/")
         return package, path
     if address.startswith(_FILE_ADDRESS):
-        # Such an address holds for the robot's computer: here the package with that name counts.
+        # The address is a path on the robot's computer: use the package with the same name on this computer.
         file = address.removeprefix(_FILE_ADDRESS)
         if ".." not in file.split("/"):
             for folder in islice(Path(file).parents, DEEPEST):

@@ -1,4 +1,4 @@
-"""The newest description of each robot."""
+"""Stores the newest description of each robot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robots.registry.models import RobotDescription
 
 
 def description_store(robot_id: UUID, taken: TakenDescription, now: datetime) -> None:
-    """Store the robot's present description. Only the robot's one bridge calls this."""
+    """Store the robot's current description. Only the robot's one bridge calls this."""
     RobotDescription.objects.update_or_create(
         robot_id=robot_id,
         defaults={

@@ -1,4 +1,4 @@
-"""The web process's connection to a robot's camera process, open while people of this web process watch."""
+"""The web process's connection to a robot's camera process, open while somebody watches through this web process."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ class PictureListener(Protocol):
     """Receives pictures. Called on the event loop; must not block."""
 
     def on_picture(self, header: TakenPicture, encoded: memoryview) -> None:
-        """A picture."""
+        """Receive a picture."""
 
     def on_camera_state(self, state: CameraState) -> None:
-        """Why a camera has no pictures, or that they come."""
+        """Receive the state of a camera: pictures come, or why they do not."""
 
     def on_cameras_gone(self, refusal: Refusal) -> None:
-        """The camera process is not there, or not yet."""
+        """Note that there is no connection to the camera process, and why."""
 
 
 class CameraLink:
-    """The connection for one robot; it follows the camera process from start to start."""
+    """The connection for one robot. If the camera process starts again, this class connects to its new address."""
 
     def __init__(self, link: BridgeLink, listener: PictureListener) -> None:
         self._link = link
@@ -55,7 +55,7 @@ class CameraLink:
         self._task = asyncio.create_task(self._keep_connected())
 
     def close(self) -> None:
-        """End the connection: nobody watches any more. Waits for nothing."""
+        """End the connection, because nobody watches any more. Does not wait."""
         self._link.unwatch_cameras(self._move)
         self._task.cancel()
 
@@ -103,7 +103,7 @@ class CameraLink:
 
     @property
     def _refusal(self) -> Refusal:
-        """Return why there are no pictures. A link that was never tried may come up in a moment."""
+        """Return why there are no pictures. Before the link's first attempt ends, its refusal does not count."""
         return (self._link.refusal if self._link.tried.is_set() else None) or self._at.refusal or STARTING
 
     def _address(self) -> LinkAddress | None:

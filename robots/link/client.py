@@ -1,9 +1,9 @@
 """The web process's end of the bridge link: one WebSocket per (web process, robot).
 
-A `BridgeLink` reconnects by itself and passes the bridge's messages on; it never waits for a slow
-bridge and never queues commands. Code without an event loop uses `robots.link.state_reader`.
-A bridge first sends the id of its robot. Until the id is confirmed, the link sends only its hello and stops, because a
-stop names its robot itself.
+A `BridgeLink` reconnects by itself and passes the bridge's messages on. It never waits for a slow bridge and never
+queues drive input. Code without an event loop uses `robots.link.state_reader`.
+A bridge first sends the id of its robot. Until this id is checked, the link sends only its hello and stops, because a
+stop contains the id of its robot.
 """
 
 from __future__ import annotations
@@ -51,20 +51,20 @@ _Answer = TypeVar("_Answer")
 
 _BACK_OFF_S = (0.1, 2.0)  # first and longest pause between attempts
 _ANSWER_TIMEOUT_S = 1.0
-_TASK_TIMEOUT_S = 5.0  # the page gives up much earlier
-_QUERY_TIMEOUT_S = 12.0  # the bridge gives up after 2 s, or 10 s while its inspector starts, and says so
+_TASK_TIMEOUT_S = 5.0  # the page stops waiting much earlier
+_QUERY_TIMEOUT_S = 12.0  # the bridge reports a failure after 2 s, or after 10 s while its inspector starts
 _MOST_TASK_REQUESTS, _MOST_QUERIES = 64, 32  # at once, for all pages together
 SILENT_S = 2.0  # a bridge reports its state twice a second
-_LINK_STOP_S = 0.3  # without an answer to a stop by then, the link may be dead
+_LINK_STOP_S = 0.3  # if a stop has no answer after this time, the link may be dead
 _NAMES, _NAME_LENGTH = (
     20,
     40,
 )  # names of viewers; further viewers are only counted, because the size of a message is limited
-_SUBSCRIPTIONS_PACE_S = 0.1  # people change topics faster than a robot should have to follow
+_SUBSCRIPTIONS_PACE_S = 0.1  # changes of subscriptions within this time are sent as one
 _LATENESS_CHECK_S = 0.1  # how often the loop's lateness is measured
 _WAITING_PACE_S = 0.5  # between two searches for pending stops
-_DISK_S = 0.5  # a disk that takes longer to read pending stops must not delay the link
-_LINGER_S = 10.0  # a link without listeners closes after this time, so that a reloaded page finds it up
+_DISK_S = 0.5  # time limit for reading pending stops, so that a slow disk does not delay the link
+_LINGER_S = 10.0  # a link without listeners stays open for this time, for a page that is reloaded
 
 OTHER_PROTOCOL = Refusal(
     "protocol",
@@ -84,7 +84,7 @@ _TASK_KINDS = frozenset(kind.__struct_config__.tag for kind in (*get_args(wire.T
 
 
 class _Hello(Struct, tag_field="t", tag="bridge_hello"):
-    """The part of a hello that all protocols share; it is enough for a stop."""
+    """The part of a hello that all versions of the protocol have; it is enough to check the robot."""
 
     robot: UUID
     slug: str
@@ -97,28 +97,28 @@ class Listener(Protocol):
     """Receives a robot's reports. Called on the event loop; must not block."""
 
     def on_view(self, raw: str) -> None:
-        """A view, encoded."""
+        """Receive a view, encoded."""
 
     def on_status(self, state: State) -> None:
-        """The state, twice a second and on change."""
+        """Receive the state, twice a second and on change."""
 
     def on_ended(self, ended: Ended) -> None:
-        """The bridge ended control."""
+        """Note that the bridge ended control."""
 
     def on_refused(self, refused: Refused) -> None:
-        """The bridge refused a message."""
+        """Note that the bridge refused a message."""
 
     def on_offers(self, offers: wire.Offers) -> None:
-        """The robot's capabilities: on connecting and on change."""
+        """Receive the robot's capabilities, on connecting and on change."""
 
     def on_path(self, path: wire.GoPath) -> None:
-        """The path of the robot's navigation: on connecting and on change."""
+        """Receive the path of the robot's navigation, on connecting and on change."""
 
     def on_sample(self, topic: str, sample: str) -> None:
-        """A message of a subscribed topic, encoded."""
+        """Receive a message of a subscribed topic, encoded."""
 
     def on_link(self, up: bool, refusal: Refusal | None) -> None:
-        """The link came up or went down, and why."""
+        """Note that the link came up, or why it is down."""
 
 
 class BridgeLink:
@@ -131,20 +131,20 @@ class BridgeLink:
         self.up = False
         self.refusal: Refusal | None = DOWN
         self.state: State | None = None
-        self.seen_at: float | None = None  # when the robot itself was last heard, in seconds since 1970
+        self.seen_at: float | None = None  # time of the last message from the robot, seconds since 1970
         self.offers: wire.Offers | None = None
         self.path = wire.GoPath([])
         self.pending: wire.PendingStop | None = None  # the newest stop that waits
         self._heard_s = 0.0  # monotonic clock: when the last state arrived
         self.highest_fence = 0
         self._open: ClientConnection | None = None
-        self._socket: ClientConnection | None = None  # the same, once the bridge has confirmed its robot
+        self._socket: ClientConnection | None = None  # the same, after a check of the bridge's robot
         self._lane: Lane | None = None  # to a bridge on this computer
         self._listeners: set[Listener] = set()
         # the one listener that gets views and samples
         self._viewer: Listener | None = None
         self._names: frozenset[str] = frozenset()  # of the viewers
-        self._draw_joints = False  # one of them does
+        self._draw_joints = False  # whether a viewer draws the robot's joints
         self._topics: dict[str, float] = {}  # subscribed topics and their rates (Hz)
         self._camera_listener: Callable[[wire.CameraAt], None] | None = None
         self._subscriptions_timer: asyncio.TimerHandle | None = (
@@ -157,14 +157,14 @@ class BridgeLink:
         )  # by kind, fence and number
         self._queries: PendingReplies[str] = PendingReplies()  # by number
         self._pause_s = _BACK_OFF_S[0]
-        self.tried = asyncio.Event()  # a first attempt came to an end, good or bad
+        self.tried = asyncio.Event()  # set after the first attempt to connect, with or without success
         self.closed = False
         self._task = asyncio.get_running_loop().create_task(self._keep_connected())
         self._courier = asyncio.get_running_loop().create_task(self._keep_delivering())
         self._linger_timer = self._start_linger()
         self._lateness_timer = self._schedule_lateness_check()
 
-    # --- followers -----------------------------------------------------------------------------------
+    # --- listeners -----------------------------------------------------------------------------------
 
     def subscribe(self, listener: Listener) -> None:
         """Add a listener; it gets the current state of the link at once."""
@@ -190,9 +190,9 @@ class BridgeLink:
             self._linger_timer = self._start_linger()
 
     def set_viewers(self, viewer: Listener, names: Collection[str], joints: bool = False) -> None:
-        """Set the names of people who view through `viewer`; the bridge draws views only for viewers.
+        """Set the names of the people who look through `viewer`. Without viewers the bridge sends no views.
 
-        `joints`: one of them draws the robot's joints.
+        `joints`: whether one of them draws the robot's joints.
         """
         self._viewer = viewer
         if self._names != set(names) or self._draw_joints != joints:
@@ -200,7 +200,7 @@ class BridgeLink:
             self._send_viewers()
 
     def set_subscriptions(self, viewer: Listener, topics: Mapping[str, float]) -> None:
-        """Set the topics that `viewer` wants to see, with rates (Hz). Without topics the robot sends no samples."""
+        """Set the topics that `viewer` shows, with rates (Hz). Without topics the bridge sends no samples."""
         self._viewer = viewer
         if self._topics != topics:
             self._topics = dict(topics)
@@ -213,20 +213,20 @@ class BridgeLink:
         self.send(wire.LinkCamera(True))
 
     def unwatch_cameras(self, listener: Callable[[wire.CameraAt], None]) -> None:
-        """Note that nobody watches through `listener` any more; a later one goes on."""
+        """Stop watching through `listener`, unless another listener has replaced it."""
         if self._camera_listener == listener:
             self._camera_listener = None
             self.send(wire.LinkCamera(False))
 
     @property
     def silent(self) -> bool:
-        """True if the link is up, but its last state is too old: the bridge is frozen or cut off."""
+        """Return whether the link is up, but the last state is too old: the bridge is frozen or cut off."""
         return self.up and time.monotonic() - self._heard_s > SILENT_S
 
-    # --- what is sent --------------------------------------------------------------------------------
+    # --- sending --------------------------------------------------------------------------------------
 
     async def forward(self, raw: str) -> bool:
-        """Send a browser's drive message unchanged. False if dropped: no link, or the last message is still unsent."""
+        """Send a page's drive input unchanged. Returns False if it is dropped: no link, or older bytes wait."""
         if self._lane is not None:
             return self.forward_now(raw)
         socket = self._socket
@@ -240,15 +240,18 @@ class BridgeLink:
 
     @property
     def has_lane(self) -> bool:
-        """True if `forward_now` can send."""
+        """Return whether there is a lane, by which `forward_now` sends."""
         return self._lane is not None
 
     def forward_now(self, raw: str) -> bool:
-        """As `forward`, by the lane."""
+        """Send as `forward`, by the lane, without waiting."""
         return self._lane is not None and self._lane.send(raw.encode())
 
     def send(self, message: Struct) -> bool:
-        """Send without an answer (Revoke, Pause). False if the link is down: then the bridge has stopped the robot."""
+        """Send a message that has no answer, such as Revoke.
+
+        Returns False if the link is down: then the bridge has stopped the robot.
+        """
         if self._socket is None:
             return False
         task = asyncio.ensure_future(self._send(message))
@@ -256,19 +259,19 @@ class BridgeLink:
         return True
 
     async def grant(self, grant: wire.Grant, timeout_s: float = _ANSWER_TIMEOUT_S) -> None:
-        """Give or renew control. Raises LinkRefused."""
+        """Send a grant, which gives or renews control. Raises LinkRefused if the bridge refuses or does not answer."""
         with self._grants.waiting_for(grant.fence) as answer:
             await self._ask(grant)
             await _await_answer(answer, timeout_s)
 
     async def stop(self, stop: wire.LinkStop, timeout_s: float = STOP_S) -> Stopped | Refusal:
-        """Press the emergency stop by all ways at once. Raises LinkRefused if neither bridge nor watchdog answers."""
+        """Send the emergency stop by three ways at the same time. Raises LinkRefused if there is no answer."""
         stop = structs.replace(stop, robot=self.robot_id)
         ways = self._stop_by_link(stop), ask_watchdog(self.address, stop), self._stop_by_new_connection(stop)
         return await first_answer(ways, timeout_s)
 
     async def _stop_by_link(self, stop: wire.LinkStop) -> Stopped | Refusal:
-        """Send over this connection, even before the bridge's hello."""
+        """Send a stop over this connection, even before the bridge's hello."""
         if self._open is None:
             raise LinkRefused(self.refusal or DOWN)
         number = self._latch.number()
@@ -286,7 +289,7 @@ class BridgeLink:
                 raise LinkRefused(DOWN) from error
 
     async def _stop_by_new_connection(self, stop: wire.LinkStop) -> Stopped | Refusal:
-        """Send over a new connection: this link may be down, waiting to reconnect, or dead without notice."""
+        """Send a stop over a new connection: this link may be down, waiting to reconnect, or dead without notice."""
         if self._open is not None:
             await asyncio.sleep(_LINK_STOP_S)
         return await ask_bridge(self.address, stop)
@@ -294,10 +297,10 @@ class BridgeLink:
     async def clear(
         self, clear: wire.LinkClear, asked_s: float, timeout_s: float = _ANSWER_TIMEOUT_S
     ) -> Stopped:
-        """Release the latch. Raises LinkRefused when the bridge does not confirm.
+        """Clear the stop. Raises LinkRefused if the bridge does not confirm.
 
-        Pending stops from before `asked_s` (time of day, when the person asked) do not stop the robot again; a later
-        one does.
+        `asked_s` is the time of day when the person asked. Pending stops from before it do not stop the robot again;
+        later ones do.
         """
         number = self._latch.number()
         waiting = [stop for stop in await self._waiting_stops() if stop.at < asked_s]
@@ -312,7 +315,7 @@ class BridgeLink:
     async def request_task(
         self, request_task: wire.TaskRequest, timeout_s: float = _TASK_TIMEOUT_S
     ) -> Accepted | Refused:
-        """Send a task request of the holder. Returns the bridge's answer; raises LinkRefused without one."""
+        """Send a task request of the person in control. Returns the bridge's answer, or raises LinkRefused."""
         self._require_capacity(self._task_requests, _MOST_TASK_REQUESTS)
         with self._task_requests.waiting_for(
             (wire.kind_of(request_task), request_task.fence, request_task.seq)
@@ -321,14 +324,14 @@ class BridgeLink:
             return await _await_answer(answer, timeout_s)
 
     async def cancel(self, cancel: wire.LinkCancel, timeout_s: float = _TASK_TIMEOUT_S) -> Accepted | Refused:
-        """Cancel a task for a person who may lack control. Returns and raises as `request_task`."""
+        """Cancel a task for a person, who need not have control. Returns and raises as `request_task`."""
         number = self._task_requests.number()
         with self._task_requests.waiting_for((wire.kind_of(cancel), None, number)) as answer:
             await self._ask(structs.replace(cancel, seq=number))
             return await _await_answer(answer, timeout_s)
 
     async def query_topics(self, question: wire.TopicQuery, timeout_s: float = _QUERY_TIMEOUT_S) -> str:
-        """Send a query about topics. Returns the encoded `wire.TopicAnswer`; raises LinkRefused without one."""
+        """Send a query about topics. Returns the encoded `wire.TopicAnswer`, or raises LinkRefused."""
         self._require_capacity(self._queries, _MOST_QUERIES)
         number = self._queries.number()
         with self._queries.waiting_for(number) as answer:
@@ -336,7 +339,7 @@ class BridgeLink:
             return await _await_answer(answer, timeout_s)
 
     async def close(self) -> None:
-        """End the link for good."""
+        """End the link. It cannot be opened again."""
         self._linger_timer.cancel()
         self._end()
         for task in (self._task, self._courier):
@@ -344,7 +347,7 @@ class BridgeLink:
                 await task
 
     def _start_linger(self) -> asyncio.TimerHandle:
-        """Close the link later, unless a listener comes first."""
+        """Close the link after `_LINGER_S`, unless a listener comes first."""
         return asyncio.get_running_loop().call_later(_LINGER_S, self._end)
 
     def _schedule_lateness_check(self) -> asyncio.TimerHandle:
@@ -352,7 +355,7 @@ class BridgeLink:
         return asyncio.get_running_loop().call_later(_LATENESS_CHECK_S, self._check_lateness, due_s)
 
     def _check_lateness(self, due_s: float) -> None:
-        """Report this process's own lateness, so that the bridge does not count it as the operator's delay."""
+        """Report to the bridge that this loop is late, so that the bridge does not count it as the operator's delay."""
         late_s = time.monotonic() - due_s
         if late_s >= LATE_S and self.up:
             late = wire.LinkLate(late_s)
@@ -370,11 +373,11 @@ class BridgeLink:
 
     @property
     def _is_behind(self) -> bool:
-        """True if the last message is still unsent: bridge or network does not take it."""
+        """Return whether older bytes wait: the bridge or the network does not take them."""
         return self._socket is not None and self._socket.transport.get_write_buffer_size() > 0
 
     def _require_capacity(self, replies: PendingReplies[_Answer], most: int) -> None:
-        """Refuse requests for a slow bridge: a stop would have to wait behind them."""
+        """Raise LinkRefused if the bridge is slow or has too many requests: a stop would have to wait behind them."""
         if self._is_behind or len(replies) >= most:
             raise LinkRefused(_BUSY)
 
@@ -382,7 +385,7 @@ class BridgeLink:
         if self._socket is None:
             raise LinkRefused(self.refusal or DOWN)
         encoded = wire.encode(message)
-        if len(encoded) > wire.LARGEST_MESSAGE_BYTES:  # the bridge could not read which request it refuses
+        if len(encoded) > wire.LARGEST_MESSAGE_BYTES:  # the bridge could not read it, and so could not answer
             raise LinkRefused(_too_large(len(encoded)))
         try:
             await self._socket.send(encoded, text=True)
@@ -404,21 +407,21 @@ class BridgeLink:
         )
 
     def _send_subscriptions(self) -> None:
-        """A link that is behind gets them later; a link that is down gets them when it comes up."""
+        """Send the subscriptions; later if older bytes wait, or, if the link is down, when it comes up."""
         self._subscriptions_timer = None
         if self._is_behind:
             self._schedule_subscriptions()
         else:
             self.send(wire.LinkSubscribe(self._topics))
 
-    # --- stops that wait -----------------------------------------------------------------------------
+    # --- pending stops --------------------------------------------------------------------------------
 
     async def _waiting_stops(self) -> list[WaitingStop]:
-        """Pending stops of this robot from all processes; the newest last."""
+        """Return the pending stops of this robot from all processes, the newest last."""
         return await asyncio.to_thread(self._stops.of, name_of(self.robot_id))
 
     async def _keep_delivering(self) -> None:
-        """Deliver them over this link too: a frozen bridge reads them as soon as it continues."""
+        """Deliver pending stops over this link too: a frozen bridge reads them as soon as it continues."""
         while True:
             await asyncio.sleep(_WAITING_PACE_S)
             try:
@@ -430,7 +433,7 @@ class BridgeLink:
                 log.exception("a pending stop of %s could not be sent", self.robot_id)
 
     def _report_pending(self, stop: wire.PendingStop | None) -> None:
-        """Report a pending stop while the link is down; when it is up, the robot's state contains it."""
+        """Report a pending stop to listeners while the link is down. If it is up, the state contains the stop."""
         if stop != self.pending:
             self.pending = stop
             if not self.up:
@@ -467,9 +470,9 @@ class BridgeLink:
         try:
             hello = wire.LinkHello(wire.PROTOCOL, f"web {os.getpid()}")
             reading = asyncio.ensure_future(self._waiting_stops())
-            # Not `wait_for`: before Python 3.12 it may swallow a cancellation, and `close` would wait for ever.
+            # Do not use `wait_for`: before Python 3.12 it may lose a cancellation, and `close` would wait for ever.
             read, _ = await asyncio.wait({reading}, timeout=_DISK_S)
-            for stop in reading.result()[-1:] if read else []:  # else it is delivered later
+            for stop in reading.result()[-1:] if read else []:  # `_keep_delivering` delivers it later
                 await socket.send(wire.encode(stop.message()), text=True)
             await socket.send(wire.encode(hello), text=True)
             self._open = socket
@@ -490,7 +493,7 @@ class BridgeLink:
                 self._lane = None
 
     async def _handle_hello(self, socket: ClientConnection, hello: str) -> None:
-        """Confirm the bridge's robot, then send viewers and subscriptions."""
+        """Check the id of the bridge's robot, then send viewers and subscriptions."""
         require_robot(hello, self.robot_id, self.address)
         self._socket = socket
         self._handle_report(wire.link_report(hello))
@@ -502,7 +505,10 @@ class BridgeLink:
             await self._send(wire.LinkCamera(True))
 
     def _open_lane(self, token: str) -> None:
-        """Without a lane, all messages take the WebSocket and arrive some tenths of a millisecond later."""
+        """Open the lane to a bridge on this computer.
+
+        Without a lane, all messages go over the WebSocket and arrive some tenths of a millisecond later.
+        """
         if self.address.unix_path is None or self._socket is None or self._lane is not None:
             return
         try:
@@ -580,7 +586,7 @@ class BridgeLink:
             listener.on_status(state)
 
     def _handle_first_state(self) -> None:
-        """The first state shows that the link is up."""
+        """Report that the link is up, after the first state."""
         if self.up:
             return
         self.tried.set()
@@ -589,7 +595,7 @@ class BridgeLink:
             listener.on_link(True, None)
 
     def _handle_loss(self, refusal: Refusal) -> None:
-        """Refuse all pending requests and forget the state, which is out of date."""
+        """Refuse all pending requests, and delete the state, which is out of date."""
         self.tried.set()
         was_up, before = self.up, self.refusal
         self.up, self.refusal = False, refusal
@@ -606,13 +612,13 @@ class BridgeLink:
 
 
 class Links:
-    """The links of this process. A robot with a new address gets a new link; listeners of the old one move."""
+    """The links of this process. If a robot's address changes, `get` makes a new link; callers move their listeners."""
 
     def __init__(self) -> None:
         self._links: dict[UUID, BridgeLink] = {}
 
     def get(self, robot_id: UUID, address: LinkAddress) -> BridgeLink:
-        """The link to this robot; started on the running loop if there is none."""
+        """Return the link to this robot; if there is none, start it on the running loop."""
         link = self._links.get(robot_id)
         if link is None or link.closed or link.address != address:
             seen_at = link.seen_at if link else None
@@ -621,7 +627,7 @@ class Links:
         return link
 
     def all(self) -> list[BridgeLink]:
-        """Return those that are not closed."""
+        """Return the links that are not closed."""
         return [link for link in self._links.values() if not link.closed]
 
     async def close(self) -> None:
@@ -656,7 +662,7 @@ def require_robot(hello: str | bytes, robot_id: UUID, address: LinkAddress) -> N
 
 @cache
 def _log_wrong_robot(place: str, robot_id: UUID, slug: str) -> None:
-    """Log it once only: each attempt to connect finds it again."""
+    """Log the wrong robot only once, because each attempt to connect finds it again."""
     log.error("the bridge address %s of robot %s belongs to the bridge of %s", place, robot_id, slug)
 
 

@@ -1,4 +1,4 @@
-"""Connect a web process to a bridge: over a Unix socket, or over TCP with TLS and the shared secret."""
+"""Connects a web process to a bridge: over a Unix socket, or over TCP with TLS and the shared secret."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robots.wire import NotDone, Refusal
 
 _PING_S = 1.0
 _CLOSE_S = 0.2
-# Far above the largest real report: a large report must not cut the link of the driver, or of a person who stops.
+# `max_size` is far above the largest real report, because a larger message would close the link, also for stops.
 _COMMON_OPTIONS: dict[str, Any] = {"compression": None, "open_timeout": 2.0, "max_size": 8 * 1024 * 1024}
 
 DOWN = Refusal("bridge_down", "The robot’s bridge is not running; staff can start it.", "robot")
@@ -27,7 +27,7 @@ class LinkRefused(NotDone):
 
 
 def open_link(address: LinkAddress, close_timeout: float | None = 10.0) -> connect:
-    """Open a lasting connection. `close_timeout` in seconds: how long its end may wait for the other side."""
+    """Open a lasting connection. `close_timeout`: how long (s) its end may wait for the other side."""
     if address.unix_path:
         return unix_connect(
             address.unix_path, ping_interval=None, close_timeout=close_timeout, **_COMMON_OPTIONS
@@ -69,12 +69,12 @@ def _headers(address: LinkAddress) -> dict[str, str]:
 
 
 def _tls(address: LinkAddress) -> ssl.SSLContext:
-    """Trust the fleet's certificate authority if set, else the system's."""
+    """Return a context that trusts the fleet's certificate authority if one is set, else the system's authorities."""
     return ssl.create_default_context(cafile=address.authority)
 
 
 def why_down(error: Exception) -> Refusal:
-    """The sentence for people when there is no connection."""
+    """Return the refusal that tells people why there is no connection."""
     if isinstance(error, FileNotFoundError | ConnectionRefusedError | ConnectionClosed):
         return DOWN
     if isinstance(error, gaierror):

@@ -1,11 +1,11 @@
 """The lane of a link: a second Unix socket for messages that must be quick.
 
-A command on the link's WebSocket costs 0.3 ms of frames, tasks and buffers. On the lane, a SEQPACKET socket, a message
-is one datagram: one call sends it and one call reads it. Commands and stops travel there; their answers, and all
-other messages stay on the WebSocket. Bridges on other computers have no lane.
+A message on the link's WebSocket takes 0.3 ms for frames, tasks and buffers. The lane is a SEQPACKET socket: a message
+is one datagram, which one call sends and one call reads. Drive input, stops and reports of lateness use the lane; their
+answers and all other messages use the WebSocket. Bridges on other computers have no lane.
 
-A lane belongs to one link: the bridge sends each link a token, and the lane's first datagram is that token. The end of
-the lane or of the WebSocket ends the other.
+A lane belongs to one link: the bridge sends each link a token, and the lane's first datagram is that token. If the lane
+ends, the WebSocket ends too, and the other way round.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robots.wire import LARGEST_MESSAGE_BYTES
 
 log = logging.getLogger(__name__)
 
-# About thirty commands may wait for a bridge that does not read; then the lane is behind.
+# About thirty messages may wait for a bridge that does not read; then `send` drops messages.
 _WAITING_BYTES = 16 * 1024
 _MOST_AT_ONCE = 100  # datagrams read before a message of the WebSocket: more than can wait
 _TOKEN_S = 1.0  # for the first datagram
@@ -29,12 +29,15 @@ _PAUSE_S = 1.0  # after an error of the listening socket
 
 
 def lane_path(unix_path: str) -> str:
-    """Path of the lane's socket, next to the WebSocket's."""
+    """Return the path of the lane's socket, which is next to the WebSocket's."""
     return str(Path(unix_path).with_suffix(".lane"))
 
 
 class Lane:
-    """One end, on the running event loop. Datagrams go to `on_datagram`; `on_end` is called once, when it closes."""
+    """One end of a lane, on the running event loop. Passes datagrams to `on_datagram`.
+
+    `on_end` is called once, if the other side closes the lane or an error occurs, but not after `close`.
+    """
 
     def __init__(
         self, end: socket.socket, on_datagram: Callable[[bytes], object], on_end: Callable[[], None]
@@ -47,7 +50,7 @@ class Lane:
 
     @classmethod
     def connect(cls, unix_path: str, token: str, on_end: Callable[[], None]) -> Lane:
-        """The web process's end of the lane next to the WebSocket at `unix_path`. Raises OSError."""
+        """Return the web process's end of the lane next to the WebSocket at `unix_path`. Raises OSError."""
         end = _socket()
         try:
             end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _WAITING_BYTES)
@@ -59,7 +62,7 @@ class Lane:
         return cls(end, lambda _: None, on_end)
 
     def send(self, message: bytes) -> bool:
-        """Send one datagram. False if the other side does not read or is gone."""
+        """Send one datagram. Returns False if the other side does not read or is gone."""
         if self._socket is None:
             return False
         try:
@@ -111,7 +114,7 @@ class Lane:
 
 
 class LaneServer:
-    """The bridge's side: accepts sockets, and passes each with its token to `on_lane`, which closes unknown ones."""
+    """The bridge's side. Accepts sockets, and passes each with its token to `on_lane`, which closes unknown ones."""
 
     def __init__(self, unix_path: str, on_lane: Callable[[str, socket.socket], None]) -> None:
         self._path = lane_path(unix_path)

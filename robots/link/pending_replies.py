@@ -13,7 +13,7 @@ A = TypeVar("A")
 
 
 class PendingReplies(Generic[A]):
-    """Pending requests of one kind, by the answer's key; for equal keys the oldest is answered first."""
+    """Pending requests of one kind, by the key of the answer. The oldest request with a key is answered first."""
 
     def __init__(self) -> None:
         self._waiting: dict[Hashable, deque[asyncio.Future[A]]] = defaultdict(deque)
@@ -23,12 +23,12 @@ class PendingReplies(Generic[A]):
         return sum(map(len, self._waiting.values()))
 
     def number(self) -> int:
-        """A number that no other request here has."""
+        """Return a number that no other request of this kind has."""
         return next(self._numbers)
 
     @contextmanager
     def waiting_for(self, key: Hashable) -> Iterator[asyncio.Future[A]]:
-        """A future for the answer; it stays registered inside the `with` block."""
+        """Context: a future for the answer. It is registered only inside the `with` block."""
         answer: asyncio.Future[A] = asyncio.get_running_loop().create_future()
         self._waiting[key].append(answer)
         try:
@@ -41,13 +41,13 @@ class PendingReplies(Generic[A]):
                 del self._waiting[key]
 
     def answer(self, key: Hashable, answer: A | Exception) -> None:
-        """Give an answer to its caller, unless the caller gave up."""
+        """Give the answer to the waiting caller, unless the caller has stopped waiting."""
         first = next((waiting for waiting in self._waiting.get(key, ()) if not waiting.done()), None)
         if first is not None:
             _set_result(first, answer)
 
     def answer_all(self, error: Exception) -> None:
-        """End all waits without an answer."""
+        """End all waits with this error."""
         for waiting in [future for futures in self._waiting.values() for future in futures]:
             if not waiting.done():
                 _set_result(waiting, error)

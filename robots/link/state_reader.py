@@ -1,7 +1,7 @@
-"""A robot's state for code without an event loop: REST, metrics, housekeeping.
+"""Reads a robot's state, for code without an event loop: REST, metrics, housekeeping.
 
-A connection is kept for the next question: opening one takes ten times as long. It is quiet meanwhile, because a bridge
-reports by itself only after a hello.
+A connection is kept open for the next question, because opening one takes ten times as long. The bridge sends only
+answers on it, because the bridge reports by itself only after a hello.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MOST_KEPT = 2  # connections to one bridge
 
 
 class _Connection:
-    """An open connection to the bridge of a robot; `figures` of its hello."""
+    """An open connection to the bridge of a robot; `figures` are the bridge's counts from its hello."""
 
     def __init__(self, robot_id: UUID, address: LinkAddress, end_s: float) -> None:
         self.address = address
@@ -42,7 +42,7 @@ class _Connection:
             self.close = stack.pop_all().close
 
     def ask(self, end_s: float) -> State:
-        """Get the state. After an error close the connection: a late answer must not answer the next question."""
+        """Get the state. After an error the caller must close the connection, so that no late answer is read later."""
         self._socket.send(wire.encode(wire.LinkState()), text=True)
         while True:
             report = wire.link_report(self._socket.recv(timeout=max(end_s - time.monotonic(), 0.0)))
@@ -61,20 +61,20 @@ def state_once(robot_id: UUID, address: LinkAddress) -> State:
     kept = _kept[robot_id]
     with _refused_in_words():
         while (connection := _taken(kept, address)) is not None:
-            with suppress(ConnectionClosed):  # the bridge has ended since
+            with suppress(ConnectionClosed):  # the bridge has ended since the last question
                 return _ask_and_keep(connection, kept, end_s)
         return _ask_and_keep(_Connection(robot_id, address, end_s), kept, end_s)
 
 
 def figures_once(robot_id: UUID, address: LinkAddress) -> tuple[BridgeFigures | None, State]:
-    """Get the bridge's counts, too (None: it has none), by a new connection. Raises LinkRefused."""
+    """Get the bridge's counts (None: it has none) and the robot's state, by a new connection. Raises LinkRefused."""
     end_s = time.monotonic() + ANSWER_S
     with _refused_in_words(), closing(_Connection(robot_id, address, end_s)) as connection:
         return connection.figures, connection.ask(end_s)
 
 
 def _taken(kept: list[_Connection], address: LinkAddress) -> _Connection | None:
-    """Take one of the kept connections; those to an earlier address of the robot are closed."""
+    """Take one of the kept connections, or None; close connections to an earlier address of the robot."""
     while kept:
         try:
             connection = kept.pop()

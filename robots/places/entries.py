@@ -1,6 +1,6 @@
-"""A place as people enter it: its name and pose, and files of places. Pure.
+"""Names and poses of places as people enter them, and files of places. Pure.
 
-A file is CSV with the columns name, x, y (metres) and heading (radians, 0 if it is empty), in UTF-8.
+A file is CSV in UTF-8 with the columns name, x, y (metres) and heading (radians; empty means 0).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LARGEST_FILE = 100_000  # characters
 COLUMNS = ("name", "x", "y", "heading")
 _SEPARATORS = ",;\t"
 _MILLIMETRES = 3  # decimals
-_HALF_TURN = round(math.pi, _MILLIMETRES)  # more than pi: a heading that was written is read as the same
+_HALF_TURN = round(math.pi, _MILLIMETRES)  # above pi: a heading of 3.142 in a file must stay unchanged
 
 
 class PlaceEntry(Struct, frozen=True):
@@ -38,17 +38,17 @@ class PlaceEntry(Struct, frozen=True):
 
     @property
     def pose(self) -> Pose:
-        """Where the robot stands."""
+        """Return the pose of a robot at this place."""
         return Pose(self.x, self.y, self.heading)
 
     @property
     def key(self) -> str:
-        """The name as it is compared."""
+        """Return the name in the form that is compared."""
         return key_of(self.name)
 
 
 def key_of(name: str) -> str:
-    """Return a name as it is compared: without regard to case, spaces and how letters are composed."""
+    """Return a name in the form that is compared: without differences of case, spaces and Unicode composition."""
     return " ".join(unicodedata.normalize("NFKC", name).casefold().split())
 
 
@@ -58,19 +58,19 @@ def why_no_name(name: str) -> str | None:
         return "It has no name."
     if len(name) > LONGEST_NAME:
         return f"The name has {len(name)} characters; there is room for {LONGEST_NAME}."
-    if len(key_of(name)) > 2 * LONGEST_NAME:  # one letter may stand for many
+    if len(key_of(name)) > 2 * LONGEST_NAME:  # normalisation may replace one letter by many
         return "The name is too long when its letters are written out."
     if "\ufffd" in name:
         return "The name has a letter that was lost: write it anew."
     if not name.isprintable():
         return "The name has a control character."
-    if not name[0].isalnum():  # a spreadsheet would take =, +, - or @ for the begin of a formula
+    if not name[0].isalnum():  # a spreadsheet reads =, +, - or @ as the start of a formula
         return "A name begins with a letter or a digit."
     return None
 
 
 def entry_of(name: str, x: float, y: float, heading: float) -> PlaceEntry:
-    """Return a place, its name without needless spaces, its pose in millimetres. Raises `Problems`."""
+    """Return a place: its name without repeated spaces, its pose rounded to 0.001 m and rad. Raises `Problems`."""
     name = " ".join(unicodedata.normalize("NFC", name).split(" ")).strip()
     if why := why_no_name(name):
         raise Problems([why])
@@ -131,7 +131,7 @@ def _entry(row: list[str]) -> PlaceEntry:
     if not 3 <= len(row) <= len(COLUMNS):
         raise Problems([f"A line has {len(COLUMNS)} fields: {','.join(COLUMNS)}; this one has {len(row)}."])
     name, *numbers = (field.strip() for field in row)
-    if "\ufffd" in name:  # what a browser makes of other encodings
+    if "\ufffd" in name:  # a browser puts this character in place of bytes that are not UTF-8
         raise Problems([f"“{name}” has a letter that is not UTF-8: save the file as CSV UTF-8."])
     try:
         x, y, heading = (float(number) if number else 0.0 for number in [*numbers, ""][:3])
@@ -143,7 +143,7 @@ def _entry(row: list[str]) -> PlaceEntry:
 
 
 def written(places: Iterable[PlaceEntry]) -> str:
-    """Return the content of a file from which `read` makes these places."""
+    """Return these places as the content of a file, which `read` can read."""
     text = io.StringIO()
     lines = csv.writer(text, lineterminator="\n")
     lines.writerow(COLUMNS)

@@ -1,7 +1,8 @@
-"""Maps that people named or gave places, and the places.
+"""Maps with a name or places, and the places.
 
-A map is its content: the digest of `RobotMap`. A robot that maps the building again has another map, without places:
-the new map may have another origin, and a place would be somewhere else. People carry places over by a file.
+A map is identified by its content: the digest of `RobotMap`. If a robot maps the building again, the result is another
+map, without places: the new map may have another origin, and then an old place would be at a wrong position. People can
+copy places to the new map by a file.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from robots.places.entries import LONGEST_NAME
 
 
 class SharedMap(models.Model):
-    """A map by its content. It is written when it first gets a name or a place."""
+    """A map, identified by its content. The row is created when the map gets its first name or place."""
 
     digest = models.CharField(max_length=64, primary_key=True)  # as in `RobotMap`
     name = models.CharField(_("name"), max_length=LONGEST_NAME, blank=True)
@@ -27,11 +28,11 @@ class SharedMap(models.Model):
 
 
 class Place(models.Model):
-    """A place of a map to which robots can be sent, with a heading. Frame of the map."""
+    """A place of a map, with a heading, to which robots can be sent. Coordinates are in the frame of the map."""
 
     map = models.ForeignKey(SharedMap, on_delete=models.CASCADE, related_name="places")
     name = models.CharField(_("name"), max_length=LONGEST_NAME)
-    key = models.CharField(max_length=2 * LONGEST_NAME)  # of the name: Kitchen and kitchen are one name
+    key = models.CharField(max_length=2 * LONGEST_NAME)  # `key_of` the name: Kitchen and kitchen are the same
     x_m = models.FloatField()
     y_m = models.FloatField()
     heading_rad = models.FloatField()

@@ -36,7 +36,7 @@ NO_OUTLINE = Refusal(
 
 
 class MapOfRobots(Struct, frozen=True):
-    """A map, the robots that have it now, and those that had it before: of the robots that were asked for."""
+    """A map, the robots that have it now, and the robots that had it before. Both only of the caller's robots."""
 
     drawn: RobotMap  # without its picture
     robots: list[Robot]
@@ -44,14 +44,14 @@ class MapOfRobots(Struct, frozen=True):
 
     @property
     def digest(self) -> str:
-        """Its identity: the hash of its content."""
+        """Return the identity of the map: the hash of its content."""
         return self.drawn.digest
 
 
 def maps_of(robots: Iterable[Robot]) -> list[MapOfRobots]:
-    """Return the present maps of these robots, and their earlier ones that have places or a name.
+    """Return the current maps of these robots, and their earlier maps that have places or a name.
 
-    Maps that more robots have come first; robots by name. Three queries.
+    Maps of more robots come first; the robots of a map are sorted by name. Makes three queries.
     """
     by_id = {robot.id: robot for robot in sorted(robots, key=lambda robot: robot.name)}
     present = newest_maps(by_id)
@@ -70,26 +70,26 @@ def maps_of(robots: Iterable[Robot]) -> list[MapOfRobots]:
 
 
 def newest_maps(robots: Iterable[UUID]) -> dict[UUID, RobotMap]:
-    """Return the newest map of each robot that has one, without pictures. One query."""
+    """Return the newest map of each robot that has one, without its picture. Makes one query."""
     newest = RobotMap.objects.filter(robot__in=list(robots)).values("robot").annotate(newest=Max("pk"))
     found = RobotMap.objects.filter(pk__in=newest.values("newest")).defer("picture")
     return {one.robot_id: one for one in found}
 
 
 def may_change(user: User, robots: Sequence[Robot]) -> bool:
-    """Return whether a person supervises one of the robots that have a map, so that its places are theirs, too."""
+    """Return whether a person supervises one of these robots, and so may change the places of their map."""
     return any(role >= Role.SUPERVISOR for role in roles_of(user, robots).values())
 
 
 def names_of(digests: Iterable[str]) -> dict[str, str]:
-    """Return the names of maps that have one."""
+    """Return the names of these maps, by digest; maps without a name are left out."""
     return dict(
         SharedMap.objects.filter(digest__in=list(digests)).exclude(name="").values_list("digest", "name")
     )
 
 
 def places_of(digests: Iterable[str]) -> dict[str, list[Place]]:
-    """Return the places of these maps, by name. One query."""
+    """Return the places of these maps, by digest and sorted by name. Makes one query."""
     found: dict[str, list[Place]] = {}
     for place in Place.objects.filter(map__in=list(digests)):
         found.setdefault(place.map_id, []).append(place)
@@ -97,7 +97,7 @@ def places_of(digests: Iterable[str]) -> dict[str, list[Place]]:
 
 
 def place_of_robot(robot_id: UUID, name: str) -> Place:
-    """Return a place of the robot's present map. Raises `NotDone`, with the names that there are."""
+    """Return a place of the robot's current map. Raises `NotDone`, which lists the existing names."""
     newest = newest_maps([robot_id]).get(robot_id)
     places = places_of([newest.digest]).get(newest.digest, []) if newest else []
     for place in places:
@@ -114,10 +114,10 @@ def place_of_robot(robot_id: UUID, name: str) -> Place:
 
 
 class Clearance:
-    """Decides where on a map its robots can stand."""
+    """Decides where on a map its robots have room to stand."""
 
     def __init__(self, digest: str) -> None:
-        """Raises `NotDone` if the map's picture is not kept any more."""
+        """Raises `NotDone` if the map's picture is not stored any more, or no robot's footprint is known."""
         drawn = RobotMap.objects.filter(digest=digest).order_by("pk").last()
         if drawn is None:
             raise NotDone(NO_PICTURE)
@@ -137,6 +137,6 @@ class Clearance:
             raise NotDone(NO_OUTLINE)
 
     def refuse(self, pose: Pose) -> Refusal | None:
-        """Return why no robot of this map can stand there."""
+        """Return why no robot of this map can stand at `pose`; None if one can."""
         refusals = [self._map.refuse(pose, footprint) for footprint in self._footprints]
         return None if None in refusals else refusals[0]

@@ -34,7 +34,7 @@ class Imported(Struct, frozen=True):
 
 @transaction.atomic
 def map_name(*, digest: str, name: str, actor: Actor) -> None:
-    """Name a map; an empty name takes the name away. Raises `NotDone`."""
+    """Name a map; an empty name removes the name. Raises `NotDone`."""
     if name and (why := why_no_name(name)):
         raise NotDone(Refusal("invalid", why, "wire"))
     found = map_hold(digest)
@@ -46,7 +46,7 @@ def map_name(*, digest: str, name: str, actor: Actor) -> None:
 
 @transaction.atomic
 def place_add(*, digest: str, entry: PlaceEntry, actor: Actor) -> Place:
-    """Add a place. Raises `NotDone`: its name, or where it is."""
+    """Add a place. Raises `NotDone` if its name or its position is refused, or the map is full."""
     entry = _checked(entry)
     found = map_hold(digest)
     _require_free(found, entry)
@@ -88,9 +88,10 @@ def place_delete(*, place: Place, actor: Actor) -> None:
 
 @transaction.atomic
 def places_import(*, digest: str, entries: dict[int, PlaceEntry], actor: Actor) -> Imported:
-    """Add the places of a file, by line; one that has the name of a place moves it. All of them, or `Problems`.
+    """Add the places of a file, by line number; an entry with the name of a stored place moves that place.
 
-    The same file again changes nothing.
+    Imports all entries; if one is wrong, raises `Problems` and imports none. A second import of the file changes
+    nothing.
     """
     found = map_hold(digest)
     held = {place.key: place for place in found.places.all()}
@@ -120,7 +121,7 @@ def places_import(*, digest: str, entries: dict[int, PlaceEntry], actor: Actor) 
 
 
 def entry_from(place: Place) -> PlaceEntry:
-    """Return a stored place as it is entered."""
+    """Return a stored place as an entry."""
     return PlaceEntry(place.name, place.x_m, place.y_m, place.heading_rad)
 
 
@@ -132,7 +133,7 @@ def _checked(entry: PlaceEntry) -> PlaceEntry:
 
 
 def map_hold(digest: str) -> SharedMap:
-    """Return the map's row, made if it is missing; nobody else changes its places until the transaction ends."""
+    """Return the map's row; create it if it is missing. Lock the map's places until the transaction ends."""
     SharedMap.objects.get_or_create(digest=digest)
     return SharedMap.objects.select_for_update().get(pk=digest)
 

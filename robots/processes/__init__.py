@@ -1,1 +1,1 @@
-"""For every process of the console: real-time priority, orderly shutdown, counted durations."""
+"""For all processes of the console: real-time priority, orderly shutdown, counts of durations."""

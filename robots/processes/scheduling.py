@@ -1,7 +1,7 @@
 """Priority and garbage collection of processes whose loop carries commands or stops: bridge, watchdog, web process.
 
-A process asks for priority where the service unit allows it (docs/deployment.md), and never because it is root. Threads
-and children of the loop's thread have ordinary priority; a thread that answers a stop by HTTP asks for its own.
+A process asks for priority only if the service unit allows it (docs/deployment.md), even if it runs as root. Threads
+and children of the loop's thread have ordinary priority; a thread that answers a stop by HTTP asks for priority itself.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from contextlib import suppress
 log = logging.getLogger(__name__)
 
 REAL_TIME = 5  # of 1 to 99: above all ordinary processes, below the kernel and drivers
-RUNAWAY_S = 0.2  # a loop that computes so long without a pause gets ordinary priority
-RUNAWAY_ENDS_S = 2.0  # a loop that still computes then is ended, and the robot stops
+RUNAWAY_S = 0.2  # a loop that computes for this time without a pause gets ordinary priority
+RUNAWAY_ENDS_S = 2.0  # after this time without a pause the kernel ends the process, and the robot stops
 _OLD_S = 30.0
 
 
 def prefer_this_thread() -> str:
-    """Ask for real-time priority, or else for a better nice value, where the limits allow it. Returns what it got.
+    """Ask for real-time priority or, if the limits forbid it, for a lower nice value. Returns the result in words.
 
     Call it from the main thread.
     """
@@ -48,7 +48,8 @@ def prefer_this_thread() -> str:
 def prefer_stop_thread() -> None:
     """Ask for the lowest real-time priority, for a thread that answers a stop by HTTP.
 
-    Otherwise pages, hashes of passwords and attackers on this computer take the core at each of its waits.
+    Otherwise, each time the thread waits, other work takes the core: pages, password hashes, programs of attackers on
+    this computer.
     """
     if resource.getrlimit(resource.RLIMIT_RTPRIO)[0] > 0:
         with suppress(OSError):
@@ -56,7 +57,7 @@ def prefer_stop_thread() -> None:
 
 
 def prefer_nobody() -> None:
-    """Never ask for real-time priority in this process."""
+    """Forbid real-time priority in this process from now on."""
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 
 
@@ -66,16 +67,16 @@ def _lower_priority(*_: object) -> None:
 
 
 class Garbage:
-    """Collects garbage only when the loop asks for it, never in between, in no thread."""
+    """Collects garbage only when the loop calls `collect`; never automatically, in any thread."""
 
     def __init__(self) -> None:
         gc.collect()
-        gc.freeze()  # loaded modules stay
+        gc.freeze()  # never examine the loaded modules again
         gc.disable()
         self._old_due_s = 0.0
 
     def collect(self, now_s: float, *, waits: bool) -> None:
-        """Collect young objects, and sometimes old ones too; rarely while somebody `waits` for the loop."""
+        """Collect young objects; also old objects, at most every 30 s (330 s while somebody `waits` for the loop)."""
         if now_s >= self._old_due_s + (10 * _OLD_S if waits else 0.0):
             gc.collect()
             self._old_due_s = now_s + _OLD_S

@@ -15,12 +15,13 @@ SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 
 def end_event(life_line: int | None, patience_s: float) -> threading.Event:
-    """Return an event that SIGTERM, SIGINT or the end of the file `life_line` sets; `life_line` closes with the parent.
+    """Return an event that is set by SIGTERM, by SIGINT, or when the file `life_line` ends because the parent ended.
 
-    The process exits `patience_s` later, finished or not. Call it from the main thread.
+    The process exits `patience_s` later, even if it is not finished. Call this from the main thread.
     """
-    # Not a handler that sets the event: it would run in the main thread, and if that is just about to wait for the
-    # event, it would wait for a lock that it holds itself. Instead, Python writes a byte to this pipe, in C.
+    # A signal handler must not set the event: it runs in the main thread, and this thread may hold the event's lock,
+    # because it is about to wait for the event. Then it would wait for itself. Instead, Python writes a byte to this
+    # pipe, in C.
     hears, tells = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
     signal.set_wakeup_fd(tells, warn_on_full_buffer=False)
     for number in SIGNALS:
@@ -33,13 +34,13 @@ def end_event(life_line: int | None, patience_s: float) -> threading.Event:
 
 
 # Exit codes of a bridge.
-EXIT_ALREADY_RUNNING = 3  # it found another one on this computer
-EXIT_NAME_LOST = 4  # on the robot's master, to another node; a fresh process joins, or refuses in words
-EXIT_NOT_JOINED = 5  # a step failed that rospy does only once in a process
+EXIT_ALREADY_RUNNING = 3  # another bridge of this robot runs on this computer
+EXIT_NAME_LOST = 4  # another node took the bridge's name on the robot's master; a new process joins again
+EXIT_NOT_JOINED = 5  # a step failed that rospy can do only once in a process
 
 
 def exit_within(patience_s: float) -> None:
-    """Exit this process by then, finished or not: a master or database that hangs must not keep it running."""
+    """Exit this process after `patience_s`, even if a master or database hangs."""
     threading.Thread(target=_leave, args=(patience_s,), name="the end", daemon=True).start()
 
 

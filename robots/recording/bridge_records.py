@@ -1,6 +1,6 @@
-"""A bridge's records, in the audit log of the console.
+"""Writes a bridge's records into the audit log.
 
-Plain facts, such as duration and distance of a drive, are kept as long as the record. Places, words and sensor data may
+Plain facts, such as duration and distance of a drive, are kept as long as the record. Places, texts and sensor data may
 expire or be erased.
 """
 
@@ -49,12 +49,12 @@ from robots.registry.maps import map_store
 from robots.registry.models import BridgePulse
 from robots.wire import HealthLevel
 
-MOST_CHANGES = 10_000  # of health that are looked through: weeks of parts that flap
+MOST_CHANGES = 10_000  # changes of health that are read; enough for weeks, even if parts change often
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# For each kind of record the kind of its outcome, and the outcome if the bridge was killed before it.
+# For each kind of record: the kind of the record of its end, and the outcome if the bridge was killed before the end.
 ENDS = {
     "gate.begin": ("gate.end", "bridge_killed"),
     "drive.start": ("drive.end", "bridge_killed"),
@@ -78,14 +78,14 @@ _EXPIRING = (
     "x_m",
     "y_m",
     "heading_rad",
-)  # of what is asked: what a person wrote, but no sentence; places
+)  # parameters of a request that may expire: places, and what a person wrote (sentences are in `text`)
 
 
 _File = tuple[int, int]  # device and inode
 
 
 class _Opened(threading.local):
-    """A connection to a file of SQLite's, and which file and write-ahead log these were when it was made."""
+    """A connection to an SQLite database, and the database file and write-ahead log when it was opened."""
 
     by: object = None
     files: tuple[_File, _File | None] | None = None
@@ -95,10 +95,11 @@ _opened = _Opened()
 
 
 def _check_file() -> None:
-    """Write to the file that has the database's name now, and to the log that has the log's.
+    """For SQLite, open a new connection if the database file or the write-ahead log is not the same file any more.
 
-    A kept connection of SQLite's goes on with those it opened, and what it writes into one that was removed or
-    replaced nobody can read. While it is kept, nobody but who restores a backup removes the log.
+    An open connection keeps writing to the files that it opened. If a file was removed or replaced, nobody can read
+    what is written to it. While a connection is open, only the restore of a backup removes the log. Raises
+    `RecordError` if there is no database file.
     """
     if connection.vendor != "sqlite":
         return
@@ -119,7 +120,7 @@ def _log_of(name: object) -> _File | None:
 
 
 def _file_of(name: str) -> _File | None:
-    """The entry with this name; None: there is none."""
+    """Return device and inode of the file with this name; None if there is none."""
     try:
         status = os.stat(name)
     except OSError:
@@ -128,9 +129,9 @@ def _file_of(name: str) -> _File | None:
 
 
 def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
-    """The reason why a record was not written, in words.
+    """Decorator: turn errors of the database into `RecordError` or `BadRecord`, with the reason in words.
 
-    A connection may be kept from call to call; after a failure the next call makes a fresh one.
+    The connection may stay open between calls. After an error the next call opens a new connection.
     """
 
     @functools.wraps(method)
@@ -152,7 +153,7 @@ def _or_record_error(method: Callable[P, T]) -> Callable[P, T]:
 
 
 class AuditSink:
-    """`robots.bridge.audit.record_sink.RecordSink` for one robot, over `fleet.audit`."""
+    """A `robots.bridge.audit.record_sink.RecordSink` that writes the records of one robot by `fleet.audit`."""
 
     def __init__(self, robot_id: UUID, robot_name: str) -> None:
         self._robot_id = robot_id
@@ -160,7 +161,7 @@ class AuditSink:
 
     @_or_record_error
     def settle(self) -> None:
-        """Commit the ends that an earlier bridge owes, because it was killed; a second time there are none."""
+        """Commit the ends that an earlier bridge did not record because it was killed. A second call commits none."""
         with transaction.atomic():
             pulse, _ = BridgePulse.objects.get_or_create(robot_id=self._robot_id)
             for start in self._without_end(pulse.settled):
@@ -172,7 +173,7 @@ class AuditSink:
 
     @_or_record_error
     def test_writable(self) -> None:
-        """Commit the time of day."""
+        """Commit the time of day, as a test that the database accepts writes."""
         BridgePulse.objects.update_or_create(robot_id=self._robot_id, defaults={"at": timezone.now()})
 
     @_or_record_error
@@ -217,7 +218,7 @@ class AuditSink:
     def outcome(
         self, request: int, holder: Holder | None, kind: str, outcome: str, parameters: Parameters
     ) -> None:
-        """Commit its outcome."""
+        """Commit the outcome of a task."""
         facts = dict(parameters)
         words = facts.pop("text", None)
         private = {"words": words} if words else {}
@@ -238,7 +239,7 @@ class AuditSink:
 
     @_or_record_error
     def end_gate(self, intervention: int, holder: Holder, summary: GateSummary) -> None:
-        """Commit its end and figures."""
+        """Commit that the gate no longer holds back, with figures of the intervention."""
         figures = {
             "duration_s": round(summary.duration_s, 2),
             "also": summary.also,
@@ -261,7 +262,7 @@ class AuditSink:
 
     @_or_record_error
     def ill_parts(self) -> dict[str, HealthLevel]:
-        """Return the parts that are not well by their last record."""
+        """Return the parts that were not well in their last record, with their levels."""
         changes = Record.objects.filter(robot_id=self._robot_id, kind__in=("health.worse", "health.better"))
         newest = changes.order_by("-id").values_list("parameters", flat=True)[:MOST_CHANGES]
         levels: dict[str, HealthLevel] = {}
@@ -280,13 +281,13 @@ class AuditSink:
         description_store(self._robot_id, taken, timezone.now())
 
     def _without_end(self, after: int) -> list[Record]:
-        """This robot's records without end, the newest first."""
+        """Return this robot's records after `after` that have no end, the newest first."""
         missing: list[Record] = []
         for kind, (end, _) in ENDS.items():
             ends = Record.objects.filter(of=OuterRef("pk"), kind=end)
             starts = Record.objects.filter(robot_id=self._robot_id, kind=kind, pk__gt=after)
             if kind == end:
-                # A person who cancels a motion gets the outcome at once.
+                # Skip ends, and records that had an outcome at once, such as the cancel of a motion by a person.
                 starts = starts.filter(of=None, outcome="")
             missing += starts.exclude(Exists(ends))
         return sorted(missing, key=lambda start: -start.pk)
@@ -314,7 +315,7 @@ def _position(position: Position) -> dict[str, Any]:
 
 
 def _pose(pose: Pose | None) -> list[float] | None:
-    """x and y in metres, yaw in radians."""
+    """Return x and y in metres, yaw in radians."""
     return None if pose is None else [round(value, 3) for value in pose]
 
 

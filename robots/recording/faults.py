@@ -1,7 +1,7 @@
-"""Record faults of robots: their begin and their end, each once.
+"""Records the beginning and the end of faults of robots, each once.
 
-A fault belongs to a part: the bridge, as reported by its supervisor, or the robot, as reported by its bridge. Further
-faults of a faulty part belong to the same fault.
+A fault belongs to a part: the bridge (reported by the fleet supervisor) or the robot (reported by its bridge). While a
+part has a fault, further faults of this part count as the same fault.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 BRIDGE, ROBOT = "bridge", "robot"  # parts
 CHECK_S = 5.0  # between two checks of the robots
-SURE_AFTER = 3  # checks: a restarting bridge is no fault
+SURE_AFTER = 3  # checks in a row with a fault, because a restarting bridge is no fault
 
 State = BridgeStatus.State
 _BRIDGE_FAULTS = {State.BACKING_OFF: "bridge_ended", State.REFUSED: "bridge_refused"}
@@ -37,12 +37,12 @@ _BRIDGE_WELL = {State.RUNNING, State.DISABLED}
 class Condition(NamedTuple):
     """State of a part."""
 
-    fault: str = ""  # in a word; "": it is well
+    fault: str = ""  # code of the fault; "": the part is well
     words: str = ""
 
 
 def bridge_is(robot_id: UUID, state: State, detail: str) -> None:
-    """Record a fault that a new state of the bridge's process shows; starting and ending are no faults."""
+    """Record a fault, or its end, if the new state of the bridge's process shows one; a start or an end is no fault."""
     if state in _BRIDGE_FAULTS:
         part_is(robot_id, BRIDGE, Condition(_BRIDGE_FAULTS[state], detail))
     elif state in _BRIDGE_WELL:
@@ -51,7 +51,7 @@ def bridge_is(robot_id: UUID, state: State, detail: str) -> None:
 
 @transaction.atomic
 def part_is(robot_id: UUID, part: str, now: Condition) -> None:
-    """Record the begin or end of a part's fault, if it is news. The first report counts."""
+    """Record the beginning or end of a part's fault, unless it is recorded already."""
     name = Robot.objects.filter(pk=robot_id).values_list("name", flat=True).first()
     if name is None:
         return
@@ -75,16 +75,16 @@ def part_is(robot_id: UUID, part: str, now: Condition) -> None:
 
 
 class RobotWatch:
-    """Asks each robot's bridge now and then how the robot is. One process does; time is an argument, in seconds."""
+    """Asks each robot's bridge for the robot's state every `CHECK_S`. Only the housekeeping process uses this."""
 
     def __init__(self) -> None:
         self._asked: dict[UUID, Future[Condition]] = {}
-        self._unwell: dict[UUID, int] = {}  # looks one after the other
-        self._recorded: dict[UUID, bool] = {}  # last recorded: whether the robot was at fault
+        self._unwell: dict[UUID, int] = {}  # number of checks in a row with a fault
+        self._recorded: dict[UUID, bool] = {}  # whether the robot had a fault when it was last recorded
         self._next_s = 0.0
 
     def step(self, now_s: float) -> None:
-        """Note the answers that are there, and ask again when it is time. Waits for no robot."""
+        """Record the answers that have arrived, and ask again if it is time (s, monotonic). Waits for no robot."""
         for robot_id, answer in list(self._asked.items()):
             if answer.done():
                 self._note(robot_id, answer.result())
@@ -106,7 +106,7 @@ class RobotWatch:
 
 
 def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:
-    """Ask in a daemon thread, so that the end of the process does not wait for it."""
+    """Ask in a daemon thread, so that the process can end without waiting for the answer."""
     answer: Future[Condition] = Future()
 
     def ask() -> None:
@@ -121,7 +121,7 @@ def _ask(robot_id: UUID, address: LinkAddress) -> Future[Condition]:
 
 
 def condition_of(robot_id: UUID, address: LinkAddress) -> Condition:
-    """State of a robot, by its bridge."""
+    """Ask the robot's bridge, and return the robot's condition."""
     try:
         state = state_once(robot_id, address)
     except LinkRefused as refused:

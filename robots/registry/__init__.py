@@ -1,1 +1,1 @@
-"""Registered robots: profiles, phrases, shipped content. `robots.access` says who may see which robot."""
+"""Registered robots: profiles, phrases, shipped content. `robots.access` decides who may see which robot."""

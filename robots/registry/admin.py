@@ -48,12 +48,12 @@ READABLE: dict[type[models.Field[Any, Any]], dict[str, Any]] = {
 
 
 def rows(kind: str, example: str) -> forms.Textarea:
-    """Return a box for JSON that a script shows as rows of name and value (static/js/admin/pairs.js)."""
+    """Return a text box for JSON. A script (static/js/admin/pairs.js) shows the JSON as rows of name and value."""
     extra = {"data-pairs": kind, "data-example": example, "rows": 4}
     return forms.Textarea(attrs={"class": "vLargeTextField json", "spellcheck": "false", **extra})
 
 
-ENDED = {BridgeStatus.State.DISABLED, BridgeStatus.State.STOPPED}  # true without a supervisor, too
+ENDED = {BridgeStatus.State.DISABLED, BridgeStatus.State.STOPPED}  # true also while no supervisor runs
 
 
 class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscriptable at run time
@@ -67,7 +67,10 @@ class RoleInline(admin.TabularInline):  # type: ignore[type-arg]  # not subscrip
 
 
 class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at run time
-    """A form that refuses to overwrite changes made since it was opened, such as taking a robot out of service."""
+    """A form that refuses to save if the entry was saved by somebody else since the form was opened.
+
+    Otherwise an old form could, for example, put a robot back into service.
+    """
 
     as_of = forms.CharField(widget=forms.HiddenInput, required=False)
 
@@ -77,16 +80,16 @@ class FreshForm(ModelForm):  # type: ignore[type-arg]  # not subscriptable at ru
             self.initial["as_of"] = self.instance.updated_at.isoformat()
 
     def clean_as_of(self) -> str:
-        """`ValidationError` if the entry was saved since the form was opened."""
+        """Raise `ValidationError` if the entry was saved since the form was opened."""
         as_of: str = self.cleaned_data["as_of"]
-        if as_of and as_of != self.initial.get("as_of", as_of):  # a copy of an entry is new
+        if as_of and as_of != self.initial.get("as_of", as_of):  # a copy (*Save as new*) has no initial value
             text = gettext("%s has changed it meanwhile. Open this page again; nothing was saved.")
             raise forms.ValidationError(text % last_editor(self.instance))
         return as_of
 
 
 class RobotForm(FreshForm):
-    """A robot needs a name, a profile and its ROS master; the slug follows from the name unless somebody types one."""
+    """The form of a robot. If the slug is empty, it is made from the name."""
 
     class Meta:
         widgets: ClassVar[dict[str, Any]] = {
@@ -104,14 +107,14 @@ class RobotForm(FreshForm):
             self.fields["advertised_address"].widget.attrs["placeholder"] = "10.68.0.2"
 
     def clean_slug(self) -> str:
-        """The typed slug, or one of the name that no other robot has."""
+        """Return the typed slug; if it is empty, a slug made from the name that no other robot has."""
         typed: str = self.cleaned_data["slug"]
         return typed or slug_for(self.cleaned_data.get("name", ""))
 
 
 @admin.register(Robot)
 class RobotAdmin(RecordedAdmin):
-    """Robots. They cannot be deleted, because sessions and records refer to them: clear "enabled" instead."""
+    """Robots. They cannot be deleted, because sessions and records refer to them; staff untick "enabled" instead."""
 
     list_display = [
         "name",
@@ -203,17 +206,17 @@ class RobotAdmin(RecordedAdmin):
     def response_add(
         self, request: HttpRequest, obj: Robot, post_url_continue: str | None = None
     ) -> HttpResponse:
-        """Show what the check finds, with remedies."""
+        """Redirect to the check page, unless the person edits more."""
         response = super().response_add(request, obj, post_url_continue)
         return self._checked(request, obj) or response
 
     def response_change(self, request: HttpRequest, obj: Robot) -> HttpResponse:
-        """Show what the check finds, with remedies."""
+        """Redirect to the check page, unless the person edits more."""
         response = super().response_change(request, obj)
         return self._checked(request, obj) or response
 
     def _checked(self, request: HttpRequest, robot: Robot) -> HttpResponse | None:
-        """The check's page after *Save*; None if the person goes on here, or the robot is not in service."""
+        """Return a redirect to the check page after *Save*; None if the person edits more or the robot is disabled."""
         stays = {"_continue", "_addanother", "_popup", "_saveasnew"} & set(request.POST)
         return None if stays or not robot.enabled else redirect("robot-check", robot.slug)
 
@@ -233,7 +236,7 @@ class RobotAdmin(RecordedAdmin):
 
 
 def _give(entry: RobotRole, actor: User) -> None:
-    """A role as entered; if the row was another person's, that person's role ends."""
+    """Save a role as entered. If the row was changed to another person or robot, end the role that it was before."""
     before = RobotRole.objects.select_related("user", "robot").filter(pk=entry.pk).first()
     if before is not None and (before.user_id, before.robot_id) != (entry.user_id, entry.robot_id):
         role_set(robot=before.robot, user=before.user, role=None, actor=actor)

@@ -35,7 +35,7 @@ def save_entries(formset: Any, actor: User) -> None:
 
 
 class SpokenFormSet(BaseInlineFormSet):  # type: ignore[type-arg]  # not subscriptable at run time
-    """Rows whose inputs have their column's name as a label, for screen readers."""
+    """Rows of inputs. For screen readers, each input has its column's name as a label."""
 
     def add_fields(self, form: Any, index: int | None) -> None:
         """Add the labels."""
@@ -66,7 +66,7 @@ class EntryAdmin(RecordedAdmin):
         return gettext("every %s") % entry.profile if entry.profile else str(entry.robot)
 
     def get_readonly_fields(self, request: HttpRequest, obj: Any = None) -> list[str]:
-        """Return the owner, if there is one."""
+        """Return the fields of the owner for an existing entry."""
         return ["profile", "robot"] if obj else []
 
     def save_model(self, request: HttpRequest, obj: Any, form: Any, change: bool) -> None:
@@ -94,11 +94,11 @@ class AllowanceAdmin(EntryAdmin):
 
     @admin.display(description=_("has no effect because"), empty_value="")
     def why_nothing(self, entry: Allowance) -> str:
-        """Return the reason why a later edit or a newer console denies this entry."""
+        """Return why the entry has no effect: a later edit of its owner, or a newer console, forbids it."""
         return entry.why_nothing
 
 
-# The order of a robot's page: the profile's phrases, then the robot's own, each by `order`.
+# The same order as on a robot's page: the profile's phrases, then the robot's own, each sorted by `order`.
 WHOSE_FIRST = (F("profile__name").asc(nulls_last=True), "robot__name", "order", "id")
 
 
@@ -114,7 +114,7 @@ class PhraseAdmin(EntryAdmin):
     actions = ["export"]
     formfield_overrides = {
         models.TextField: {"widget": forms.Textarea(attrs={"rows": 3, "cols": 80, "dir": "auto"})},
-        # In the list, the column's head is not a label of the input.
+        # In the list, a screen reader does not take the column's title as the label of the input.
         models.PositiveIntegerField: {"widget": AdminIntegerFieldWidget(attrs={"aria-label": _("Order")})},
     }
 
@@ -124,7 +124,7 @@ class PhraseAdmin(EntryAdmin):
         return [path("import/", page, name="robots_phrase_import"), *super().get_urls()]
 
     def import_page(self, request: HttpRequest) -> HttpResponse:
-        """Show the import form; faults of a file appear next to its field."""
+        """Show the import form, or import the file. Faults of the file appear next to its field."""
         form = ImportForm(request.POST or None, request.FILES or None)
         if not form.is_valid():
             fieldsets = [(None, {"fields": list(form.fields)})]

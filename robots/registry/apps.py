@@ -28,14 +28,14 @@ class RobotsConfig(AppConfig):
 
 
 def _robot_deleted(*, instance: Any, **_others: Any) -> None:
-    """Record a robot's deletion in the same transaction. The admin deletes no robot, but a program may."""
+    """Record a robot's deletion in the same transaction. The admin never deletes a robot, but a program may."""
     from robots.registry.services import robot_deleted
 
     robot_deleted(instance)
 
 
 def _load_shipped_profiles(*, using: str, apps: Any = installed_apps, **_others: Any) -> None:
-    """Load profiles only if all migrations have run: an older table does not fit today's model.
+    """Load the shipped profiles, but only if all migrations have run: an older table does not fit today's model.
 
     `manage.py flush` sends the signal without `apps`.
     """

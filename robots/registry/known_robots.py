@@ -1,7 +1,7 @@
-"""Robots as the registry has them now.
+"""Robots as they are in the registry now.
 
-A robot whose page is open is read twice a second. Django takes 3 ms to build its models and to judge its entry, so both
-are kept as long as its rows stay the same.
+A robot whose page is open is read twice a second. Django takes 3 ms to build the robot's models and to check its entry,
+so the results are kept until the robot's rows change.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ WHERE robot_id = %s OR profile_id = (SELECT profile_id FROM robots_robot WHERE i
 
 
 class KnownRobot(Struct, frozen=True):
-    """A robot and its judged entry. Threads share it: do not change the models."""
+    """A robot and its checked entry. Threads share it: do not change the models."""
 
     robot: Robot  # with its profile
     facts: RobotFacts
-    allowed: tuple[Allowed, ...]  # none if the entry is wrong
+    allowed: tuple[Allowed, ...]  # empty if the entry is wrong
 
 
 _Rows = tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]
@@ -39,7 +39,7 @@ _known: dict[UUID, tuple[_Rows, KnownRobot]] = {}
 
 
 def known_robot(robot_id: UUID) -> KnownRobot | None:
-    """Return the robot as stored at this moment; None if it was deleted. Two queries if nothing changed."""
+    """Return the robot as it is stored now; None if it was deleted. Makes two queries if nothing changed."""
     stored = _read(robot_id)
     before = _known.get(robot_id)
     if before is not None and before[0] == stored:
@@ -49,13 +49,13 @@ def known_robot(robot_id: UUID) -> KnownRobot | None:
     if robot is None:
         return None
     known = KnownRobot(robot, robot_facts(robot), () if robot.problems else allowed_on(robot))
-    if _read(robot_id) == stored:  # else it changed between the queries: other rows were built
+    if _read(robot_id) == stored:  # otherwise the rows changed before `known` was built
         _known[robot_id] = stored, known
     return known
 
 
 def known_robot_at(slug: str) -> KnownRobot | None:
-    """Return the robot with this slug, as `known_robot`."""
+    """Return the robot with this slug; see `known_robot`."""
     found = rows.read("SELECT id FROM robots_robot WHERE slug = %s", [slug])
     return known_robot(rows.key(found[0][0])) if found else None
 

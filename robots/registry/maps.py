@@ -1,4 +1,4 @@
-"""Robots' maps, each with its time span. Maps show rooms, not people."""
+"""Robots' maps, each with the time in which the robot had it. Maps show rooms, not people."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from django.db import transaction
 from robots.bridge.audit.record_sink import TakenMap
 from robots.registry.models import RobotMap
 
-CLOCKS = timedelta(minutes=5)  # allowed difference between clocks of the bridge's computer and others
+CLOCKS = timedelta(minutes=5)  # allowed difference between the clock of the bridge's computer and others
 
 
 @transaction.atomic
 def map_store(robot_id: UUID, taken: TakenMap, now: datetime) -> RobotMap:
-    """Store the robot's current map. Only the robot's one bridge calls this, so no two calls run at once.
+    """Store the robot's current map. Only the robot's one bridge calls this, so no two calls run at the same time.
 
-    The newest map has the highest number; times are not reliable, because a clock may have been ahead. A row that
-    begins in the future is shown with no session until then, so a new row is written for the same map.
+    The newest map is the row with the highest key; times are not reliable, because a clock may have been ahead. If the
+    newest row begins in the future, sessions before that time would show no map: so write a new row for the same map.
     """
     newest = RobotMap.objects.filter(robot_id=robot_id).defer("picture").order_by("pk").last()
     if newest is not None and newest.digest == taken.digest and newest.first_seen_at <= now + CLOCKS:

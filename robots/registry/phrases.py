@@ -1,6 +1,6 @@
-"""Phrases as a plain text file: one per line, `language<TAB>text`, or only the text, in the default language.
+"""Phrases as a plain text file: one per line, `language<TAB>text`, or only the text if it is in the default language.
 
-A third field contains tags, separated by commas. The file is UTF-8; empty lines are ignored. A language is a BCP 47
+A third field may contain tags, separated by commas. The file is UTF-8; empty lines are ignored. A language is a BCP 47
 code such as en-GB.
 """
 
@@ -31,7 +31,7 @@ class Line(Struct, frozen=True):
 
 
 def why_no_language(code: str) -> str | None:
-    """Return why this is no language code; None if it has the form of one."""
+    """Return why this is no language code; None if it has the form of a code."""
     if LANGUAGE.fullmatch(code):
         return None
     return f"“{code}” is not a language code such as en-GB."
@@ -56,20 +56,20 @@ def why_no_tags(tags: Iterable[str]) -> str | None:
 
 
 def in_usual_case(code: str) -> str:
-    """Write a language as robots and browsers do: EN-gb -> en-GB, zh-hant -> zh-Hant."""
+    """Return a language code with the usual capitals, as robots and browsers write it: EN-gb → en-GB."""
     first, *others = code.split("-")
     cased = [{2: str.upper, 4: str.title}.get(len(part), str.lower)(part) for part in others]
     return "-".join([first.lower(), *cased])
 
 
 def tags_in(text: str) -> tuple[str, ...]:
-    """Return tags separated by commas, each once."""
+    """Return the tags of a text that separates them by commas; each tag once."""
     spaced = (" ".join(tag.split()) for tag in text.split(","))
     return tuple(dict.fromkeys(tag for tag in spaced if tag))
 
 
 def tags_text(tags: Iterable[str]) -> str:
-    """Return tags as they are stored and written to a file."""
+    """Return tags as one text, as they are stored and written to a file."""
     return ", ".join(tags)
 
 
@@ -77,7 +77,7 @@ def tags_text(tags: Iterable[str]) -> str:
 
 
 def read(content: bytes, default_language: str = FALLBACK_LANGUAGE) -> list[Line]:
-    """Return the phrases of a file, each once; `Problems` with the numbers of wrong lines."""
+    """Return the phrases of a file, each once; raise `Problems` with the numbers of wrong lines."""
     phrases: dict[tuple[str, str], Line] = {}
     problems: list[str] = []
     for number, line in enumerate(_text(content).split("\n"), start=1):
@@ -104,7 +104,7 @@ def read_file(path: Path, default_language: str = FALLBACK_LANGUAGE) -> list[Lin
 
 
 def written(phrases: Iterable[Line]) -> str:
-    """Return the content of a file from which `read` makes these phrases."""
+    """Return these phrases as the content of a file, which `read` can read."""
     lines = ([phrase.language, phrase.text, tags_text(phrase.tags)] for phrase in phrases)
     return "".join("\t".join(filter(None, fields)) + "\n" for fields in lines)
 
@@ -120,7 +120,7 @@ def _text(content: bytes) -> str:
 
 
 def _phrase(line: str, default_language: str) -> Line | str:
-    """Return the phrase, or the fault of the line."""
+    """Return the phrase of the line, or the line's fault."""
     fields = [field.strip() for field in line.split("\t")]
     if len(fields) > 3:
         return "There are more than two tabs: a line is language, tab, text, and perhaps a tab and tags."
@@ -132,6 +132,6 @@ def _phrase(line: str, default_language: str) -> Line | str:
 
 
 def shortened(problems: list[str]) -> list[str]:
-    """Return the first faults of a file, and how many more there are."""
+    """Return the first `MOST_NAMED` faults of a file, and how many more there are."""
     more = len(problems) - MOST_NAMED
     return [*problems[:MOST_NAMED], f"and {more} more."] if more > 0 else problems

@@ -1,7 +1,7 @@
-"""Checks whether a robot can be driven from here: each check with its result and remedy.
+"""Checks whether a robot can be driven from this computer. Each check has a result and a remedy.
 
-`robots.bridge.ros.network.probe` finds facts in a separate process, in the environment of the robot's bridge; `judge`
-turns them into results. The web process never imports ROS.
+`robots.bridge.ros.network.probe` collects facts in a separate process, in the environment of the robot's bridge;
+`judge` makes results from the facts. The web process never imports ROS.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Check(Struct, frozen=True):
 
 
 def run_checks(robot: Robot) -> list[Check]:
-    """Run all checks; takes a few seconds."""
+    """Run all checks and return their results; this takes a few seconds."""
     try:
         config = bridge_config(robot)
         environment = ros_environment(config, settings.FLEET_RUN_DIR)
@@ -140,7 +140,7 @@ def _listened(config: BridgeConfig) -> Iterator[Listened]:
 
 
 def judge(config: BridgeConfig, findings: Findings) -> Iterator[Check]:
-    """Yield the results, the most basic first."""
+    """Yield the results, the most basic first. If the ROS master does not answer, yield only that."""
     if findings.master_error is not None:
         yield Check(
             _("master"),
@@ -250,12 +250,12 @@ def _topic(listened: Listened, found: TopicFound) -> Check:
 
 
 def _named(what: str) -> str:
-    """Return `Listened.what` in the reader's language; a topic in it stays."""
+    """Return `Listened.what` in the reader's language; the name of a topic in it is not translated."""
     kind, slash, topic = what.partition(" /")
     return _(kind) + slash + topic
 
 
-# Kinds in `_listened`, for translators' catalogues.
+# The kinds of `_listened`, for the catalogues of translators.
 _KINDS = (
     *(gettext_noop("odometry"), gettext_noop("scan"), gettext_noop("sonars"), gettext_noop("depth")),
     *(gettext_noop("joint states"), gettext_noop("camera"), gettext_noop("battery")),

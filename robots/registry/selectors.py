@@ -26,7 +26,7 @@ from robots.registry.models import Allowance, Robot, RobotProfile
 from robots.registry.phrases import FALLBACK_LANGUAGE, Line, tags_in
 from robots.wire import CameraEntry, LimbRange, Limits, ReverseSteering, RobotFacts, SonarPose, Use
 
-DISC_CORNERS = 32  # of the polygon that a disc is drawn as
+DISC_CORNERS = 32  # number of corners of the polygon that is drawn for a disc
 
 
 class RobotRow(Struct, frozen=True):
@@ -51,18 +51,18 @@ ORDER BY robot_id IS NOT NULL, "order", id
 
 
 def robot_rows() -> list[RobotRow]:
-    """Return all robots by name, whoever may see them. One query."""
+    """Return all robots by name, without a check who may see them. Makes one query."""
     return [RobotRow(rows.key(key), *others) for key, *others in rows.read(_ROBOTS, [])]
 
 
 def phrases_of(robot: Robot) -> list[tuple[int, Line]]:
-    """Return the robot's phrases by their keys: its profile's, then its own. One query."""
+    """Return the robot's phrases, each with its key: the profile's, then the robot's own. Makes one query."""
     found = rows.read(_PHRASES, [robot.profile_id, robot.id])
     return [(key, Line(text, language, tags_in(tags))) for key, text, language, tags in found]
 
 
 def first_language(owner: Robot | RobotProfile) -> str:
-    """The language of phrases that name none: the robot's first."""
+    """Return the language of phrases without one: the first language of the robot or profile."""
     try:
         topics = (
             robot_config.topics(owner) if isinstance(owner, Robot) else robot_config.profile_topics(owner)
@@ -73,12 +73,12 @@ def first_language(owner: Robot | RobotProfile) -> str:
 
 
 def allowed_on(robot: Robot) -> tuple[Allowed, ...]:
-    """The allow-list of a robot, whose own entries replace those of its kind. `Problems` if its entry is wrong."""
+    """Return the allow-list of a robot: its own entries replace the profile's. Raises `Problems`."""
     return _admitted(robot, robot_config.topics(robot))
 
 
 def _admitted(robot: Robot, topics: Topics) -> tuple[Allowed, ...]:
-    """Return the entries without those that the denylist forbids after an edit of the profile."""
+    """Return the entries, without those that the denylist forbids since an edit of the profile."""
     kinds = Q(profile=robot.profile_id)
     entries = Allowance.objects.filter(kinds | Q(robot=robot))
     by_name = {
@@ -91,7 +91,7 @@ def _admitted(robot: Robot, topics: Topics) -> tuple[Allowed, ...]:
 
 
 def last_editor(entry: Robot | RobotProfile) -> str:
-    """The person who changed the entry last."""
+    """Return the name of the person who changed the entry last, from the audit log."""
     changes = (
         Record.objects.filter(kind="robot.change", robot_id=entry.id)
         if isinstance(entry, Robot)
@@ -116,7 +116,7 @@ def link_address(robot: Robot) -> LinkAddress:
 
 
 def require_link_settings(robot: Robot) -> None:
-    """Raise `Problems` if this process runs the robot's bridge on the network without secret or certificate."""
+    """Raise `Problems` if the robot's bridge listens on the network, but secret, certificate or key is not set."""
     if not robot.bridge_address:
         return
     needed = ("FLEET_LINK_CERT", "FLEET_LINK_KEY", "FLEET_LINK_SECRET")
@@ -126,7 +126,7 @@ def require_link_settings(robot: Robot) -> None:
 
 
 def bridge_config(robot: Robot) -> BridgeConfig:
-    """The configuration of the robot's bridge. Raises `Problems` if its entry is wrong."""
+    """Return the configuration of the robot's bridge. Raises `Problems` if the robot's entry is wrong."""
     known = robot_config.of(robot)
     return BridgeConfig(
         robot_id=str(robot.id),
@@ -148,8 +148,10 @@ def bridge_config(robot: Robot) -> BridgeConfig:
 
 
 def robot_facts(robot: Robot) -> RobotFacts:
-    """Return the facts of a robot for a page. If its entry is wrong, use its columns: the page must still show the
-    error and stop the robot.
+    """Return the facts of a robot for a page.
+
+    If the robot's entry is wrong, use only its columns and its profile's: the page must still show the error and stop
+    the robot.
     """
     try:
         known = robot_config.of(robot)
@@ -182,7 +184,7 @@ def robot_facts(robot: Robot) -> RobotFacts:
 
 
 def limb_range(limb: LimbSource) -> LimbRange:
-    """Return the places to which a limb can be sent."""
+    """Return the lowest and highest position of a limb (m, sum over its joints)."""
     low, high = (round(len(limb.joints) * end, 4) for end in limb.range_m)
     return LimbRange(low, high)
 
@@ -204,7 +206,7 @@ def _drawn(body: GateProfile) -> list[tuple[float, float]]:
 
 
 def slug_for(name: str) -> str:
-    """Return a slug of this name that no robot has: "tiago-1", or "tiago-1-2" if that is taken."""
+    """Return a slug made from this name that no robot has: "tiago-1", or "tiago-1-2" if "tiago-1" is taken."""
     begins = slugify(name)[:40] or "robot"
     taken = set(Robot.objects.filter(slug__startswith=begins).values_list("slug", flat=True))
     return next(slug for slug in chain([begins], (f"{begins}-{n}" for n in count(2))) if slug not in taken)

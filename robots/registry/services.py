@@ -34,7 +34,7 @@ ORDER_STEP = 10  # between phrases of a file, to leave room for others
 
 @transaction.atomic
 def robot_save(*, robot: Robot, actor: Actor) -> Robot:
-    """Create `robot` or save its changes; `ValidationError` if it is not valid."""
+    """Create `robot` or save its changes; raise `ValidationError` if it is not valid."""
     robot.full_clean()
     if robot._state.adding:
         robot.save(force_insert=True)
@@ -45,14 +45,14 @@ def robot_save(*, robot: Robot, actor: Actor) -> Robot:
 
 
 def robot_deleted(robot: Robot) -> None:
-    """Record the deletion of a robot by the person who runs this process."""
+    """Record that the account that runs this process deleted a robot, and drop the robot's pending stops."""
     record("robot.delete", actor=here(), **_named(robot), parameters=_entered(robot))
     transaction.on_commit(partial(courier.forget, robot.id))
 
 
 @transaction.atomic
 def profile_save(*, profile: RobotProfile, actor: Actor) -> RobotProfile:
-    """Create `profile` or save its changes; `ValidationError` if it is not valid."""
+    """Create `profile` or save its changes; raise `ValidationError` if it is not valid."""
     profile.full_clean()
     if profile._state.adding:
         profile.save(force_insert=True)
@@ -64,14 +64,14 @@ def profile_save(*, profile: RobotProfile, actor: Actor) -> RobotProfile:
 
 @transaction.atomic
 def profile_delete(*, profile: RobotProfile, actor: Actor) -> None:
-    """Delete a profile that no robot has; `ProtectedError` if one does."""
+    """Delete a profile; raise `ProtectedError` if a robot uses it."""
     record("profile.delete", actor=actor, parameters=_entered(profile))
     profile.delete()
 
 
 @transaction.atomic
 def profile_take_shipped(*, profile: RobotProfile, actor: Actor) -> bool:
-    """Replace local edits by the shipped profile; False: none is shipped."""
+    """Replace local edits by the shipped profile; return False if there is no shipped version."""
     file = shipped_profiles.file_of(profile)
     if file is None:
         return False
@@ -82,7 +82,7 @@ def profile_take_shipped(*, profile: RobotProfile, actor: Actor) -> bool:
 
 @transaction.atomic
 def profiles_load_shipped(*, directory: Path = shipped_profiles.DIRECTORY) -> None:
-    """Update profiles from the shipped files, except edited ones."""
+    """Create and update profiles from the shipped files, except edited profiles."""
     for file in shipped_profiles.profile_files(directory):
         profile = RobotProfile.objects.filter(slug=file.slug).first()
         if profile is None:
@@ -131,7 +131,7 @@ def _named(robot: Robot) -> _Named:
 
 
 def _save_changes(entry: models.Model, stored: models.Model) -> list[dict[str, Any]]:
-    """Save only changed fields: a form left open must not bring back an old fence."""
+    """Save only changed fields, and return the changes: a form that was open for long must not restore an old fence."""
     before, after = _entered(stored), _entered(entry)
     changed = [name for name in after if after[name] != before[name]]
     if changed:
@@ -151,7 +151,7 @@ def _entered(entry: models.Model) -> dict[str, Any]:
 
 @transaction.atomic
 def entry_save(*, entry: Phrase | Allowance, actor: Actor) -> None:
-    """Create an entry of a profile or robot, or save its changes; `ValidationError` if it is not valid."""
+    """Create an entry of a profile or robot, or save its changes; raise `ValidationError` if it is not valid."""
     entry.full_clean()
     if entry._state.adding:
         entry.save(force_insert=True)
@@ -168,7 +168,7 @@ def entry_delete(*, entry: Phrase | Allowance, actor: Actor) -> None:
 
 
 def _record_entry(verb: str, entry: Phrase | Allowance, columns: dict[str, Any], actor: Actor) -> None:
-    """Record a new or deleted entry; a phrase's words may expire, like spoken texts."""
+    """Record a new or deleted entry. The text of a phrase may expire in the audit log, like spoken texts."""
     facts = {name: value for name, value in columns.items() if name != WORDS}
     record(
         f"{entry._meta.model_name}.{verb}",
@@ -179,7 +179,7 @@ def _record_entry(verb: str, entry: Phrase | Allowance, columns: dict[str, Any],
 
 
 def _record_entry_change(entry: Phrase | Allowance, changes: list[dict[str, Any]], actor: Actor) -> None:
-    """Record changes; a phrase's words expire, the fact of the change does not."""
+    """Record changes. The text of a phrase may expire in the audit log, but not the fact that it was changed."""
     if isinstance(entry, Allowance):
         facts = {"entry": str(entry), "changes": changes}
         record("allowance.change", actor=actor, **_of(entry.owner, facts))
@@ -202,7 +202,10 @@ def phrases_import(
     actor: Actor,
     replace: bool = False,
 ) -> int:
-    """Add new phrases of a file after those of `owner`, or `replace` its own by them. Returns how many are new."""
+    """Add the new phrases of a file after those of `owner`; with `replace`, delete the old phrases first.
+
+    Returns how many phrases are new.
+    """
     type(owner)._default_manager.select_for_update().get(slug=owner.slug)  # one import at a time
     held = [phrase.line for phrase in owner.phrases.all()]
     if replace and held == lines:
@@ -241,7 +244,7 @@ class _Of(TypedDict, total=False):
 
 
 def _of(owner: RobotProfile | Robot, parameters: dict[str, Any]) -> _Of:
-    """Return the record's data about an entry and its owner."""
+    """Return what a record stores of an entry and its owner."""
     if isinstance(owner, Robot):
         return {**_named(owner), "parameters": parameters}
     return {"parameters": {**parameters, "profile": owner.slug}}
@@ -249,7 +252,7 @@ def _of(owner: RobotProfile | Robot, parameters: dict[str, Any]) -> _Of:
 
 @transaction.atomic
 def fence_next(robot: Robot, at_least: int = 0) -> int:
-    """Return a new fence, higher than all fences so far and than `at_least`, the highest that the bridge has seen."""
+    """Return a new fence, higher than all fences so far and than `at_least` (the highest that the bridge received)."""
     given = Robot.objects.select_for_update(no_key=True).values_list("fence", flat=True).get(pk=robot.pk)
     fence = max(given, at_least) + 1
     Robot.objects.filter(pk=robot.pk).update(fence=fence)
@@ -257,7 +260,7 @@ def fence_next(robot: Robot, at_least: int = 0) -> int:
 
 
 def bridge_status_set(*, robot_id: UUID, state: BridgeStatus.State, detail: str, pid: int | None) -> None:
-    """Save the state of a bridge process, from now on. Does nothing for a deleted robot."""
+    """Save the state that a bridge process has from now on. Does nothing for a deleted robot."""
     if Robot.objects.filter(pk=robot_id).exists():
         BridgeStatus.objects.update_or_create(
             robot_id=robot_id,

@@ -1,8 +1,8 @@
 """The profiles that come with the console, as data files under robots/registry/profiles/.
 
-After each migration `robots.registry.services.profiles_load_shipped` loads new profiles and updates those that
+After each migration `robots.registry.services.profiles_load_shipped` loads new profiles and updates profiles that
 nobody has edited. It keeps an edited profile; the admin shows that the shipped one differs and offers to load it.
-A profile's phrases, a text file next to it, are treated in the same way, separately.
+A profile's phrases are in a text file next to it. They are loaded and updated separately, by the same rules.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class ProfileFile(Struct, frozen=True, forbid_unknown_fields=True):
     phrases: str | None = None  # name of a file next to this one
 
     def phrase_lines(self, directory: Path = DIRECTORY) -> list[Line]:
-        """Return its shipped phrases."""
+        """Return the profile's shipped phrases."""
         return read_file(directory / self.phrases) if self.phrases else []
 
     def columns(self) -> dict[str, Any]:
@@ -80,7 +80,7 @@ def fill(profile: RobotProfile, file: ProfileFile) -> None:
 
 
 def file_of(profile: RobotProfile) -> ProfileFile | None:
-    """Return the data file of a shipped profile."""
+    """Return the data file of a profile; None if it is not shipped."""
     return next((file for file in profile_files() if file.slug == profile.slug), None)
 
 

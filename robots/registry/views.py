@@ -15,7 +15,7 @@ from fleet.accounts.requests import person_of
 from robots.access.selectors import robot_visible_to
 from robots.registry.robot_check import FAIL, run_checks
 
-_probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # one probe of a robot at a time
+_probed: dict[UUID, threading.Lock] = defaultdict(threading.Lock)  # at most one check of a robot at a time
 
 
 @never_cache

@@ -1,1 +1,1 @@
-"""Delivery of the emergency stop to bridges and watchdogs: press, deliver, repeat, record. Doors: `teleop.stop`."""
+"""Delivers the emergency stop to bridges and watchdogs; repeats and records it. See also `teleop.stop`."""

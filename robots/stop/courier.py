@@ -1,6 +1,7 @@
-"""Delivers pending stops, until bridge or watchdog confirms or refuses each.
+"""Delivers pending stops, until bridge or watchdog confirms or refuses each of them.
 
-The supervisor always runs a courier; a web process runs one while it knows of a pending stop.
+The fleet supervisor always runs a courier. Another process starts one when a stop of its own is not answered; this
+courier ends when no stop is pending.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ PACE_S = 0.5  # between two attempts
 
 
 class Courier:
-    """One thread for all robots; a robot that does not answer delays no other robot's stop."""
+    """One thread delivers the stops of all robots; a robot that does not answer does not delay other robots' stops."""
 
     def __init__(self, stops: PendingStops) -> None:
         self._stops = stops
@@ -37,7 +38,7 @@ class Courier:
         self._stays = False
 
     def start(self, *, stays: bool = False) -> None:
-        """Deliver all pending stops; with `stays`, also stops that other processes leave from now on."""
+        """Start the thread. It ends when no stop is pending; with `stays` it runs on, and waits for further stops."""
         with self._lock:
             self._stays = self._stays or stays
             if self._thread is None:
@@ -61,7 +62,7 @@ class Courier:
             with self._lock:
                 newest = {stop.name: stop for stop in self._stops.all()}
                 if not (newest or under_way or self._stays):
-                    self._thread = None  # the next `start` begins another one
+                    self._thread = None  # the next `start` makes another thread
                     return
             under_way = {name: task for name, task in under_way.items() if not task.done()}
             for name in newest.keys() - under_way.keys():
@@ -82,7 +83,7 @@ class Courier:
 
 
 def _address(stop: WaitingStop) -> LinkAddress:
-    """The address of the robot's bridge, without the database."""
+    """Return the address of the robot's bridge, without a query of the database."""
     if stop.host is None:
         return LinkAddress(unix_path=str(settings.FLEET_RUN_DIR / f"{stop.name}.sock"))
     return LinkAddress(
@@ -96,7 +97,7 @@ def _stops_in(run_dir: Path) -> PendingStops:
 
 
 def pending_stops() -> PendingStops:
-    """The pending stops of this computer."""
+    """Return the pending stops of this computer."""
     return _stops_in(settings.FLEET_RUN_DIR)
 
 
@@ -106,16 +107,17 @@ def _courier_of(stops: PendingStops) -> Courier:
 
 
 def courier() -> Courier:
-    """The courier of this process."""
+    """Return the courier of this process."""
     return _courier_of(pending_stops())
 
 
 def keep_pending(
     robot: UUID | None, address: LinkAddress, stop: LinkStop, on_answer: OnSettled | None = None
 ) -> tuple[WaitingStop, bool]:
-    """Let every process of this computer deliver the unanswered `stop`; `on_answer` is called with its answer.
+    """Store the unanswered `stop`, so that every process of this computer delivers it; pass the answer to `on_answer`.
 
-    Returns the pending stop, and whether it is written; if not, only this process delivers it, while it runs.
+    Returns the pending stop, and whether it is written to the disk. If it is not, only this process delivers it, while
+    it runs.
     """
     if stop.press is None or (address.unix_path is None and robot is None):
         raise ValueError("a stop that waits has a press and a robot")

@@ -1,6 +1,7 @@
-"""Reaching a robot with its emergency stop: at its bridge and at its watchdog at once, the first confirmation counts.
+"""Sends an emergency stop to the robot's bridge and watchdog at the same time; the first confirmation counts.
 
-The stop is the first message of each connection. It names its robot, so it need not wait for the bridge's hello.
+The stop is the first message of each connection. It contains the robot's id, so the sender need not wait for the
+bridge's hello.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from robots.bridge.config import LinkAddress
 from robots.link.connections import DOWN, LinkRefused, open_link, why_down
 from robots.wire import LinkStop, Refusal, Refused, Stopped
 
-STOP_S = 2.0  # a stop that is not confirmed by then is pending
-LONGEST_TEXT = 200  # of names and reasons: wire.ShortText
+STOP_S = 2.0  # a stop that is not confirmed after this time is pending
+LONGEST_TEXT = 200  # characters of names and reasons, as in wire.ShortText
 
 SILENT = Refusal("bridge_silent", "The robot’s bridge did not answer in time.", "robot")
 
@@ -31,19 +32,19 @@ Answer = Coroutine[Any, Any, Stopped | Refusal]
 
 
 def stop_message(robot: UUID | None, by: str, reason: str = "", press: UUID | None = None) -> LinkStop:
-    """A stop message; its texts are cut to the allowed length."""
+    """Return a stop message; its texts are cut to the allowed length."""
     return LinkStop(by[:LONGEST_TEXT], reason[:LONGEST_TEXT], robot=robot, press=press)
 
 
 async def reach(address: LinkAddress, stop: LinkStop, within_s: float = STOP_S) -> Stopped | Refusal:
-    """Press `stop` over new connections. Returns the answer; raises LinkRefused without one."""
+    """Send `stop` over new connections. Returns the answer; raises LinkRefused if there is none."""
     return await first_answer([ask_watchdog(address, stop), ask_bridge(address, stop)], within_s)
 
 
 async def first_answer(ways: Sequence[Answer], within_s: float) -> Stopped | Refusal:
-    """The first confirmation, else a refusal. Raises LinkRefused, with the last way's reason, if there is neither.
+    """Return the first confirmation, or else a refusal. Without either, raise LinkRefused with the last way's reason.
 
-    Put the quickest way first: the setup of each way delays the ways after it.
+    Put the quickest way first: the start of each way delays the ways after it.
     """
     loop = asyncio.get_running_loop()
     end_s = loop.time() + within_s
@@ -69,7 +70,7 @@ async def first_answer(ways: Sequence[Answer], within_s: float) -> Stopped | Ref
 
 
 async def ask_bridge(address: LinkAddress, stop: LinkStop) -> Stopped | Refusal:
-    """Press `stop` at the robot's bridge. Raises LinkRefused if it cannot be reached."""
+    """Send `stop` to the robot's bridge. Raises LinkRefused if the bridge cannot be reached."""
     try:
         async with open_link(address) as link:
             try:
@@ -84,7 +85,7 @@ async def ask_bridge(address: LinkAddress, stop: LinkStop) -> Stopped | Refusal:
 
 
 async def ask_watchdog(address: LinkAddress, stop: LinkStop) -> Stopped | Refusal:
-    """Press `stop` at the watchdog of a bridge on this computer. Raises LinkRefused if there is none."""
+    """Send `stop` to the watchdog of a bridge on this computer. Raises LinkRefused if there is none."""
     if not address.unix_path:
         raise LinkRefused(DOWN)
     loop = asyncio.get_running_loop()
@@ -102,7 +103,7 @@ async def ask_watchdog(address: LinkAddress, stop: LinkStop) -> Stopped | Refusa
 
 
 def answer_of(raw: str | bytes) -> Stopped | Refusal | None:
-    """The answer to a stop; None for any other message."""
+    """Return the answer to a stop; None for any other message."""
     with contextlib.suppress(msgspec.DecodeError, UnicodeError):
         report = wire.link_report(raw)
         if isinstance(report, Stopped):
@@ -113,7 +114,7 @@ def answer_of(raw: str | bytes) -> Stopped | Refusal | None:
 
 
 def wait_for(work: Coroutine[Any, Any, T]) -> T:
-    """Run `work` in a thread without event loop; does not wait for the loop's helper threads (name resolution)."""
+    """Run `work` from code without an event loop. Does not wait for the loop's helper threads (name resolution)."""
     loop = asyncio.new_event_loop()
     try:
         return loop.run_until_complete(work)

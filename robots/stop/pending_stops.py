@@ -1,8 +1,8 @@
-"""Stops that nobody has confirmed yet: a file for each in the run directory, until bridge or watchdog answers.
+"""Stops that neither bridge nor watchdog has confirmed yet. Each is a file in the run directory until it is answered.
 
-Every process of the console on this computer reads and delivers them. So a stop outlives the process that received it
-and the page of the person who pressed. Uses neither Django nor ROS: a bridge reads this folder before its robot can be
-driven.
+Every process of the console on this computer reads and delivers them. So a stop is delivered even if the process that
+received it ends, or the person closes the page. This module uses neither Django nor ROS, because a bridge reads the
+folder before its robot can be driven.
 """
 
 from __future__ import annotations
@@ -23,41 +23,41 @@ from robots.wire import LinkStop, PendingStop, Refusal, Stopped
 log = logging.getLogger(__name__)
 
 FOLDER = "stops"  # in the run directory
-MOST_OF_ONE = 10  # of one robot: as many as a clear may name
+MOST_OF_ONE = 10  # stops of one robot; a clear may contain no more
 
 OnSettled = Callable[[Stopped | Refusal], None]
 
 
 class WaitingStop(Struct, frozen=True):
-    """A press without answer yet."""
+    """A press that has no answer yet."""
 
     name: str  # of the robot's files in the run directory (`name_of`)
     press: UUID
-    robot: UUID | None  # None: of whichever bridge listens at the socket of that name
+    robot: UUID | None  # None: any bridge that listens at the socket with this name
     by: str
     reason: str = ""
     at: float = 0.0  # time of day, seconds
-    host: str | None = None  # where its bridge listens, if on another computer
+    host: str | None = None  # with `port`: where the bridge listens, if it runs on another computer
     port: int | None = None
 
     def message(self) -> LinkStop:
-        """The message to send."""
+        """Return the message to send."""
         return LinkStop(self.by, self.reason, robot=self.robot, press=self.press, waited=True)
 
     def on_wire(self) -> PendingStop:
-        """The same for pages."""
+        """Return the stop as pages receive it."""
         return PendingStop(self.by, self.reason, self.at)
 
 
 def name_of(robot: UUID) -> str:
-    """Name of this robot's files in the run directory, without suffix."""
+    """Return the name of this robot's files in the run directory, without suffix."""
     return robot.hex[:12]
 
 
 class PendingStops:
     """The pending stops. For each robot the newest press counts. Thread-safe.
 
-    With `run_dir` None, and for stops that cannot be written: in memory only; only this process delivers them.
+    A stop that cannot be written, or any stop if `run_dir` is None, is only in memory: only this process delivers it.
     """
 
     def __init__(self, run_dir: Path | None) -> None:
@@ -69,9 +69,9 @@ class PendingStops:
         )  # by robot: callbacks for the answer
 
     def keep(self, stop: WaitingStop, on_answer: OnSettled | None = None) -> bool:
-        """Keep `stop` until it is settled; it replaces older stops of this robot. `on_answer` gets the answer.
+        """Keep `stop` until it is settled; it replaces older stops of this robot. Pass the answer to `on_answer`.
 
-        Returns False if it cannot be written: then only this process knows it, and older ones stay.
+        Returns False if the stop cannot be written: then only this process has it, and older stops are not removed.
         """
         if on_answer is not None:
             with self._lock:
@@ -88,7 +88,7 @@ class PendingStops:
         return written
 
     def all(self) -> list[WaitingStop]:
-        """All pending stops, the newest of each robot last."""
+        """Return all pending stops, the newest last."""
         with self._lock:
             found = list(self._unwritten.values())
         for path in self._paths(""):
@@ -104,7 +104,7 @@ class PendingStops:
         return sorted(found, key=lambda stop: stop.at)[-MOST_OF_ONE:]
 
     def settle(self, stop: WaitingStop, answer: Stopped | Refusal) -> None:
-        """`stop` was confirmed or refused: remove it and older stops of this robot."""
+        """Remove `stop`, which was confirmed or refused, and older stops of this robot; pass on the answer."""
         for found in self.of(stop.name):
             if found.at <= stop.at:
                 self._remove(found)

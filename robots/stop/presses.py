@@ -1,4 +1,7 @@
-"""Emergency stops without an event loop, and records of all stops: written after the stop, to cause no delay."""
+"""Emergency stops for code without an event loop, and the records of all stops.
+
+A record is written after the stop, so that it does not delay the stop.
+"""
 
 from __future__ import annotations
 
@@ -29,14 +32,14 @@ log = logging.getLogger(__name__)
 
 
 class Pending(NamedTuple):
-    """A stop that nobody has confirmed yet; it is delivered as soon as bridge or watchdog can be reached."""
+    """A stop that is not confirmed yet; it is delivered as soon as bridge or watchdog can be reached."""
 
-    refusal: Refusal  # code "pending", and why it is not confirmed
-    outcome: Future[Stopped | Refusal]  # the answer, if this process gets it
+    refusal: Refusal  # code "pending", and why the stop is not confirmed
+    outcome: Future[Stopped | Refusal]  # the answer, if this process receives it
     waiting: WaitingStop
 
     def withdraw(self) -> None:
-        """Drop the pending stop: it was pressed by mistake."""
+        """Drop the pending stop: this robot was not meant."""
         courier.pending_stops().settle(self.waiting, self.refusal)
 
 
@@ -44,17 +47,17 @@ Result = Stopped | Refusal | Pending
 
 
 def press(robot_id: UUID | None, address: LinkAddress, by: str, reason: str = "") -> Result:
-    """Stop one robot (None: any robot at this address) over new connections."""
+    """Stop one robot (None: any robot at this address) over new connections. Returns the answer or a pending stop."""
     return press_at([(robot_id, address)], by, reason)[0]
 
 
 def press_all(robots: Sequence[Robot], by: str, reason: str = "") -> list[Result]:
-    """`press` everywhere at once."""
+    """Stop these robots at the same time, as `press`."""
     return press_at([(robot.id, link_address(robot)) for robot in robots], by, reason)
 
 
 def press_at(places: Sequence[tuple[UUID | None, LinkAddress]], by: str, reason: str = "") -> list[Result]:
-    """`press` everywhere at once."""
+    """Stop the robots at these addresses at the same time, as `press`."""
     stops = [stop_message(robot_id, by, reason, uuid4()) for robot_id, _ in places]
     answers = wait_for(_reach_all([address for _, address in places], stops))
     return [
@@ -76,7 +79,7 @@ async def _reach_all(
 
 
 def keep_pending(robot_id: UUID | None, address: LinkAddress, stop: LinkStop, why: LinkRefused) -> Pending:
-    """Keep a stop that was not answered until it is."""
+    """Keep an unanswered stop until it is answered."""
     outcome: Future[Stopped | Refusal] = Future()
 
     def settled(answer: Stopped | Refusal) -> None:
@@ -101,9 +104,9 @@ def record_press(
     fence: int | None = None,
     times: int = 1,
 ) -> Record | None:
-    """Record that a stop was pressed, so many times; None if that was not possible, which stops nothing.
+    """Record that a stop was pressed `times` times. Returns None if that is impossible; the stop counts anyway.
 
-    `session_id` and `fence` are those of the control session that it interrupts.
+    `session_id` and `fence` belong to the control session that the stop interrupts.
     """
     try:
         name = Robot.objects.filter(pk=robot_id).values_list("name", flat=True).first()

@@ -1,1 +1,1 @@
-"""The fleet supervisor (`manage.py run_fleet`): starts the bridge and the watchdog of each robot, and restarts them."""
+"""The fleet supervisor (`manage.py run_fleet`): starts and restarts the bridge and the watchdog of each robot."""

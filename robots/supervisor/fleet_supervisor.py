@@ -1,7 +1,7 @@
 """The fleet supervisor: a bridge and a watchdog for each enabled robot, and one housekeeping process.
 
-It applies a new, edited or disabled robot within a second, without effect on other robots. After SIGTERM, SIGINT or
-SIGHUP all bridges end, and their robots stop.
+The fleet supervisor applies a new, edited or disabled robot within a second; other robots are not affected. After
+SIGTERM, SIGINT or SIGHUP all bridges end, and their robots stop.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ STEP_S = 0.1
 POLL_S = 0.5
 DATABASE_PATIENCE_S = 0.2
 END_S = KILL_S + 1.0
-LAST_S = END_S + 1.0  # also if the database hangs
+LAST_S = END_S + 1.0  # then this process exits, even if the database hangs
 HOUSEKEEPING = "run_housekeeping"
 WATCHDOG = ("-m", "robots.bridge.watchdog")
 
 
 def eager() -> RestartBudget:
-    """Restart a watchdog quickly: without it a stop depends on the bridge only.
+    """Return the budget of a watchdog: quick restarts, because without the watchdog a stop depends on the bridge only.
 
-    Wait longer if it cannot start: each start takes half a second of a processor that the bridges need.
+    If the watchdog cannot start, the pauses get longer: each start takes 0.5 s of a processor that the bridges need.
     """
     return RestartBudget(first_s=0.1, longest_s=1.0, rest_s=10.0)
 
@@ -68,7 +68,7 @@ def supervise(fleet: Fleet, stopping: Stopping) -> None:
 
 
 def wait_shortly() -> None:
-    """Wait only briefly for a locked SQLite file: bridges come first, and statuses are written again later."""
+    """Wait only briefly for a locked SQLite file: bridges come first, and failed writes of states are repeated."""
     if connection.vendor == "sqlite":
         connection.close()
         connection.settings_dict["OPTIONS"]["timeout"] = DATABASE_PATIENCE_S
@@ -148,7 +148,7 @@ class Fleet:
             self._end_robot(robot_id)
 
     def _is_mine(self, robot: Robot) -> bool:
-        """Return whether the robot is named on the command line; without names, whether its bridge runs here."""
+        """Return whether the command line names the robot; without names, whether its bridge runs on this computer."""
         return robot.slug in self._only if self._only else not robot.bridge_address
 
     def _update(self, robot: Robot) -> None:
@@ -203,7 +203,7 @@ class Fleet:
         return Program([sys.executable, str(self._manage), *command], environment, digest)
 
     def _database_failed(self, error: DatabaseError | AuditUnavailable) -> None:
-        """Log once until the database answers again; the fleet stays as it is."""
+        """Log the error, only once until the database answers again. All programs keep running."""
         if self._database_well:
             log.warning("The database does not answer, the fleet stays as it is: %s", error)
         self._database_well = False

@@ -1,10 +1,11 @@
 """Keeps programs running: a bridge and a watchdog for each robot, restarted with growing pauses.
 
-A program holds the read end of a pipe as its stdin: the life line. When the pipe closes, because this process wants it
-to end or because it died, however suddenly, the program stops its robot and exits. Each program has a session of its
-own: a Ctrl-C in the terminal reaches only the supervisor, which then lets go of all in order.
+The stdin of each program is the read end of a pipe: the life line. The pipe closes when the supervisor wants the
+program to end, or when the supervisor dies, even if it is killed. Then the program stops its robot and exits. Each
+program runs in its own session: a Ctrl-C in the terminal reaches only the supervisor, which then ends all programs in
+order.
 
-Time is an argument everywhere: seconds of one monotonic clock.
+All times are arguments: seconds of one monotonic clock.
 """
 
 from __future__ import annotations
@@ -32,19 +33,19 @@ log = logging.getLogger(__name__)
 STEADY_S = 2.0  # a program that has lived this long has started
 TERMINATE_S = 3.0  # after the life line was closed
 KILL_S = 4.5
-NAME_LOST_S = 2.0  # until its successor starts; not its own fault, so its budget is left alone
+NAME_LOST_S = 2.0  # pause after a lost name; not the program's fault, so the budget does not count it
 LOCK = "fleet.lock"  # in the run directory; the supervisor holds it
-LOCK_TRIES = 5  # `supervised` may have the file for a moment
+LOCK_TRIES = 5  # `supervised` may hold the lock for a moment
 LOCK_TRY_S = 0.02
 
 
 class AlreadySupervised(Exception):
-    """Another supervisor holds the lock; its text is the process id."""
+    """Another supervisor holds the lock; the text is the id of its process."""
 
 
 @contextlib.contextmanager
 def only_instance(path: Path) -> Iterator[None]:
-    """Hold the lock file; the lock ends with the process."""
+    """Context: hold the lock file. Raises `AlreadySupervised`. The lock ends with the process at the latest."""
     with path.open("a+") as lock:
         if not _acquired(lock):
             lock.seek(0)
@@ -65,7 +66,7 @@ def _acquired(lock: IO[str]) -> bool:
 
 
 def supervised(path: Path) -> bool:
-    """Return whether a running supervisor holds this lock file, even if the last one crashed."""
+    """Return whether a running supervisor holds this lock file. A file that a crashed one left does not count."""
     try:
         with path.open() as lock:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -78,7 +79,7 @@ def supervised(path: Path) -> bool:
 
 @dataclass
 class RestartBudget:
-    """Pauses before a program that ended is started again."""
+    """Pauses before a program that ended is started again, in seconds."""
 
     first_s: float = 0.5
     longest_s: float = 8.0
@@ -88,7 +89,10 @@ class RestartBudget:
     _fallen_at: list[float] = field(default_factory=list)
 
     def wait_s(self, now_s: float) -> float:
-        """The pause (s) after an end at `now_s`: doubled each time; a long one when the budget is used up."""
+        """Return the pause (s) after an end at `now_s`.
+
+        The pause doubles each time; it is `rest_s` after more than `falls` ends within `window_s`.
+        """
         self._fallen_at = [at for at in self._fallen_at if now_s - at < self.window_s] + [now_s]
         if len(self._fallen_at) > self.falls:
             return self.rest_s
@@ -119,27 +123,27 @@ class Keeper:
         self._process: subprocess.Popen[bytes] | None = None
         self._since_s = 0.0  # start of the process
         self._steady = False
-        self._ending_s: float | None = None  # when its life line was closed
+        self._ending_s: float | None = None  # when the life line of the process was closed
         self._start_at_s = 0.0
 
     @property
     def digest(self) -> str | None:
-        """Digest of the wanted program."""
+        """Return the digest of the wanted program."""
         return self._wanted.digest if self._wanted else None
 
     @property
     def idle(self) -> bool:
-        """True if no program runs."""
+        """Return whether no program runs."""
         return self._process is None
 
     def want(self, program: Program | None) -> None:
-        """From the next step on, keep this program running; None: none."""
+        """Keep this program running from the next step on; None: no program."""
         self._wanted = program
         self._budget = self._new_budget()
         self._start_at_s = 0.0
 
     def step(self, now_s: float) -> None:
-        """Check the process and take due steps; never waits."""
+        """Check the process; start, end or kill it if that is due. Never waits."""
         if self._process is not None:
             self._watch(self._process, now_s)
         if self._process is None and self._wanted is not None and now_s >= self._start_at_s:
@@ -172,7 +176,7 @@ class Keeper:
             self._report(State.RUNNING, "", process.pid)
 
     def _end(self, process: subprocess.Popen[bytes], now_s: float) -> None:
-        """Close the life line; a program that does not end then gets signals."""
+        """Close the life line; if the program does not end, send it SIGTERM and later SIGKILL."""
         if self._ending_s is None:
             self._ending_s = now_s
             _close_life_line(process)

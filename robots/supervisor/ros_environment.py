@@ -1,7 +1,8 @@
-"""The environment in which a process talks to one robot's ROS: bridge and robot check alike.
+"""The environment variables of a process that uses one robot's ROS: its bridge, or the robot check.
 
-ROS nodes call each other back by the names that they advertise. A robot's names that this network does not know
-come from its host aliases, through libnss-wrapper: `NSS_WRAPPER_HOSTS` is asked first, then the system as usual.
+ROS nodes connect to each other by the host names that they advertise. If this network does not know a robot's host
+names, its host aliases give their addresses: libnss-wrapper reads the file `NSS_WRAPPER_HOSTS` first, and then asks the
+system as usual.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class WrapperMissing(Exception):
 
 
 def ros_environment(config: BridgeConfig, run_dir: Path) -> dict[str, str]:
-    """The environment variables; writes the robot's hosts file into `run_dir`. Raises `WrapperMissing`."""
+    """Return the environment variables; write the robot's hosts file into `run_dir`. Raises `WrapperMissing`."""
     environment = {
         name: value for name, value in os.environ.items() if name not in {"ROS_IP", "ROS_HOSTNAME"}
     }
@@ -36,7 +37,7 @@ def ros_environment(config: BridgeConfig, run_dir: Path) -> dict[str, str]:
     environment["ROS_MASTER_URI"] = config.master_uri
     environment["ROS_HOME"] = str(Path(config.state_dir) / "ros")
     environment["PYTHONUNBUFFERED"] = "1"
-    environment["PYTHONFAULTHANDLER"] = "1"  # the log says where a crash was
+    environment["PYTHONFAULTHANDLER"] = "1"  # after a crash, the log shows where it happened
     if config.advertised_address:
         variable = "ROS_IP" if is_address(config.advertised_address) else "ROS_HOSTNAME"
         environment[variable] = config.advertised_address

@@ -1,1 +1,1 @@
-"""Writers of files in the repository: screenshots, drawings, icons, docs of messages."""
+"""Writes files of the repository: screenshots, drawings, icons, docs of messages."""

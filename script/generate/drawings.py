@@ -1,4 +1,4 @@
-"""script/drawings: the Mermaid blocks of docs/ as SVG, drawn by Mermaid in Debian's Chromium."""
+"""script/drawings: draws the Mermaid blocks of docs/ as SVG, by Mermaid in Debian's Chromium."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from playwright.sync_api import sync_playwright
 
 from script.stack.places import REPOSITORY
 
-# Not in package.json: with what it depends on, it is larger than all else there, and only this program needs it.
+# Mermaid is not in package.json: it and its dependencies are larger than all other packages, and only this program
+# needs them.
 MERMAID = "mermaid@12.3.0"
 SHA512 = "4113TdXeLAsMruJ79OpFL5O8+LTFXhQqZ260rF3tgUmiNAtRm4Uume04I+65PRN6yZ69J4f8rVYWW8zRk65UYw=="
 
-# Colours of static/css/base/tokens.css. An image knows the page's scheme, but not its variables.
+# Colours of static/css/base/tokens.css. An image can read the browser's colour scheme, but not the page's variables.
 STYLE = """
 svg { background: #ffffff; color: #17201c; font: 14px "DejaVu Sans", Verdana, sans-serif; }
 text { fill: currentColor; text-anchor: middle; }
@@ -60,7 +61,7 @@ DRAW = """async ([source, style]) => {
 
 
 def main() -> None:
-    """Draw what is not drawn yet, and delete what no page shows any more."""
+    """Draw all Mermaid blocks, and delete drawings that no page shows any more."""
     os.environ.setdefault("FLEET_DEBUG", "1")
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "fleet.settings")
     from fleet.help import pages
@@ -82,7 +83,7 @@ def main() -> None:
 
 
 def _mermaid() -> str:
-    """Fetch Mermaid's script: the one file that holds all of it."""
+    """Download Mermaid, check its hash, and return its script, which is one file."""
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(  # noqa: S603
             [REPOSITORY / ".venv/bin/npm", "pack", "--silent", MERMAID],

@@ -1,4 +1,4 @@
-"""script/icons: the PNG icons of the installed app, drawn from the console's SVG by Debian's Chromium."""
+"""script/icons: draws the PNG icons of the installed app from the console's SVG, by Debian's Chromium."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from playwright.sync_api import sync_playwright
 from script.stack.places import REPOSITORY
 
 IMAGES = REPOSITORY / "static/img"
-COLOUR = "#0d6b66"  # of the SVG's own square
-# File, pixels, and the share of the square that the drawing takes: systems cut a maskable icon into any shape.
+COLOUR = "#0d6b66"  # of the square in the SVG
+# File, pixels, and the drawing's share of the square. It is smaller in a maskable icon, which systems cut into any
+# shape.
 ICONS = (("icon-180.png", 180, 1.0), ("icon-192.png", 192, 1.0), ("icon-512.png", 512, 1.0))
 MASKABLE = ("icon-maskable-512.png", 512, 0.8)
 

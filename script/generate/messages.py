@@ -1,6 +1,6 @@
-"""Writes docs/protocol-messages.md from `robots.wire`, every message, field by field; and docs/openapi.json.
+"""Writes docs/protocol-messages.md (every field of every message) from `robots.wire`; and docs/openapi.json.
 
-Types and defaults come from the structs, words from their docstrings and from the comments next to fields.
+Types and defaults come from the structs; descriptions come from their docstrings and the comments next to fields.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Units are SI unless the name says otherwise. Messages between the console's own 
 `robots/wire/link.py` and `camera.py` only.
 
 """
-COMMON = 5  # messages with the same field: it is described once, at the top
+COMMON = 5  # a field that so many messages have is described once, at the top
 DIRECTIONS: Mapping[str, Any] = {
     "From a robot's page to the console": wire.BrowserMessage,
     "From the console to a robot's page": wire.BrowserReport,
@@ -52,7 +52,7 @@ INTERNAL = (
     wire.LinkReport,
     wire.CameraRequest,
     wire.TakenPicture,
-)  # no reader outside needs them
+)  # messages between the console's own processes
 WORDS = {
     bool: "boolean",
     int: "integer",
@@ -69,7 +69,7 @@ Kind = type[Struct]
 
 def page() -> str:
     """Return the text of the page."""
-    described_at: dict[Kind, str] = {}  # the door under which a message is described
+    described_at: dict[Kind, str] = {}  # for each message, the section that describes it
     left_out = _parts(*INTERNAL) - _parts(*DIRECTIONS.values())
     common = _common()
     fields = "\n".join(f"* {line}" for line in common.values())
@@ -98,7 +98,7 @@ def _kinds(union: Any) -> list[Kind]:
 
 
 def _parts(*hints: Any) -> set[Kind]:
-    """Return the message types that occur in type hints, with those in their fields."""
+    """Return the message types in these type hints, and the types in their fields."""
     found: set[Kind] = set()
     waiting = list(hints)
     while waiting:
@@ -111,7 +111,7 @@ def _parts(*hints: Any) -> set[Kind]:
 
 
 def _structs() -> Iterator[Kind]:
-    """Return all message types of `wire`, in its order."""
+    """Yield all message types of `wire`, in the order of the module."""
     for kind in vars(wire).values():
         if (
             inspect.isclass(kind)
@@ -122,7 +122,7 @@ def _structs() -> Iterator[Kind]:
 
 
 def _name(kind: Kind) -> str:
-    """Return a message's tag, with the struct's name if several share the tag; or a part's name."""
+    """Return a message's tag (with the struct's name if several messages share the tag), or a part's name."""
     tag = kind.__struct_config__.tag
     if tag is None:
         return f"`{kind.__name__}`"
@@ -161,19 +161,19 @@ def _fields(kind: Kind) -> dict[str, str]:
 
 
 def _common() -> dict[str, str]:
-    """Return the fields that many messages describe with the same words."""
+    """Return the fields that at least `COMMON` messages describe with the same words."""
     counts = Counter(pair for kind in _structs() for pair in _fields(kind).items())
     often = [pair for pair, count in counts.most_common() if count >= COMMON and "," in pair[1]]
-    return dict(reversed(often))  # of two descriptions of one name the more frequent one
+    return dict(reversed(often))  # if a name has two descriptions, the more frequent one wins
 
 
 def _words_of(kind: Kind) -> str:
-    """Return the docstring in terms of JSON."""
+    """Return the docstring, with the names of JSON instead of Python's."""
     return _renamed(inspect.getdoc(kind) or "")
 
 
 def _renamed(text: str) -> str:
-    """Replace Python's names of messages and null by those on the wire."""
+    """Replace Python's names of messages and of null by the names in JSON."""
     text = re.sub(r"\bNone\b", "null", text)
     tags = {kind.__name__: kind.__struct_config__.tag for kind in _structs()}
     return re.sub(r"`(\w+)`", lambda found: f"`{tags.get(found[1]) or found[1]}`", text)
@@ -187,7 +187,7 @@ def _default(field: structs.FieldInfo) -> str:
 
 
 def _type(hint: Any) -> str:
-    """A type in words."""
+    """Return a type in words."""
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return _bounded(arguments[0], arguments[1:])

@@ -1,4 +1,4 @@
-"""script/pictures: the screenshots of README and docs, taken from the running console."""
+"""script/pictures: takes the screenshots of README and docs from a running console."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from script.stack.places import REPOSITORY
 from script.stack.stack import PRACTICE_ROBOTS, Stack, temporary_stack
 
 PICTURES = REPOSITORY / "docs/img"
-ROBOT = "tiago-3"  # the second one is in a student's slot
+ROBOT = "tiago-3"  # tiago-2 is booked by a student
 TWO_CAMERAS = "tiago-2"
 DRIVEN_S = 20.0
-UNDER_WAY_S = 5.0  # until a robot that was sent to a place is some metres away
-SETTLED_S = 1.0  # until earlier notices have gone
-APPROACH_S = 1.8  # until the head looks to the floor ahead
+UNDER_WAY_S = 5.0  # after this time a robot that was sent to a place has driven some metres
+SETTLED_S = 1.0  # after this time earlier notices have gone
+APPROACH_S = 1.8  # after this time the head looks to the floor ahead
 TRIES = 4
 
 TOUR_ROBOT = "tiago-1"
-TOUR = (  # through the hall into a room: metres from where it starts, ahead and left; share of full speed
+TOUR = (  # through the hall into a room: metres ahead and to the left of the start; share of full speed
     (1.8, -0.7, 0.8),
     (3.4, -0.6, 0.8),
     (3.8, 0.4, 0.4),
@@ -45,11 +45,11 @@ THERE_M = 0.25
 STILL_MPS = 0.01
 TURN_PER_RAD = 1.5
 SENTENCES = ("Good morning. I am on my way to the workshop.", "Excuse me, may I pass, please?")
-LOOKED_AT = 10  # seconds into it
+LOOKED_AT = 10  # seconds after the start of the control session
 
 ENROLLED = ("Ada", "Bea", "Chen", "Dora", "Emil", "Fatma", "Goran", "Hana", "Ivo", "Jin", "Kofi", "Lea")
 
-# Green pixels over the picture: the hints at its edges are red.
+# Search for green pixels over the picture: these are the way; the hints at the edges are red.
 WAY_IS_DRAWN = """() => {
   const canvas = document.querySelector("[data-part=camera-floor]");
   const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
@@ -69,7 +69,7 @@ HOLD_IS_DRAWN = f"() => {SCENE}.figures.holds && {SCENE}.figures.points > 500"
 
 LOOKING_AROUND = "Inspect surroundings"
 HEAD = ("head_1_joint", "head_2_joint")
-PLOTTED_S = 7.0  # until there is a curve to show
+PLOTTED_S = 7.0  # after this time the plot shows a curve
 
 SET_FAULTS = """
 import sys, time
@@ -84,7 +84,7 @@ while rospy.wait_for_message("/ground_truth/faults", String).data != sys.argv[1]
     pass
 """
 
-# These people have read the hints for newcomers.
+# Mark the hints for newcomers as read.
 BEEN_HERE = """{
   const kept = JSON.parse(localStorage.getItem("fleet-console") ?? "{}");
   const read = { "hints_seen operator": true, "hints-seen staff": true };
@@ -93,13 +93,13 @@ BEEN_HERE = """{
 
 
 def main() -> None:
-    """Fleet page, the tabs of the control page on a desk, the centre on a phone, and a control session afterwards."""
+    """Start a console, make a control session, and take all screenshots."""
     PICTURES.mkdir(exist_ok=True)
     first, second, third = PRACTICE_ROBOTS
     robots = (
         replace(first, pose=(3.8, 2.4, 0.0)),
         second,
-        replace(third, pose=(4.0, 2.4, 10.0)),  # before a parcel, not far from the partition and a doorway
+        replace(third, pose=(4.0, 2.4, 10.0)),  # in front of a parcel, near the partition and a doorway
     )
     with temporary_stack(robots, students=STUDENTS) as stack:
         cookie = sign_in(stack, "operator")
@@ -134,7 +134,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
             page.get_by_text("Online").nth(len(stack.robots) - 1).wait_for()
             page.wait_for_function(EVERY_THUMBNAIL)
             page.screenshot(path=PICTURES / "fleet.png")
-            use_phones(stack, browser, cookie)  # before the robot stands at something
+            use_phones(stack, browser, cookie)  # before the robot stands close to an obstacle
             send_to_a_place(page, stack)
             look_in_3d(page, stack)
             look_back(page, stack)
@@ -158,7 +158,7 @@ def take_pictures(stack: Stack, cookie: str) -> None:
 def page_of(
     stack: Stack, browser: Browser, cookie: str, width: int, height: int, theme: str, *, scale: float = 1
 ) -> Iterator[Page]:
-    """Open a signed-in page of this size."""
+    """Context: a page of this size, signed in."""
     context = browser.new_context(
         viewport={"width": width, "height": height},
         color_scheme=theme,  # type: ignore[arg-type]
@@ -175,21 +175,21 @@ def page_of(
 
 
 def wait_for_the_camera(page: Page) -> None:
-    """Wait until the page shows a new picture of the camera, and does not complain of a busy computer."""
+    """Wait until the page shows a new camera picture, and no banner (such as one about a busy computer)."""
     page.locator("[data-part=banner]").wait_for(state="hidden")
     page.locator("[data-part=camera] .camera-words").wait_for(state="hidden")
     page.locator("[data-part=camera]:not([data-old])").wait_for()
 
 
 def shrink(file: Path) -> None:
-    """Keep 256 colours: a third of the bytes, and the eye sees no difference."""
+    """Reduce the picture to 256 colours: a third of the bytes, without a visible difference."""
     with PIL.Image.open(file) as picture:
         few = picture.convert("RGB").quantize(256, dither=PIL.Image.Dither.NONE)
     few.save(file, optimize=True)
 
 
 def show_bookings(page: Page, stack: Stack) -> None:
-    """Take the calendar of all robots, once its bookings are there."""
+    """Take the calendar of all robots, with bookings."""
     page.goto(f"{stack.url}/bookings/")
     if (understood := page.get_by_role("button", name="Understood")).is_visible():
         understood.click()
@@ -201,8 +201,8 @@ def send_to_a_place(page: Page, stack: Stack) -> None:
     """Take the map and the fleet map while the robot drives to a named place, then cancel."""
     take_control(page, stack)
     page.get_by_role("button", name="Map", exact=True).click()
-    for _ in range(TRIES):  # a busy computer ends drives
-        page.wait_for_timeout(1000.0 * SETTLED_S)  # until the bridge knows that the robot stands
+    for _ in range(TRIES):  # on a busy computer a drive may end early
+        page.wait_for_timeout(1000.0 * SETTLED_S)  # until the bridge has measured that the robot stands
         page.get_by_role("button", name="Places").click()
         page.get_by_role("button", name="charging dock", exact=True).click()
         with suppress(NotYet):
@@ -221,7 +221,7 @@ def send_to_a_place(page: Page, stack: Stack) -> None:
 
 
 def look_in_3d(page: Page, stack: Stack) -> None:
-    """Drive at something until the gate slows the robot down, and show that in space."""
+    """Drive towards an obstacle until the gate slows the robot down, and take the 3D view of it."""
     take_control(page, stack)
     page.get_by_role("button", name="3D").click()
     page.wait_for_function(ROBOT_IS_DRAWN)
@@ -240,7 +240,7 @@ def look_in_3d(page: Page, stack: Stack) -> None:
 
 
 def look_at_the_plan(page: Page, stack: Stack) -> None:
-    """Take the fleet map in another window: in another tab the robot's page would be hidden, and the drive end."""
+    """Take the fleet map, in another window: another tab would hide the robot's page, and the drive would end."""
     browser = page.context.browser
     assert browser is not None  # noqa: S101 - it opened the page
     window = browser.new_context(
@@ -268,7 +268,7 @@ def drive_towards_the_parcel(page: Page, stack: Stack) -> None:
         page.wait_for_timeout(1000 * APPROACH_S)
         if page.evaluate(WAY_IS_DRAWN) and not let_go.is_visible() and not old.is_visible():
             return
-        page.keyboard.up("w")  # a busy machine heard a scan too late: the stick has to return to the middle
+        page.keyboard.up("w")  # after a late scan (busy computer) the stick has to return to the middle
         let_go.wait_for(state="hidden")
     raise TimeoutError("The way was not drawn into the picture.")
 
@@ -286,7 +286,7 @@ def use_phones(stack: Stack, browser: Browser, cookie: str) -> None:
 
 
 def use_the_drawer(page: Page, stack: Stack) -> None:
-    """Take the camera with the drawer of gripper and torso over it, while the head still looks ahead."""
+    """Take the camera with the drawer of gripper and torso, before anything turns the head."""
     take_control(page, stack)
     page.get_by_role("button", name="Robot", exact=True).click()
     page.get_by_role("button", name="Head", exact=True).click()
@@ -298,7 +298,7 @@ def use_the_drawer(page: Page, stack: Stack) -> None:
 
 
 def look_through_cameras(page: Page, stack: Stack) -> None:
-    """Take two cameras at once, then a picture that has become old."""
+    """Take two cameras at the same time, then a camera picture that is old."""
     page.goto(f"{stack.url}/robots/{TWO_CAMERAS}/")
     page.get_by_role("button", name="Camera", exact=True).click()
     page.get_by_role("button", name="Second camera").click()
@@ -312,7 +312,7 @@ def look_through_cameras(page: Page, stack: Stack) -> None:
 
 
 def fall_ill(page: Page, stack: Stack) -> None:
-    """Take the page when two parts of the robot have just become ill."""
+    """Take the page after two parts of the robot have reported faults."""
     set_faults(stack, "motor_hot,part_broken")
     page.locator("[data-part=health-open]").click()
     page.locator("[data-part=health-parts] li").nth(1).wait_for()
@@ -330,7 +330,7 @@ def take_control(page: Page, stack: Stack) -> None:
 
 
 def set_faults(stack: Stack, names: str, robot: str = ROBOT) -> None:
-    """Set the robot's faults: a publisher that stays until the simulator has heard it."""
+    """Set the faults of a simulated robot, by a program that waits until the simulator has received them."""
     subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-c", SET_FAULTS, names],
         cwd=REPOSITORY,
@@ -340,7 +340,7 @@ def set_faults(stack: Stack, names: str, robot: str = ROBOT) -> None:
 
 
 def make_a_course(page: Page, url: str) -> None:
-    """Take the pictures for teachers: the list before it is done, and the course's page."""
+    """Take the pictures for teachers: the preview of a list of people, and the course's page."""
     page.goto(f"{url}/courses/new/")
     page.get_by_label("Name", exact=True).fill("Human-robot interaction")
     page.get_by_label("Last day").fill(f"{datetime.now(timezone.utc) + timedelta(days=120):%Y-%m-%d}")
@@ -367,13 +367,13 @@ def make_a_course(page: Page, url: str) -> None:
 
 
 def say_a_phrase(page: Page) -> None:
-    """Make a booking that is in the history afterwards."""
+    """Speak a phrase, and wait until it is in the history."""
     page.locator("[data-part=phrase-list] .hit").first.click()
     page.locator("[data-part=history-list] .hit").first.wait_for()
 
 
 def watch_the_head(page: Page) -> None:
-    """Both of its joints, while the robot looks around."""
+    """Plot both joints of the head while the robot looks around."""
     page.get_by_role("tab", name="Motions").click()
     page.locator(".motions .hit", has_text=LOOKING_AROUND).click()
     page.get_by_role("button", name="Cancel the motion").wait_for()
@@ -410,7 +410,7 @@ async def tour(stack: Stack, cookie: str) -> None:
 
 
 async def drive_to(driver: Driver, x: float, y: float, share: float) -> None:
-    """Steer to a point, as a person does who sees the robot."""
+    """Steer the robot to a point: metres ahead and to the left of its start."""
     end_s = time.monotonic() + DRIVEN_S
     while time.monotonic() < end_s and (at := driver.odometry):
         if math.hypot(x - at.x, y - at.y) < THERE_M:
@@ -426,7 +426,7 @@ async def drive_to(driver: Driver, x: float, y: float, share: float) -> None:
 
 
 def look_back(page: Page, stack: Stack) -> None:
-    """Return a record in the middle of the tour."""
+    """Open the page of the control session, at a moment in the middle of the tour."""
     page.set_viewport_size({"width": 1440, "height": 1000})
     page.goto(f"{stack.url}/your-data/")
     page.get_by_role("link", name="TIAGo One").first.click()

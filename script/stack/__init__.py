@@ -1,1 +1,1 @@
-"""The console's processes together: for script/demo, script/serve, browser tests, benchmarks."""
+"""Runs all processes of the console together, for script/demo, script/serve, browser tests and benchmarks."""

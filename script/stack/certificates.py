@@ -1,4 +1,4 @@
-"""Makes a certificate for phones on the lab's network."""
+"""Makes a TLS certificate, so that phones on the lab's network can open the console."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from script.stack.stack import Certificate
 
 _SIOCGIFADDR = 0x8915
 _AUTHORITY_DAYS = 3650
-_CERTIFICATE_DAYS = 397  # browsers refuse longer validity
+_CERTIFICATE_DAYS = 397  # browsers refuse certificates that are valid for longer
 
 
 def lan_addresses() -> list[str]:
@@ -41,7 +41,7 @@ def _address_of(interface: str) -> str | None:
 
 
 def _default_address() -> str | None:
-    """Return the address that packets to the outside would carry, without sending one."""
+    """Return the source address that packets to the outside would have. Sends no packet."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # an address reserved for documentation
@@ -52,9 +52,9 @@ def _default_address() -> str | None:
 
 
 def certificate_for(hosts: list[str], directory: Path) -> Certificate:
-    """A certificate for these names and addresses, signed by our own authority; both are kept in `directory`.
+    """Return a certificate for these names and addresses, signed by our own authority; both are kept in `directory`.
 
-    The authority stays the same, so that a phone that trusts it once need not be asked again.
+    Later calls use the same authority, so that a person must tell the phone only once to trust it.
     """
     directory.mkdir(mode=0o700, exist_ok=True)
     authority, authority_key = _authority(directory)

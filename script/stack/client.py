@@ -1,4 +1,4 @@
-"""A client without a browser: sign in over HTTP, drive over the public WebSocket."""
+"""A client without a browser: signs in over HTTP, drives over the public WebSocket."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from websockets.exceptions import ConnectionClosed
 from robots import wire
 from script.stack.stack import Account, Certificate
 
-RENEW_BEFORE_S = 3.0  # of the term's end
+RENEW_BEFORE_S = 3.0  # before the end of the term
 DRIVE_PERIOD_S = 0.05
 ANSWER_S = 10.0
 _CSRF = re.compile(r'name="csrfmiddlewaretoken" value="([^"]+)"')
 
 
 class Console(Protocol):
-    """A running console, with the data that clients need; a `Stack` is one."""
+    """A running console with the data that clients need, such as a `Stack`."""
 
     @property
     def url(self) -> str: ...
@@ -70,14 +70,14 @@ def sign_in(console: Console, role: str) -> str:
 
 
 def trust(console: Console) -> ssl.SSLContext | None:
-    """TLS that trusts the console's own authority, None for plain http."""
+    """Return a TLS context that trusts the console's own authority; None for plain http."""
     if console.certificate is None:
         return None
     return ssl.create_default_context(cafile=str(console.certificate.authority))
 
 
 def open_socket(console: Console, path: str, cookie: str, port: int | None = None) -> connect:
-    """A WebSocket of the console, opened as a page opens it; with `Bearer ...` for `cookie`, as a program does."""
+    """Open a WebSocket of the console as a page does, or as a program does if `cookie` is `Bearer ...`."""
     program = cookie.startswith("Bearer ")
     return connect(
         f"{console.url.replace('http', 'ws', 1)}{path}",
@@ -92,12 +92,13 @@ def open_socket(console: Console, path: str, cookie: str, port: int | None = Non
 
 
 class Driver:
-    """One open control page: keeps the newest messages of the console, draws nothing.
+    """A client like one open control page: it keeps the newest messages of the console, but draws nothing.
 
     async with Driver(stack, "tiago-1", cookie) as driver:
         await driver.take()
 
-    `port` is that of a proxy on this computer, if any. `tab` is the tab of an earlier page, which resumes.
+    `port` is the port of a proxy on this computer, if there is one. `tab` is the tab of an earlier page, to resume its
+    control.
     """
 
     def __init__(
@@ -147,14 +148,14 @@ class Driver:
         await self.socket.send(wire.encode(message), text=True)
 
     async def take(self) -> int:
-        """Take control of a free robot, the stick in the middle; returns the fence."""
+        """Take control of a free robot, and send the stick in the middle. Returns the fence."""
         await self.send(wire.Take())
         await self.until(lambda: self.fence is not None)
         await self.drive(0.0, 0.0)
         return self.fence or 0
 
     async def drive(self, x: float, w: float, share: float = 0.4) -> wire.Drive:
-        """Send the stick, once."""
+        """Send one stick position."""
         self.seq += 1
         fence = self.fence or 1
         message = wire.Drive(fence, self.seq, time.monotonic() * 1000.0, x, w, share=share)
@@ -164,7 +165,7 @@ class Driver:
     async def hold_stick(
         self, x: float, w: float, until: Callable[[], Any], *, share: float = 0.4, timeout_s: float = 20.0
     ) -> None:
-        """Hold the stick until `until()` is true, as a person does; release it afterwards if requested."""
+        """Hold the stick until `until()` is true; like a person, let go when the robot demands a neutral stick."""
         end_s = time.monotonic() + timeout_s
         while not until():
             if time.monotonic() > end_s:
@@ -176,7 +177,7 @@ class Driver:
             await asyncio.sleep(DRIVE_PERIOD_S)
 
     async def order(self, order: wire.TaskRequest) -> wire.Accepted | wire.Refused:
-        """Send a task request with the next number; return its one answer."""
+        """Send a task request with the next number; return the answer."""
         self.seq += 1
         key = wire.kind_of(order), self.seq
         answer = self._answers[key] = asyncio.get_running_loop().create_future()
@@ -205,12 +206,12 @@ class Driver:
 
     @property
     def closed(self) -> bool:
-        """The connection is closed."""
+        """Return whether the connection is closed."""
         return self._reader.done()
 
     @property
     def fence(self) -> int | None:
-        """Return our fence, if we have control."""
+        """Return the fence if this client has control, else None."""
         return self.control.fence if self.control and self.control.state == "yours" else None
 
     @property
@@ -235,7 +236,7 @@ class Driver:
             await self._news.wait_for(condition)
 
     def said_last(self) -> str:
-        """Return the console's last message, for error texts."""
+        """Return the last verdict and refusal in words, for error texts."""
         if self.gone:
             return f"no bridge: {self.gone.refusal.text}"
         verdict = (
@@ -289,7 +290,7 @@ class Driver:
             answer.set_result(message)
 
     async def _renew(self) -> None:
-        """Renew the lease before it ends, as a page does."""
+        """Ask for a new term of control before the term ends, as a page does."""
         while True:
             await asyncio.sleep(1.0)
             remaining_s = self.control.remaining_s if self.fence and self.control else None
@@ -300,7 +301,7 @@ class Driver:
 
 
 class Topics:
-    """One open connection to a robot's topics: keeps the newest message of each subscribed topic.
+    """One open connection to a robot's topics. It keeps the newest message of each subscribed topic.
 
     async with Topics(stack, "tiago-1", cookie) as topics:
         graph = await topics.ask(wire.ListTopics())

@@ -1,4 +1,4 @@
-"""New databases for temporary consoles. Migrating takes 4 s of processor time, so all copy one migrated database."""
+"""Makes databases for temporary consoles, as copies of one: migrations take 4 s of processor time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from script.stack.places import REPOSITORY, Stamp, kept_secret, locked, migration_sources
 
 MIGRATED = REPOSITORY / "var" / "migrated"
-NAME = "fleet.sqlite3"  # as fleet/settings.py names it
+NAME = "fleet.sqlite3"  # as in fleet/settings.py
 
 
 def with_tables(directory: Path) -> None:
@@ -49,7 +49,7 @@ def _migrate() -> None:
 
 
 def _sources() -> list[Path]:
-    """Migrations import triggers, constraints and defaults of models, so every module of the apps counts."""
+    """Return all modules of the apps, because migrations import triggers, constraints and defaults of models."""
     apps = [REPOSITORY / name for name in ("fleet", "robots", "teleop")]
     files = [file for app in apps for kind in ("*.py", "*.yaml") for file in app.rglob(kind)]
     return [*files, REPOSITORY / "requirements/web.txt"]

@@ -22,7 +22,7 @@ STUDENTS = ("anna", "ben", "cleo", "dana")
 
 
 def main() -> int:
-    """Returns the exit status."""
+    """Run the command, and return the exit status."""
     asked = arguments()
     try:
         with ended_by_signals():
@@ -50,7 +50,7 @@ def arguments() -> argparse.Namespace:
 
 
 def demo(port: int | None, *, lan: bool) -> int:
-    """Run until a signal comes or a process dies."""
+    """Run the demo until a signal comes or a process dies."""
     began_s = time.monotonic()
     listener = listen("0.0.0.0" if lan else "127.0.0.1", port)  # noqa: S104 - that is what --lan asks for
     directory = REPOSITORY / "var" / f"demo-{listener.getsockname()[1]}"
@@ -67,7 +67,7 @@ def demo(port: int | None, *, lan: bool) -> int:
 
 
 def listen(address: str, port: int | None) -> socket.socket:
-    """Listen on `port`, or on the first free one."""
+    """Listen on `port`, or on the first free port from `FIRST_PORT`."""
     for candidate in [port] if port is not None else range(FIRST_PORT, FIRST_PORT + PORTS_TRIED):
         try:
             return socket.create_server((address, candidate))
@@ -78,7 +78,7 @@ def listen(address: str, port: int | None) -> socket.socket:
 
 
 def lock_or_fail(lock: TextIO, directory: Path) -> None:
-    """Allow one demo per directory, including one that is ending."""
+    """Raise `StartError` if another demo uses this directory, also if that demo is ending."""
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -86,7 +86,7 @@ def lock_or_fail(lock: TextIO, directory: Path) -> None:
 
 
 def lan_stack(directory: Path, listener: socket.socket) -> Stack:
-    """Return a stack that phones on this network can reach."""
+    """Return a stack that phones on this network can open."""
     from script.stack.certificates import certificate_for, lan_addresses
 
     addresses = lan_addresses()
@@ -118,7 +118,7 @@ def introduce(stack: Stack, seconds: float) -> None:
 
 
 def qr_code(text: str) -> str:
-    """Print a QR code with characters, for a phone's camera."""
+    """Return a QR code made of characters, for a phone's camera."""
     import segno
 
     drawn = io.StringIO()
@@ -130,7 +130,7 @@ def qr_code(text: str) -> str:
 
 
 def smoke() -> int:
-    """Run the main job once, on free ports and in a temporary directory."""
+    """Drive a robot and stop it once, on free ports and in a temporary directory."""
     from script.stack.smoke import drive_and_stop
 
     began_s = time.monotonic()

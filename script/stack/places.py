@@ -1,4 +1,4 @@
-"""Files that a start leaves on disk, and whether they still fit their sources."""
+"""Files that stay on the disk after a start, and checks whether their sources have changed since."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ COLLECTED = REPOSITORY / "var" / "collected"  # static files, for all stacks
 
 
 def private_file(path: Path, content: str) -> None:
-    """Write a new file that only its owner can read, from its creation on."""
+    """Write a new file. Only its owner can read it, even while it is being written."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "w") as file:
         file.write(content)
 
 
 def kept_secret(path: Path) -> str:
-    """A random secret that stays the same from start to start, so that sign-ins survive."""
+    """Return a random secret that stays the same at each start, so that people stay signed in."""
     if not path.exists():
         private_file(path, secrets.token_urlsafe(50))
     return path.read_text()
@@ -30,7 +30,7 @@ def kept_secret(path: Path) -> str:
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Only one process at a time is in this `with` block; others wait."""
+    """Context: only one process at a time is in this block; others wait."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     with path.open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -38,7 +38,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 class Stamp:
-    """Remembers the inputs of a build, so that it runs again only after a change."""
+    """Stores a digest of a build's sources, so that the build runs again only after a change."""
 
     def __init__(self, path: Path, sources: Iterable[Path]) -> None:
         self._path = path
@@ -53,7 +53,7 @@ class Stamp:
         return self._path.exists() and self._path.read_text() == self._digest
 
     def unset(self) -> None:
-        """The build begins: if it is interrupted, it runs again."""
+        """Delete the digest when the build begins, so that an interrupted build runs again."""
         self._path.unlink(missing_ok=True)
 
     def set(self) -> None:
@@ -61,7 +61,7 @@ class Stamp:
 
 
 def migration_sources() -> list[Path]:
-    """Sources of the database's tables."""
+    """Return the sources of the database's tables."""
     apps = [REPOSITORY / name for name in ("fleet", "robots", "teleop")]
     ours = [file for app in apps for file in app.rglob("migrations/*.py")]
     profiles = list((REPOSITORY / "robots/registry/profiles").glob("*.yaml"))
@@ -69,7 +69,7 @@ def migration_sources() -> list[Path]:
 
 
 def static_sources() -> list[Path]:
-    """Sources of collectstatic."""
+    """Return the sources of collectstatic."""
     folders = [REPOSITORY / "static", REPOSITORY / "templates"]  # templates name the scripts that pages load
     files = [file for folder in folders for file in folder.rglob("*") if file.is_file()]
     others = ("package-lock.json", "requirements/web.txt", "fleet/settings.py", "fleet/static.py")

@@ -1,8 +1,8 @@
-"""Child processes that never outlive this one, and an orderly end by signal.
+"""Child processes that end with this process at the latest, and an orderly end after a signal.
 
-A child leads its own process group, so a terminal's Ctrl-C reaches only the parent, which then ends its
-children in order. If the parent is killed and cannot do so, the kernel sends every child
-SIGTERM (the parent-death signal).
+Each child is in its own process group, so that Ctrl-C in a terminal reaches only the parent, which then ends its
+children in order. If the parent is killed before that, the kernel sends SIGTERM to every child (the parent-death
+signal).
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from script.stack.places import REPOSITORY
 
 LAST_LINES = 15
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-# If the parent was killed just before this call, the signal never comes: so check the parent.
+# If the parent was killed just before this call, the signal never comes. So the shell checks that the parent is alive.
 TIED_TO_US = ("/usr/bin/setpriv", "--pdeathsig", "TERM", "/bin/sh", "-c", 'test $PPID = "$0" && exec "$@"')
 
 
-# Write Python's stack to the log when a signal such as SIGSEGV ends it. Children inherit the setting.
+# Write Python's stack to the log when a signal such as SIGSEGV ends a process. Children inherit the setting.
 LAST_WORDS = {"PYTHONFAULTHANDLER": "1"}
 
 
@@ -40,7 +40,7 @@ class Ended(BaseException):
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Raise `Ended` in here on the first Ctrl-C, SIGTERM or closed terminal; clean up undisturbed by a second."""
+    """Context: raise `Ended` on the first Ctrl-C, SIGTERM or closed terminal. Ignore later signals."""
 
     def end(heard: int, _frame: FrameType | None) -> NoReturn:
         for number in ENDING_SIGNALS:
@@ -53,7 +53,7 @@ def ended_by_signals() -> Iterator[None]:
 
 
 def say(text: str) -> None:
-    """Print to the terminal; a closed terminal is no reason to fail."""
+    """Print to the terminal. If the terminal is closed, do nothing."""
     try:
         print(text, flush=True)
     except OSError:
@@ -61,7 +61,7 @@ def say(text: str) -> None:
 
 
 class ChildDied(RuntimeError):
-    """A process that should run has ended. The message names it and ends with its last log lines."""
+    """A process that should run has ended. The message contains its name and its last log lines."""
 
     def __init__(self, child: Child) -> None:
         self.child = child
@@ -70,9 +70,9 @@ class ChildDied(RuntimeError):
 
 
 class Child:
-    """A child process in the repository's folder, with its own log file if one is given.
+    """A child process in the repository's folder, with its own log file if `log` is given.
 
-    Start children from the main thread: the parent-death signal follows the *thread* that started them.
+    Start children from the main thread: the parent-death signal comes when the *thread* that started them ends.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class Child:
         return self.process.poll() is None
 
     def fate(self) -> str:
-        """Return how the process ended, as the rest of a sentence."""
+        """Return how the process ended, as the second half of a sentence."""
         code = self.process.poll()
         if code is None:
             return "is running"
@@ -120,32 +120,32 @@ class Child:
         return f"ended with status {code}"
 
     def last_lines(self) -> str:
-        """Return the end of its log."""
+        """Return the last lines of the child's log."""
         if self.log is None:
             return ""
         return "\n".join(self.log.read_text(errors="replace").splitlines()[-LAST_LINES:])
 
     def signal(self, number: signal.Signals) -> None:
-        """Send a signal to the process itself; it ends its own children."""
+        """Send a signal to the process only; the process ends its own children."""
         if self.running:
             self.process.send_signal(number)
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait; return whether the process has ended in time."""
+        """Wait at most `timeout_s`; return whether the process has ended."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(timeout_s)
             return True
         return False
 
     def kill_group(self) -> None:
-        """Send SIGKILL to the rest of its process group."""
+        """Send SIGKILL to all remaining processes of the child's process group."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
         self.process.wait()
 
 
 def end_all(children: Iterable[Child], *, patience_s: float = 8.0) -> None:
-    """End these children together: SIGTERM, a wait, then SIGKILL."""
+    """End these children together: send SIGTERM, wait at most `patience_s`, then send SIGKILL."""
     children = list(children)
     for child in children:
         child.signal(signal.SIGTERM)
@@ -157,7 +157,7 @@ def end_all(children: Iterable[Child], *, patience_s: float = 8.0) -> None:
 
 
 def wait_for_any_end(children: Sequence[Child]) -> Child:
-    """Block until one of these has ended; a signal handler that raises breaks the wait."""
+    """Wait until one of these has ended, and return it. An exception of a signal handler ends the wait."""
     poll = select.poll()
     by_fd = {os.pidfd_open(child.pid): child for child in children}
     try:
@@ -171,10 +171,10 @@ def wait_for_any_end(children: Sequence[Child]) -> Child:
 
 
 class ReservedPort:
-    """Reserve a free loopback port until our child listens there.
+    """Reserve a free loopback port until a child listens there.
 
-    Binds it without listening: the kernel does not give it out for "any port", but lets a server with
-    SO_REUSEADDR bind it.
+    Binds the port without listening: then the kernel gives it to nobody who asks for any free port, but a server
+    with SO_REUSEADDR can bind it.
     """
 
     def __init__(self, host: str = "127.0.0.1") -> None:

@@ -1,4 +1,4 @@
-"""script/serve: the console for real robots. Settings from the environment; see docs/deployment.md."""
+"""script/serve: the console for real robots. Settings come from environment variables; see docs/deployment.md."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from script.stack.places import REPOSITORY
 from script.stack.processes import Child, ChildDied, Ended, end_all, ended_by_signals, say, wait_for_any_end
 from script.stack.stack import Certificate, StartError, daphne, tls_endpoint
 
-# collectstatic first: the check needs its result.
+# collectstatic runs first, because the check needs its result.
 PREPARATION = (["collectstatic", "--no-input", "-v", "0"], ["check", "--deploy"], ["migrate", "--no-input"])
 
 
 def main() -> int:
-    """Returns the exit status."""
+    """Run the command, and return the exit status."""
     asked = arguments()
     os.chdir(REPOSITORY)
     try:
@@ -64,7 +64,7 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 def is_loopback(address: str) -> bool:
-    """Return whether only this computer can connect to the address: then X-Forwarded headers are trusted."""
+    """Return whether only this computer can connect to the address."""
     try:
         return ipaddress.ip_address(address).is_loopback
     except ValueError:
@@ -72,7 +72,7 @@ def is_loopback(address: str) -> bool:
 
 
 def serve(asked: argparse.Namespace) -> int:
-    """Run until a signal comes or a process dies. Wrong settings end it before anything starts."""
+    """Run the console until a signal comes or a process dies. Check the settings before anything starts."""
     require_one_mind_about_tls(asked, Environment(os.environ))
     require_certificate(asked)
     require_free_port(asked)
@@ -95,7 +95,7 @@ def serve(asked: argparse.Namespace) -> int:
 
 
 def introduce(asked: argparse.Namespace) -> None:
-    """Print the first-run page and its one-time code, while nobody has an account."""
+    """Print the address of the first-run page and its one-time code, while nobody has an account."""
     made = subprocess.run(
         [sys.executable, "manage.py", "setup_code"], check=False, stdout=subprocess.PIPE, text=True
     )
@@ -105,7 +105,7 @@ def introduce(asked: argparse.Namespace) -> None:
 
 
 def setup_address(asked: argparse.Namespace) -> str:
-    """Return the address of the first-run page, by a name that the console answers to."""
+    """Return the address of the first-run page, with a host name that the console accepts."""
     names = Environment(os.environ).names("FLEET_HOSTS") or ["localhost"]
     near = [name for name in names if name in ("localhost", "127.0.0.1")]
     host = near[0] if near and is_loopback(asked.bind) and not asked.behind_proxy else names[0]
@@ -115,7 +115,7 @@ def setup_address(asked: argparse.Namespace) -> str:
 
 
 def require_one_mind_about_tls(asked: argparse.Namespace, env: Environment) -> None:
-    """Check that FLEET_TLS fits how the console is served. Raises StartError."""
+    """Raise StartError if FLEET_TLS does not fit the options."""
     ends_tls = bool(asked.certificate or asked.behind_proxy)
     if env.flag("FLEET_TLS") and not ends_tls:
         raise StartError(
@@ -127,11 +127,11 @@ def require_one_mind_about_tls(asked: argparse.Namespace, env: Environment) -> N
 
 
 def require_certificate(asked: argparse.Namespace) -> None:
-    """Check that certificate and key can be read and belong together."""
+    """Raise StartError if certificate and key cannot be read, or do not belong together."""
     if not asked.certificate:
         return
     try:
-        # OpenSSL would ask for the key's password at a prompt, which a service does not have.
+        # Give an empty password: otherwise OpenSSL would ask for it in the terminal, which a service does not have.
         ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(
             asked.certificate, asked.private_key, password=lambda: b""
         )
@@ -142,7 +142,7 @@ def require_certificate(asked: argparse.Namespace) -> None:
 
 
 def require_free_port(asked: argparse.Namespace) -> None:
-    """Raise if the port is taken: Daphne would report it only after the bridges have started."""
+    """Raise StartError if the port is taken. Daphne would report this only after the bridges have started."""
     family = socket.AF_INET6 if ":" in asked.bind else socket.AF_INET
     try:
         socket.create_server((asked.bind, asked.port), family=family).close()
@@ -151,7 +151,7 @@ def require_free_port(asked: argparse.Namespace) -> None:
 
 
 def web_command(asked: argparse.Namespace) -> list[str]:
-    """Return Daphne's command: its addresses and trusted proxies."""
+    """Return the command of the web process, with addresses and trusted proxies."""
     if asked.certificate:
         certificate = Certificate(asked.certificate, asked.private_key, asked.authority)
         return [*daphne(), "--endpoint", tls_endpoint(certificate, asked.bind, asked.port)]

@@ -1,4 +1,4 @@
-"""The main job through the public interfaces: sign in, take control, drive a metre, stop."""
+"""The main function of the console, through its public interfaces: sign in, take control, drive a metre, stop."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROBOT = "tiago-1"
 
 
 async def drive_and_stop(stack: Stack) -> str:
-    """Return one line of figures; raise if the robot did not obey."""
+    """Drive and stop a robot, and return one line of figures; raise `TimeoutError` if the robot does not obey."""
     cookie = await asyncio.to_thread(sign_in, stack, "operator")
     async with Driver(stack, ROBOT, cookie) as driver:
         await driver.until(lambda: driver.odometry)

@@ -1,9 +1,9 @@
-"""The whole chain on one machine: rosmasters and simulated robots, supervisor and bridges, web process.
+"""All processes on one computer: ROS masters and simulated robots, fleet supervisor and bridges, web process.
 
     with Stack(directory) as stack:
         stack.url, stack.accounts["operator"].password, stack.robots["tiago-1"].master_uri
 
-Everything it starts ends with it, also when it is killed; everything it writes is in its directory.
+All processes that a stack starts end with it, also if it is killed. All files that it writes are in its directory.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from script.stack.processes import Child, ChildDied, ReservedPort, end_all
 
 ROLES = ("observer", "operator", "supervisor", "staff")
 READY_S = 120.0  # limit for a slow and busy computer; usually it takes 10 s
-LONGEST_SOCKET_PATH = 107  # sun_path has 108 bytes with its closing zero
+LONGEST_SOCKET_PATH = 107  # sun_path has 108 bytes, with the zero at its end
 SOCKET_NAME_LENGTH = len("/123456789012.sock")
 
 
@@ -55,8 +55,8 @@ class StartError(RuntimeError):
 class PracticeRobot:
     """A simulated robot: its name in the registry and its pose (metres, degrees).
 
-    Robot and console advertise these addresses to each other. `inside` is a command prefix that runs a command in
-    the robot's own network, if it has one. `options` are further ones of its simulator.
+    Robot and console advertise `address` and `console_address` to each other. If the robot has its own network,
+    `inside` is a prefix that runs a command in it. `options` are further options of the robot's simulator.
     """
 
     slug: str
@@ -65,10 +65,10 @@ class PracticeRobot:
     address: str = "127.0.0.1"
     console_address: str = "127.0.0.1"
     inside: tuple[str, ...] = ()
-    # (): no input filters between stick and gate; None: those of the profile
+    # (): no input filters between stick and gate; None: the profile's filters
     stick: tuple[()] | None = None
     rear_camera: bool = False
-    camera: bool = True  # people see the head camera; without it a page costs a third of the computing time
+    camera: bool = True  # pages show the head camera; without it a page takes a third of the computing time
     options: tuple[str, ...] = ()
 
 
@@ -114,7 +114,7 @@ class SimulatedRobot:
 
     @property
     def environment(self) -> dict[str, str]:
-        """Environment of ROS programs of this robot."""
+        """Return the environment of ROS programs of this robot."""
         return {
             **self._stack.environment,
             "ROS_MASTER_URI": self.master_uri,
@@ -147,7 +147,7 @@ class SimulatedRobot:
 
 
 class Stack:
-    """See the module. `directory` is created if it does not exist, and used again if it does."""
+    """A running console; see the module. `directory` is created if it does not exist, and used again if it exists."""
 
     def __init__(
         self,
@@ -167,7 +167,7 @@ class Stack:
         self.port: int = self.listener.getsockname()[1]
         self.certificate = certificate
         self.hosts = hosts
-        self._settings = settings or {}  # further ones, FLEET_...
+        self._settings = settings or {}  # further settings, FLEET_...
         self._student_names = students  # of a course with bookings
         self.robots: dict[str, SimulatedRobot] = {}
         self.children: list[Child] = []
@@ -191,7 +191,7 @@ class Stack:
     # --- start -----------------------------------------------------------------------------------
 
     def start(self, timeout_s: float = READY_S) -> None:
-        """Start everything; returns when people can sign in and every robot is online."""
+        """Start everything, and wait until people can sign in and every robot is online."""
         self.launch()
         try:
             self.wait_ready(timeout_s)
@@ -213,7 +213,7 @@ class Stack:
 
     def _prepare(self) -> None:
         self.directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        self.directory.chmod(0o700)  # also an existing one: its database contains session keys
+        self.directory.chmod(0o700)  # also if the directory exists: its database contains session keys
         self.logs = self.directory / "log"
         shutil.rmtree(self.logs, ignore_errors=True)
         self.logs.mkdir()
@@ -223,7 +223,7 @@ class Stack:
         self.environment = self._environment()
 
     def _short_enough(self, directory: Path) -> Path:
-        """Return `directory`, or a temporary one if a socket's full path would be too long for an address."""
+        """Return `directory`, or a temporary directory if the path of a socket in it would be too long."""
         if len(os.fsencode(directory)) + SOCKET_NAME_LENGTH <= LONGEST_SOCKET_PATH:
             return directory
         return Path(self._closing.enter_context(tempfile.TemporaryDirectory(prefix="fleet-")))
@@ -291,7 +291,7 @@ class Stack:
         self._seed()
 
     def _collect_static(self) -> None:
-        """Copy the collected static files. Collecting takes 2 s of processor time, so all stacks share one result."""
+        """Copy the collected static files. All stacks share one result, because it takes 2 s of processor time."""
         collected = Stamp(self.directory / "collected", static_sources())
         if collected.fits:
             return
@@ -336,7 +336,7 @@ class Stack:
             self.robots[slug].link_path = path
 
     def _finish(self, command: Child) -> None:
-        """Wait for a command; raise if it fails."""
+        """Wait for the end of a command; raise `StartError` if it fails."""
         if not command.wait(120.0) or command.process.returncode:
             raise StartError(str(ChildDied(command)))
         self.children.remove(command)
@@ -346,7 +346,7 @@ class Stack:
         return self.supervisor
 
     def start_web(self) -> Child:
-        """Pass an open socket to the web process: no other program can take the port, and the first request waits."""
+        """Start the web process with an open socket, so that nobody else takes the port and early requests wait."""
         if self.certificate is None:
             fds = [self.listener.fileno()]
             endpoint = ["--fd", str(fds[0])]
@@ -367,7 +367,7 @@ class Stack:
             self.wait_online(slug, deadline)
 
     def _tries(self, deadline: float, what: str) -> Iterator[None]:
-        """Repeat a check while all processes live and there is time."""
+        """Repeat a check until `deadline`; raise `ChildDied` if a process ends, `StartError` at the deadline."""
         while time.monotonic() < deadline:
             self.check()
             yield
@@ -424,13 +424,13 @@ class Stack:
     # --- end -------------------------------------------------------------------------------------
 
     def end(self) -> None:
-        """End every process; the masters last, since all nodes unregister from them."""
+        """End every process; the ROS masters last, because all nodes unregister from them."""
         masters = [robot.master for robot in self.robots.values()]
         end_all(child for child in self.children if child not in masters)
         end_all(child for child in self.children if child in masters)
         self.children.clear()
         for left_over in self.run_directory.glob("*.sock"):
-            left_over.unlink(missing_ok=True)  # pages whose web process was killed remove their own
+            left_over.unlink(missing_ok=True)  # pages processes that end late remove their own sockets
         self._closing.close()
 
 
@@ -441,7 +441,7 @@ def temporary_stack(
     settings: Mapping[str, str] | None = None,
     students: Sequence[str] = (),
 ) -> Iterator[Stack]:
-    """Start a stack on free ports, in a temporary directory that is kept after a failure."""
+    """Context: a stack on free ports, in a temporary directory, which is kept after a failure."""
     directory = Path(tempfile.mkdtemp(prefix="fleet-"))
     try:
         if "FLEET_DATABASE_URL" not in (settings or {}):
@@ -455,12 +455,12 @@ def temporary_stack(
 
 
 def daphne() -> list[str]:
-    """Return the web process's command without its addresses."""
+    """Return the command of the web process, without its addresses."""
     return [sys.executable, "-m", "fleet.server", "--verbosity", "0", "fleet.site.asgi:application"]
 
 
 def tls_endpoint(certificate: Certificate, address: str, port: int) -> str:
-    """Return Twisted's endpoint description."""
+    """Return the description of a TLS endpoint for Twisted."""
     files = {"privateKey": certificate.private_key, "certKey": certificate.certificate}
     if certificate.authority:
         files["extraCertChain"] = certificate.authority

@@ -1,1 +1,1 @@
-"""Pages of access: courses, invitations, robot groups, qualifications, tokens, and why a person may do something."""
+"""Pages of access: courses, invitations, robot groups, qualifications, tokens, and where a person's roles come from."""

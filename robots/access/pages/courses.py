@@ -59,7 +59,7 @@ def courses(request: HttpRequest) -> HttpResponse:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def course_new(request: HttpRequest) -> HttpResponse:
-    """Make a course with its people: a form, and a preview of the list before it is done."""
+    """Make a course with its people: show a form, then a preview of the list, then save."""
     staff = _staff(request)
     if request.method != "POST":
         return _course_form(request, CourseForm())
@@ -127,7 +127,7 @@ def course_enrol(request: HttpRequest, slug: str) -> HttpResponse:
 @never_cache
 @require_POST
 def course_people(request: HttpRequest, slug: str) -> HttpResponse:
-    """Do something with chosen people: take out, grant or revoke a qualification, send invitations again."""
+    """Apply an action to chosen people: unenrol, grant or revoke a qualification, or send their e-mails again."""
     found = _one(request, slug)
     form = ActionForm(request.POST, course=found, qualifications=demanded_in(found))
     if not form.is_valid():
@@ -139,7 +139,7 @@ def course_people(request: HttpRequest, slug: str) -> HttpResponse:
 
 
 def _do(request: HttpRequest, course: Course, values: dict[str, Any]) -> str:
-    """Do what the pressed button says. Returns what was done, in words."""
+    """Do the action of the pressed button. Returns a sentence about the result."""
     actor, people, action = person_of(request), values["people"], request.POST.get("action")
     facts: dict[str, Any] = {"course": course.name, "qualification": values.get("qualification")}
     if action == "unenrol":
@@ -181,7 +181,7 @@ def _do(request: HttpRequest, course: Course, values: dict[str, Any]) -> str:
 
 @require_POST
 def invitation_new(request: HttpRequest, slug: str) -> HttpResponse:
-    """Make an invitation, and show it."""
+    """Make an invitation, and redirect to its page."""
     found = _one(request, slug)
     form = InvitationForm(request.POST)
     if not form.is_valid():
@@ -266,13 +266,13 @@ def _lists(form: CourseForm) -> dict[str, Any]:
 
 
 def _must_preview(request: HttpRequest, form: PeopleForm, plan: enrolment.Plan) -> bool:
-    """Return whether the list has to be shown first: it was not, or it was changed since."""
+    """Return whether a preview of the list must be shown first: there was none, or the list was changed since."""
     empty = not (form.people_list.people or plan.wrong)
     return not empty and request.POST.get("seen") != digest(form.people_list)
 
 
 def _with_list(request: HttpRequest, form: PeopleForm) -> Any:
-    """Return what was typed, with the list as read: a file is not sent a second time."""
+    """Return the form's data, with the list as text: the browser does not send the file a second time."""
     typed = request.POST.copy()
     typed["people"] = form.people_list.as_text()
     return typed

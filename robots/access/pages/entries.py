@@ -20,7 +20,7 @@ from robots.access.models import Qualification, RobotGroup
 from robots.access.pages.forms import GroupForm, QualificationForm
 from robots.registry.models import Role
 
-ROLES = [value for value in Role.values if value != Role.STAFF.value]  # that can be given
+ROLES = [value for value in Role.values if value != Role.STAFF.value]  # the roles that can be given
 
 
 @never_cache
@@ -53,7 +53,7 @@ def qualifications(request: HttpRequest) -> HttpResponse:
 
 
 def _give(request: HttpRequest, group: RobotGroup, staff: User) -> None:
-    """Give a person a role on the group's robots, or take it away."""
+    """Give a person a role on the group's robots, or take the role away."""
     name, role = request.POST.get("username", "").strip(), request.POST.get("role", "")
     person = User.objects.filter(username=name, is_active=True).first()
     if person is None or role not in ("", *ROLES):
@@ -76,7 +76,7 @@ def _entries(
     save: Callable[[Any, User], None],
     delete: Callable[[Any, User], None],
 ) -> HttpResponse:
-    """Show a form for each entry and one for a new one. An entry's form has its address as prefix."""
+    """Show a form for each entry and an empty form for a new entry. The prefix of an entry's form is its slug."""
     staff = person_of(request)
     if not staff.is_staff:
         raise PermissionDenied("Only staff change robot groups and qualifications.")

@@ -42,7 +42,7 @@ def end_of(day: date | None) -> datetime | None:
 
 
 def free_slug(model: type[Model], name: str) -> str:
-    """Return an address for an entry with this name that no other entry has."""
+    """Return a slug for an entry with this name that no other entry has."""
     wanted = slugify(name)[:40] or model._meta.model_name or "entry"
     taken = set(model._default_manager.filter(slug__startswith=wanted).values_list("slug", flat=True))
     slugs = (wanted, *(f"{wanted}-{number}" for number in range(2, len(taken) + 3)))
@@ -50,7 +50,7 @@ def free_slug(model: type[Model], name: str) -> str:
 
 
 class PeopleForm(forms.Form):
-    """A list of people: pasted or as a file. `people_list` is the list as read."""
+    """A list of people, as text or as a file. `clean` reads the list into `people_list`."""
 
     people = forms.CharField(
         label=gettext_lazy("People"),
@@ -81,7 +81,7 @@ class PeopleForm(forms.Form):
 
 
 def digest(people: PeopleList) -> str:
-    """Return by what a preview is known again."""
+    """Return a hash of a list, which shows whether the list is still the one of the preview."""
     return hashlib.sha256(people.as_text().encode()).hexdigest()[:24]
 
 
@@ -89,7 +89,7 @@ class EnrolForm(PeopleForm):
     """People for a course that exists."""
 
     def clean(self) -> dict[str, Any]:
-        """Read the list. Refused: an empty one."""
+        """Read the list; refuse an empty list."""
         values = super().clean()
         if not self.errors and self.people_list == PeopleList():
             raise ValidationError(_("Paste a list or choose a file."))
@@ -97,7 +97,7 @@ class EnrolForm(PeopleForm):
 
 
 class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
-    """A course; a new one with its people. Quotas are typed in hours, supervisors by user name or address."""
+    """A course; a new course with its people. People type quotas in hours, supervisors by user name or e-mail."""
 
     supervisors = forms.CharField(
         label=gettext_lazy("Supervisors"),
@@ -150,7 +150,7 @@ class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
                 self.initial[hours] = value and (Decimal(value) / 60).normalize().to_eng_string()
 
     def clean_supervisors(self) -> list[User]:
-        """Return the people. Refused: a name that no open account has."""
+        """Return the people; refuse a name that is not the name of exactly one open account."""
         found = []
         for name in filter(None, map(str.strip, self.cleaned_data["supervisors"].split(","))):
             users = User.objects.filter(Q(username=name) | Q(email__iexact=name), is_active=True)[:2]
@@ -160,7 +160,7 @@ class CourseForm(PeopleForm, forms.ModelForm):  # type: ignore[type-arg]
         return found
 
     def clean(self) -> dict[str, Any]:
-        """Set what is not typed: address and minutes."""
+        """Set the fields that people do not type: the slug, and the quotas in minutes."""
         values = super().clean()
         for hours, minutes in HOURS.items():
             typed = values.get(hours)
@@ -195,7 +195,7 @@ class ActionForm(forms.Form):
         self.fields["qualification"].queryset = qualifications  # type: ignore[attr-defined]
 
     def clean_until(self) -> date | None:
-        """Return the last day. Refused: one that is over."""
+        """Return the last day; refuse a day that is over, or more than 50 years ahead."""
         day: date | None = self.cleaned_data["until"]
         if day is not None and day < lab_date():
             raise ValidationError(_("This day is over: choose a later one."))
@@ -204,7 +204,7 @@ class ActionForm(forms.Form):
         return day
 
     def clean(self) -> dict[str, Any]:
-        """Return the values with `people`. Refused: nobody chosen."""
+        """Return the values with `people`; refuse if nobody is chosen."""
         values: dict[str, Any] = super().clean() or self.cleaned_data
         people = self._inside if values.get("everybody") else values.get("person", ())
         values["people"] = list(people)
@@ -226,7 +226,7 @@ class InvitationForm(forms.Form):
         self.initial.setdefault("last_day", lab_date() + timedelta(days=7))
 
     def clean_last_day(self) -> date:
-        """Refused: a day that is over, or more than a year ahead."""
+        """Return the last day; refuse a day that is over, or more than a year ahead."""
         day: date = self.cleaned_data["last_day"]
         if not lab_date() <= day <= lab_date() + timedelta(days=366):
             raise ValidationError(_("Choose a day from today on, within a year."))
@@ -234,7 +234,7 @@ class InvitationForm(forms.Form):
 
 
 class JoinForm(BaseUserCreationForm):  # type: ignore[type-arg]
-    """An account of one's own, made by an invitation."""
+    """A person's new account, made by an invitation."""
 
     class Meta:
         model = User
@@ -245,9 +245,9 @@ class JoinForm(BaseUserCreationForm):  # type: ignore[type-arg]
         self.fields["full_name"].required = True
 
     def clean_username(self) -> str:
-        """Refused: a name that an account has, in capitals or not."""
+        """Return the name; refuse a name that an account has (upper and lower case count as the same), or with @."""
         username: str = self.cleaned_data["username"]
-        if "@" in username:  # it could be another person's address, by which colleagues would name them
+        if "@" in username:  # it could be the e-mail address by which staff name another person
             raise ValidationError(_("Choose a user name without @."))
         if User.objects.filter(username__iexact=username).exists():
             raise ValidationError(_("Another account has this user name: choose another one, or sign in."))
@@ -255,10 +255,10 @@ class JoinForm(BaseUserCreationForm):  # type: ignore[type-arg]
 
 
 class _EntryForm(forms.ModelForm):  # type: ignore[type-arg]
-    """An entry whose address follows from its name."""
+    """An entry whose slug is made from its name."""
 
     def clean(self) -> dict[str, Any]:
-        """Set the address of a new entry."""
+        """Set the slug of a new entry."""
         values: dict[str, Any] = super().clean() or self.cleaned_data
         if not self.instance.slug and values.get("name"):
             self.instance.slug = free_slug(type(self.instance), values["name"])
@@ -275,7 +275,7 @@ class GroupForm(_EntryForm):
 
 
 class QualificationForm(_EntryForm):
-    """A qualification, and which robots demand it."""
+    """A qualification and the robots that demand it."""
 
     class Meta:
         model = Qualification
@@ -330,7 +330,7 @@ class TokenForm(forms.Form):
         ]
 
     def clean_name(self) -> str:
-        """Return it in one line. Refused: the name of another token of this person."""
+        """Return the name in one line; refuse the name of another token of this person."""
         name = " ".join(self.cleaned_data["name"].split())
         if self._taken.filter(name=name).exclude(pk=_uuid_or_none(self.data.get("once"))).exists():
             raise ValidationError(_("There is a token with this name: choose another one, or end that one."))
@@ -362,9 +362,9 @@ class ServiceAccountForm(forms.Form):
     )
 
     def clean_name(self) -> str:
-        """Return it in one line."""
+        """Return the name in one line."""
         return " ".join(self.cleaned_data["name"].split())
 
     def clean_project(self) -> str:
-        """Return it in one line."""
+        """Return the project in one line."""
         return " ".join(self.cleaned_data["project"].split())

@@ -1,4 +1,4 @@
-"""Pages for newcomers: join a course by an invitation, set the password of an account that staff made."""
+"""Pages for new people: join a course by an invitation, set the first password of an account made by others."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _join(request: HttpRequest, invitation: Invitation, form: JoinForm) -> HttpR
         return redirect("my-access")
     if not form.is_valid():
         return _join_page(request, invitation, form, status=400)
-    # It hashes the password, which waits its turn; in a transaction, others would wait for it too.
+    # `form.save` hashes the password, which may have to wait; inside a transaction, other people would wait too.
     person: User = form.save(commit=False)
     person.changed_by = person
     with transaction.atomic():
@@ -88,7 +88,7 @@ def welcome(request: HttpRequest, token: str) -> HttpResponse:
         return render(request, "access/joining/welcome.html", status=410)
     form = SetPasswordForm(person, request.POST or None)
     for field in form.fields.values():
-        field.label = _("Password")  # Django reports every fault at the second field
+        field.label = _("Password")  # of both fields: Django reports every fault at the second one
     if request.method != "POST" or not form.is_valid():
         return _welcome_page(request, form, 400 if form.errors else 200)
     try:

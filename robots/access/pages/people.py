@@ -1,4 +1,4 @@
-"""Pages that show why a person may do something."""
+"""Pages that show a person's roles and where these come from."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from robots.access.selectors import courses_managed_by, reasons
 @never_cache
 @require_safe
 def my_access(request: HttpRequest) -> HttpResponse:
-    """Show one's own roles, where they come from, and one's qualifications."""
+    """Show a person their own roles, where these come from, and their qualifications."""
     return _access_page(request, person_of(request))
 
 
 @never_cache
 @require_safe
 def person(request: HttpRequest, person_id: UUID) -> HttpResponse:
-    """Show the same of another person, to staff and to supervisors of one of their courses."""
+    """Show the same about another person, to staff and to the supervisors of that person's courses."""
     viewer = person_of(request)
     found = get_object_or_404(User, pk=person_id)
     of_mine = courses_managed_by(viewer).filter(enrolments__person=found)

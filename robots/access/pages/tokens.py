@@ -1,7 +1,7 @@
-"""The pages of tokens: one's own, and for staff service accounts with theirs.
+"""The pages of a person's tokens; for staff also the pages of service accounts and their tokens.
 
-They stand here and not with the account's pages, because a token can be bound to robots; and not under /accounts/,
-which is open to staff who still lack the second factor that the console demands.
+They are in this folder and not in `fleet.accounts`, because a token can be limited to some robots. Their addresses are
+not under /accounts/, because staff can open pages there before they have the second factor that the console demands.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from robots.access.selectors import robots_visible_to
 
 
 class Shown(Struct, frozen=True):
-    """A token in a list. `others`: how many of its robots its person may not see."""
+    """A token in a list. `others`: the number of its robots that the token's person may not see."""
 
     token: Token
     scopes: list[str]
@@ -65,7 +65,7 @@ def shown_tokens(owner: User) -> list[Shown]:
 @never_cache
 @require_safe
 def my_tokens(request: HttpRequest) -> HttpResponse:
-    """List one's own tokens."""
+    """List the tokens of the person who is signed in."""
     person = person_of(request)
     return render(request, "access/tokens/tokens.html", {"tokens": shown_tokens(person), "person": person})
 
@@ -74,7 +74,7 @@ def my_tokens(request: HttpRequest) -> HttpResponse:
 @require_http_methods(["GET", "HEAD", "POST"])
 @reauthentication_required  # type: ignore[untyped-decorator]  # of django-allauth
 def token_new(request: HttpRequest) -> HttpResponse:
-    """Make a token of one's own."""
+    """Make a token of the person who is signed in."""
     return _new(request, person_of(request))
 
 
@@ -82,7 +82,7 @@ def token_new(request: HttpRequest) -> HttpResponse:
 @require_http_methods(["GET", "HEAD", "POST"])
 @reauthentication_required  # type: ignore[untyped-decorator]  # of django-allauth
 def service_token_new(request: HttpRequest, person_id: UUID) -> HttpResponse:
-    """Make a token of a service account. Nobody makes one of another person."""
+    """Make a token of a service account. Nobody can make a token of another person."""
     _staff(request)
     return _new(request, get_object_or_404(User.objects.exclude(project=""), pk=person_id, is_active=True))
 
@@ -90,10 +90,10 @@ def service_token_new(request: HttpRequest, person_id: UUID) -> HttpResponse:
 @never_cache
 @require_POST
 def token_remove(request: HttpRequest, token_id: UUID) -> HttpResponse:
-    """End one's own token; staff end everybody's. It needs no fresh password: ending is urgent, and safe."""
+    """End a token: a person their own, staff any. The password is not asked again: ending is urgent and safe."""
     actor = person_of(request)
     found = Token.objects.select_related("user").filter(pk=token_id).first()
-    if found is None:  # somebody was faster
+    if found is None:  # somebody else has ended it
         messages.success(request, _("That token had ended already."))
         return redirect("tokens")
     if found.user != actor and not actor.is_staff:
@@ -106,7 +106,7 @@ def token_remove(request: HttpRequest, token_id: UUID) -> HttpResponse:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def service_accounts(request: HttpRequest) -> HttpResponse:
-    """List service accounts by project, and make one."""
+    """List service accounts by project, and make a new one."""
     staff = _staff(request)
     form = ServiceAccountForm(request.POST if request.method == "POST" else None)
     if form.is_valid():

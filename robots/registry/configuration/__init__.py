@@ -1,1 +1,1 @@
-"""The configuration of a robot: from JSON to checked values, and its profile with its own entries on top."""
+"""The configuration of a robot: checked values from JSON. The robot's own entries replace those of its profile."""

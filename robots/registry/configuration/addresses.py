@@ -12,7 +12,7 @@ _HOST = re.compile(r"(?!-)[A-Za-z0-9_-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9_-]{1,63}(?
 
 
 def check_master_uri(uri: str) -> None:
-    """http://host:port, or `Problems`."""
+    """Accept http://host:port; else raise `Problems`."""
     _check_url(uri, "http", "http://tiago-42c:11311")
 
 
@@ -29,7 +29,7 @@ def check_advertised_address(address: str) -> None:
 
 
 def check_aliases(aliases: object) -> None:
-    """Check host names, as the robot uses them, with IP addresses; raise `Problems` otherwise."""
+    """Accept an object of host names, as the robot uses them, and their IP addresses; else raise `Problems`."""
     if not isinstance(aliases, dict):
         raise Problems(['Write an object of names and addresses, such as {"tiago-42c": "10.68.0.1"}.'])
     names = [f"{name!r} is not a host name (such as tiago-42c)." for name in aliases if not _is_name(name)]
@@ -43,7 +43,7 @@ def check_aliases(aliases: object) -> None:
 
 
 def is_address(host: str) -> bool:
-    """Return whether `host` is an IP address; one with an IPv6 zone is not, because a zone may contain any text."""
+    """Return whether `host` is an IP address. An address with an IPv6 zone is refused: a zone may be any text."""
     try:
         ipaddress.ip_address(host)
     except ValueError:

@@ -63,7 +63,7 @@ _WORDS = {
 
 
 class Footprint(Struct, frozen=True):
-    """Either a disc around the base frame's origin, or a convex outline around it (metres)."""
+    """Either a disc around the base frame's origin, or a convex outline around the origin (metres)."""
 
     radius_m: float | None = None
     outline: list[tuple[float, float]] | None = None
@@ -84,8 +84,8 @@ class Tightening(Struct, frozen=True):
 class Overrides(Struct, frozen=True):
     """Differences of one robot from its profile.
 
-    `topics` replaces the profile's entries key by key (null: this robot does not have it), `limits` and
-    `gate` may only tighten.
+    Each key of `topics` replaces the same key of the profile (null: this robot does not have it). `limits` and
+    `gate` may only be stricter than in the profile.
     """
 
     topics: dict[str, Any] = {}
@@ -99,8 +99,8 @@ class StickChain(Struct, frozen=True):
     stick: tuple[StickStep, ...]
 
 
-# msgspec analyses a type at its first use; a second thread that uses it at this moment crashes the process. So each
-# type is used here, before there are threads.
+# msgspec analyses a type at its first use. If a second thread uses the type at the same moment, the process crashes.
+# So each type is used here, before there are threads.
 for _kind in (Footprint, Overrides, StickChain, Topics, Parameters):
     msgspec.json.Decoder(_kind)
 
@@ -141,7 +141,7 @@ def _in_words(message: str) -> str:
 
 
 def _not_finite(given: object, path: str) -> Iterator[str]:
-    """Refuse NaN and Infinity, which Python's JSON accepts."""
+    """Yield NaN and Infinity, which Python's JSON accepts, as faults."""
     if isinstance(given, float) and not math.isfinite(given):
         yield f"{path}: must be a finite number, not {given}"
     for key, item in _items(given):
@@ -149,7 +149,7 @@ def _not_finite(given: object, path: str) -> Iterator[str]:
 
 
 def _unknown(given: object, known: object, path: str) -> Iterator[str]:
-    """Yield unknown keys: a misspelt field must not count as an absent one."""
+    """Yield unknown keys as faults: otherwise a misspelt field would count as absent."""
     known_items = dict(_items(known))
     for key, item in _items(given):
         if key not in known_items:
@@ -176,7 +176,7 @@ def _join(path: str, key: str | int) -> str:
 
 
 def topic_problems(topics: Topics) -> Iterator[str]:
-    """Check names, types, poses and duplicates."""
+    """Yield faults of names, types and poses, and duplicates."""
     for field, understood in UNDERSTOOD_TYPES.items():
         source = getattr(topics, field)
         if source is None:
@@ -349,7 +349,7 @@ def _doublets(names: list[str], path: str, field: str) -> Iterator[str]:
 
 
 def footprint_problems(footprint: Footprint) -> Iterator[str]:
-    """Check for either disc or outline; an outline is convex and has the base frame's origin inside."""
+    """Yield faults: exactly one of disc and outline; an outline is convex, with the base frame's origin inside."""
     if (footprint.radius_m is None) == (footprint.outline is None):
         yield 'Give either "radius_m" (a disc) or "outline" (a convex polygon).'
     if footprint.radius_m is not None and not 0.05 <= footprint.radius_m <= 2.0:
@@ -367,7 +367,7 @@ def _outline_problems(outline: list[tuple[float, float]]) -> Iterator[str]:
     sides = list(zip(outline, outline[1:] + outline[:1], strict=True))
     turns = [_turn(a, b, c) for (a, b), (_, c) in zip(sides, sides[1:] + sides[:1], strict=True)]
     one_way = all(turn > 0.0 for turn in turns) or all(turn < 0.0 for turn in turns)
-    if not one_way or abs(sum(turns)) > 2.5 * math.pi:  # a star also turns one way, but twice around
+    if not one_way or abs(sum(turns)) > 2.5 * math.pi:  # a star also turns only one way, but two full turns
         yield "outline: the corners must go once around, in order, and form a convex polygon"
         return
     if not all(_turn(a, b, (0.0, 0.0)) * turns[0] > 0.0 for a, b in sides):
@@ -382,7 +382,8 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
     return math.atan2(cross, along)
 
 
-# Lowest and highest value of each gate parameter: wide enough for any base, too narrow to turn the gate off.
+# Lowest and highest value of each gate parameter. Every base fits within them, but they do not allow to turn the gate
+# off.
 PARAMETER_BOUNDS = {
     "lateral_margin_m": (0.01, 0.5),
     "front_margin_m": (0.03, 1.0),
@@ -395,12 +396,12 @@ PARAMETER_BOUNDS = {
     "between_sonars_mps": (0.02, 1.0),
     "near_miss_s": (0.02, 1.0),
 }
-# A smaller value of these is more careful; for all others a larger one.
+# For these parameters a smaller value is more careful; for all others a larger value is.
 CAREFUL_WHEN_SMALL = {"deceleration_share", "operator_delay_s", "creep_mps", "between_sonars_mps"}
 
 
 def parameter_problems(parameters: Parameters) -> Iterator[str]:
-    """Check each parameter's bounds."""
+    """Yield the parameters that are outside their bounds."""
     for name, (lowest, highest) in PARAMETER_BOUNDS.items():
         value = getattr(parameters, name)
         if not lowest <= value <= highest:
@@ -426,7 +427,7 @@ def unknown_steps(given: object) -> Iterator[str]:
 
 
 def stick_problems(chain: StickChain) -> Iterator[str]:
-    """Check that each step occurs once, and only one filter reduces tremor."""
+    """Yield faults: each step may occur only once, and only one filter may reduce tremor."""
     names = [step.__struct_config__.tag for step in chain.stick]
     yield from _doublets([str(name) for name in names], "stick", "step")
     if sum(isinstance(step, SMOOTHING) for step in chain.stick) > 1:
@@ -434,7 +435,7 @@ def stick_problems(chain: StickChain) -> Iterator[str]:
 
 
 def first_of(problems: Callable[[V], Iterator[str]], value: V) -> V:
-    """Return `value`; raise `Problems` with all faults that `problems` finds."""
+    """Return `value`; raise `Problems` if `problems` yields any faults."""
     lines = list(problems(value))
     if lines:
         raise Problems(lines)

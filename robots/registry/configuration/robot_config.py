@@ -1,7 +1,7 @@
-"""Effective configuration of one robot: its profile with the robot's own entries on top; see `of`.
+"""Effective configuration of one robot: its own entries replace those of its profile; see `of`.
 
-All functions raise `profile_schema.Problems` if the JSON of profile or robot is wrong. JSON that was saved through the
-admin or `robots.registry.services` is always right.
+All functions raise `profile_schema.Problems` if the JSON of profile or robot is wrong. JSON is checked when it is saved
+through the admin or `robots.registry.services`, but a later edit of the profile may make a robot's JSON wrong.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from robots.registry.configuration.profile_schema import (
 )
 
 BEGINNER_MPS = 0.4  # highest speed of a full stick before a person raises the speed share
-MAY_BE_ZERO = {"reverse_mps", "lateral_mps"}  # a robot may be forbidden to reverse, but not to move at all
+MAY_BE_ZERO = {"reverse_mps", "lateral_mps"}  # 0 forbids this motion; the other limits must be above 0
 
 
 class ProfileFields(Protocol):
@@ -70,7 +70,7 @@ class RobotFields(Protocol):
 
 
 def footprint(profile: ProfileFields) -> Footprint:
-    """Return the footprint; an outline is turned counter-clockwise."""
+    """Return the footprint; the corners of an outline are put into counter-clockwise order."""
     given = first_of(footprint_problems, parsed(Footprint, profile.footprint))
     if given.outline is not None and _clockwise(given.outline):
         return Footprint(outline=given.outline[::-1])
@@ -120,11 +120,11 @@ class Effective(Struct, frozen=True):
     topics: Topics
     gate: GateProfile
     stick: tuple[StickStep, ...]
-    default_share: float  # speed share at the opening of a page
+    default_share: float  # speed share when a page opens
 
 
 def of(robot: RobotFields) -> Effective:
-    """Return the effective configuration, with the more careful limits and parameters of profile and robot."""
+    """Return the effective configuration: of each limit and parameter, the more careful of profile and robot."""
     profile, own = robot.profile, overrides(robot)
     expected = profile_topics(profile)
     interface = _own_topics(robot, own, expected)
@@ -136,7 +136,7 @@ def of(robot: RobotFields) -> Effective:
         scan_poses={scan.topic: scan.pose for scan in interface.scans},
         sonar_poses={sonar.frame_id: sonar.pose for sonar in interface.sonars},
         sonar_fov={sonar.frame_id: sonar.fov for sonar in interface.sonars},
-        # A robot without the camera of its profile keeps the profile's limits.
+        # The profile's limits for depth camera and arm also apply to a robot without them.
         has_depth=interface.depth is not None or expected.depth is not None,
         blind_mps=_lower(profile, own, "blind_mps"),
         parameters=_careful(_own_parameters(robot, own), profile_parameters(profile)),
@@ -152,7 +152,7 @@ def overrides(robot: RobotFields) -> Overrides:
 
 
 def topics(robot: RobotFields) -> Topics:
-    """Return only the robot's ROS interface, also if the rest of its entry is wrong."""
+    """Return only the robot's ROS interface. Other parts of its entry may be wrong."""
     return _own_topics(robot, overrides(robot), profile_topics(robot.profile))
 
 
@@ -163,7 +163,7 @@ def _own_topics(robot: RobotFields, own: Overrides, expected: Topics) -> Topics:
 
 
 def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
-    """Check the sensors: a robot may have other ones than its profile, but not fewer."""
+    """Yield faults of the sensors: a robot may have other sensors than its profile, but not fewer."""
     for kind in ("scans", "sonars"):
         mine, theirs = len(getattr(given, kind)), len(getattr(profile, kind))
         if mine < theirs:
@@ -175,7 +175,7 @@ def _taken_away(given: Topics, profile: Topics) -> Iterator[str]:
 
 
 def _reaches_less(given: ArmSource, profile: ArmSource) -> Iterator[str]:
-    """Yield entries with which the arm would count as smaller, or as folded earlier, than in the profile."""
+    """Yield entries by which the arm would count as thinner, or as folded earlier, than in the profile."""
     if given.radius_m < profile.radius_m:
         yield f"arm.radius_m: {given.radius_m:g} is below the profile’s {profile.radius_m:g}; only tighten"
     if given.tolerance > profile.tolerance:
@@ -183,7 +183,7 @@ def _reaches_less(given: ArmSource, profile: ArmSource) -> Iterator[str]:
 
 
 def _seen_less(given: DepthSource, profile: DepthSource) -> Iterator[str]:
-    """Return where a robot's depth camera would ignore points that its profile counts."""
+    """Yield entries by which the robot's depth camera would ignore points that count in the profile."""
     if given.height_m < profile.height_m:
         yield f"depth.height_m: {given.height_m:g} is below the profile’s {profile.height_m:g}; only tighten"
     if given.own_m > profile.own_m:
@@ -210,14 +210,14 @@ def _limits(profile: ProfileFields, own: Overrides) -> Limits:
 
 
 def _lower(profile: ProfileFields, own: Overrides, name: str) -> float:
-    """Return the lower limits, so that lowering a profile later affects robots with their own entries."""
+    """Return the lower limit of profile and robot: if a profile's limit is lowered later, it applies to every robot."""
     theirs: float = getattr(profile, name)
     mine: float | None = getattr(own.limits, name)
     return theirs if mine is None else min(mine, theirs)
 
 
 def _default_share(robot: RobotFields, limits: Limits) -> float:
-    """Return the first share: at most the robot's largest share, and at most `BEGINNER_MPS`."""
+    """Return the share when a page opens: at most the robot's largest share, and at most `BEGINNER_MPS`."""
     fastest_mps = _fastest_mps(limits)
     beginner = BEGINNER_MPS / fastest_mps if fastest_mps > BEGINNER_MPS else 1.0
     return min(_asked_share(robot), robot.max_share, beginner)
@@ -244,9 +244,10 @@ def stick(robot: RobotFields) -> tuple[StickStep, ...]:
 
 
 def check_overrides(robot: RobotFields) -> None:
-    """Check that a robot's own entries are well formed and only tighten; `Problems` if not.
+    """Raise `Problems` if a robot's own entries are malformed or less strict than its profile.
 
-    A disabled robot is not checked: after an edit of its profile it must still be possible to disable it.
+    For a disabled robot only the form is checked: after an edit of its profile it must still be possible to disable
+    the robot.
     """
     own = overrides(robot)
     if not robot.enabled:
@@ -263,7 +264,7 @@ def check_overrides(robot: RobotFields) -> None:
 
 @contextmanager
 def _under(field: str) -> Iterator[None]:
-    """Context: report problems at `field`."""
+    """Context: put `field` before the place of each problem."""
     try:
         yield
     except Problems as problems:
@@ -283,12 +284,12 @@ def _loosened_limits(own: Tightening, profile: ProfileFields) -> Iterator[str]:
 
 
 def check_profile_share(profile: ProfileFields) -> None:
-    """Check that the first speed with this profile is at most `BEGINNER_MPS`."""
+    """Raise `Problems` if the default speed share of this profile gives more than `BEGINNER_MPS`."""
     _check_share(profile.default_share, _fastest_mps(profile))
 
 
 def check_robot_share(robot: RobotFields) -> None:
-    """Check the same for this robot, unless it is out of service."""
+    """Raise `Problems` as `check_profile_share`, for the share of this robot, unless the robot is disabled."""
     if robot.enabled:
         limits = _limits(robot.profile, overrides(robot))
         _check_share(min(_asked_share(robot), robot.max_share), _fastest_mps(limits))

@@ -9,10 +9,10 @@ from robots.registry.models.registry import Robot
 
 
 class BridgeStatus(models.Model):
-    """State of a robot's bridge process, written by the supervisor on every change."""
+    """State of a robot's bridge process. The fleet supervisor writes it on every change."""
 
     class State(models.TextChoices):
-        """Life of a bridge process as its supervisor sees it."""
+        """State of a bridge process, by its fleet supervisor."""
 
         STARTING = "starting", _("starting")
         RUNNING = "running", _("running")
@@ -35,13 +35,13 @@ class BridgeStatus(models.Model):
 
 
 class RobotMap(models.Model):
-    """A robot's map in a period, as a picture. An unchanged map is one row."""
+    """A robot's map in a period, as a picture. While the map does not change, it is one row."""
 
     robot = models.ForeignKey(Robot, on_delete=models.CASCADE, related_name="maps")
-    digest = models.CharField(max_length=64)  # of content and position
+    digest = models.CharField(max_length=64)  # hash of content and origin
     first_seen_at = models.DateTimeField()
     last_seen_at = models.DateTimeField()
-    resolution_m = models.FloatField()  # of a cell, a pixel
+    resolution_m = models.FloatField()  # size of a cell, which is one pixel
     origin_x_m = models.FloatField()  # lower left corner, in the map's frame
     origin_y_m = models.FloatField()
     origin_yaw = models.FloatField()
@@ -57,15 +57,15 @@ class RobotMap(models.Model):
 
 
 class RobotDescription(models.Model):
-    """The newest description (URDF) of a robot, from which pages draw it."""
+    """The newest description (URDF) of a robot, from which pages draw the robot."""
 
     robot = models.OneToOneField(
         Robot, on_delete=models.CASCADE, primary_key=True, related_name="description"
     )
-    digest = models.CharField(max_length=64)  # of the text
+    digest = models.CharField(max_length=64)  # hash of the text
     seen_at = models.DateTimeField()
     packed = models.BinaryField()  # the text, compressed by zlib
-    problem = models.CharField(max_length=200, blank=True)  # why there is no usable one
+    problem = models.CharField(max_length=200, blank=True)  # why there is no usable description
 
     def __str__(self) -> str:
         return f"description of {self.robot} from {self.seen_at}"
@@ -75,8 +75,8 @@ class BridgePulse(models.Model):
     """A row that a bridge writes to test whether it can write a record."""
 
     robot = models.OneToOneField(Robot, on_delete=models.CASCADE, primary_key=True, related_name="pulse")
-    at = models.DateTimeField(null=True)  # of the newest one
-    settled = models.BigIntegerField(default=0)  # up to this record, all ends are recorded
+    at = models.DateTimeField(null=True)  # time of the newest test
+    settled = models.BigIntegerField(default=0)  # key of a record: all starts up to it have their ends
 
     def __str__(self) -> str:
         return f"{self.robot}: {self.at}"

@@ -92,9 +92,8 @@ class Phrase(OfProfileOrRobot):
         verbose_name_plural = _("phrases")
 
     def __str__(self) -> str:
-        return (
-            f"{self.language}: \u2068{self.text}\u2069"  # isolate its text direction, including the full stop
-        )
+        # Isolate the text's direction, including its full stop.
+        return f"{self.language}: \u2068{self.text}\u2069"
 
     def clean(self) -> None:
         """Normalise language and tags."""
@@ -111,7 +110,10 @@ class Phrase(OfProfileOrRobot):
 
 
 class Allowance(OfProfileOrRobot):
-    """An entry of the allow-list, without which use is refused. `robots.bridge.tasks.denylist` forbids some entries."""
+    """An entry of the allow-list. Use of a name without an entry is refused.
+
+    `robots.bridge.tasks.denylist` forbids some entries.
+    """
 
     class What(models.TextChoices):
         """Use of the name."""
@@ -189,7 +191,7 @@ class Allowance(OfProfileOrRobot):
         return f"{self.what} {self.name}"
 
     def clean(self) -> None:
-        """Fill in derived fields; refuse inadmissible entries."""
+        """Fill in derived fields; raise `ValidationError` if the entry is not allowed."""
         if self.what in (self.What.CALL, self.What.SET):
             self.role = Role.STAFF
         errors: dict[str, str] = {}
@@ -218,14 +220,14 @@ class Allowance(OfProfileOrRobot):
 
     @property
     def why_nothing(self) -> str:
-        """Return the reason if it has no effect: its owner was edited since, or this version forbids it."""
+        """Return why the entry has no effect (its owner was edited later, or this version forbids it), or ""."""
         if self.what in self.TYPED and not self.type:
             return gettext("it names no type")
         topics = self._topics()
         return (topics and why_denied(self.what, self.name, self.type, topics, self.use)) or ""
 
     def _topics(self) -> Topics | None:
-        """Return the topics of its robot or profile; None if that entry is wrong."""
+        """Return the topics of the entry's robot or profile; None if these are wrong."""
         try:
             if self.robot is not None:
                 return robot_config.topics(self.robot)

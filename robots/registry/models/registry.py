@@ -33,9 +33,9 @@ def _between(lowest: float, highest: float) -> list[MinValueValidator | MaxValue
 
 
 class Role(models.TextChoices):
-    """A person's rights on a robot; in order: each role includes the lower ones.
+    """A person's rights on a robot, from low to high: each role includes the lower roles.
 
-    Staff has no row: `User.is_staff` means staff on every robot.
+    The role of staff is not stored in a row: `User.is_staff` means staff on every robot.
     """
 
     OBSERVER = "observer", _("Observer: may look, and stop")
@@ -45,10 +45,10 @@ class Role(models.TextChoices):
 
     @property
     def rank(self) -> int:
-        """Place in the order, from 0."""
+        """Return the place in the order, from 0."""
         return list(Role).index(self)
 
-    # Without these methods, str would compare the letters.
+    # Without these methods, Python would compare the names as strings.
     def __lt__(self, other: str) -> bool:
         return self.rank < Role(other).rank
 
@@ -185,7 +185,7 @@ class RobotProfile(models.Model):
         ),
     )
     shipped = models.JSONField(default=dict, editable=False)  # the data file's content at the last load
-    shipped_phrases = models.JSONField(default=list, editable=False)  # likewise: `phrases.Line`s
+    shipped_phrases = models.JSONField(default=list, editable=False)  # `phrases.Line`s at the last load
     updated_at = models.DateTimeField(_("last saved"), auto_now=True)
 
     class Meta:
@@ -197,7 +197,7 @@ class RobotProfile(models.Model):
         return self.name
 
     def clean(self) -> None:
-        """Check the structured parts and the consistency of fields."""
+        """Raise `ValidationError` if a structured part is wrong, or fields do not fit together."""
         errors: dict[str, list[str]] = {}
         for field, check in (
             ("footprint", robot_config.footprint),
@@ -329,7 +329,7 @@ class Robot(models.Model):
         return self.name
 
     def clean(self) -> None:
-        """Check addresses and aliases, and that no entry is looser than the profile."""
+        """Raise `ValidationError` if addresses or aliases are wrong, or an entry is less strict than the profile."""
         errors: dict[str, list[str]] = {}
         _collect(errors, "master_uri", addresses.check_master_uri, self.master_uri)
         _collect(errors, "advertised_address", addresses.check_advertised_address, self.advertised_address)
@@ -345,9 +345,9 @@ class Robot(models.Model):
 
     @cached_property
     def problems(self) -> str:
-        """Return the reason why this entry, as loaded, cannot be driven; "" if there is none.
+        """Return why this robot cannot be driven: a fault of its entry as loaded. "" if there is none.
 
-        A saved entry is valid, but an edit of its profile may make it wrong later.
+        A saved entry is valid, but a later edit of the profile may make it wrong.
         """
         try:
             robot_config.of(self)
@@ -357,7 +357,7 @@ class Robot(models.Model):
 
 
 def _collect(errors: dict[str, list[str]], field: str, check: Callable[[T], object], value: T) -> None:
-    """Run `check`; report its faults at `field`."""
+    """Run `check`; add its faults to `errors` at `field`."""
     try:
         check(value)
     except profile_schema.Problems as problems:

@@ -1,4 +1,4 @@
-"""``manage.py export_phrases --profile SLUG | --robot SLUG``: phrases as a text file, on standard output."""
+"""``manage.py export_phrases --profile SLUG | --robot SLUG``: print phrases in the format of a text file."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""``manage.py run_bridge SLUG``: the bridge process of one robot. The supervisor runs it.
+"""``manage.py run_bridge SLUG``: the bridge process of one robot. The fleet supervisor starts it.
 
-When stdin ends, because the supervisor has ended, it stops the robot and exits.
+When stdin ends, because the fleet supervisor has ended, the bridge stops the robot and exits.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Command(BaseCommand):
     """One bridge."""
 
     help = "Run the bridge of one robot, until stdin ends."
-    requires_system_checks = []  # the supervisor has checked; a bridge must restart quickly
+    requires_system_checks = []  # the fleet supervisor ran the checks; a bridge must restart quickly
 
     def add_arguments(self, parser: CommandParser) -> None:
         """Add the option: robot."""

@@ -1,4 +1,4 @@
-"""``manage.py run_fleet [SLUG ...]``: the fleet supervisor, until a signal ends it."""
+"""``manage.py run_fleet [SLUG ...]``: run the fleet supervisor until a signal ends it."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """``manage.py seed_demo FILE``: the simulated robots and accounts of script/demo.
 
 FILE is JSON: {"robots": [{"slug", "name", "master_uri", "advertised_address", "stick", "rear_camera", "camera"}],
-"accounts": [{"username", "role", "password"}]}, and perhaps "students" for `seed_demo_week`.
-A new robot gets a small allow-list for practice. A second run
-updates only the robots' masters. Prints {slug: path of the bridge's socket}.
+"accounts": [{"username", "role", "password"}]}, and optionally "students" for `seed_demo_week`.
+A new robot gets a small allow-list for practice. A second run updates only the robots' masters.
+Prints {slug: path of the bridge's socket}.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from robots.simulator.sensors.survey import RESOLUTION_M, surveyed
 from robots.simulator.worlds import load_world
 
 PROFILE = "tiago"
-WORLD = "office"  # as script/stack starts the simulators
+WORLD = "office"  # the world in which script/stack starts the simulators
 ALLOWED = (
     Allowed("choose", "/phone_vel", use="drive"),
     Allowed("publish", "/fleet_demo/notes", "std_msgs/String"),
@@ -138,7 +138,7 @@ def seed_robot(planned: PracticeRobot) -> Robot:
 
 
 def seed_map(robots: list[Robot]) -> None:
-    """Store the map that the simulated robots have of their world, and its places, unless people changed them."""
+    """Store the simulated robots' map of their world, and its places, unless a name or places are stored already."""
     world, body = load_world(WORLD), BODIES[PROFILE]
     x, y, _ = world.starts[0]
     survey = surveyed(Physics(world, body, Start(x, y, 0.0)), world.size, body.laser.pose[2])

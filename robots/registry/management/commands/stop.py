@@ -1,7 +1,7 @@
 """``manage.py stop SLUG ... | --all``: press the emergency stop of robots, without web process or browser.
 
-It does not replace a robot's red button. With --all it first stops all robots with a bridge on this computer, because
-the registry, which has the names and the robots elsewhere, may not answer.
+This command does not replace a robot's red button. With --all it stops all robots whose bridge runs on this computer
+without waiting for the registry, which may not answer. The registry has the robots' names, and the other robots.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Command(BaseCommand):
         parser.add_argument("--reason", default="", help="shown on the robot's page and kept")
 
     def handle(self, *args: Any, **options: Any) -> None:
-        """Stop all at once, then record, then report the robots that were not reached."""
+        """Stop all robots at the same time, print and record the results, then report robots that were not reached."""
         slugs: list[str] = options["slugs"]
         if options["all"] == bool(slugs):
             raise CommandError("Name robots, or use --all.")
@@ -62,7 +62,7 @@ class Command(BaseCommand):
             results = dict(zip(rest, press_all(rest, by, reason), strict=True))
             here = dict(zip(sockets, pressed.result(), strict=True))
         results |= {robot: here.pop(path) for robot, path in path_of.items() if path in here}
-        # A disabled robot need not be reached; report it only if its bridge still runs and was stopped.
+        # With --all, report a disabled robot only if its bridge still runs and was stopped.
         meant = [robot for robot in robots if slugs or robot.enabled or isinstance(results[robot], Stopped)]
         left = [*here.values(), *(results[robot] for robot in results.keys() - set(meant))]
         for result in left:
@@ -74,7 +74,7 @@ class Command(BaseCommand):
             raise CommandError(f"There is no robot {', '.join(unknown)}.")
 
     def _print_results(self, results: dict[Robot, Result], reason: str) -> None:
-        """Print the results, then record them, because this may take time; robots that were not reached come last."""
+        """Print the results, then record them, which may take time; last, report the robots that were not reached."""
         for robot, result in results.items():
             self.stdout.write(f"{robot.slug}: {_in_words(result)}")
         for robot, result in results.items():
@@ -93,7 +93,7 @@ class Command(BaseCommand):
             raise CommandError(f"{' '.join(words)} Use the red button on the robot.")
 
     def _print_without_registry(self, slugs: list[str], results: dict[str, Result], why: str) -> None:
-        """Print the results without robots' names, which only the registry has."""
+        """Print the results without the robots' names, because these are only in the registry."""
         if slugs:
             raise CommandError(
                 f"The database does not answer, so the names of robots are not known ({why}). Use --all."
@@ -115,13 +115,16 @@ class Command(BaseCommand):
 
 
 def _sockets() -> list[str]:
-    """Return the socket of each robot with a bridge or watchdog on this computer; a restarting bridge has none."""
+    """Return the path of the bridge's socket for each robot with a bridge or watchdog on this computer.
+
+    The watchdog's socket counts too, because a restarting bridge has no socket.
+    """
     found = [path for kind in ("*.sock", "*.stop") for path in settings.FLEET_RUN_DIR.glob(kind)]
     return sorted({str(path.with_suffix(".sock")) for path in found})
 
 
 def _registered(slugs: list[str]) -> Future[list[Robot]]:
-    """Read these robots, or all, in a daemon thread: the process must not wait for a hanging database."""
+    """Read these robots, or all, in a daemon thread, so that a database that hangs does not block the process."""
     answer: Future[list[Robot]] = Future()
 
     def ask() -> None:
@@ -137,7 +140,7 @@ def _registered(slugs: list[str]) -> Future[list[Robot]]:
 
 
 def _who() -> str:
-    """Return the name of the account that runs this command; its number if it has no name."""
+    """Return the name of the account that runs this command, or its number if it has no name."""
     try:
         return _clean(getpass.getuser())[:100]
     except (KeyError, OSError):
@@ -145,7 +148,7 @@ def _who() -> str:
 
 
 def _clean(text: str) -> str:
-    """Return a terminal's text as valid UTF-8, since a terminal may use any encoding."""
+    """Return a text of the command line as valid UTF-8 (a terminal may use any encoding), at most 200 characters."""
     return text.encode(errors="replace").decode()[:200]
 
 
